@@ -22,8 +22,8 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
-COEFFICIENTS = np.array([16.89, 7.49, 7.5, -48.51])
-LAPSE = 0.06
+COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
+LAPSE = 0.04
 """Of the boundaries that are seen as well as any, so many are another line: what no evidence of its own tells."""
 LEAST_VALUE = 0.02
 _OFFSETS = np.linspace(-2.0, 2.0, 81)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH
+from cwcli.vision.lane_mean import mean_lane
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -39,13 +41,13 @@ MAX_ROWS = 150
 COUNT: FloatArray = np.arange(float(MAX_ROWS))
 WINDOWS = (0.04, 0.085, 0.08)
 """The window of a stripe over the camera's height is 6 cm: narrower than any marking, as wide as a small raised dot."""
-FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.07, 2.0
+FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.085, 2.0
 LOPSIDED = 0.3
 JOINT_WINDOWS = (0.025, 0.03, 0.06)
 """Of the joint between two strips of concrete, and of the shadow of a raised dot: dark, and narrower than a marking."""
 JOINT_CROWDED = 0.02
 """A row of concrete has a few joints; a rough one has many dark stripes, and none of them counts."""
-JOINT_WEIGHT = 0.15
+JOINT_WEIGHT = 0.12
 """Of a joint against a stripe."""
 JOINT_REACH = 0.08
 """Over the camera's height: joints are laid where lanes meet, and markings and dots some centimetres beside them."""
@@ -54,7 +56,7 @@ HALF = 0.3
 DEAD = 0.25
 CROWDED = 0.07
 PRIOR_WEIGHT = 0.02
-SCAN_STEP, GLANCE_STEP = 2, 3
+SCAN_STEP = 3
 """Only every so many-th judged row is scanned."""
 PLACE_STEP = 0.06
 MAX_PLACES = 400
@@ -187,9 +189,7 @@ def evidence_of(
     return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height, pinhole)
 
 
-def scan(
-    evidence: Evidence, prior: LanePrior, width_px: int, height_px: int, row_step: int = SCAN_STEP
-) -> tuple[FloatArray, FloatArray]:
+def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
     """The best lane for each vanishing point and bend at the evidence's horizon.
 
     Returns:
@@ -215,7 +215,7 @@ def scan(
         np.ascontiguousarray(table),
         evidence.scoring(),
         depths=depths,
-        step=row_step,
+        step=SCAN_STEP,
         vanishing=vanishing,
         bends=bends,
         places=places,
@@ -331,7 +331,7 @@ def acquire(
 
     Returns:
         Shape (k, 6) and (k,): lanes, best first by paint and joints, and their objective by paint alone; and the
-        evidence of paint at the best one's horizon.
+        evidence of paint at the best one's horizon. In its place is the mean of the lanes around it (`lane_mean`).
     """
     height, width = grey.shape
     row = prior.table[HORIZON]
@@ -351,9 +351,11 @@ def acquire(
     for wide in (True, False):
         lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=wide, scale=1.0 if wide else 0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
-    order = np.argsort(-judged(evidence, lanes, prior.table), kind="stable")
-    evidence = look(grey, rows, float(lanes[order[0], HORIZON]), prior.pinhole)
-    return lanes[order], judged(evidence, lanes[order], prior.table), evidence
+    lanes = lanes[np.argsort(-judged(evidence, lanes, prior.table), kind="stable")]
+    objective = partial(judged, evidence, table=prior.table)
+    lanes[0] = mean_lane(objective, lanes[0], prior.table, (width, height))
+    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
+    return lanes, judged(evidence, lanes, prior.table), evidence
 
 
 def glance(
@@ -368,7 +370,7 @@ def glance(
     Returns:
         As `acquire`: lanes and objective; there may be none.
     """
-    lanes, _ = scan(evidence, prior, *size, row_step=GLANCE_STEP)
+    lanes, _ = scan(evidence, prior, *size)
     lanes = _unknown(distinct(lanes, 2), known)
     if len(lanes):
         lanes, _ = refined(evidence, lanes, prior.table, size, wide=True)

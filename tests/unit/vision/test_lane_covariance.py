@@ -63,7 +63,7 @@ def test_what_is_hidden_is_less_exact(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_propagation_against_samples() -> None:
     """From the five numbers to what is published, and on to the sigmas at the preview point."""
-    lane, _ = found()
+    lane, _ = found(1)  # no sample of its parabolas is so near the image's edge that some of the drawn ones lose it
     camera = mounted()
     own = np.diag((0.05 * SIGMA) ** 2)
     own[0, 3] = own[3, 0] = -0.5 * np.sqrt(own[0, 0] * own[3, 3])
@@ -76,7 +76,7 @@ def test_propagation_against_samples() -> None:
     sigma = np.sqrt(np.diagonal(made))
     np.testing.assert_allclose(made / np.outer(sigma, sigma), correlation, atol=0.08)
 
-    fit = LaneTracker().step(LaneFrame(frame("good", 0).grey, camera, 0, 0))
+    fit = LaneTracker().step(LaneFrame(frame("good", 1).grey, camera, 0, 0))
     exact = GeometrySigmas(pitch_rad=0.0, yaw_rad=0.0, height_m=0.0)
 
     def fit_of(numbers: np.ndarray) -> LaneFit:
