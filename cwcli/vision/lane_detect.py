@@ -352,8 +352,7 @@ def acquire(
         lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=wide, scale=1.0 if wide else 0.5)
     lanes = innermost(evidence, lanes, prior, (width, height))
     lanes = lanes[np.argsort(-judged(evidence, lanes, prior.table), kind="stable")]
-    objective = partial(judged, evidence, table=prior.table)
-    lanes[0] = mean_lane(objective, lanes[0], prior.table, (width, height))
+    lanes[0] = mean_lane(partial(judged, evidence, table=prior.table), lanes[0], prior.table, (width, height))
     evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
     return lanes, judged(evidence, lanes, prior.table), evidence
 
