@@ -1,10 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The pair of parallel boundaries that the stripes of a frame (`lane_stripes`) support best.
 
-A boundary of a flat road is, h rows below the horizon, u = u0 + m h + k / h + q / h^2 in a gentle bend, and a curve parallel to
-the other boundary in a tight one (cwcli/vision/arcs.py): u0 is the vanishing point, m the lateral place over the camera's
-height (right positive), k the curvature, q its change; they and the horizon are common to both boundaries, but for m. The evidence
-is a table over sampled rows and columns, 0 to 1.
+A boundary lies in the column that cwcli/vision/arcs.py derives from the six numbers of a lane (cwcli.vision.lane_model). The
+evidence is a table over sampled rows and columns, 0 to 1.
 
 Arithmetic is +, -, *, /, square roots and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The plain
 NumPy twin is in tests/unit/vision/naive_ridge.py.
@@ -24,8 +22,7 @@ cdef enum:
     SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
 
 cdef struct Pair:
-    int left
-    int right
+    int left, right
     double penalty
 
 
@@ -101,8 +98,7 @@ def scan(
             for q in range(bends.shape[0]):
                 arc = arc_of(vanishing[p], bends[q], 0.0, scoring.min_h, scoring.centre, scoring.focal)
                 for j in range(n):
-                    sums[j] = 0.0
-                    stretch[j] = 0.0
+                    sums[j] = stretch[j] = 0.0
                 first = n
                 last = 0
                 for i in range(used):
@@ -135,8 +131,7 @@ def scan(
                 z *= z
                 penalty = weight * (penalty + z / (1.0 + z / <double>BEND_TAIL))
                 best[p, q, 0] = -1e30
-                best[p, q, 1] = 0.0
-                best[p, q, 2] = 0.0
+                best[p, q, 1] = best[p, q, 2] = 0.0
                 for j in range(n):
                     broad[j] = sums[j]
                     for i in range(j - 2 if j > 1 else 0, j + 3 if j + 3 < n else n):
