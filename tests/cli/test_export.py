@@ -172,3 +172,14 @@ def test_errors_are_one_line(
 def test_one_vehicle_is_chosen_by_its_id(cwcli: Run, annotated: Path) -> None:
     assert cwcli("export", annotated, "--what", "remote", "--format", "tum", "--id", "d9583520").returncode == 0
     assert len(cwcli("export", annotated, "--what", "remote", "--id", "d9583520").stdout.splitlines()) == 202
+
+
+def test_a_drive_without_a_warning_becomes_a_ros_log(cwcli: Run) -> None:
+    """Its channel of warnings is there, and holds none."""
+    for arguments in (
+        ("simulate", "parallel-lanes", "-o", "drive.mcap"),
+        ("run", "drive.mcap", "-o", "run.mcap"),
+        ("export", "run.mcap", "--format", "ros2", "-o", "ros.mcap"),
+    ):
+        done = cwcli(*arguments, "--quiet")
+        assert done.returncode == 0, done.stderr.decode()

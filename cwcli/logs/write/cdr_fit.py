@@ -75,7 +75,8 @@ def _of_leaf(type_name: str, column: OutputField | Tree, n: int) -> BoolArray:
     if isinstance(column, Ragged):
         return _in_rows(unfit_numbers(type_name, column.values), column.offsets)
     if isinstance(column, np.ndarray) and len(column) == n:
-        return np.asarray(unfit_numbers(type_name, column).reshape(n, -1).any(axis=1))
+        is_unfit = unfit_numbers(type_name, column)
+        return np.asarray(is_unfit.any(axis=tuple(range(1, is_unfit.ndim))))
     return np.zeros(n, np.bool_)
 
 

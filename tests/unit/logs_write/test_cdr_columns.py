@@ -236,3 +236,14 @@ def test_elements_of_unequal_number_are_named() -> None:
     fields: dict[str, OutputField] = {"poses.header.stamp.sec": stamps, path: x_m}
     found = {name: rows.tolist() for name, rows in unfit_rows("nav_msgs/msg/Path", fields, 3).items()}
     assert found == {"poses.header.stamp.sec": [False, True, False], path: [True, False, False]}
+
+
+def test_what_is_empty_fits() -> None:
+    """A channel without a message, and one of two messages without an element."""
+    stamps = {"header.stamp": np.zeros(0, np.int64)}
+    nothing: dict[str, OutputField] = {**stamps, "pose.covariance": np.zeros((0, 36))}
+    assert not unfit_rows("nav_msgs/msg/Odometry", nothing, 0)
+    none_each = np.zeros(3, np.int64)
+    inside: dict[str, OutputField] = {**stamps, "pose.position.x": np.zeros(0)}
+    assert not unfit_rows("nav_msgs/msg/Path", {"poses": Repeated(none_each, inside)}, 2)
+    assert not unfit_rows("nav_msgs/msg/Path", {"poses.pose.position.x": Ragged(np.zeros(0), none_each)}, 2)
