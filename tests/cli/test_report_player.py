@@ -31,10 +31,12 @@ POINT = """
   };
   const point = (at) => {
     const full = motion._fullLayout, left = motion.getBoundingClientRect().left + full._size.l;
-    motion.dispatchEvent(new MouseEvent("mousemove", { clientX: left + full.xaxis.d2p(at) }));
+    const clientX = Math.ceil(left + full.xaxis.d2p(at)); // a mouse points at whole pixels
+    motion.dispatchEvent(new MouseEvent("mousemove", { clientX }));
+    return [full.xaxis.p2d(clientX - left), full.xaxis.p2d(1) - full.xaxis.p2d(0)];
   };
   motion.scrollIntoView();
-  point(5.04);
+  told.push(point(5.04));
   await tell();
   motion.dispatchEvent(new MouseEvent("mouseleave"));
   told.push(screen.classList.contains("corner"));
@@ -50,6 +52,8 @@ POINT = """
 })();
 </script>
 """
+HALF_STEP_S = 0.005 + 1e-9
+"""Of the slider."""
 POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 
 
@@ -76,12 +80,14 @@ def test_pointing_and_the_slider_show_the_last_frame_before_the_moment(seen: Pat
     assert max(b - a for a, b in itertools.pairwise(times)) <= 0.2 + 1e-6
     (tmp_path / "p.html").write_text(POLICY.sub("", page).replace("</body>", f"{POINT}</body>"), encoding="utf-8")
     (body,) = Elements(visit(tmp_path / "p.html", tmp_path, size="1280,700").dom).of("body")
-    pointed, is_left_in_corner, slid, n_lines, at_start = json.loads(body["data-told"])
+    (aimed_s, pixel_s), pointed, is_left_in_corner, slid, n_lines, at_start = json.loads(body["data-told"])
 
     def before(at: float) -> int:
         return max(k for k, each in enumerate(times) if each <= at)
 
-    assert pointed[0] == before(5.04) and pointed[1:4] == [5.04, 320, 5.04] and pointed[4] is True
+    assert 5.04 <= aimed_s < 5.04 + pixel_s
+    assert pointed[0] == before(aimed_s) and pointed[2] == 320 and pointed[4] is True
+    assert [pointed[1], pointed[3]] == pytest.approx([aimed_s] * 2, abs=HALF_STEP_S)
     assert is_left_in_corner is False
     assert slid[0] == before(2.31) and slid[1] == 2.31 and slid[4] is False
     assert n_lines >= 2  # the slider marks the moment in the figures, too

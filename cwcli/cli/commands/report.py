@@ -18,7 +18,7 @@ EXAMPLES = (
     "cwcli report out/ -o report.html",
     "cwcli report drive.mcap -o report.html --gate 'ego.position_rmse_m < 0.5'",
     "cwcli report annotated.mcap -o report.pdf --pdf",
-    "cwcli report a.mcap -o r.html --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© them'",
+    'cwcli report a.mcap -o r.html --tiles "$SERVER" --tiles-attribution "$OWNER"',
     "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
 
