@@ -7,6 +7,7 @@ there.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -20,6 +21,8 @@ from cwcli.signals.geodesy import LocalMap
 PREFIX = "cwcli.run."
 VEHICLE = "vehicle"
 WITHHELD = "withheld"
+MAX_LATENCY_S = 86_400.0
+"""What is later or earlier than a day is no latency."""
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 
 Record = Mapping[str, str]
@@ -42,7 +45,21 @@ def json_entry(record: Record, key: str, kind: type) -> Any:
 def number(entries: Mapping[str, Any], key: str) -> float:
     """A number of a JSON object; NaN where there is none."""
     value = entries.get(key)
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
+    return real(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def real(value: float) -> float:
+    """As a float; NaN of a whole number that is too large for one."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def latency_of(entries: Mapping[str, Any], key: str) -> float:
+    """A latency of a JSON object [s]; NaN where there is none, or one that no source has."""
+    value = number(entries, key)
+    return value if abs(value) <= MAX_LATENCY_S else math.nan
 
 
 def whole(value: object) -> int | None:
@@ -73,6 +90,14 @@ class Told:
     verdict: str
     notes: tuple[str, ...]
     sections: tuple[Section, ...]
+
+    def cells(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
+        """What a table has in some columns, row by row; nothing where the table or one of the columns is missing."""
+        section = next((section for section in self.sections if section.key == key), None)
+        if section is None or not set(columns) <= set(section.columns):
+            return []
+        places = [section.columns.index(name) for name in columns]
+        return [tuple(row[place] for place in places) for row in section.rows]
 
 
 def told_by(record: Record) -> Told:

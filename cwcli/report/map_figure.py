@@ -43,7 +43,7 @@ SYMBOLS = ("square", "diamond", "triangle-down", "pentagon", "hexagon", "star")
 
 
 def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
-    """The map and what was left out of it; None without any track."""
+    """The map and what was left out of it; None without any track, and where no position is a number."""
     if drive.ego is None and not drive.others:
         return None
     shown = shown_others(drive, meetings)
@@ -66,12 +66,11 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
         x, y = (rounded(drive.ego.state[:1, column], 2) for column in (0, 1))
         data.append(dots(x, y, "start", EGO, symbol="circle-open", size=11))
         data += _marks(drive, meetings, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
+    across, up = _span(data, "x"), _span(data, "y")
+    if across is None or up is None:
+        return None
     layout: dict[str, Any] = equal_axes(
-        {
-            "xaxis": axis("east [m]", range=_span(data, "x")),
-            "yaxis": axis("north [m]", range=_span(data, "y")),
-            "dragmode": "pan",
-        }
+        {"xaxis": axis("east [m]", range=across), "yaxis": axis("north [m]", range=up), "dragmode": "pan"}
     )
     left_out = []
     if len(shown) > MAX_NAMED:
@@ -112,9 +111,11 @@ def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK
     return np.insert(stamp_ns, after, stamp_ns[after - 1]), np.insert(values, after, np.nan, axis=0)
 
 
-def _span(data: list[Trace], name: str) -> list[float | None]:
-    """What an axis covers: all that is drawn, and a margin, so that no line ends on the frame."""
+def _span(data: list[Trace], name: str) -> list[float | None] | None:
+    """What an axis covers: all that is drawn, and a margin, so that no line ends on the frame; None of nothing."""
     told = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
+    if not len(told):
+        return None
     margin = max(MARGIN * float(np.ptp(told)), LEAST_MARGIN_M)
     return rounded(np.array([told.min() - margin, told.max() + margin]), 2)
 

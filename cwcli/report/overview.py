@@ -95,6 +95,7 @@ def assemble(
     failed = [each for each in candidates if each.rank <= 1]
     left_out = tuple(each.entry.name for each in candidates if not each.anchor and each.entry.log is not None)
     anchors = {each.entry.id: each.anchor for each in candidates if each.anchor}
+    sources, n_sources = pooled_sources([source for each in candidates for source in each.sources], anchors)
     page = Page(
         title=run.name,
         headline=_headline(candidates),
@@ -104,7 +105,8 @@ def assemble(
         columns=tuple(title for _, title in columns),
         rows=tuple(rows),
         metrics=pooled_metrics([log_metrics(each.entry) for each in candidates], anchors),
-        sources=pooled_sources([source for each in candidates for source in each.sources], anchors),
+        sources=sources,
+        n_sources=n_sources,
         footer=footer(renderer.tiles),
     )
     html = renderer.page(page, sections).encode()

@@ -65,6 +65,7 @@ class Page:
     footer: tuple[str, ...]
     metrics: tuple[PooledMetric, ...] = ()
     sources: tuple[PooledSource, ...] = ()
+    n_sources: int = 0
 
 
 class Renderer:

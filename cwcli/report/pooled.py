@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cwcli.metrics.headline import metric_of
 from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pooled_rows
-from cwcli.pipeline.records import Record, json_entry, number
+from cwcli.pipeline.records import Record, json_entry, latency_of, number
 from cwcli.report.tables import value_text
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import EGO_ID
@@ -41,6 +41,10 @@ FAR_MADS = 5.0
 MAD_TO_SIGMA = 1.4826
 LEAST_SPREAD = 0.05
 """Of the median: values that nearly agree have no outliers."""
+LEAST_COUNT, LEAST_S = 1.0, 0.005
+"""Likewise of counts and of times: one more or less is nothing odd where most logs have none."""
+LARGEST = 1e300
+"""Larger values are drawn there: their differences would overflow."""
 REACH = 3.0
 """The axis goes so many interquartile ranges beyond the quartiles; what is farther stands at its ends."""
 
@@ -156,7 +160,7 @@ def _is_shown(name: str) -> bool:
 
 def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
     metric = metric_of(row.metric)
-    told = np.array(list(values.values()))
+    told = _bounded(values.values())
     spread, low, high = spread_of(told, row.metric)
     return PooledMetric(
         name=row.metric,
@@ -168,12 +172,20 @@ def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, s
         n_samples=row.n,
         median=shown(float(np.median(told))),
         spread=spread,
-        odd=() if row.metric in EXTENT else odd_logs(row.metric, values, anchors, low, high),
+        odd=()
+        if row.metric in EXTENT
+        else odd_logs(row.metric, values, anchors, low, high, least_spread(row.metric, row.unit)),
     )
+
+
+def _bounded(values: Iterable[float]) -> FloatArray:
+    return np.clip(np.array(list(values), np.float64), -LARGEST, LARGEST)
 
 
 def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
     """The histogram of at least one finite value (n,), and the span that it covers."""
+    ends = value_text(name, float(values.min())), value_text(name, float(values.max()))
+    values = _bounded(values)
     first, third = np.quantile(values, [0.25, 0.75])
     reach = REACH * (third - first)
     low, high = max(float(values.min()), first - reach), min(float(values.max()), third + reach)
@@ -187,31 +199,50 @@ def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
         for k, n in enumerate(counts.tolist())
         if n
     )
-    ends = value_text(name, float(values.min())), value_text(name, float(values.max()))
     words = f"{len(values)} logs from {ends[0]} to {ends[1]}"
     return Spread(bars, *ends, words), float(edges[0]), float(edges[-1])
 
 
+def least_spread(name: str, unit: str) -> float:
+    """The sigma that a metric has at least when logs are looked for that stand out, in its unit."""
+    if name.endswith(("_count", ".count")):
+        return LEAST_COUNT
+    return LEAST_S if unit == "s" else 0.0
+
+
 def odd_logs(
-    name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float
+    name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float, least: float
 ) -> tuple[OddLog, ...]:
-    """The logs whose value is far from the others', the farthest first; none of fewer than four."""
-    told = np.array(list(values.values()))
-    if len(told) < 4:
+    """The logs whose value is far from the others', the farthest first; none of fewer than four.
+
+    Where more than half of the logs agree exactly, these tell nothing of how far apart ordinary logs lie: then one
+    log alone stands out, and several don't.
+
+    Args:
+        name: Of the metric.
+        values: Log -> its value.
+        anchors: Log -> where its part of the page is.
+        low, high: Span of the axis.
+        least: See `least_spread`.
+    """
+    if len(values) < 4:
         return ()
-    median = float(np.median(told))
-    spread = MAD_TO_SIGMA * float(np.median(np.abs(told - median)))
-    least = FAR_MADS * max(spread, LEAST_SPREAD * abs(median), 1e-9)
+    told = dict(zip(values, _bounded(values.values()).tolist(), strict=True))
+    median = float(np.median(list(told.values())))
+    spread = MAD_TO_SIGMA * float(np.median([abs(value - median) for value in told.values()]))
+    reach = FAR_MADS * max(spread, LEAST_SPREAD * abs(median), least, 1e-9)
     far = sorted(
-        (log for log, value in values.items() if abs(value - median) > least),
-        key=lambda log: (-abs(values[log] - median), log),
+        (log for log, value in told.items() if abs(value - median) > reach),
+        key=lambda log: (-abs(told[log] - median), log),
     )
+    if spread == 0.0 and len(far) > 1:
+        return ()
     return tuple(
         OddLog(
             log,
             anchors.get(log, ""),
             value_text(name, values[log]),
-            round(float(np.clip((values[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
+            round(float(np.clip((told[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
         )
         for log in far[:MAX_ODD]
     )
@@ -228,7 +259,7 @@ def sources_in(log: str, record: Record) -> list[FoundSource]:
                     log,
                     str(entry.get("source")),
                     str(entry.get("quantity")).replace("_", " "),
-                    number(entry, "latency_found_s"),
+                    latency_of(entry, "latency_found_s"),
                     number(entry, "nis_per_dof"),
                     inside if isinstance(inside, bool) else None,
                     number(entry, "gated"),
@@ -238,21 +269,25 @@ def sources_in(log: str, record: Record) -> list[FoundSource]:
     return found
 
 
-def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> tuple[PooledSource, ...]:
-    """Each source and quantity over the logs that have it, the most frequent first; none that only one log has."""
+def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
+    """Each source and quantity over the logs that have it, the most frequent first; none that only one log has.
+
+    Returns:
+        At most MAX_SOURCES, and how many there are.
+    """
     groups: dict[tuple[str, str], list[FoundSource]] = {}
     for each in found:
         groups.setdefault((each.source, each.quantity), []).append(each)
     shown_groups = sorted((group for group in groups.values() if len(group) > 1), key=lambda group: -len(group))
-    return tuple(_source(group, anchors) for group in shown_groups[:MAX_SOURCES])
+    return tuple(_source(group, anchors) for group in shown_groups[:MAX_SOURCES]), len(shown_groups)
 
 
 def _source(group: Sequence[FoundSource], anchors: Mapping[str, str]) -> PooledSource:
     latencies = {each.log: 1e3 * each.latency_s for each in group if math.isfinite(each.latency_s)}
     nis = [each.nis for each in group if math.isfinite(each.nis)]
     judged = [each.is_inside for each in group if each.is_inside is not None]
-    gated = math.fsum(each.gated for each in group if math.isfinite(each.gated))
-    used = math.fsum(each.used for each in group if math.isfinite(each.used))
+    gated = sum(each.gated for each in group if each.gated >= 0.0)
+    used = sum(each.used for each in group if each.used >= 0.0)
     told = np.array(list(latencies.values()))
     return PooledSource(
         source=group[0].source,
@@ -262,6 +297,6 @@ def _source(group: Sequence[FoundSource], anchors: Mapping[str, str]) -> PooledS
         latency_between=f"{told.min():.0f} to {told.max():.0f}" if len(told) else "",
         nis=f"{np.median(nis):.2f}" if nis else "-",
         outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
-        gated=f"{100.0 * gated / (gated + used):.2g} %" if gated + used > 0.0 else "-",
-        odd=odd_logs("", latencies, anchors, 0.0, 1.0) if latencies else (),
+        gated=f"{shown(100.0 * gated / (gated + used), 3)} %" if 0.0 < gated + used < math.inf else "-",
+        odd=odd_logs("", latencies, anchors, 0.0, 1.0, 1e3 * LEAST_S),
     )

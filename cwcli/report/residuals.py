@@ -13,7 +13,7 @@ from cwcli.estimation.imu import level_imu
 from cwcli.estimation.latency import DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.pipeline.records import json_entry, number, told_by
+from cwcli.pipeline.records import json_entry, latency_of, number, told_by
 from cwcli.report.decimate import spot_rows
 from cwcli.report.drawing import ALERT, EGO, RAW, Figure, Trace, axis, dots, polygon, rounded, words
 from cwcli.report.drive import Drive
@@ -67,19 +67,22 @@ class Residuals:
     hint: str
 
 
-def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> list[Plot]:
-    """A figure for each source and quantity of the ego; none from records that do not tell of the sources."""
+def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot], int]:
+    """A figure for each source and quantity of the ego; none from records that do not tell of the sources.
+
+    Returns:
+        At most MAX_SOURCES, and how many there could be.
+    """
     plots = []
-    for index, each in enumerate(residuals(drive)):
-        if index == MAX_SOURCES:
-            break
+    found = list(residuals(drive))
+    for index, each in enumerate(found[:MAX_SOURCES]):
         title = f"Residuals of {each.source}: {each.kind.name.lower().replace('_', ' ')}"
         height_px = AROUND_PX + ROW_PX * each.values.shape[1]
         figure = residual_figure(drive, each, n_pieces)
         plots.append(
             Plot(f"{anchor}-residuals-{index + 1}", "residuals", title, each.hint, figure, height_px=height_px)
         )
-    return plots
+    return plots, len(found)
 
 
 def residuals(drive: Drive) -> Iterator[Residuals]:
@@ -92,7 +95,9 @@ def residuals(drive: Drive) -> Iterator[Residuals]:
         return
     states = drive.ego.by_stamp()
     record = drive.records.get("estimate", {})
-    found = {section.key: section.rows for section in told_by(record).sections}
+    found = told_by(record)
+    of_parameters = found.cells("parameters", "source", "quantity", "parameter", "value", "unit", "status")
+    of_noise = found.cells("noise", "source", "quantity", "white noise")
     measured = {(each.source, each.kind): each for source in drive.measured for each in _levelled(drive, source)}
     for report in json_entry(record, "sources", list):
         if not isinstance(report, dict) or report.get("vehicle") != EGO_ID:
@@ -103,8 +108,8 @@ def residuals(drive: Drive) -> Iterator[Residuals]:
             continue
         rows = measured[source, kind]
         own = (source, kind.name.lower().replace("_", " "))
-        told = [row for row in found.get("parameters", ()) if tuple(row[:2]) == own]
-        noise = next((row for row in found.get("noise", ()) if tuple(row[:2]) == own), None)
+        told = [row for row in of_parameters if row[:2] == own]
+        noise = next((row for row in of_noise if row[:2] == own), None)
         scale = PARTS[kind][0][2]
         estimated = resample(states.stamp_ns, states.state, _corrected(rows.stamp_ns, report), max_gap_s=MAX_GAP_S)
         values = _differences(rows, estimated, bias=_found(told, "bias", 0.0), factor=_found(told, "scale", 1.0))
@@ -139,9 +144,9 @@ def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
 
 def _corrected(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
     """The stamps without the latency that was taken off them."""
-    latency_s, drift = number(report, "latency_s"), number(report, "latency_drift")
+    latency_s, drift = latency_of(report, "latency_s"), number(report, "latency_drift")
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
-    if math.isfinite(drift) and drift and len(stamp_ns):
+    if 0.0 < abs(drift) <= 1.0 and len(stamp_ns):
         middle_ns = (int(stamp_ns[0]) + int(stamp_ns[-1])) // 2
         taken_s += drift * np.clip((stamp_ns - middle_ns) / NS_PER_S, -DRIFT_REACH_S, DRIFT_REACH_S)
     return np.asarray(stamp_ns - np.rint(taken_s * NS_PER_S).astype(np.int64))

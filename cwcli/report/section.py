@@ -114,7 +114,8 @@ def log_view(
     signals = _signals(drive, meetings, anchor, detail, with_first=first)
     sensors = sensors_view(drive)
     if sensors is not None and detail.has_residuals:
-        sensors = replace(sensors, plots=tuple(residual_plots(drive, anchor, detail.n_pieces)))
+        plots, n_residuals = residual_plots(drive, anchor, detail.n_pieces)
+        sensors = replace(sensors, plots=tuple(plots), n_residuals=n_residuals)
     return LogView(
         anchor=anchor,
         name=entry.name,

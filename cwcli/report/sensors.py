@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from typing import TypeGuard
 
 import numpy as np
 
 from cwcli.evaluation.estimate import covariance_at
 from cwcli.evaluation.subject import EgoTruth
-from cwcli.pipeline.records import told_by
+from cwcli.pipeline.records import Told, real, told_by
 from cwcli.pipeline.result import Cell, Section
 from cwcli.report.drawing import Figure, rounded
 from cwcli.report.drive import Drive
@@ -52,18 +53,18 @@ def sensors_view(drive: Drive) -> SensorsView | None:
     notes = tuple(f"{stage}: {note}" for stage, record in drive.records.items() for note in told_by(record).notes)
     if not (tables or notes or estimate.verdict):
         return None
-    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_remarks(found)))
+    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_remarks(estimate)))
 
 
-def _remarks(found: Mapping[str, Section]) -> Iterator[str]:
+def _remarks(told: Told) -> Iterator[str]:
     """What explains the figures: why blue lies beside grey, and a bias that is a pitch."""
-    for source, quantity, late_s in _late(found):
+    for source, quantity, late_s in _late(told):
         word, side = ("late", "ahead of") if late_s > 0.0 else ("early", "behind")
         yield (
             f"The {quantity} of {source} came {abs(late_s):.2f} s {word} by its stamps; that is corrected, so the "
             f"estimate (blue) lies as far {side} what was measured (grey)."
         )
-    for source, bias_mps2, pitch_deg in _pitched(found):
+    for source, bias_mps2, pitch_deg in _pitched(told):
         yield (
             f"The acceleration of {source} is off by {bias_mps2:.2f} m/s²: that of an IMU pitched by "
             f"{pitch_deg:.0f} degrees."
@@ -72,27 +73,29 @@ def _remarks(found: Mapping[str, Section]) -> Iterator[str]:
 
 def first_remark(drive: Drive) -> str:
     """The same in a sentence for the top of the page; "" where nothing is odd."""
-    found = {section.key: section for section in told_by(drive.records.get("estimate", {})).sections}
+    told = told_by(drive.records.get("estimate", {}))
     said = [
         f"the {quantity} of {source} came {abs(late_s):.2f} s {'late' if late_s > 0.0 else 'early'} (corrected)"
-        for source, quantity, late_s in _late(found)
+        for source, quantity, late_s in _late(told)
     ]
-    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(found)]
+    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(told)]
     return f"Of the sensors {join_names(said)}." if said else ""
 
 
-def _late(found: Mapping[str, Section]) -> Iterator[tuple[str, str, float]]:
+def _late(told: Told) -> Iterator[tuple[str, str, float]]:
     """Source, quantity and latency [s] of those whose corrected latency shows in the figures."""
-    for row in found["sources"].rows if "sources" in found else ():
-        latency_ms = leading_number(row[-2])
-        if row[-1] == "applied" and abs(latency_ms) >= LATE_MS:
-            yield str(row[0]), str(row[1]), latency_ms / 1000.0
+    for source, quantity, found, status in told.cells(
+        "sources", "source", "quantity", "latency [ms]", "latency status"
+    ):
+        latency_ms = leading_number(found)
+        if status == "applied" and LATE_MS <= abs(latency_ms) < math.inf:
+            yield str(source), str(quantity), latency_ms / 1000.0
 
 
-def _pitched(found: Mapping[str, Section]) -> Iterator[tuple[str, float, float]]:
+def _pitched(told: Told) -> Iterator[tuple[str, float, float]]:
     """Source, bias of the acceleration [m/s^2] and the pitch that would give it [deg], where that is no road's."""
-    for row in found["parameters"].rows if "parameters" in found else ():
-        source, quantity, parameter, bias = row[0], row[1], row[2], leading_number(row[3])
+    for source, quantity, parameter, value in told.cells("parameters", "source", "quantity", "parameter", "value"):
+        bias = leading_number(value)
         if (quantity, parameter) == ("accel", "bias") and abs(bias) < GRAVITY_MPS2:
             pitch_deg = math.degrees(math.asin(abs(bias) / GRAVITY_MPS2))
             if pitch_deg >= TILTED_DEG:
@@ -118,7 +121,7 @@ def _heading(column: str) -> str:
     return column.replace("_", " ")
 
 
-def _is_number(cell: Cell) -> bool:
+def _is_number(cell: Cell) -> TypeGuard[int | float]:
     return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
@@ -147,11 +150,9 @@ def doubts(drive: Drive) -> list[str]:
         finite = values[np.isfinite(values)]
         if len(finite) and finite.max() > most:
             found.append(said.format(float(finite.max())))
-    for section in told_by(drive.records.get("estimate", {})).sections:
-        if section.key == "nees":
-            for name, nees, *_ in section.rows:
-                if isinstance(nees, int | float) and nees > MOST_NEES:
-                    found.append(f"a covariance of the {name} that is too small by a factor of {nees:.2g}")
+    for name, nees in told_by(drive.records.get("estimate", {})).cells("nees", "error of", "NEES/dof"):
+        if _is_number(nees) and real(nees) > MOST_NEES:
+            found.append(f"a covariance of the {name} that is too small by a factor of {real(nees):.2g}")
     return found
 
 

@@ -79,6 +79,7 @@ class SensorsView:
         notes: What each stage remarked, as on the terminal.
         remarks: What explains the figures, a sentence each.
         plots: Each source's residuals.
+        n_residuals: How many such figures there could be.
     """
 
     verdict: str
@@ -86,6 +87,7 @@ class SensorsView:
     notes: tuple[str, ...]
     remarks: tuple[str, ...] = ()
     plots: tuple[Plot, ...] = ()
+    n_residuals: int = 0
 
 
 @dataclass(frozen=True)

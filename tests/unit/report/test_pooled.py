@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,17 @@ import pytest
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.pooling import LogMetrics, rows_of
 from cwcli.report.page import Page, Renderer, Row
-from cwcli.report.pooled import N_BINS, WIDTH_PX, odd_logs, pooled_metrics, pooled_sources, sources_in, spread_of
+from cwcli.report.pooled import (
+    N_BINS,
+    WIDTH_PX,
+    FoundSource,
+    least_spread,
+    odd_logs,
+    pooled_metrics,
+    pooled_sources,
+    sources_in,
+    spread_of,
+)
 from cwcli.report.story import Story
 from cwcli.report.views import LogView, Plot, SensorsView
 
@@ -58,11 +69,11 @@ def test_values_that_agree_have_bars_too(values: list[float]) -> None:
 def test_the_farthest_logs_stand_out_with_their_places() -> None:
     """Median 1.0, median deviation 0.1: what is beyond 5 x 0.148 = 0.74 is far."""
     values = {"a": 0.9, "b": 1.0, "c": 1.1, "d": 1.0, "e": 0.9, "f": 1.7, "g": 1.8, "h": -3.0}
-    odd = odd_logs("ego.position_rmse_m", values, {"g": "log-7"}, 0.0, 2.0)
+    odd = odd_logs("ego.position_rmse_m", values, {"g": "log-7"}, 0.0, 2.0, 0.0)
     assert [(each.name, each.anchor, each.value) for each in odd] == [("h", "", "-3.000"), ("g", "log-7", "1.800")]
     assert [each.at_px for each in odd] == [0.0, pytest.approx(0.9 * WIDTH_PX, abs=0.1)]
-    assert odd_logs("x", {"a": 0.0, "b": 0.0, "c": 99.0}, {}, 0.0, 1.0) == ()  # three tell nothing
-    assert odd_logs("x", dict.fromkeys("abcd", 1.0), {}, 0.0, 1.0) == ()
+    assert odd_logs("x", {"a": 0.0, "b": 0.0, "c": 99.0}, {}, 0.0, 1.0, 0.0) == ()  # three tell nothing
+    assert odd_logs("x", dict.fromkeys("abcd", 1.0), {}, 0.0, 1.0, 0.0) == ()
 
 
 def test_sources_are_put_together_over_the_logs() -> None:
@@ -80,11 +91,74 @@ def test_sources_are_put_together_over_the_logs() -> None:
         *sources_in("c", record(None, 4.0, is_inside=False, gated=0)),
         *sources_in("d", {"sources": "{not json"}),
     ]
-    (source,) = pooled_sources(found, {})
+    (source,), n = pooled_sources(found, {})
+    assert n == 1
     assert (source.source, source.quantity, source.n_logs) == ("/gps", "yaw rate", 3)
     assert (source.latency, source.latency_between, source.nis) == ("200", "100 to 300", "2.00")
-    assert (source.outside, source.gated) == ("2 of 3", "2 %")
-    assert pooled_sources(found[:1], {}) == ()
+    assert (source.outside, source.gated) == ("2 of 3", "2.00 %")
+    assert pooled_sources(found[:1], {}) == ((), 0)
+
+
+def found_source(log: str, latency_s: float = 0.1, *, gated: float = 0.0, used: float = 9.0) -> FoundSource:
+    return FoundSource(log, "/gps", "speed", latency_s, 1.0, True, gated, used)
+
+
+@pytest.mark.parametrize(
+    ("gated", "used", "said"),
+    [(5.0, 0.0, "100 %"), (997.0, 3.0, "99.7 %"), (0.0, 5.0, "0 %"), (0.0, 0.0, "-"), (1e308, 1e308, "-")],
+)
+def test_shares_of_what_was_gated_have_no_exponents(gated: float, used: float, said: str) -> None:
+    """The last are counts of a record that anybody may have written: their sum is no number."""
+    (source,), _ = pooled_sources([found_source(log, gated=gated, used=used) for log in "ab"], {})
+    assert source.gated == said
+
+
+def test_latencies_that_no_source_has_are_left_out() -> None:
+    for latency_s in (10**400, 1e306, -1e306, 86_401.0):
+        entry = {"vehicle": "ego", "source": "/gps", "quantity": "speed", "latency_found_s": latency_s}
+        (found,) = sources_in("a", {"sources": json.dumps([entry])})
+        assert math.isnan(found.latency_s)
+
+
+def test_more_sources_than_fit_are_counted() -> None:
+    found = [replace(found_source(log), source=f"/{k}") for log in "ab" for k in range(23)]
+    sources, n = pooled_sources([*found, replace(found_source("c"), source="/22")], {})
+    assert (len(sources), n, sources[0].source) == (20, 23, "/22")
+    page = Page(
+        title="", headline="", sentences=(), badges=(), gates=(), columns=(), rows=(), footer=(),
+        sources=sources, n_sources=n,
+    )  # fmt: skip
+    assert "20 of 23 are shown" in Renderer().page(page, [])
+    assert "are shown" not in Renderer().page(replace(page, n_sources=20), [])
+
+
+def test_where_most_logs_agree_ordinary_ones_do_not_stand_out() -> None:
+    """Of counts one to five more are ordinary, of latencies what is within 25 ms; several are no odd ones."""
+    counts = {**dict.fromkeys("abcdef", 0.0), "g": 1.0, "h": 5.0}
+    least = least_spread("warnings.missed_count", "")
+    assert odd_logs("warnings.missed_count", counts, {}, 0.0, 1.0, least) == ()
+    counts["i"] = 6.0
+    assert [each.name for each in odd_logs("warnings.missed_count", counts, {}, 0.0, 1.0, least)] == ["i"]
+    counts["j"] = 7.0  # two are no single odd log
+    assert odd_logs("warnings.missed_count", counts, {}, 0.0, 1.0, least) == ()
+    times = {**dict.fromkeys("abc", 0.0), "d": 0.024}
+    least = least_spread("link.age_p95_s", "s")
+    assert odd_logs("link.age_p95_s", times, {}, 0.0, 1.0, least) == ()
+    assert [each.name for each in odd_logs("link.age_p95_s", {**times, "d": 0.026}, {}, 0.0, 1.0, least)] == ["d"]
+    sources, _ = pooled_sources([found_source(log, 0.02 if log == "d" else 0.0) for log in "abcd"], {})
+    assert sources[0].odd == ()
+    sources, _ = pooled_sources([found_source(log, 0.03 if log == "d" else 0.0) for log in "abcd"], {})
+    assert [(each.name, each.value) for each in sources[0].odd] == [("d", "30.00")]
+
+
+@pytest.mark.filterwarnings("error")
+def test_values_near_the_largest_number_are_drawn_at_the_ends() -> None:
+    values = np.array([1e308, -1e308, 0.0, 5.0])
+    spread, low, high = spread_of(values, "ego.position_rmse_m")
+    assert sum(bar.n for bar in spread.bars) == 4 and math.isfinite(high - low)
+    assert (spread.low, spread.high) == ("-1.000e+308", "1.000e+308")
+    named = dict(zip("abcd", values.tolist(), strict=True))
+    assert odd_logs("ego.position_rmse_m", named, {}, low, high, 0.0) == ()  # half of them are far from the other half
 
 
 def test_hostile_names_are_shown_as_what_they_are() -> None:
@@ -103,7 +177,7 @@ def test_hostile_names_are_shown_as_what_they_are() -> None:
     page = Page(
         title=evil, headline=evil, sentences=(), badges=(), gates=(), columns=(),
         rows=(Row("", evil, (), evil, ()),), footer=(),
-        metrics=pooled_metrics(logs, {}), sources=pooled_sources(found, {}),
+        metrics=pooled_metrics(logs, {}), sources=pooled_sources(found, {})[0],
     )  # fmt: skip
     html = renderer.page(page, [section])
     assert html.count("alert(1)") >= 10 and "<script>alert" not in html and "<img src=x" not in html

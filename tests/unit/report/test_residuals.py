@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -13,8 +14,13 @@ from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Gated
 from cwcli.report.drive import Drive
+from cwcli.report.encounters import Meetings
+from cwcli.report.map_figure import map_figure
+from cwcli.report.page import Renderer
 from cwcli.report.residuals import residual_figure, residual_plots, residuals
-from cwcli.report.sensors import first_remark
+from cwcli.report.sensors import doubts, first_remark
+from cwcli.report.story import Story
+from cwcli.report.views import LogView, SensorsView
 from cwcli.signals.columns import strings_from
 from cwcli.signals.vehicle_state import HEADING, SPEED
 from cwcli.warning.types import WarningConfig
@@ -109,7 +115,7 @@ def test_a_level_imu_is_split_into_its_acceleration_and_yaw_rate() -> None:
 )
 def test_records_that_tell_nothing_of_the_source_give_no_figure(reports: Any) -> None:
     speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.0]]))
-    assert residual_plots(drive(speed, reports=reports), "log-1", 100) == []
+    assert residual_plots(drive(speed, reports=reports), "log-1", 100) == ([], 0)
 
 
 def test_odd_numbers_in_a_record_are_taken_as_not_told() -> None:
@@ -117,6 +123,73 @@ def test_odd_numbers_in_a_record_are_taken_as_not_told() -> None:
     odd = report("/wheel", "speed", latency_s="late", latency_drift=None, nis_per_dof="x", nis_inside="<b>")
     (found,) = residuals(drive(speed, reports=[odd], rows=[["/wheel", "speed", "scale", "?", "", "used"]]))
     np.testing.assert_allclose(found.values, [[0.5]], atol=ATOL)
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"latency_s": 10**400, "latency_found_s": -(10**400), "gated": 10**400},
+        {"latency_s": 1e300, "latency_found_s": 1e300},
+        {"latency_s": -86_401.0, "latency_drift": float("inf")},
+        {"latency_s": float("nan"), "latency_drift": 1e300},
+    ],
+)
+def test_latencies_that_no_source_has_are_taken_as_not_told(odd: dict[str, Any]) -> None:
+    """A 400-digit whole number is valid JSON."""
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.5]]))
+    made = drive(speed, reports=[report("/wheel", "speed", **odd)])
+    (found,) = residuals(made)
+    np.testing.assert_allclose(found.values, [[0.5]], atol=ATOL)
+    assert len(residual_plots(made, "log-1", 100)[0]) == 1
+
+
+@pytest.mark.parametrize(("key", "most"), [("parameters", 5), ("noise", 2), ("sources", 3), ("nees", 1)])
+def test_a_table_without_a_column_that_is_needed_tells_nothing(key: str, most: int) -> None:
+    """Rows are as long as their columns, but too few or under other names."""
+    speed = Measurements("/wheel", Kind.SPEED, np.array([3 * S]), np.array([[10.5]]))
+    made = drive(speed, reports=[report("/wheel", "speed")])
+    names = {"noise": ["source", "quantity", "white noise"], "nees": ["error of", "NEES/dof"]}.get(
+        key, ["source", "quantity", "parameter", "value", "unit", "status"]
+    )
+    row = ["/wheel", "speed", "bias", "1.0", "m/s", "used"]
+    for n in range(most + 1):
+        for columns in (names[:n], [f"column {k}" for k in range(n)]):
+            section = {"key": key, "title": "", "columns": columns, "rows": [row[:n]]}
+            record = {**made.records["estimate"], "summary": json.dumps({"sections": [section]})}
+            odd = replace(made, records={"estimate": record})
+            (found,) = residuals(odd)
+            np.testing.assert_allclose(found.values, [[0.5]], atol=ATOL)
+            assert math.isnan(found.sigma)
+            assert (first_remark(odd), doubts(odd)) == ("", [])
+
+
+def test_a_factor_too_large_for_a_number_is_no_doubt() -> None:
+    nees = {"key": "nees", "title": "", "columns": ["error of", "NEES/dof"], "rows": [["position", 10**400]]}
+    made = replace(drive(), records={"estimate": {"summary": json.dumps({"sections": [nees]})}})
+    assert doubts(made) == []
+
+
+def test_more_figures_than_fit_are_counted() -> None:
+    sources = [Measurements(f"/{k}", Kind.SPEED, np.array([3 * S]), np.array([[10.5]])) for k in range(11)]
+    made = drive(*sources, reports=[report(f"/{k}", "speed") for k in range(11)])
+    plots, n = residual_plots(made, "log-1", 100)
+    assert (len(plots), n) == (8, 11)
+    assert [plot.title for plot in plots[::7]] == ["Residuals of /0: speed", "Residuals of /7: speed"]
+    sensors = SensorsView("", (), (), plots=tuple(plots), n_residuals=n)
+    view = LogView("log-1", "d", Story("", (), ()), (), is_alone=True, is_open=True, sensors=sensors)
+    assert "8 of 11 are shown." in Renderer().log(view)
+    assert "are shown" not in Renderer().log(replace(view, sensors=replace(sensors, n_residuals=8)))
+
+
+def test_a_drive_whose_positions_are_no_numbers_has_no_map() -> None:
+    made = drive()
+    assert made.ego is not None
+    meetings = Meetings((), (), None, 0)
+    assert map_figure(made, meetings) is not None
+    for columns in ([0, 1], [0], [1]):
+        state = made.ego.state.copy()
+        state[:, columns] = np.nan
+        assert map_figure(replace(made, ego=replace(made.ego, state=state)), meetings) is None
 
 
 def test_the_top_of_the_page_tells_late_sources_and_a_pitched_imu() -> None:
