@@ -3,7 +3,9 @@
 Two cars can't be in one place. An object is a sender where that is a thousand times likelier than the nearest place
 that another car beside it could have, by the uncertainties that both messages state: so it is known of precise
 positions, and where positions are vague both stay. As the errors of a receiver last, many moments tell no more than
-one; their mean counts. An object is left out only while its sender is heard, so nobody is lost with a radio link.
+one; the mean of the last ones counts. An object's number may pass to another car: where one moment disagrees, the
+object is kept, and what was known of it is forgotten. It is left out only while its sender's word is as fresh as its
+own: not when the radio has fallen silent, and of a sender that is heard less often than it is seen only in part.
 """
 
 from __future__ import annotations
@@ -13,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.seen_ego import USUAL_LENGTH_M, USUAL_WIDTH_M
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import FloatArray
+from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.remotes import perceived_rows, taken_rows
 from cwcli.signals.row_order import rows_by_id
@@ -26,14 +27,23 @@ Rows = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
 MAX_AGE_S = 1.0
-"""A newer message of the sender is needed, and a newer moment of the object: its number may be another's later."""
+"""A newer message of the sender is needed, and a newer moment of the object."""
+FRESH_S = 0.3
+"""Of the sender's word; an older one will do that is newer than the object's moment before."""
+WINDOW_S = 2.0
+"""Of the moments whose mean counts."""
 LEAST_MOMENTS = 3
 LEAST_ODDS = 13.8
 """By how much the squared distance of another car must be greater: a likelihood ratio of 1000, as of joined ids."""
 MOST_DISTANCE = 13.8
 """Chi-square quantile of 0.999 with two degrees of freedom."""
 CLEARANCE_M = 0.5
-"""Between two cars beside each other, at least."""
+"""Between two cars beside each other, at least; people may touch."""
+LEAST_CAR_WIDTH_M = 1.0
+SMALLEST_M = 0.5
+"""Length and width of a person, whom every road user without a stated size may be."""
+LEAST_VARIANCE_M2 = 1e-4
+"""(1 cm)^2: no position on the road is better known."""
 POSITION_SIGMA_M, SPEED_SIGMA_MPS, HEADING_SIGMA_RAD = 1.5, 1.0, np.deg2rad(5.0)
 """Of messages that state none."""
 MANOEUVRE_MPS2 = 2.0
@@ -55,7 +65,8 @@ class _Moments:
         along_m, across_m: Of the object from where the sender is by then, along its heading and to its left.
         variance_along_m2, variance_across_m2: Of that, as both state it.
         fits: Speeds and headings agree, as far as they are told.
-        length_m, width_m: Of both together, halved.
+        is_fresh: The sender's word is as good as the object's, which tells nothing new.
+        length_m, width_m: How far off another road user is at least, before or behind the sender, or beside it.
     """
 
     rows: Rows
@@ -64,6 +75,7 @@ class _Moments:
     variance_along_m2: FloatArray
     variance_across_m2: FloatArray
     fits: BoolArray
+    is_fresh: BoolArray
     length_m: FloatArray
     width_m: FloatArray
 
@@ -91,7 +103,7 @@ def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tu
     for said in (rows for rows in senders if len(rows)):
         for k in _near(ranges, _ranges(x_m, y_m, signal.stamp_ns, [said])):
             at = _moments(signal, x_m, y_m, said, objects[k])
-            is_same, own, is_inside = _judged(at, signal.stamp_ns)
+            is_same, own, is_inside = _judged(at, signal.stamp_ns, signal.log_time_ns)
             is_nearer = own < nearest[at.rows]
             next_nearest[at.rows] = np.where(is_nearer, nearest[at.rows], np.minimum(next_nearest[at.rows], own))
             nearest[at.rows] = np.where(is_nearer, own, nearest[at.rows])
@@ -113,7 +125,7 @@ def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tu
     return taken_rows(signal, np.flatnonzero(~is_sender)) if n_known else signal, tuple(notes)
 
 
-def _ranges(x_m: FloatArray, y_m: FloatArray, stamp_ns: npt.NDArray[np.int64], groups: list[Rows]) -> FloatArray:
+def _ranges(x_m: FloatArray, y_m: FloatArray, stamp_ns: Int64Array, groups: list[Rows]) -> FloatArray:
     """Where and when each group of rows is, (groups, 3, 2): least and greatest x, y (m) and time (s)."""
     time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S
     return np.array([[(each[rows].min(), each[rows].max()) for each in (x_m, y_m, time_s)] for rows in groups])
@@ -130,8 +142,10 @@ def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows,
     """Hold an object against a sender's newest message at each moment, carried on at its speed."""
     place = np.searchsorted(signal.stamp_ns[said], signal.stamp_ns[seen], side="right") - 1
     is_late = place >= 0
+    oldest_ns = signal.stamp_ns[seen] - round(MAX_AGE_S * NS_PER_S)
     while is_late.any():  # messages that had not been received by then
         is_late &= signal.log_time_ns[said[place]] > signal.log_time_ns[seen]
+        is_late &= signal.stamp_ns[said[place]] >= oldest_ns
         place[is_late] -= 1
         is_late &= place >= 0
     newest = said[np.maximum(place, 0)]
@@ -139,6 +153,8 @@ def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows,
     heading, speed = signal.heading_rad[newest], signal.speed_mps[newest]
     is_heard = (place >= 0) & (age_s <= MAX_AGE_S)
     is_heard &= np.isfinite(heading) & np.isfinite(speed)
+    before_ns = np.append(np.iinfo(np.int64).max, signal.stamp_ns[seen[:-1]])
+    is_fresh = ((age_s <= FRESH_S) | (signal.stamp_ns[newest] >= before_ns))[is_heard]
     rows, newest = seen[is_heard], newest[is_heard]
     age_s, heading, speed = age_s[is_heard], heading[is_heard], speed[is_heard]
     cos, sin = np.cos(heading), np.sin(heading)
@@ -153,6 +169,9 @@ def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows,
     heading_error = np.abs(wrap_angle(signal.heading_rad[rows] - heading)) / np.hypot(sigma_rad[0], sigma_rad[1])
     is_slow = np.minimum(np.abs(speed), np.abs(signal.speed_mps[rows])) < LEAST_TURNING_MPS
     fits = ~(speed_error > MOST_SIGMAS) & (is_slow | ~(heading_error > MOST_SIGMAS))
+    lengths = _or(signal.length_m[newest], SMALLEST_M), _or(signal.length_m[rows], SMALLEST_M)
+    widths = _or(signal.width_m[newest], SMALLEST_M), _or(signal.width_m[rows], SMALLEST_M)
+    clearance = np.where(np.minimum(*widths) < LEAST_CAR_WIDTH_M, 0.0, CLEARANCE_M)
     return _Moments(
         rows,
         dx * cos + dy * sin,
@@ -160,36 +179,57 @@ def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows,
         xx * cos**2 + 2.0 * xy * cos * sin + yy * sin**2 + moved_m2 + (age_s * sigma_mps[0]) ** 2,
         xx * sin**2 - 2.0 * xy * cos * sin + yy * cos**2 + moved_m2 + (age_s * speed * sigma_rad[0]) ** 2,
         fits,
-        0.5 * (_or(signal.length_m[newest], USUAL_LENGTH_M) + _or(signal.length_m[rows], USUAL_LENGTH_M)),
-        0.5 * (_or(signal.width_m[newest], USUAL_WIDTH_M) + _or(signal.width_m[rows], USUAL_WIDTH_M)),
+        is_fresh,
+        0.5 * (lengths[0] + lengths[1]) + clearance,
+        0.5 * (widths[0] + widths[1]) + clearance,
     )
 
 
-def _judged(at: _Moments, stamp_ns: npt.NDArray[np.int64]) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """What all that was told so far says of each moment, all (n,).
+def _judged(at: _Moments, stamp_ns: Int64Array, log_time_ns: Int64Array) -> tuple[BoolArray, FloatArray, BoolArray]:
+    """What the last moments say, as far as each agrees with the object being the sender; all (n,).
+
+    Args:
+        at: In the order in which they were received.
+        stamp_ns, log_time_ns: Of the signal's rows.
 
     Returns:
         Whether the object is the sender and no car beside it; how far it is from it, squared and in sigmas (infinite
         where it moves otherwise); and whether the two would overlap.
     """
-    is_same, is_inside = np.zeros((2, len(at.rows)), np.bool_)
-    distance = np.full(len(at.rows), np.inf)
-    breaks = np.flatnonzero(np.abs(np.diff(stamp_ns[at.rows])) > round(MAX_AGE_S * NS_PER_S)) + 1
-    for part in np.split(np.arange(len(at.rows)), breaks):
-        n = np.arange(1, len(part) + 1)
-        along, across, variance_along, variance_across = (
-            np.cumsum(each[part]) / n for each in (at.along_m, at.across_m, at.variance_along_m2, at.variance_across_m2)
-        )
-        fits = 2 * np.cumsum(at.fits[part]) > n
-        own = along**2 / variance_along + across**2 / variance_across
-        # Another car is beside this one or before or behind it; how far it is off in the other direction is its choice.
-        aside = np.maximum(at.width_m[part] + CLEARANCE_M - np.abs(across), 0.0) ** 2 / variance_across
-        ahead = np.maximum(at.length_m[part] + CLEARANCE_M - np.abs(along), 0.0) ** 2 / variance_along
-        other = np.minimum(aside, ahead)
-        distance[part] = np.where(fits, own, np.inf)
-        is_inside[part] = fits & (own <= MOST_DISTANCE) & (other > 0.0) & (n >= LEAST_MOMENTS)
-        is_same[part] = is_inside[part] & (other - own >= LEAST_ODDS)
-    return is_same, distance, is_inside
+    n = len(at.rows)
+    along, across = at.along_m, at.across_m
+    variance_along, variance_across = at.variance_along_m2, at.variance_across_m2
+    own, other = _distances(at, along, across, variance_along, variance_across)
+    agrees = at.fits & (own <= MOST_DISTANCE) & (own <= other)
+    # A run begins behind a gap, and a moment that disagrees is one of its own.
+    begins = np.ones(n, np.bool_)
+    is_gap = np.abs(np.diff(stamp_ns[at.rows])) > round(MAX_AGE_S * NS_PER_S)
+    begins[1:] = is_gap | ~agrees[1:] | ~agrees[:-1]
+    received_ns = log_time_ns[at.rows]
+    first = np.maximum.accumulate(np.where(begins, np.arange(n), 0))
+    first = np.maximum(first, np.searchsorted(received_ns, received_ns - round(WINDOW_S * NS_PER_S)))
+    counts = np.arange(1, n + 1) - first
+
+    def mean(values: FloatArray) -> FloatArray:
+        total = np.append(0.0, np.cumsum(values))
+        return np.asarray((total[1:] - total[first]) / counts)
+
+    own, other = _distances(at, mean(along), mean(across), mean(variance_along), mean(variance_across))
+    is_inside = agrees & (own <= MOST_DISTANCE) & (other > 0.0) & (counts >= LEAST_MOMENTS)
+    is_same = is_inside & at.is_fresh & (other - own >= LEAST_ODDS)
+    return is_same, np.where(at.fits, own, np.inf), is_inside
+
+
+def _distances(
+    at: _Moments, along_m: FloatArray, across_m: FloatArray, along_m2: FloatArray, across_m2: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Squared distances in sigmas: from the sender, and from the nearest place of another road user beside it."""
+    along_m2, across_m2 = np.maximum(along_m2, LEAST_VARIANCE_M2), np.maximum(across_m2, LEAST_VARIANCE_M2)
+    own = along_m**2 / along_m2 + across_m**2 / across_m2
+    # Another car is beside this one or before or behind it; how far it is off in the other direction is its choice.
+    aside = np.maximum(at.width_m - np.abs(across_m), 0.0) ** 2 / across_m2
+    ahead = np.maximum(at.length_m - np.abs(along_m), 0.0) ** 2 / along_m2
+    return own, np.minimum(aside, ahead)
 
 
 def _as_received(signal: RemoteSignal, rows: Rows) -> Rows:

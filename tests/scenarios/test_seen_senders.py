@@ -90,3 +90,25 @@ def test_one_car_is_one_warning(tmp_path: Path, scenario: str, seed: int) -> Non
     assert both[0][1] == pytest.approx(alone[0][1], abs=0.011)  # a hundredth is the host's step
     assert any("are senders that are heard themselves" in note for note in notes)
     assert ids >= sender
+
+
+@pytest.mark.parametrize("lead_s", [0.3, 0.6, 0.9])
+@pytest.mark.parametrize("scenario", ["rear-end", "intersection"])
+def test_a_warning_waits_for_no_silent_radio(
+    tmp_path: Path, scenario: str, lead_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The radio falls silent before the warning, for 1.3 s: half a message's interval is what the object's filter
+    needs that began with the silence."""
+    messages = read(drive(tmp_path / "both.mcap", scenario, 1, with_objects=True))
+    (_, warned_s), *_ = warned(tmp_path / "both.mcap")[0]
+    silent_ns = messages[0].log_time_ns + round((warned_s - lead_s) * 1e9)
+    heard = [
+        each
+        for each in messages
+        if each.topic != "/v2x/bsm" or not silent_ns <= each.log_time_ns < silent_ns + 1_300 * MS
+    ]
+    write(tmp_path / "silent.mcap", heard)
+    (_, with_s), *_ = warned(tmp_path / "silent.mcap")[0]
+    monkeypatch.setattr("cwcli.stages.estimate.without_seen_senders", lambda signal, local_map: (signal, ()))
+    (_, without_s), *_ = warned(tmp_path / "silent.mcap")[0]
+    assert with_s <= without_s + 0.051
