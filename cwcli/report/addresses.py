@@ -50,6 +50,25 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class Differing:
+    """What differs between two runs.
+
+    Attributes:
+        listed: At most MAX_LINKS, what is new first.
+        n: How many there are.
+        n_logs: How many logs of both runs were compared.
+        unread: Ids of those that could not be: one of the runs has failed on them, or its annotated log can't be read.
+        n_left_out: How many logs of both runs were not looked at, as they are more than MAX_LOGS.
+    """
+
+    listed: tuple[Difference, ...]
+    n: int
+    n_logs: int
+    unread: tuple[str, ...] = ()
+    n_left_out: int = 0
+
+
+@dataclass(frozen=True)
 class Marked:
     """What has an anchor in a page: its name there, in words, and the kind of its verdict."""
 
@@ -102,22 +121,22 @@ class Addresses:
 
     def _read(self, entry: Entry) -> list[Link]:
         whose = f"{entry.id}: " if len(self.entries) > 1 else ""
-        return [Link(f"{whose}{each.words}", self.address(each.mark)) for each in self.marked(entry)]
+        return [Link(f"{whose}{each.words}", self.address(each.mark)) for each in self.marked(entry) or ()]
 
-    def marked(self, entry: Entry, name: str = "") -> list[Marked]:
-        """What has an anchor of one log; nothing of one that can't be read.
+    def marked(self, entry: Entry, name: str = "") -> list[Marked] | None:
+        """What has an anchor of one log; None of one that has failed or can't be read.
 
         Args:
             entry: The log.
             name: What anchors are made of; "": as in the page.
         """
         if entry.log is None or entry.has_failed:
-            return []
+            return None
         try:
             with Log.open(str(entry.log) if self.is_folder else self._source) as log:
                 return _marked(log, name or self.name_of(entry))
-        except CwcliError:  # it has been told of already
-            return []
+        except CwcliError:
+            return None
 
     def name_of(self, entry: Entry) -> str:
         """What the anchors of a log are made of.
@@ -145,7 +164,7 @@ class Addresses:
         return self._run.is_folder
 
 
-def differences(early: Addresses, late: Addresses) -> tuple[list[Difference], int]:
+def differences(early: Addresses, late: Addresses) -> Differing:
     """The warnings and missed conflicts by which two runs differ; logs are paired by their ids, two single logs always.
 
     A warning is the same one where its name is (`cwcli.report.marks`): whom it was of, by which rule, and how many such
@@ -153,18 +172,20 @@ def differences(early: Addresses, late: Addresses) -> tuple[list[Difference], in
 
     Args:
         early, late: Two runs. Links are to the later one's page.
-
-    Returns:
-        At most MAX_LINKS differences, what is new first; and how many there are.
     """
     known = {entry.id: entry for entry in early.entries}
+    if not (early.is_folder or late.is_folder):
+        known = {entry.id: early.entries[0] for entry in late.entries}
+    pairs = [(known[entry.id], entry) for entry in late.entries if entry.id in known]
     found: dict[str, list[Difference]] = {"new": [], "other": [], "gone": []}
-    for entry in late.entries[:MAX_LOGS]:
-        first = early.entries[0] if not (early.is_folder or late.is_folder) else known.get(entry.id)
-        if first is None:
-            continue
+    unread = []
+    for first, entry in pairs[:MAX_LOGS]:
         name = late.name_of(entry)
-        was, now = ({each.mark: each for each in run.marked(log, name)} for run, log in ((early, first), (late, entry)))
+        before, after = early.marked(first, name), late.marked(entry, name)
+        if before is None or after is None:
+            unread.append(entry.id)
+            continue
+        was, now = ({each.mark: each for each in marked} for marked in (before, after))
         whose = f"{entry.id}: " if len(late.entries) > 1 else ""
         for mark, each in now.items():
             words = f"{whose}{each.words}"
@@ -177,7 +198,8 @@ def differences(early: Addresses, late: Addresses) -> tuple[list[Difference], in
             Difference("gone", f"{whose}{each.words}", "") for mark, each in was.items() if mark not in now
         ]
     every = [each for kind in found.values() for each in kind]
-    return every[:MAX_LINKS], len(every)
+    n_read = len(pairs[:MAX_LOGS])
+    return Differing(tuple(every[:MAX_LINKS]), len(every), n_read - len(unread), tuple(unread), len(pairs) - n_read)
 
 
 def _marked(log: Log, name: str) -> list[Marked]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from cwcli.cli.main import run
+from cwcli.report import addresses
 from cwcli.report.addresses import Addresses, Marked, differences
 from cwcli.report.marks import marks
 from cwcli.report.source import Entry
@@ -250,7 +252,13 @@ def test_compare_links_to_the_warnings_that_differ(tmp_path: Path, capsys: pytes
     shown = capsys.readouterr().out
     assert f"r.html#{conflict}" in shown and "gone  intersection: warning 1" in shown
     assert run(["compare", every, every, *at, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["warnings"] == {"listed": [], "count": 0}
+    assert json.loads(capsys.readouterr().out)["warnings"] == {
+        "listed": [],
+        "count": 0,
+        "logs": 2,
+        "logs_unread": [],
+        "logs_left_out": 0,
+    }
     one, other = (str(tmp_path / name / "logs" / "intersection" / "annotated.mcap") for name in ("few", "all"))
     (own,) = marks("annotated.mcap", "warning", [("cwcli", "d9583520")])
     assert run(["compare", one, other, *at, "--json"]) == 0
@@ -271,10 +279,59 @@ def test_a_warning_with_another_verdict_is_told_with_both(tmp_path: Path, monkey
         (tmp_path / name).write_bytes((SAMPLES / "straight.mcap").read_bytes())
     monkeypatch.setattr(Addresses, "marked", marked)
     early, late = (Addresses(str(tmp_path / name), "https://ci/r.html") for name in found)
-    listed, n = differences(early, late)
-    assert [(each.change, each.words, each.address) for each in listed] == [
+    found_differing = differences(early, late)
+    assert [(each.change, each.words, each.address) for each in found_differing.listed] == [
         ("new", "conflict-9 is not warned of", "https://ci/r.html#conflict-9"),
         ("other", "warning-1 is came too late (before: false alarm)", "https://ci/r.html#warning-1"),
         ("gone", "warning-3 is came true", ""),
     ]
-    assert n == 3
+    assert (found_differing.n, found_differing.n_logs) == (3, 1)
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of two logs, the first of which has a warning."""
+    folder = tmp_path_factory.mktemp("both") / "run"
+    logs = [str(SAMPLES / f"{each}.mcap") for each in ("intersection", "straight")]
+    assert run(["run", *logs, "-d", str(folder), "--jobs", "1", "--quiet"]) == 0
+    return folder
+
+
+@pytest.mark.parametrize("harm", ["missing", "damaged"])
+def test_a_log_that_can_not_be_read_is_named_and_its_warnings_are_neither_new_nor_gone(
+    both: Path, harm: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    harmed = tmp_path / "harmed"
+    shutil.copytree(both, harmed)
+    annotated = harmed / "logs/intersection/annotated.mcap"
+    annotated.unlink() if harm == "missing" else annotated.write_bytes(b"nothing")
+    note = "warnings are not compared of 1 log that failed or whose annotated log can't be read: intersection"
+    for early, late in ((both, harmed), (harmed, both)):
+        capsys.readouterr()
+        markdown = tmp_path / "c.md"
+        arguments = ["compare", str(early), str(late), "--report-at", "r.html", "--markdown", str(markdown), "--force"]
+        assert run([*arguments, "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["warnings"] == {
+            "listed": [],
+            "count": 0,
+            "logs": 1,
+            "logs_unread": ["intersection"],
+            "logs_left_out": 0,
+        }
+        assert note in markdown.read_text(encoding="utf-8")
+        assert run(arguments) == 0
+        assert " ".join(capsys.readouterr().err.split()).count(note) == 1
+
+
+def test_the_first_logs_in_both_runs_are_compared_and_the_others_counted(
+    both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first log of the candidate is in no other run, so the second one is the first that is in both."""
+    monkeypatch.setattr(addresses, "MAX_LOGS", 1)
+    assert run(["compare", str(both), str(both), "--report-at", "r.html"]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "warnings are compared of the first 1 of 2 logs in both" in said
+    one = tmp_path / "one"
+    assert run(["run", str(SAMPLES / "straight.mcap"), "-d", str(one), "--jobs", "1", "--quiet"]) == 0
+    differing = differences(Addresses(str(one), "r.html"), Addresses(str(both), "r.html"))
+    assert (differing.n_logs, differing.unread, differing.n_left_out) == (1, (), 0)

@@ -23,9 +23,7 @@ from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
     from cwcli.metrics.compare import Change, RunComparison
-    from cwcli.report.addresses import Difference
-
-    Differing = tuple[list[Difference], int]
+    from cwcli.report.addresses import Differing
 
 EXAMPLES = (
     "cwcli compare baseline/ out/",
@@ -191,7 +189,7 @@ def _show(
     if differing is not None:
         console.summary("")
         console.summary("Warnings and conflicts that are not as before")
-        rows = [(CHANGES[each.change], printable(each.words), printable(each.address)) for each in differing[0]]
+        rows = [(CHANGES[each.change], printable(each.words), printable(each.address)) for each in differing.listed]
         console.summary(table(("what", "which", "where"), rows) if rows else "  none")
     for note in [*_notes(comparison, exact=exact), *_left_out(differing)]:
         console.note(note)
@@ -240,8 +238,7 @@ def _notes(comparison: RunComparison, *, exact: bool) -> list[str]:
         (comparison.other_input, "made from another input than in the baseline"),
     ):
         if names:
-            shown = join_names([*names[:MAX_NAMES], *(["others"] if len(names) > MAX_NAMES else [])])
-            notes.append(f"{count(len(names), 'log')} {what}: {shown}")
+            notes.append(f"{count(len(names), 'log')} {what}: {_some(names)}")
     return notes
 
 
@@ -256,8 +253,16 @@ def _document(
     """What `--json` prints."""
     told: Document = {}
     if differing is not None:
-        listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing[0]]
-        told = {"warnings": {"listed": listed, "count": differing[1]}}
+        listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing.listed]
+        told = {
+            "warnings": {
+                "listed": listed,
+                "count": differing.n,
+                "logs": differing.n_logs,
+                "logs_unread": list(differing.unread),
+                "logs_left_out": differing.n_left_out,
+            }
+        }
     return {
         "baseline": before.source,
         "candidate": after.source,
@@ -290,10 +295,26 @@ def _document(
 
 
 def _left_out(differing: Differing | None) -> list[str]:
-    """How many differing warnings are not listed."""
-    if differing is None or len(differing[0]) == differing[1]:
+    """Which differing warnings are not listed, and of which logs they were not looked for."""
+    if differing is None:
         return []
-    return [f"{len(differing[0])} of the {differing[1]} warnings and conflicts that differ are listed"]
+    notes = []
+    if len(differing.listed) < differing.n:
+        notes.append(f"{len(differing.listed)} of the {differing.n} warnings and conflicts that differ are listed")
+    if differing.unread:
+        notes.append(
+            f"warnings are not compared of {count(len(differing.unread), 'log')} that failed or whose annotated log "
+            f"can't be read: {_some(differing.unread)}"
+        )
+    if differing.n_left_out:
+        n_read = differing.n_logs + len(differing.unread)
+        notes.append(f"warnings are compared of the first {n_read} of {n_read + differing.n_left_out} logs in both")
+    return notes
+
+
+def _some(names: Sequence[str]) -> str:
+    """At most MAX_NAMES of them."""
+    return join_names([*names[:MAX_NAMES], *(["others"] if len(names) > MAX_NAMES else [])])
 
 
 def _markdown(
@@ -323,11 +344,11 @@ def _markdown(
     if rest:
         summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
         parts += [summary, _markdown_table(rest), "</details>"]
-    if differing is not None and differing[0]:
+    if differing is not None and differing.listed:
         lines = [
             f"- {CHANGES[each.change]}: "
             + (f"[{markdown.code(each.words)}]({each.address})" if each.address else markdown.code(each.words))
-            for each in differing[0]
+            for each in differing.listed
         ]
         parts.append("\n".join(["Warnings and conflicts that are not as before:", "", *lines]))
     parts += [f"- {markdown.code(note)}" for note in [*_notes(comparison, exact=exact), *_left_out(differing)]]
