@@ -59,16 +59,16 @@ class Progress:
     def line(self, elapsed_s: float, width: int = WIDTH) -> str:
         """The line as it is shown, narrower than the terminal: a line that wraps can't be wiped.
 
+        What is too long is cut: the name, and what follows it only where that alone does not fit.
+
         Args:
             elapsed_s: Since the beginning.
             width: Columns of the terminal.
         """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
-        line = f"{self._what}{done} ({elapsed_s:.0f} s{left})"
-        while display_width(line) >= width:
-            line = line[:-1]
-        return line
+        told = f"{done} ({elapsed_s:.0f} s{left})"
+        return (_cut(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
 
     def _draw(self) -> None:
         drawn = False
@@ -81,6 +81,14 @@ class Progress:
         if drawn:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+def _cut(text: str, width: int) -> str:
+    """The beginning of a text that fills at most `width` cells of a terminal."""
+    cut = text[: max(width, 0)]  # a cell or two each, but for combining marks
+    while display_width(cut) > width > 0:
+        cut = cut[:-1]
+    return cut
 
 
 def _columns() -> int:

@@ -37,9 +37,20 @@ def test_line_tells_what_how_much_and_how_long() -> None:
     progress(4, 4)
     assert progress.line(61.0) == "reading drive\\x1b.mcap 100 % (61 s)"
     progress.step("x" * 200)
-    assert len(progress.line(2.0)) == 79
+    assert progress.line(2.0) == "x" * 73 + " (2 s)"
     progress.step("日" * 200)  # two cells each
-    assert progress.line(2.0) == "日" * 39
+    assert progress.line(2.0) == "日" * 36 + " (2 s)"
+    progress(1, 4)
+    assert progress.line(2.0, 40) == "日" * 5 + "  25 % (2 s, about 6 s left)"  # 10 + 28 cells
+
+
+def test_a_long_name_takes_no_time() -> None:
+    """A name of a megabyte, as a log may hold one: as quick as one that fits."""
+    progress = Progress()
+    progress._what = "é" * 1_000_000
+    begin = time.process_time()
+    assert progress.line(3.0, 80) == "é" * 73 + " (3 s)"
+    assert time.process_time() - begin < 0.1
 
 
 def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -90,7 +101,7 @@ def test_quiet_draws_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_narrow_terminal_gets_a_line_that_does_not_wrap(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0, n_columns=10).startswith("\rworking (\x1b[K")
+    assert drawn_on_a_terminal(monkeypatch, show_after_s=0.0, n_columns=10).startswith("\rwor (0 s)\x1b[K")
 
 
 def test_a_terminal_that_can_not_wipe_a_line_gets_none(monkeypatch: pytest.MonkeyPatch) -> None:
