@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from cwcli.errors import UsageError
 
 MAX_TEMPLATE, MAX_ATTRIBUTION = 500, 200
-HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\]")
+HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
 ALLOWED = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
 """What an address is made of, without quotes, semicolons and spaces."""
 EXAMPLE = "e.g. --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© the makers of the map'"
@@ -55,6 +55,8 @@ def parse_tiles(template: str | None, attribution: str | None) -> Tiles | None:
     if parts.username is not None or parts.password is not None:
         raise _wrong("it holds a name or a password, which everybody could read who has the page")
     host = f"[{host}]" if ":" in host else host
+    if "_" in host:  # no host of a content security policy may hold one (CSP 3, 2.3.1): the source would be ignored
+        raise _wrong("its host holds an underscore, and browsers take no pictures from such; give its IP address")
     if not HOST.fullmatch(host):
         raise _wrong("it names no host")
     rest = f"{parts.path}?{parts.query}"

@@ -37,6 +37,12 @@ PLACES = """
   await window.Plotly.relayout(map, { "xaxis.range": [-1500, 1500], "yaxis.range": [-1500, 1500] });
   await pause(300);
   told.wide = tell();
+  await window.Plotly.relayout(map, { "xaxis.range": [-5e9, 5e9], "yaxis.range": [-5e9, 5e9] });
+  await pause(300);
+  told.beyond = tell();
+  await window.Plotly.relayout(map, { "xaxis.range": [-1500, 1500], "yaxis.range": [-1500, 1500] });
+  await pause(300);
+  told.again = tell();
   told.words = layer.querySelector("span").textContent;
   document.body.dataset.told = JSON.stringify(told);
 })();
@@ -120,6 +126,7 @@ def test_tiles_are_asked_of_the_server_alone_and_lie_where_the_map_is(
     (body,) = Elements(visit(tmp_path / "p.html", tmp_path).dom).of("body")
     told = json.loads(body["data-told"])
     assert told["words"] == whose
+    assert told["beyond"] == [] and told["again"] == told["wide"]  # no tile fits where the earth is a point
     with Log.open(annotated) as log:
         origin = map_of(run_records(log)["estimate"])
     assert origin is not None
@@ -137,6 +144,15 @@ def test_tiles_are_asked_of_the_server_alone_and_lie_where_the_map_is(
         assert all(256 / 1.5 < each < 256 * 1.5 for each in size)
 
 
+def test_the_policy_lets_tiles_of_a_host_with_its_last_dot_through(
+    annotated: Path, tmp_path: Path, server: Server
+) -> None:
+    template = f"http://localhost.:{server.server_port}/{{z}}/{{x}}/{{y}}.png"
+    make(annotated, tmp_path / "r.html", "--tiles", template, "--tiles-attribution", "us")
+    assert visit(tmp_path / "r.html", tmp_path).console == ()
+    assert server.asked
+
+
 def test_without_the_option_there_is_no_layer_and_the_policy_names_no_server(annotated: Path, tmp_path: Path) -> None:
     page = make(annotated, tmp_path / "r.html")
     assert "data-tiles" not in page
@@ -152,6 +168,7 @@ def test_an_address_with_a_port_a_query_or_a_bare_number_is_taken() -> None:
         (GOOD, "https://tiles.example.org"),
         ("http://[::1]:8080/t?z={z}&x={x}&y={y}", "http://[::1]:8080"),
         ("https://10.0.0.7/{z}/{y}/{x}", "https://10.0.0.7"),
+        ("https://tiles.example.org./{z}/{x}/{y}", "https://tiles.example.org."),
     ):
         tiles = parse_tiles(template, "us")
         assert tiles is not None and tiles.origin == origin
@@ -174,6 +191,9 @@ def test_an_address_with_a_port_a_query_or_a_bare_number_is_taken() -> None:
         ("https://me:secret@host/{z}/{x}/{y}", "us", "a name or a password"),
         ("https:///{z}/{x}/{y}", "us", "no host"),
         ("https://*/{z}/{x}/{y}", "us", "no host"),
+        ("https://./{z}/{x}/{y}", "us", "no host"),
+        ("https://my_tiles.example/{z}/{x}/{y}", "us", "an underscore"),
+        ("https://a../{z}/{x}/{y}", "us", "no host"),
         ("https://host:99999/{z}/{x}/{y}", "us", "Port"),
         ("https://host/{z}/{x}", "us", "{z}, {x} and {y} must stand once"),
         ("https://{x}.host/{z}/{x}/{y}", "us", "no host"),

@@ -88,7 +88,11 @@
           Math.max(0, Math.floor(down(y.range[1]))), Math.min(n - 1, Math.floor(down(y.range[0])))];
         if ((span[1] - span[0] + 1) * (span[3] - span[2] + 1) <= MOST_TILES) { break; }
       }
-      if (zoom < 0) { return; }
+      if (zoom < 0) { // where the earth is a point
+        for (const image of known.values()) { image.remove(); }
+        known.clear();
+        return;
+      }
       const n = 2 ** zoom, wanted = new Set();
       for (let column = span[0]; column <= span[1]; column += 1) {
         for (let row = span[2]; row <= span[3]; row += 1) {
