@@ -27,7 +27,7 @@ from cwcli.pipeline.run_record import run_record
 from cwcli.signals.clocks import NO_STAMP
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.camera import CameraSource, camera_frames, camera_source, mounting_source
+from cwcli.stages.inputs.camera import CameraSource, camera_frames, camera_source, mounting_source, usual_span
 from cwcli.stages.inputs.frame_motion import Motion, read_motion
 from cwcli.stages.summaries.lanes import lanes_section, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
@@ -146,15 +146,16 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else Motion()
     is_rectified = method.is_rectified and source.needs_rectifying()
     run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
+    usual = usual_span(log, topic, config)
     images = decode_frames(
-        camera_frames(log, topic, config, run.reject),
+        camera_frames(log, topic, config, usual, run.reject),
         size_of=method.search_size,
         prepare=prepare_with(method, Rectifier(source.camera) if is_rectified else None),
         colour_every_ns=COLOUR_EVERY_NS if method.uses_colour else None,
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
-        if config.holds(decoded.log_time_ns):
+        if usual.holds(decoded.log_time_ns):
             run.take(decoded)
     if not run.n_used:
         raise _nothing_usable(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
@@ -164,7 +165,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
-            frames_of_topic = camera_frames(log, topic, config)
+            frames_of_topic = camera_frames(log, topic, config, usual)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
         channels.append(write_lane_frames(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))

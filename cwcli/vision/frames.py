@@ -217,11 +217,11 @@ def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame)
     if decoded.image is None:
         return None
     height_px, width_px = decoded.image.shape
-    if header is None:
-        return None if frame.encoding.lower() in GREY else _scaled(raw_colour(frame), (width_px, height_px))
-    if header.is_grey:
+    if frame.encoding.lower() in GREY if header is None else header.is_grey:
         return None
     try:
+        if header is None:
+            return _scaled(raw_colour(frame), (width_px, height_px))
         return _scaled(_decoded(frame.data, header, (width_px, height_px), in_colour=True), (width_px, height_px))
     except RawImageError:
         return None

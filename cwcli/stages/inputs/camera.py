@@ -263,21 +263,33 @@ def _is_left_out(topic: str) -> bool:
     return topic.startswith(OWN_PREFIX) or is_truth_topic(topic)
 
 
+def usual_span(log: Log, topic: str, span: Selection) -> Selection:
+    """The span without the times at which nothing but frames far from all others was logged."""
+    logged = log.log_times(topic).view(np.int64)
+    first_ns, last_ns = usual_log_times([logged[[span.holds(each) for each in logged.tolist()]]])
+    return Selection(start_ns=first_ns, end_ns=last_ns + 1)
+
+
 def camera_frames(
-    log: Log, topic: str, span: Selection, reject: Callable[[str], None] = lambda reason: None
+    log: Log, topic: str, span: Selection, usual: Selection, reject: Callable[[str], None] = lambda reason: None
 ) -> Iterator[Frame]:
     """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
 
-    One whose log time is far from all others' came at no time that is known, and is rejected, with a reason.
+    One whose log time is far from all others' came at no time that is known, and is rejected, with a reason. In video
+    it comes nevertheless: its picture is not to be used, but those after it are made from it.
+
+    Args:
+        log, topic, span: Where the frames are, and which are wanted.
+        usual: `usual_span` of the same.
+        reject: Called with the reason of each that is rejected.
     """
-    logged = log.log_times(topic).view(np.int64)
-    first_ns, last_ns = usual_log_times([logged[[span.holds(each) for each in logged.tolist()]]])
     for frame in log.frames(topic):
-        if span.holds(frame.log_time_ns) and not first_ns <= frame.log_time_ns <= last_ns:
-            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
-        elif span.holds(frame.log_time_ns):
-            yield frame
-        elif span.end_ns is not None and frame.log_time_ns >= span.end_ns:
+        is_video = frame.format.lower() in VIDEO_FORMATS
+        is_wanted = span.holds(frame.log_time_ns)
+        if not is_wanted and span.end_ns is not None and frame.log_time_ns >= span.end_ns:
             return
-        elif frame.format.lower() in VIDEO_FORMATS:
+        is_stray = is_wanted and not usual.holds(frame.log_time_ns)
+        if is_stray:
+            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
+        if is_video or (is_wanted and not is_stray):
             yield frame

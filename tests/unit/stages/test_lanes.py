@@ -18,12 +18,14 @@ from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.result import StageResult
+from cwcli.signals.clocks import LOG_TIME_APART
 from cwcli.signals.columns import Ragged, StreamedChannel
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.camera import Mounting
 from tests.unit.vision.fake_frames import encoded, png_header
 from tests.unit.vision.lane_logs import START_NS, STEP_NS, calibration, road_frames, write_log
 from tests.unit.vision.scenes import LEFT, RIGHT
+from tests.unit.vision.test_video import drive
 
 RENDERED = "/camera/lanes"
 
@@ -261,6 +263,24 @@ def test_video_without_a_decoder_is_an_input_error(tmp_path: Path) -> None:
         writer.write_message("/camera/video", message, START_NS, START_NS)
     with pytest.raises(InputError, match=r"/camera/video.*AV1.*can't decode"):
         run(path)
+
+
+def test_a_video_frame_of_no_log_time_is_left_out_but_those_after_it_are_made_from_it(tmp_path: Path) -> None:
+    """A key picture, logged at 1 ns: without it nothing comes out until the next one, ten frames later."""
+    from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+    from mcap_protobuf.writer import Writer
+
+    path = tmp_path / "video.mcap"
+    with path.open("wb") as file, Writer(file) as writer:
+        for k, picture in enumerate(drive(12)):
+            message = CompressedVideo(frame_id="camera", data=picture, format="h264")
+            time_ns = START_NS + k * STEP_NS
+            message.timestamp.FromNanoseconds(time_ns)
+            writer.write_message("/camera/video", message, 1 if k == 0 else time_ns, time_ns)
+    count = run(path, LanesConfig(render="/camera/drawn")).summary.inputs[0]
+    assert (count.read, count.used, count.rejected) == (12, 11, {LOG_TIME_APART: 1})
+    frames = written(path, LanesConfig(render="/camera/drawn"), tmp_path / "out.mcap")["/camera/drawn"]
+    assert [time_ns for time_ns, _ in frames] == [START_NS + k * STEP_NS for k in range(1, 12)]
 
 
 def test_video_of_an_unknown_format_is_told_as_such(tmp_path: Path) -> None:

@@ -72,6 +72,17 @@ def test_raw_images_and_grey_ones_in_colour() -> None:
         assert decode_frame(0, frame, same_size, in_colour=True).colour is None
 
 
+@pytest.mark.parametrize("encoding", ["nv12", "NV21"])
+@pytest.mark.parametrize(
+    ("width_px", "height_px", "n_bytes"), [(65, 48, 65 * 72), (64, 49, 64 * 74), (64, 48, 64 * 60)]
+)
+def test_a_raw_image_without_usable_colours_is_grey(encoding: str, width_px: int, height_px: int, n_bytes: int) -> None:
+    frame = FakeFrame(bytes([90]) * n_bytes, width=width_px, height=height_px, encoding=encoding)
+    decoded = decode_frame(0, frame, same_size, in_colour=True)
+    np.testing.assert_array_equal(decoded.image, np.full((height_px, width_px), 90))
+    assert decoded.colour is None
+
+
 @pytest.mark.parametrize("data", [b"", b"\xff\xd8\xff", b"\xff\xd8\xff\xe0\x00\x01", b"hello", b"\x89PNG\r\n\x1a\n"])
 def test_header_of_rubbish_is_none(data: bytes) -> None:
     assert read_image_header(data) is None
