@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import shlex
+from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from cwcli.cli.app import COMMANDS, load_command
+from tests.cli.browser import browser
 from tools import gallery
 from tools.gallery import PICTURES, Picture
 
@@ -29,6 +31,20 @@ def test_a_picture_has_the_size_of_its_window_and_something_in_it(picture: Pictu
         colours = image.convert("RGB").getcolors(1 << 24)
         assert len(colours) > 100
         assert max(count for count, _ in colours) < 0.98 * image.width * image.height  # not an empty page
+
+
+@pytest.mark.parametrize("width_px", [390, 700])
+def test_a_page_is_as_wide_as_its_picture(width_px: int, tmp_path: Path) -> None:
+    """The red bar stands at the right edge of the window that the page's script finds, as its figures do."""
+    browser()
+    style = "position: absolute; left: ${innerWidth - 10}px; top: 0; width: 10px; height: 9em; background: #f00"
+    script = f"bar.style = `{style}`"
+    (tmp_path / "page.html").write_text(f'<body><div id="bar"></div><script>{script}</script></body>', encoding="utf-8")
+    with Image.open(gallery.photograph(tmp_path / "page.html", "", (width_px, 200), tmp_path)) as image:
+        assert image.size == (width_px, 200)
+        pixels = image.convert("RGB")
+    row = [pixels.getpixel((x, 50)) for x in range(width_px)]
+    assert row == [(255, 255, 255)] * (width_px - 10) + [(255, 0, 0)] * 10
 
 
 @pytest.mark.parametrize("command", sorted({each for picture in PICTURES for each in picture.commands}))

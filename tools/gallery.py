@@ -29,6 +29,8 @@ QUALITY = 82
 TIMEOUT_S = 600
 DRAWING_MS = 60_000
 """Of a page's own time, which runs as fast as its figures are drawn."""
+LEAST_WINDOW_PX = 500
+"""Chromium's windows are not narrower, whatever is asked for."""
 TERMINAL_COLUMNS, CELL_PX, LINE_PX, MARGIN_PX = 88, 8.43, 19, 16
 SIMULATE = tuple(f"cwcli simulate {name} -o drives/{name}.mcap" for name in ("city", "cut-in", "intersection", "phone"))
 RUN = ("cwcli simulate intersection -o drive.mcap", "cwcli run drive.mcap -o annotated.mcap")
@@ -200,10 +202,24 @@ def beginning_at(page: Path, anchor: str) -> Path:
     return copy
 
 
+def framed(page: Path, size: tuple[int, int]) -> Path:
+    """A page with another one in a frame of the given size."""
+    frame = page.with_name("frame.html")
+    style = f"width: {size[0]}px; height: {size[1]}px; border: 0; display: block"
+    frame.write_text(
+        f'<!doctype html><body style="margin: 0"><iframe src="{page.name}" style="{style}"></iframe>', encoding="utf-8"
+    )
+    return frame
+
+
 def photograph(page: Path, anchor: str, size: tuple[int, int], folder: Path) -> Path:
     """A picture of a page in Chromium, as PNG."""
+    from PIL import Image
+
     if anchor:
         page = beginning_at(page, anchor)
+    if size[0] < LEAST_WINDOW_PX:
+        page = framed(page, size)
     target = folder / "picture.png"
     command = [
         find_browser(),
@@ -214,12 +230,15 @@ def photograph(page: Path, anchor: str, size: tuple[int, int], folder: Path) -> 
         "--no-first-run",
         "--disable-background-networking",
         f"--user-data-dir={folder / 'browser'}",
-        f"--window-size={size[0]},{size[1]}",
+        f"--window-size={max(size[0], LEAST_WINDOW_PX)},{size[1]}",
         f"--virtual-time-budget={DRAWING_MS}",
         f"--screenshot={target}",
         page.as_uri(),
     ]
     subprocess.run(command, check=True, capture_output=True, timeout=TIMEOUT_S)
+    if size[0] < LEAST_WINDOW_PX:
+        with Image.open(target) as image:
+            image.crop((0, 0, *size)).save(target)
     return target
 
 
