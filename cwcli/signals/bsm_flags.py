@@ -1,7 +1,7 @@
 """The event flags of BSMs (part II, VehicleSafetyExtensions.events), whatever form the message has.
 
 - `{"eventHardBraking": true, ...}`: JSON of the USDOT Operational Data Environment;
-- `"0000000100000"` or `"0080"`: bits or octets as text, the first flag first, bare or as `value` of an object (JER);
+- `"0000000100000"` or `"0100"`: bits or octets as text, the first flag first, bare or as `value` of an object (JER);
 - a number of 13 bits, the first flag the highest: what `signals.radio.bsm` decodes;
 - `j2735_v2x_msgs/VehicleEventFlags`: a sum of the message's own constants, which begin at the second flag: hazard
   lights are 0 there, and can't be told.
@@ -12,6 +12,7 @@ Part II is a list of extensions, of which one at most has flags.
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +52,7 @@ ROS_PRESENCE = _EXTENSIONS + "presence_vector"
 HAS_EVENTS = 1
 ROS_BITS = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAGS) if k}
 """Constant of the ROS message -> flag: EVENT_STOP_LINE_VIOLATION is 1, EVENT_HARD_BRAKING 64."""
+UNREAD = -1
 _BITS, _OCTETS = re.compile(r"[01]{13,}"), re.compile(r"[0-9A-Fa-f]{4}")
 
 
@@ -59,17 +61,18 @@ def json_fields(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     return (*_coded_paths(prefixes), *(f"{place}.{flag}" for place in NAMED for flag in EVENT_FLAGS))
 
 
-def json_flags(columns: Columns, prefixes: tuple[str, ...]) -> Int64Array:
-    """The 13 flags of each message (n,) as bits, the first one the highest; 0 where it has none."""
+def json_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
+    """The 13 flags of each message (n,) as bits, the first one the highest, 0 of none; and which can't be read."""
     n = len(columns)
-    found = np.zeros(n, np.int64)
+    found, is_unread = np.zeros(n, np.int64), np.zeros(n, np.bool_)
     for path in _coded_paths(prefixes):
-        found |= _coded(columns.fields.get(path), n)
+        flags, is_odd = _coded(columns.fields.get(path), n)
+        found, is_unread = found | flags, is_unread | is_odd
     for place in NAMED:
         for k, flag in enumerate(EVENT_FLAGS):
-            is_set = _is_set(columns.fields.get(f"{place}.{flag}"), n)
-            found |= is_set.astype(np.int64) << (N_FLAGS - 1 - k)
-    return found
+            is_set, is_odd = _is_set(columns.fields.get(f"{place}.{flag}"), n)
+            found, is_unread = found | is_set.astype(np.int64) << (N_FLAGS - 1 - k), is_unread | is_odd
+    return found, is_unread
 
 
 def ros_fields() -> tuple[str, ...]:
@@ -77,17 +80,23 @@ def ros_fields() -> tuple[str, ...]:
     return (ROS, ROS_PRESENCE)
 
 
-def ros_flags(columns: Columns) -> Int64Array:
-    """The same of a ROS channel, of the extensions that say that they have flags."""
+def ros_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:
+    """The same of a ROS channel, of the extensions that say that they have flags.
+
+    A message is unread that has flags, and does not tell of each of its extensions whether it has some.
+    """
     n = len(columns)
     found = np.zeros(n, np.int64)
     rows, values = _elements(columns.fields.get(ROS), n)
     has_rows, has = _elements(columns.fields.get(ROS_PRESENCE), n)
-    if np.array_equal(rows, has_rows):
-        told = np.where(bits_of(has) & HAS_EVENTS, bits_of(values), 0)
-        for bit, flag in ROS_BITS.items():
-            np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(flag)))
-    return found
+    is_told = np.bincount(rows, minlength=n) == np.bincount(has_rows, minlength=n)
+    is_unread = np.zeros(n, np.bool_)
+    is_unread[rows[(values != 0.0) & ~is_told[rows]]] = True
+    rows, values, has = rows[is_told[rows]], values[is_told[rows]], has[is_told[has_rows]]
+    told = np.where(bits_of(has) & HAS_EVENTS, bits_of(values), 0)
+    for bit, flag in ROS_BITS.items():
+        np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(flag)))
+    return found, is_unread
 
 
 def flag_events(
@@ -111,27 +120,44 @@ def flag_events(
     return joined_events(of_flags)
 
 
-def hard_braking_note(codes: Int64Array, station: Strings) -> str:
-    """How many messages of how many stations flag hard braking; "" where none does."""
-    rows = np.flatnonzero(codes & HARD_BRAKING_FLAG)
-    if not len(rows):
-        return ""
-    return f"{len(rows)} messages of {len(np.unique(station.codes[rows]))} stations flag hard braking (over 0.4 g)"
+def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
+    """How many messages of how many stations flag hard braking, and how many have flags that are left out.
+
+    Args:
+        events: Flags of BSMs, and what DENMs notify, which is told elsewhere.
+        is_unread: Which messages have flags that can't be read.
+    """
+    names = np.array([*(name == HARD_BRAKING for name in events.kind.values), False])
+    rows = np.flatnonzero(names[events.kind.codes] & np.isnan(events.cause))
+    notes = []
+    if len(rows):
+        n_stations = len(np.unique(events.station.codes[rows]))
+        notes.append(f"{len(rows)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
+    if is_unread.any():
+        n_unread = np.count_nonzero(is_unread)
+        notes.append(f"the event flags of {n_unread} messages are null or none that can be read: left out")
+    return tuple(notes)
 
 
 def _coded_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(prefix + place + end for prefix in prefixes for place in CODED for end in ("", ".value"))
 
 
-def _coded(field: Field | None, n: int) -> Int64Array:
-    """Numbers of 13 bits, or texts."""
+def _coded(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
+    """Numbers of 13 bits, or texts; and what is neither."""
     if isinstance(field, Strings):
-        return np.array([*(_from_text(text) for text in field.values), 0], np.int64)[field.codes]
-    found = np.zeros(n, np.int64)
+        flags = np.array([*(_from_text(text) for text in field.values), 0], np.int64)[field.codes]
+        return np.maximum(flags, 0), flags == UNREAD
+    found, is_unread = np.zeros(n, np.int64), _no_numbers(field, n)
     rows, values = _elements(field, n)
     is_code = (values >= 0) & (values < 1 << N_FLAGS) & (values == np.floor(values))
+    if _dtype(field) == np.bool_:
+        is_code[:] = False
+    elif _dtype(field) != np.int64:
+        is_code &= values != 1.0  # a truth value beside what is absent is the same
     np.bitwise_or.at(found, rows[is_code], values[is_code].astype(np.int64))
-    return found
+    is_unread[rows[~is_code]] = True
+    return found, is_unread
 
 
 def _from_text(text: str) -> int:
@@ -139,16 +165,35 @@ def _from_text(text: str) -> int:
         return int(text[:N_FLAGS], 2)
     if _OCTETS.fullmatch(text):
         return int(text, 16) >> (16 - N_FLAGS)
-    return 0
+    return UNREAD
 
 
-def _is_set(field: Field | None, n: int) -> BoolArray:
-    found = np.zeros(n, np.bool_)
+def _is_set(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
     if isinstance(field, Strings):
-        found[np.array([*(text.lower() == "true" for text in field.values), False])[field.codes]] = True
-        return found
+        words = [text.lower() for text in field.values]
+        is_true = np.array([*(word == "true" for word in words), False])
+        is_odd = np.array([*(word not in ("true", "false") for word in words), False])
+        return is_true[field.codes], is_odd[field.codes]
+    found = np.zeros(n, np.bool_)
     rows, values = _elements(field, n)
     found[rows[values != 0.0]] = True
+    return found, _no_numbers(field, n)
+
+
+def _dtype(field: Field | None) -> np.dtype[Any] | None:
+    """Of its numbers."""
+    if isinstance(field, Ragged):
+        return field.values.dtype
+    return field.dtype if isinstance(field, np.ndarray) else None
+
+
+def _no_numbers(field: Field | None, n: int) -> BoolArray:
+    """Which messages have a value that is null, or a text among numbers; outside lists the absent look the same."""
+    found = np.zeros(n, np.bool_)
+    if isinstance(field, Ragged):
+        found[np.repeat(np.arange(n), np.diff(field.offsets))[~np.isfinite(field.values)]] = True
+    elif isinstance(field, np.ndarray) and field.ndim > 1 and len(field) == n:
+        found[:] = ~np.isfinite(field).all(axis=tuple(range(1, field.ndim)))
     return found
 
 

@@ -11,7 +11,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, strings_from
 from cwcli.signals.etsi import ELEMENTS
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.perceived import nobody
-from cwcli.signals.quality import RowLedger
+from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import HARD_BRAKING, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, nothing_told
@@ -92,9 +92,9 @@ def ros_fields() -> tuple[str, ...]:
     return tuple(PATHS.values())
 
 
-def ros_events(columns: Columns) -> RoadEvents:
-    """The events of a ROS channel."""
-    return events_of(_codes(columns), columns.log_time_ns)
+def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+    """The events of a ROS channel; faulty codes are counted where they are decoded."""
+    return events_of(_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
 
 
 def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:

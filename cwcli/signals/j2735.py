@@ -146,7 +146,6 @@ def identify_ros(columns: Columns) -> Senders:
 
 def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a JSON channel: raw units or decoded ones, by the names that it has (`lat`, or `position.latitude`)."""
-    _note_braking(ledger, bsm_flags.json_flags(columns, JSON_PREFIXES), identify_json(columns).station)
     for prefix in JSON_PREFIXES:
         if prefix + JSON_ODE["latitude_deg"] in columns.fields:
             return _from_ode(columns, ledger, prefix)
@@ -157,13 +156,11 @@ def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 def decode_ros(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `j2735_v2x_msgs/BSM` channel (raw integers)."""
-    _note_braking(ledger, bsm_flags.ros_flags(columns), identify_ros(columns).station)
     return _from_raw(columns, ledger, ROS, "")
 
 
 def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
-    _note_braking(ledger, bsm_flags.ros_flags(columns), identify_ros(columns).station)
     return _rows(columns, ledger, _held(_carma_values(columns), ledger), ROS, "")
 
 
@@ -177,8 +174,8 @@ def _carma_values(columns: Columns) -> dict[str, FloatArray]:
     return value
 
 
-def json_events(columns: Columns) -> RoadEvents:
-    """The flags of a JSON channel, where and when its messages say."""
+def json_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+    """The flags of a JSON channel, where and when its messages say, and which messages have some that can't be read."""
     paths = JSON_RAW
     for prefix in JSON_PREFIXES:
         for each in (JSON_RAW, JSON_ODE):
@@ -190,13 +187,13 @@ def json_events(columns: Columns) -> RoadEvents:
     return _flag_events(columns, bsm_flags.json_flags(columns, JSON_PREFIXES), identify_json(columns).station, value)
 
 
-def ros_events(columns: Columns) -> RoadEvents:
+def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """The flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decoded_place({name: numbers(columns, ROS[name]) for name in PLACE_AND_TIME})
     return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, value)
 
 
-def carma_events(columns: Columns) -> RoadEvents:
+def carma_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """The flags of a `carma_v2x_msgs/BSM` channel."""
     return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, _carma_values(columns))
 
@@ -205,18 +202,15 @@ def _decoded_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
     return {name: decode(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
 
 
-def _flag_events(columns: Columns, codes: Int64Array, station: Strings, value: dict[str, FloatArray]) -> RoadEvents:
+def _flag_events(
+    columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
+) -> tuple[RoadEvents, BoolArray]:
     """One event a flag, at its message's own time (log time where it has none) and place (degrees)."""
     stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = value["latitude_deg"], value["longitude_deg"]
-    return bsm_flags.flag_events(codes, station, stamp_ns, columns.log_time_ns, *place)
-
-
-def _note_braking(ledger: RowLedger, codes: Int64Array, station: Strings) -> None:
-    note = bsm_flags.hard_braking_note(codes, station)
-    if note:
-        ledger.note(note)
+    codes, is_unread = flags
+    return bsm_flags.flag_events(codes, station, stamp_ns, columns.log_time_ns, *place), is_unread
 
 
 def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:

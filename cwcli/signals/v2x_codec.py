@@ -57,13 +57,16 @@ class V2xCodec:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
         decode: The quantities.
         objects: What the senders tell of others: columns with one row an object, and how to read them.
-        events: What they notify beside their motion.
+        events: What they notify beside their motion, and which messages (n,) have something of it that can't be read.
     """
 
     identify: Callable[[Columns], Senders]
     decode: Callable[[Columns, RowLedger], RemoteRows]
     objects: Callable[[Columns], Objects] = lambda columns: ()
-    events: Callable[[Columns], RoadEvents] = lambda columns: no_events()
+    events: Callable[[Columns], tuple[RoadEvents, BoolArray]] = lambda columns: (
+        no_events(),
+        np.zeros(len(columns), np.bool_),
+    )
 
 
 Objects = tuple[tuple[Columns, V2xCodec], ...]

@@ -6,8 +6,8 @@
 - arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of
   objects in arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
 
-An array that holds one string at most in every message is that string. Other arrays of nothing but strings, and arrays
-that are always empty, are left out.
+Arrays of which most hold one string are that string: a number in one of the others is spelled with its point, several
+values are `[...]`. Other arrays of nothing but strings, and arrays that are always empty, are left out.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, R
 ABSENT, NULL, BOOL, INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
 FLOAT, STRING, ARRAY, ESCAPED = json_walk.T_FLOAT, json_walk.T_STRING, json_walk.T_ARRAY, json_walk.T_ESCAPED
 CODED = 8
+SEVERAL = "[...]"
+"""An array of several values in a column of texts."""
 MAX_INT = (1 << 63) - 1
 TagArray = npt.NDArray[np.uint8]
 MAX_PIECE_BYTES = 64 << 20
@@ -168,8 +170,7 @@ class JsonSlot:
         counts = np.diff(self._room.cursors[self._leaf], prepend=0)
         tags = self._room.element_tags[self._leaf][:used].copy()
         values = self._room.element_values[self._leaf][:used].copy()
-        if counts.max(initial=0) <= 1:
-            self._code_elements(payloads, np.flatnonzero(counts), tags, values)
+        self._code_elements(payloads, np.flatnonzero(counts == 1), np.cumsum(counts) - 1, tags, values)
         rows = sorted(row for row, (inner, _) in instead.items() if inner)
         if rows:
             sizes = [len(instead[row][0]) for row in rows]
@@ -227,15 +228,28 @@ class JsonSlot:
             all_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
             element_tags = take_ragged(Ragged(all_tags, offsets), rows)
             element_values = take_ragged(Ragged(all_values, offsets), rows).values.view(np.int64)
-            no_numbers = np.isin(tags, (ABSENT, NULL, ARRAY, STRING)).all()
-            if no_numbers and (counts[rows] <= 1).all() and (element_tags.values == CODED).all():
-                codes = np.where(tags == STRING, values, -1)
-                codes[counts[rows] == 1] = element_values
-                return self._strings_column(np.where(codes < 0, ABSENT, STRING).astype(np.uint8), codes)
-            return _sequence(tags, values, element_tags, element_values)
+            texts = self._texts(tags, values, element_tags, element_values)
+            return _sequence(tags, values, element_tags, element_values) if texts is None else texts
         if not tags.any():
             return None
         return self._strings_column(tags, values) if STRING in tags else _numbers(tags, values)
+
+    def _texts(
+        self, tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array
+    ) -> Strings | None:
+        """The column of arrays of which most hold one string, None of others."""
+        sizes, first = np.diff(element_tags.offsets), element_tags.offsets[:-1]
+        alone, tags, values = np.flatnonzero(sizes == 1), tags.copy(), values.copy()
+        tags[sizes > 1] = ARRAY
+        tags[alone], values[alone] = element_tags.values[first[alone]], element_values[first[alone]]
+        tags[tags == CODED] = STRING
+        if 2 * np.count_nonzero(tags == STRING) <= np.count_nonzero((tags != ABSENT) & (tags != NULL)):
+            return None
+        whole = np.flatnonzero(tags == INT)
+        tags[whole], values[whole] = FLOAT, values[whole].astype(np.float64).view(np.int64)
+        several = sizes > 1
+        tags[several], values[several] = STRING, self.code(SEVERAL) if several.any() else 0
+        return self._strings_column(tags, values)
 
     def _strings_column(self, tags: TagArray, values: Int64Array) -> Strings:
         texts = [value.decode(errors="backslashreplace") for value in self._strings]
@@ -246,11 +260,12 @@ class JsonSlot:
         return first_seen(merge_equal(Strings(codes, tuple(texts))))
 
     def _code_elements(
-        self, payloads: Payloads, rows: npt.NDArray[np.intp], tags: TagArray, values: Int64Array
+        self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array
     ) -> None:
-        """Turn places of strings into codes; one element a row."""
-        for k in np.flatnonzero(np.isin(tags, (STRING, ESCAPED))).tolist():
-            begin = int(payloads.starts[rows[k]]) + (int(values[k]) >> 32)
+        """Turn places of strings into codes, in rows of one element; of each row of the batch the place of its last."""
+        for row in rows[np.isin(tags[at[rows]], (STRING, ESCAPED))].tolist():
+            k = int(at[row])
+            begin = int(payloads.starts[row]) + (int(values[k]) >> 32)
             text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
             values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
             tags[k] = CODED

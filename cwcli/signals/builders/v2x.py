@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from cwcli.signals.bsm_flags import flag_notes
 from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.builders.position import reject_bad_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
@@ -38,8 +39,10 @@ def remote_builder(codec: V2xCodec) -> Build:
             quality.objects = its if quality.objects is None else quality.objects.and_of(its)
             quality.notes += its.notes
             signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
-        events = codec.events(columns)
-        events = _of_others(events, codec.identify(columns), reading) if len(events) else events
+        senders = codec.identify(columns)
+        events, is_unread = codec.events(columns)
+        events = _of_others(events, senders, reading) if len(events) else events
+        quality.notes += flag_notes(events, is_unread & ~_is_own(senders, reading))
         return replace(signal, events=_at_their_states(events, signal)) if len(events) else signal, quality
 
     def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:

@@ -153,5 +153,5 @@ def fields(decoded: Decoded) -> dict[str, Field]:
     distinct, codes = np.unique(decoded.codes(STATION), return_inverse=True)
     names = tuple("" if code == MISSING else f"{code:08x}" for code in distinct)
     made[STATION] = Strings(codes.astype(np.int32), names)
-    made[EVENTS] = decoded.numbers(EVENTS)
+    made[EVENTS] = np.nan_to_num(decoded.numbers(EVENTS)).astype(np.int64)
     return made

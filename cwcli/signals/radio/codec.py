@@ -141,10 +141,13 @@ def radio_codec(form: str) -> V2xCodec:
                 made.append((perceived.object_columns(columns, rows[of_row], kind.fields(decoded)), kind.codec))
         return tuple(made)
 
-    def events(columns: Columns) -> RoadEvents:
+    def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
         found = frames.unwrap(columns, form)
-        flags = [kind.codec.events(part) for kind, part, _, _ in _parts(columns, found, form)]
-        return joined_events([*flags, _denms(columns, found, form)[2]])
+        notified, is_unread = [_denms(columns, found, form)[2]], np.zeros(len(columns), np.bool_)
+        for kind, part, rows, _ in _parts(columns, found, form):
+            flags, is_unread[rows] = kind.codec.events(part)
+            notified.append(flags)
+        return joined_events(notified), is_unread
 
     return V2xCodec(identify, decode_all, objects, events)
 

@@ -181,9 +181,35 @@ def test_one_string_in_arrays_is_that_string() -> None:
         {"r": {"s": "c", "t": "a"}, "w": []},
         {"r": [{"t": "a"}, {"t": "b"}]},
     )
-    for path, expected in (("r.s", ["a", "b", "c", None]), ("w", ["\u00e9", None, None, None])):
+    several = ["a", None, "a", "[...]"]
+    for path, expected in (("r.s", ["a", "b", "c", None]), ("w", ["\u00e9", None, None, None]), ("r.t", several)):
         assert _comparable(columns[path]) == expected
-    assert "r.t" not in columns
+
+
+@pytest.mark.parametrize(
+    ("odd", "expected"),
+    [
+        ('{"r": [{"s": null}]}', None),
+        ('{"r": [{"s": 32}]}', "32.0"),
+        ('{"r": [{"s": true}]}', "true"),
+        ('{"r": [{"s": "a"}, {"s": "b"}]}', "[...]"),
+        ('{"r": {"s": 32}}', "32.0"),
+        ('{"r": []}', None),
+    ],
+)
+def test_one_odd_message_leaves_the_texts_of_the_others(odd: str, expected: str | None) -> None:
+    usual = ['{"r": [{"s": "a"}]}', '{"r": [{}, {"s": "\\u00e9"}]}']
+    for messages in ([odd, *usual], [*usual, odd], [*usual, odd.replace("s", "\\u0073")]):
+        found = _comparable(columns_of(*messages)["r.s"])
+        assert sorted(found, key=str) == sorted(["a", "é", expected], key=str)
+
+
+def test_one_text_leaves_the_numbers_of_the_others() -> None:
+    found = columns_of('{"r": [{"s": 1}]}', '{"r": [{"s": "a"}]}', '{"r": [{"s": 2}, {"s": 3}]}')["r.s"]
+    assert np.array_equal(found.values, [1.0, np.nan, 2.0, 3.0], equal_nan=True)
+    assert found.offsets.tolist() == [0, 1, 2, 4]
+    nothing_alone = columns_of('{"r": ["a", "b"]}', '{"r": ["a"]}')
+    assert not nothing_alone
 
 
 @pytest.mark.parametrize(

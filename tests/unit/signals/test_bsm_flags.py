@@ -107,11 +107,79 @@ def test_flags_of_ros_messages_are_events(schema: str, tmp_path: Path) -> None:
     assert "2 messages of 1 stations flag hard braking (over 0.4 g)" in quality.notes
 
 
-def test_what_is_no_flag_tells_nothing() -> None:
-    """A number of more than 13 bits, half a flag, another text."""
-    for values in ([8192.0, -1.0, 0.5, np.nan], ["01", "hard", "00800", "eventHardBraking"]):
+def test_what_is_no_flag_tells_nothing_and_is_counted() -> None:
+    """A number of more than 13 bits, half a flag, another text, truth values; 1.0 may have been one."""
+    for values, n_unread in (
+        ([8192.0, -1.0, 0.5, np.nan], 3),
+        (["01", "hard", "00800", "eventHardBraking"], 4),
+        ([True, False, True, True], 4),
+        ([1.0, np.nan, 0.0, 0.0], 1),
+    ):
         columns = columns_of("BasicSafetyMessage", {"partII.partII-Value.events": values}, message_encoding="json")
-        assert json_flags(columns, ("",)).tolist() == [0, 0, 0, 0]
+        flags, is_unread = json_flags(columns, ("",))
+        assert flags.tolist() == [0, 0, 0, 0]
+        assert np.count_nonzero(is_unread) == n_unread
+
+
+BITS = [{"partII-Id": 0, "partII-Value": {"events": "0000000100000"}}]
+OCTETS = [{"partII-Id": 0, "partII-Value": {"events": "0100"}}]
+NUMBER = [{"partII-Id": 0, "partII-Value": {"events": 32}}]
+BY_NAME = [{"partII-Id": 0, "partII-Value": {"events": {BRAKING: True, WIPERS: False}}}]
+
+
+@pytest.mark.parametrize("usual", [BITS, OCTETS, NUMBER, BY_NAME], ids=["bits", "octets", "number", "by name"])
+@pytest.mark.parametrize(
+    ("odd", "n_unread"),
+    [
+        ([{"partII-Id": 0, "partII-Value": {}}], 0),
+        ([*BITS, OTHER], None),
+        ([*BITS, {"partII-Id": 1, "partII-Value": {"events": "x"}}], 1),
+        ([{"partII-Id": 0, "partII-Value": {"events": "hard"}}], 1),
+        ([{"partII-Id": 0, "partII-Value": {"events": 1e300}}], 1),
+        ([{"partII-Id": 0, "partII-Value": {"events": True}}], 1),
+        ([{"partII-Id": 0, "partII-Value": {"events": None}}], None),
+    ],
+)
+def test_one_odd_message_leaves_the_flags_of_the_others(
+    usual: list[Any], odd: list[Any], n_unread: int | None, tmp_path: Path
+) -> None:
+    """Three messages brake hard, the second of four is odd; null is counted where numbers are usual, as an odd text."""
+    schema = "BasicSafetyMessage"
+    messages = [SAMPLES[schema](k)[0] for k in range(4)]
+    for k, message in enumerate(messages):
+        core(schema, message)["partII"] = odd if k == 1 else usual
+    signal, quality = read(tmp_path, schema, "json", messages)
+    braking = {stamp for _, kind, stamp in told(signal.events) if kind == HARD_BRAKING}
+    assert braking >= {stamp_of(0), stamp_of(2), stamp_of(3)}
+    assert len(told(signal.events)) == len(braking)  # no other flag
+    said = [note for note in quality.notes if note.endswith("none that can be read: left out")]
+    if n_unread is not None and not (usual is BY_NAME and len(odd) == 2):  # lists of texts alone are no column
+        assert said == ["the event flags of 1 messages are null or none that can be read: left out"] * n_unread
+
+
+def test_ros_flags_whose_extensions_do_not_say_that_they_have_some_are_counted(tmp_path: Path) -> None:
+    schema = "j2735_v2x_msgs/BSM"
+    messages = [SAMPLES[schema](k)[0] for k in range(3)]
+    flags = {"events": {"vehicle_event_flag": 64}}
+    for k, said in enumerate(({"presence_vector": 1}, {}, {"presence_vector": 1})):
+        messages[k]["part_ii"] = [{"part_ii_id": 0, "vehicle_safety_extensions": flags | said}]
+    signal, quality = read(tmp_path, schema, "json", messages)
+    assert [stamp for _, _, stamp in told(signal.events)] == [stamp_of(0), stamp_of(2)]
+    assert "the event flags of 1 messages are null or none that can be read: left out" in quality.notes
+
+
+@pytest.mark.parametrize("role", [Role.EGO_POSITION, Role.EGO_SPEED])
+def test_flags_are_noted_once(role: Role, tmp_path: Path) -> None:
+    """With the remote vehicles, and not with the ego's own signals."""
+    schema, extension = FORMS["bits"]
+    messages = [SAMPLES[schema](k)[0] for k in range(2)]
+    for message in messages:
+        core(schema, message)["partII"] = [extension]
+    with Log.open(write_log(tmp_path / "log.mcap", schema, "json", "/bsm", messages)) as log:
+        found = input_for(role, schema)
+        assert found is not None
+        _, quality = build(role, log.columns("/bsm", fields=found.fields["json"]), ego_station="2a3c603c")
+    assert not [note for note in quality.notes if "flag" in note]
 
 
 def test_what_the_ego_flags_is_no_news_to_it(tmp_path: Path) -> None:
@@ -120,5 +188,6 @@ def test_what_the_ego_flags_is_no_news_to_it(tmp_path: Path) -> None:
     for k, message in enumerate(messages):
         core(schema, message)["partII"] = [extension]
         core(schema, message)["coreData"]["id"] = f"0000000{k}"
-    signal, _ = read(tmp_path, schema, "json", messages, ego_station="00000000")
+    signal, quality = read(tmp_path, schema, "json", messages, ego_station="00000000")
     assert {who for who, _, _ in told(signal.events)} == {"00000001"}
+    assert "1 messages of 1 stations flag hard braking (over 0.4 g)" in quality.notes
