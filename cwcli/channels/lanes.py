@@ -219,7 +219,7 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
             columns, *(np.where(found[..., None], of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD))
         ),
         road=of_sides(ROAD_LINE),
-        curvature_change_1pm2=np.nan_to_num(numbers(columns, "curvature_change_1pm2")),
+        curvature_change_1pm2=_told(numbers(columns, "curvature_change_1pm2")),
         preview=side_by_side(*PREVIEW),
         preview_sigma=side_by_side(*PREVIEW_SIGMAS),
         preview_m=side_by_side("preview_distance_m")[:, 0],
@@ -236,6 +236,11 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
     )
 
 
+def _told(values: FloatArray) -> FloatArray:
+    """The values, 0 for what is no number."""
+    return np.where(np.isfinite(values), values, 0.0)
+
+
 def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
     """What is drawn; logs of older versions know no roads or no spirals, no tops and no circles."""
     horizon_px, height_px = numbers(columns, "horizon_px"), numbers(columns, "search_height_px")
@@ -243,7 +248,7 @@ def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> Bounda
     top_px = numbers(columns, "top_px")
     pinhole = np.stack([numbers(columns, name) for name in PINHOLE], axis=-1)
     pinhole = np.where(pinhole[:, 1:] > 0.0, pinhole, np.nan)
-    roads[..., 3] = np.where(np.isnan(roads[..., 2]), np.nan, np.nan_to_num(roads[..., 3]))
+    roads[..., 3] = np.where(np.isnan(roads[..., 2]), np.nan, _told(roads[..., 3]))
     return BoundaryLines(parabolas, roads, horizon_px, np.where(np.isnan(top_px), older_px, top_px), pinhole)
 
 

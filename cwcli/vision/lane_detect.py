@@ -330,8 +330,8 @@ def acquire(
         look: Makes the evidence.
 
     Returns:
-        Shape (k, 6) and (k,): lanes, best first by paint and joints, and their objective by paint alone; and the
-        evidence of paint at the best one's horizon. In its place is the mean of the lanes around it (`lane_mean`).
+        Shape (k, 6) and (k,): the mean of the lanes around the best one (`lane_mean`), the others, best first by paint
+        and joints, and the objective of each by paint alone; and the evidence of paint at the best one's horizon.
     """
     height, width = grey.shape
     row = prior.table[HORIZON]

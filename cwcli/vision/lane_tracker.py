@@ -169,12 +169,16 @@ class LaneTracker:
         return self._lines.named(fit, frame, self._evidence, lane)
 
     def _with_covariance(self, fit: LaneFit, frame: LaneFrame) -> LaneFit:
-        """The fit with its covariance, which is that of the last frame in which it was measured."""
+        """The fit with its covariance, which is that of the last frame in which it was measured.
+
+        Of another lane it is measured anew: what came into the next one, or took the published one's place.
+        """
         if self._prior is None or self._evidence is None or not (fit.left.found and fit.right.found):
             self._covariance = None
             return fit
         since_ns = frame.stamp_ns - self._measured_ns
-        if self._covariance is None or fit.steady_s == 0.0 or since_ns >= MEASURED_EVERY_NS:
+        is_another = fit.lane_change != 0 or fit.steady_s == 0.0
+        if self._covariance is None or is_another or since_ns >= MEASURED_EVERY_NS:
             lane, camera = self._hypotheses[0].lane, frame.camera
             is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
             table = opened(self._prior, camera, BENDS_MPS if is_bent else frame.speed_mps).table
@@ -268,7 +272,7 @@ class LaneTracker:
                 chances = boundary_probabilities(self._evidence, best.lane, best.last)
                 change = change or change_between(first.lane, best.lane)
                 other = beside(first.lane, change) if not first.change else first.lane
-                self._odds = None
+                self._odds = self._covariance = None
                 if shift_m(best.lane, other, self._prior) > SIDEWAYS_MPS * dt_s + MARGIN_M:
                     self._steady_s = 0.0
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)

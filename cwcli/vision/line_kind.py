@@ -44,9 +44,9 @@ SECOND_PLACES = np.concatenate([-SECOND[::-1], [0.0], SECOND])
 SECOND_DEPTH_PX, SECOND_ROWS = 12.0, 5
 """Rows nearer to the horizon can't show two stripes; and the least number of rows."""
 SECOND_SHARE, SECOND_LEAST = 0.15, 0.1
-"""Of the first stripe's mean evidence, and evidence: a dashed stripe beside a solid one has little more."""
+"""Of the other stripe's mean evidence, and evidence: each has more, a dashed one beside a solid one little more."""
 VALLEY_SHARE = 0.5
-"""Of the second stripe's evidence there is no more between both."""
+"""Of the lesser stripe's evidence there is no more between both."""
 
 
 @dataclass(frozen=True)
@@ -174,9 +174,10 @@ def _is_double(evidence: Evidence, lane: FloatArray, place: float) -> bool | Non
         return None
     mean: list[float] = (values @ is_seen / np.count_nonzero(is_seen)).tolist()
     middle = len(SECOND)
-    for side in (mean[middle::-1], mean[middle:]):
-        most = max(side[1:])
-        between = min(side[: side.index(most, 1)])
-        if most > max(SECOND_SHARE * side[0], SECOND_LEAST) and between < VALLEY_SHARE * most:
+    for own, *beside in (mean[middle::-1], mean[middle:]):
+        second = max(beside)
+        less, more = sorted((own, second))
+        valley = min(beside[: beside.index(second)], default=less)
+        if less > max(SECOND_SHARE * more, SECOND_LEAST) and valley < VALLEY_SHARE * less:
             return True
     return False

@@ -1,6 +1,6 @@
 """Lane boundaries from a user's own net: its map of lane markings takes the place of the default method's evidence.
 
-Everything else is the default method: one lane of five numbers, its prior, the tracking (`lane_tracker`). The
+Everything else is the default method: one lane of six numbers, its prior, the tracking (`lane_tracker`). The
 probabilities of that method were fitted to its own evidence, so none are published.
 """
 

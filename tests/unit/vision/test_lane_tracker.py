@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from cwcli.metrics.lane_scores import VISUAL_SHARE
 from cwcli.reproduction.zhang2011.rendered import told_camera
+from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera, wide_camera
 from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
 from cwcli.simulation.road.sets import frame
+from cwcli.vision import lane_tracker
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.ground import lane_geometry
+from cwcli.vision.lane_covariance import fit_covariance
 from cwcli.vision.lane_following import bent, beside, crossed, narrowed, opened, predicted, turned
 from cwcli.vision.lane_model import (
     BEND,
@@ -24,6 +28,7 @@ from cwcli.vision.lane_model import (
     MIDDLE,
     SIGMA,
     SPIRAL,
+    WIDTH,
     coincide,
     columns_of_lane,
     parabolas_of_lane,
@@ -296,11 +301,17 @@ def test_a_lane_that_comes_back_after_it_was_lost_is_found_anew() -> None:
     assert len(found) > 2
 
 
-def test_a_lane_change_is_told_once_and_its_lines_stay_in_place() -> None:
+def test_a_lane_change_is_told_once_and_its_lines_stay_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
     config = RoadDriveConfig(seed=3, duration_s=14.0, rate_hz=10.0, lane_changes_per_min=5.0)
     drive = plan_drive(config, wide_camera(320, 180))
     camera = told_camera(drive.camera)
-    search, changes = LaneTracker(), []
+    search, changes, measured = LaneTracker(), [], [False] * len(drive)
+
+    def measure(*arguments: Any) -> FloatArray:
+        measured[index] = True
+        return fit_covariance(*arguments)
+
+    monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
     for index in range(len(drive)):
         made = drive.frame(index)
         fit = search.step(LaneFrame(made.grey, camera, index * STEP_NS, index, 25.0))
@@ -311,4 +322,28 @@ def test_a_lane_change_is_told_once_and_its_lines_stay_in_place() -> None:
     assert len(crossings) == 1
     assert [changes[k] for k in told] == [1]
     assert abs(told[0] - crossings[0]) <= 10  # a second
+    assert measured[told[0]]  # the covariance of the lane that it came into
+    assert sum(measured) < 0.4 * len(drive)
     assert fit.steady_s > 5.0
+
+
+def test_a_lane_that_takes_anothers_place_has_its_own_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    search, made = LaneTracker(), frame("good", 2)
+    measured: list[FloatArray] = []
+
+    def measure(lane: FloatArray, *arguments: Any) -> FloatArray:
+        measured.append(lane)
+        return fit_covariance(lane, *arguments)
+
+    monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
+    for k in range(3):
+        fit = search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k))
+    assert len(measured) == 1
+    seen = search._hypotheses[0]
+    aside = seen.lane.copy()
+    aside[MIDDLE] += 0.5 * aside[WIDTH]
+    search._hypotheses = [replace(seen, lane=aside, value=-1.0), replace(seen, value=1.0, better_s=9.0)]
+    fit = search.step(LaneFrame(made.grey, mounted(), 3 * STEP_NS, 3))
+    assert score(fit, made.truth).is_correct
+    assert len(measured) == 2
+    assert abs(measured[1][MIDDLE] - measured[0][MIDDLE]) < 0.1

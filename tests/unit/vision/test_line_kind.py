@@ -82,6 +82,13 @@ def test_two_stripes_are_a_double_line() -> None:
     assert [each.is_double for each in inside] == [False, True]
 
 
+@pytest.mark.parametrize("off", [0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.45])
+def test_one_stripe_beside_its_boundary_is_not_double(off: float) -> None:
+    """The boundary is up to 0.45 camera heights, 58 cm, beside the only stripe."""
+    seen = seen_lines(evidence_with((-1.4 + off, 0.05), (1.4 + off, 0.05)), LANE)
+    assert [each.is_double for each in seen] == [False, False]
+
+
 def test_colours_of_a_picture_made_by_hand() -> None:
     evidence = evidence_with((-1.4, 0.05), (1.4, 0.05))
     picture = np.tile(np.array([90, 100, 104], np.uint8), (240, 320, 1))
