@@ -118,12 +118,64 @@ def arc_places_m(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray 
     Args:
         touching: Shape (..., 3): y0 (m), slope, curvature (1/m) of
             y = y0 + slope x + curvature x^2 / 2 + change x^3 / 6.
-        x_m: Distances ahead, above 0, of a shape that goes together with (...).
-        change_1pm2: Of the curvature, for each metre ahead; of a shape that goes together with (...).
+        x_m: Distances ahead, of a shape that goes together with (...).
+        change_1pm2: Of the curvature, for each metre ahead, of the parallel line through y = 0; that of the lines is
+            `changes_beside` times as great. Of a shape that goes together with (...).
 
     Returns:
-        Metres to the side to which y counts; NaN where a line has turned back.
+        Metres to the side to which y counts; NaN where a line has turned back, and behind the camera.
     """
     y0, slope, curvature = np.moveaxis(touching, -1, 0)
-    roads = np.stack([slope, y0, curvature / 2.0, np.broadcast_to(change_1pm2, y0.shape) / 6.0], axis=-1)
-    return x_m * arc_columns(roads, 1.0 / x_m, np.array(0.0), np.array(1.0))
+    change = np.broadcast_to(change_1pm2 * changes_beside(touching), y0.shape)
+    roads = np.stack([slope, y0, curvature / 2.0, change / 6.0], axis=-1)
+    ahead_m = np.where(x_m > 0.0, x_m, np.nan)
+    places_m = ahead_m * arc_columns(roads, 1.0 / ahead_m, np.array(0.0), np.array(1.0))
+    return np.asarray(np.where(x_m == 0.0, y0, places_m))
+
+
+def changes_beside(touching: FloatArray) -> FloatArray:
+    """Shape (...): how many times a line's change of curvature is that of the parallel line through y = 0.
+
+    Both as x^3 / 6 counts them; the other way round than `own_arc`, from K y = K_own y / (1 + K_own y).
+
+    Args:
+        touching: Shape (..., 3), as for `arc_places_m`.
+    """
+    y0, slope, curvature = np.moveaxis(touching, -1, 0)
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    tighter = np.clip(1.0 + curvature * cosine**3 * y0, LEAST_REST, 1.0 / LEAST_REST)
+    start = np.clip(slope * cosine / tighter, -TURNED, TURNED)
+    return np.asarray((tighter * np.sqrt(1.0 - start * start) / cosine) ** 3)
+
+
+def middle_arc(touching: FloatArray) -> FloatArray:
+    """Shape (n, 3): the line in the middle between parallel ones, told as they are.
+
+    Args:
+        touching: Shape (n, k, 3), as for `arc_places_m`.
+    """
+    y0, slope, curvature = np.moveaxis(touching, -1, 0)
+    middle = y0.mean(axis=1)
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    rate = curvature * cosine**3
+    tighter = np.clip(1.0 + rate * (y0 - middle[:, None]), LEAST_REST, 1.0 / LEAST_REST)
+    start = np.clip((slope * cosine / tighter).mean(axis=1), -TURNED, TURNED)
+    own_cosine = np.sqrt(1.0 - start * start)
+    return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])
+
+
+def arc_ahead(touching: FloatArray, x_m: float, change_1pm2: FloatArray) -> FloatArray:
+    """Shape (n, 3): y (m), direction (rad) and curvature (1/m) of lines at a distance; NaN where they have turned back.
+
+    Args:
+        touching, x_m, change_1pm2: As for `arc_places_m`; shapes (n, 3), none and (n,).
+    """
+    places_m = arc_places_m(touching, np.array(x_m), change_1pm2)
+    _, slope, curvature = touching.T
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    growth = change_1pm2 * changes_beside(touching) * cosine**3
+    ahead = curvature * cosine**3 + growth * x_m
+    sine = slope * cosine + (ahead - 0.5 * growth * x_m) * x_m
+    with np.errstate(invalid="ignore"):
+        made = np.column_stack([places_m, np.arcsin(sine), ahead])
+    return np.where(np.isnan(places_m)[:, None], np.nan, made)

@@ -28,6 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import arc_ahead, changes_beside, middle_arc
 from cwcli.vision.camera import Camera, rotation
 from cwcli.vision.fit_columns import FitColumns
 
@@ -208,8 +209,9 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     mount[:, 2] = camera.mounting.height_m
     beside_px = _beside_parabola_px(fits, camera)
     body, use = _body(parabolas, mount, camera, beside_px)
-    change = _change_1pm2(fits, camera)
-    values = _preview(body, change, preview_m)
+    change = _change_1pm2(fits, body, camera)
+    is_curve = np.asarray(np.isfinite(fits.roads).any(axis=(1, 2)), np.bool_)
+    values = _preview(body, change, is_curve, preview_m)
     assumed = parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
@@ -220,7 +222,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         for k, moved_body in enumerate(moved_bodies):
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
-            jacobian[:, :, k] = (_preview(one_moved, change, preview_m) - values) / PARABOLA_STEPS[k]
+            jacobian[:, :, k] = (_preview(one_moved, change, is_curve, preview_m) - values) / PARABOLA_STEPS[k]
         given = fits.covariance[:, side]
         covariance = np.where(np.isnan(given), assumed, given)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
@@ -230,12 +232,13 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         moved_mount = mount.copy()
         moved_mount[:, k] += MOUNTING_STEP
         moved_body, _ = _body(parabolas, moved_mount, camera, beside_px, use)
-        slope = (_preview(moved_body, change, preview_m) - values) / MOUNTING_STEP
+        slope = (_preview(moved_body, change, is_curve, preview_m) - values) / MOUNTING_STEP
         variance += (slope * sigma) ** 2
         if k == 0:
             of_fit[:, :, -1] = slope
             own = np.einsum("nij,njk,nik->ni", of_fit, fits.joint, of_fit)
             variance = np.where(np.isnan(own), variance, own)  # the fit's own pitch is part of it
+    values = np.where(np.isnan(variance), np.nan, values)  # a step from the end of a curve
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
     return LaneGeometry(
         left_body=body[:, 0],
@@ -251,11 +254,13 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     )
 
 
-def _change_1pm2(fits: FitColumns, camera: Camera) -> FloatArray:
-    """Shape (n,): how the lane's curvature changes in a metre ahead, left positive; 0 where no road is told."""
-    told = np.nan_to_num(fits.roads[..., 3])
-    spiral = told.sum(axis=1) / np.maximum((told != 0.0).sum(axis=1), 1)
-    return np.asarray(-6.0 * spiral / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2))
+def _change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArray:
+    """Shape (n,): how the curvature changes in a metre ahead on the line of the lane's shape through the car's centre
+    line, left positive; 0 where no road is told. It is the mean of what both boundaries tell."""
+    own = -6.0 * fits.roads[..., 3] / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2)
+    told = own / changes_beside(body)
+    is_told = np.isfinite(told)
+    return np.asarray(np.where(is_told, told, 0.0).sum(axis=1) / np.maximum(is_told.sum(axis=1), 1))
 
 
 def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
@@ -361,14 +366,18 @@ def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 
 
-def _preview(body: FloatArray, change_1pm2: FloatArray, preview_m: float) -> FloatArray:
-    """Shape (n, 3): y_L, e_L, K_L."""
-    more = change_1pm2 * preview_m
-    centre = body.mean(axis=1)
-    either = np.where(np.isnan(centre), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0]), centre)
-    slope = either[:, 1] + (either[:, 2] + 0.5 * more) * preview_m
-    lateral = centre[:, 0] + (centre[:, 1] + (0.5 * centre[:, 2] + more / 6.0) * preview_m) * preview_m
-    return -np.column_stack([lateral, np.arctan(slope), (either[:, 2] + more) / (1.0 + slope**2) ** 1.5])
+def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float) -> FloatArray:
+    """Shape (n, 3): y_L, e_L, K_L, of the curve where it is told, else of the parabola that touches it."""
+    centre, only = body.mean(axis=1), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0])
+    is_alone = np.isnan(centre).any(axis=1)
+    either = np.where(is_alone[:, None], only, centre)
+    slope = either[:, 1] + either[:, 2] * preview_m
+    lateral = either[:, 0] + (either[:, 1] + 0.5 * either[:, 2] * preview_m) * preview_m
+    parabola = np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
+    arc = np.where(is_alone[:, None], only, middle_arc(body))
+    made = -np.where(is_curve[:, None], arc_ahead(arc, preview_m, change_1pm2), parabola)
+    made[is_alone, 0] = np.nan
+    return made
 
 
 def _width(body: FloatArray) -> FloatArray:

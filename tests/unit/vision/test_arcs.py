@@ -10,7 +10,7 @@ import pytest
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.truth import lane_truth
-from cwcli.vision.arcs import TURNED, Pinhole, arc_columns, arc_places_m
+from cwcli.vision.arcs import TURNED, Pinhole, arc_columns, arc_places_m, changes_beside, middle_arc
 from cwcli.vision.lane_model import columns_of_lane
 
 NOWHERE = np.array(math.nan)
@@ -81,12 +81,29 @@ def test_a_spiral_is_the_integral_of_its_direction(change_1pm2: float) -> None:
     y_m = 1.5 + np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * 0.001)])
     start = 0.1 / math.sqrt(0.99)
     touching = np.array([1.5, start, 0.02 / 0.99**1.5])
-    places_m = arc_places_m(touching, x_m[1:], change_1pm2 / 0.99**1.5)
+    beside = change_1pm2 / 0.99**1.5 / changes_beside(touching)
+    places_m = arc_places_m(touching, x_m[1:], beside)
     is_there = np.isfinite(places_m)
     assert is_there.sum() == end - 1
     apart_m = np.abs(places_m[: end - 1] - y_m[1:])
     assert (apart_m < 0.005 * x_m[1:end]).all()  # 0.3 degrees: 2 px at a focal length of 400
     assert apart_m[: min(end, 12001) - 1].max() < 0.01
+
+
+def test_parallel_spirals_by_hand() -> None:
+    # Along the axis curvature and change are 0.02 and 0.0017; 3 m to the inside the radius is 47 m instead of 50 m.
+    assert changes_beside(np.array([3.0, 0.0, 1.0 / 47.0])) == pytest.approx((50.0 / 47.0) ** 3)
+    # A line that points 3 in 5 aside beside one whose sine is 0.6 (1 - 0.02 * 3): cosines 0.8 and sqrt(1 - 0.564^2)
+    turned = changes_beside(np.array([3.0, 0.75, 1.0 / 47.0 / 0.8**3]))
+    assert turned == pytest.approx((50.0 / 47.0 * math.sqrt(1.0 - 0.564**2) / 0.8) ** 3)
+    # and the middle between that line and the one 3 m to the outside is the axis
+    lines = np.array([[[3.0, 0.0, 1.0 / 47.0], [-3.0, 0.0, 1.0 / 53.0]]])
+    np.testing.assert_allclose(middle_arc(lines), [[0.0, 0.0, 0.02]], atol=1e-15)
+
+
+def test_a_line_begins_beside_the_camera() -> None:
+    places_m = arc_places_m(np.array([1.5, 0.1, 0.02]), np.array([0.0, -3.0, 1e-9]), 0.001)
+    np.testing.assert_allclose(places_m, [1.5, math.nan, 1.5])
 
 
 def test_a_line_ends_where_it_first_turns_back() -> None:

@@ -8,15 +8,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, GeometrySigmas, lane_geometry
+from cwcli.vision.lane_model import (
+    bend_unit,
+    columns_of_lane,
+    parabolas_of_lane,
+    pinhole_of,
+    roads_of_lane,
+    spiral_unit,
+)
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
 
 PREVIEW_M = 33.5
 MOUNTING = Mounting(height_m=1.4, pitch_rad=0.03)
 CAMERA = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, mounting=MOUNTING).resized(320, 240)
+LEVEL = replace(CAMERA, mounting=Mounting(height_m=1.3))
 
 
 def seen(camera: Camera, y0_m: float, slope: float, curvature_1pm: float) -> Boundary:
@@ -56,6 +67,69 @@ def test_bend_comes_back_within_a_tenth(curvature_1pm: float) -> None:
     assert geometry.curvature_1pm[0] == pytest.approx(-curvature_1pm, rel=0.1)
     assert geometry.heading_deviation_rad[0] == pytest.approx(-slope, rel=0.1)
     assert geometry.lateral_deviation_m[0] == pytest.approx(y_l, rel=0.1)
+
+
+def curved(
+    curvature_1pm: float, change_1pm2: float, heading_rad: float, *, width_m: float = 3.6
+) -> tuple[LaneFit, FloatArray]:
+    """A lane whose method tells its curves, right positive, and shape (6,) as `lane_model` has it."""
+    camera = LEVEL
+    cosine = math.cos(heading_rad)
+    bend, spiral = curvature_1pm * bend_unit(camera), change_1pm2 * spiral_unit(camera)
+    u0 = camera.cx + camera.fx * math.tan(heading_rad)
+    horizon = float(camera.horizon_v_px())
+    lane = np.array([u0, 0.0, width_m / 1.3, bend / cosine**3, horizon, spiral / cosine**3])
+    sides = [Boundary(*parabola, 1.0, 0.9, True) for parabola in parabolas_of_lane(lane, camera).tolist()]
+    return LaneFit(*sides, pitch_rad=0.0, roads=roads_of_lane(lane, pinhole_of(camera))), lane
+
+
+@pytest.mark.parametrize("preview_m", [10.0, 15.0, 20.0])
+def test_preview_in_a_tight_bend_is_on_the_circle(preview_m: float) -> None:
+    # 23 m to the right: y = R - sqrt(R^2 - D^2) to the right, the lane's direction there is asin(D / R) to the right.
+    fit, _ = curved(1.0 / 23.0, 0.0, 0.0)
+    alone = replace(fit, right=NOT_FOUND)
+    made = lane_geometry(columns_of([fit, alone]), LEVEL, preview_m=preview_m)
+    assert made.lateral_deviation_m[0] == pytest.approx(23.0 - math.sqrt(23.0**2 - preview_m**2), rel=1e-3)
+    assert made.heading_deviation_rad[0] == pytest.approx(math.asin(preview_m / 23.0), rel=1e-3)
+    assert made.curvature_1pm[0] == pytest.approx(1.0 / 23.0, rel=1e-3)
+    # the left boundary alone is 1.8 m farther out, and gives no place
+    assert made.curvature_1pm[1] == pytest.approx(1.0 / 24.8, rel=1e-3)
+    assert np.isnan(made.lateral_deviation_m).tolist() == [False, True]
+    assert np.isfinite(made.heading_deviation_sigma_rad).all()
+
+
+def test_preview_beyond_the_end_of_a_bend_is_not_known() -> None:
+    fit, _ = curved(1.0 / 23.0, 0.0, 0.0)
+    made = lane_geometry(columns_of([fit]), LEVEL, preview_m=23.0)
+    for values in (made.lateral_deviation_m, made.heading_deviation_rad, made.curvature_1pm, made.curvature_sigma_1pm):
+        assert np.isnan(values).all()
+    assert np.isfinite(made.left_body).all()
+
+
+def test_sigma_of_the_height_in_a_tight_bend() -> None:
+    # Of an error of the camera's height alone: a place y at x is in truth y (1 + e) at x (1 + e), so the bend is
+    # 23 (1 + e) m, and y_L at D is 23 (1 + e) - sqrt(23^2 (1 + e)^2 - D^2).
+    fit, _ = curved(1.0 / 23.0, 0.0, 0.0)
+    sure = [replace(side, covariance=1e-18 * np.eye(3)) for side in (fit.left, fit.right)]
+    sigmas = GeometrySigmas(pitch_rad=0.0, yaw_rad=0.0, height_m=0.013)
+    made = lane_geometry(columns_of([replace(fit, left=sure[0], right=sure[1])]), LEVEL, preview_m=15.0, sigmas=sigmas)
+    slope_m = 23.0 - 23.0**2 / math.sqrt(23.0**2 - 15.0**2)
+    assert made.lateral_deviation_sigma_m[0] == pytest.approx(0.01 * abs(slope_m), rel=0.01)
+    assert made.curvature_sigma_1pm[0] == pytest.approx(0.01 / 23.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("curvature_1pm", "change_1pm2"), [(0.02, 0.0017), (0.0, 0.0017), (0.03, -0.001), (-0.02, -0.0017)]
+)
+def test_the_published_line_is_the_drawn_one(curvature_1pm: float, change_1pm2: float) -> None:
+    fit, lane = curved(curvature_1pm, change_1pm2, 0.03)
+    made = lane_geometry(columns_of([fit]), LEVEL, preview_m=10.0)
+    assert made.curvature_change_1pm2[0] == pytest.approx(change_1pm2 / math.cos(0.03) ** 3, rel=1e-4)
+    x_m = np.array([5.0, 10.0, 15.0, 20.0])
+    columns = columns_of_lane(lane, lane[4] + LEVEL.fy * 1.3 / x_m, pinhole_of(LEVEL))
+    for k, body in enumerate((made.left_body, made.right_body)):
+        published_m = arc_places_m(body[0], x_m, -made.curvature_change_1pm2[0])
+        np.testing.assert_allclose(published_m, -(columns[k] - LEVEL.cx) / LEVEL.fx * x_m, atol=0.005)
 
 
 def test_signs_are_the_papers() -> None:
