@@ -59,7 +59,8 @@ MOST_SIGMAS = 4.0
 TURN_M = 10.0
 """Over this way a bend that begins turns the lane's direction by what nobody predicted."""
 SWIFT_MPS = 20.0
-"""Faster, a spiral of one sigma moves a boundary 20 m ahead by less than 0.17 m: no search for new bends is needed."""
+"""Faster, a spiral of one sigma moves a boundary 20 m ahead by less than 0.17 m. Then lanes have none, and
+new bends are not searched for: where few dots are all there is, that freedom would find lanes that are not there."""
 PIVOT_AT = 0.6
 """Of the way from the horizon to the image's bottom: 7 m ahead of a wide camera."""
 SPIRALS, BENDS = np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)
@@ -108,10 +109,11 @@ def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
     if math.isfinite(speed_mps):
         drift = drift.copy()
         speed_mps = max(speed_mps, SLOWEST_MPS)
-        drift[VANISHING] = math.hypot(drift[VANISHING], camera.fx * TURN_M * JERK_MPS3 / speed_mps**2)
         drift[BEND] = max(drift[BEND], 2.0 * unit * JERK_MPS3 / speed_mps**2)
         drift[SPIRAL] = spiral_unit(camera) * JERK_MPS3 / speed_mps**3
-        table[SPIRAL] = drift[SPIRAL] * np.array([0.0, 1.0, -MOST_SIGMAS, MOST_SIGMAS])
+        if speed_mps < SWIFT_MPS:
+            drift[VANISHING] = math.hypot(drift[VANISHING], camera.fx * TURN_M * JERK_MPS3 / speed_mps**2)
+            table[SPIRAL] = drift[SPIRAL] * np.array([0.0, 1.0, -MOST_SIGMAS, MOST_SIGMAS])
     return replace(prior, table=table, drift=drift)
 
 
