@@ -267,8 +267,12 @@ class JsonSlot:
             k = int(at[row])
             begin = int(payloads.starts[row]) + (int(values[k]) >> 32)
             text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
-            values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
-            tags[k] = CODED
+            try:
+                values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
+            except ValueError:  # a message that was refused, for this or another fault, has left what stood before it
+                tags[k] = NULL
+            else:
+                tags[k] = CODED
 
     def _code_strings(self, payloads: Payloads, first_row: int) -> None:
         """Turn places in the messages into codes."""

@@ -71,10 +71,17 @@ def assert_same(columns: Columns, official: OfficialTopic, *, expect_paths: bool
     for path, column in columns.fields.items():
         assert len(column) == len(official.messages), path
         rows = list(_rows(column))
+        is_text = isinstance(column, Strings)
+        in_arrays = is_text and any(
+            _is_in_array(each, path.split("."), official.encoding) for each in official.messages
+        )
         for k, message in enumerate(official.messages):
             is_scalar = isinstance(column, Strings) or (isinstance(column, np.ndarray) and column.ndim == 1)
             expected = list(_values(message, path.split("."), official.encoding, is_scalar=is_scalar))
-            assert _same(rows[k], expected, column), (path, k, rows[k], expected)
+            if in_arrays:
+                assert rows[k] == _text_of_array(expected), (path, k, rows[k], expected)
+            else:
+                assert _same(rows[k], expected, column), (path, k, rows[k], expected)
     if expect_paths:
         leaves = {leaf for message in official.messages for leaf in leaf_paths(message, official.encoding)}
         assert leaves <= set(columns.fields), leaves - set(columns.fields)
@@ -150,6 +157,16 @@ def _values(value: Any, names: list[str], encoding: str, *, is_scalar: bool) -> 
             yield from _values(getattr(value, names[0]), names[1:], encoding, is_scalar=is_scalar)
 
 
+def _is_in_array(value: Any, names: list[str], encoding: str, inside: bool = False) -> bool:
+    """Whether an array holds a value of a leaf."""
+    if _is_list(value):
+        return any(_is_in_array(item, names, encoding, True) for item in value)
+    if not names:
+        return inside and not _is_message(value, encoding)
+    is_there = encoding == "json" and isinstance(value, dict) and names[0] in value
+    return is_there and _is_in_array(value[names[0]], names[1:], encoding, inside)
+
+
 def _rows(column: Field) -> Iterator[Any]:
     if isinstance(column, Strings):
         for code in column.codes.tolist():
@@ -176,6 +193,14 @@ def _text(value: Any) -> str | None:
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)
+
+
+def _text_of_array(expected: list[Any]) -> str | None:
+    """Of arrays of which most hold one text: several values are not told, and a number is never taken for a text."""
+    if len(expected) > 1:
+        return "[...]"
+    value = expected[0] if expected else None
+    return _text(float(value) if isinstance(value, int) and not isinstance(value, bool) else value)
 
 
 def _same_number(found: Any, expected: Any) -> bool:

@@ -204,6 +204,15 @@ def test_one_odd_message_leaves_the_texts_of_the_others(odd: str, expected: str 
         assert sorted(found, key=str) == sorted(["a", "é", expected], key=str)
 
 
+def test_a_refused_message_with_a_broken_text_in_an_array_leaves_the_others() -> None:
+    octets = [b'{"r": ["\\u0061"]}', b'{"r": ["\\n\xb4"]}', b'{"r": ["b"]}']
+    ends = np.cumsum([len(each) for each in octets])
+    decoder = JsonDecoder(None)
+    decoder.add(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
+    assert decoder.outcome().is_ok.tolist() == [True, False, True]
+    assert _comparable(decoder.finish(np.array([0, 2]))["r"]) == ["a", "b"]
+
+
 def test_one_text_leaves_the_numbers_of_the_others() -> None:
     found = columns_of('{"r": [{"s": 1}]}', '{"r": [{"s": "a"}]}', '{"r": [{"s": 2}, {"s": 3}]}')["r.s"]
     assert np.array_equal(found.values, [1.0, np.nan, 2.0, 3.0], equal_nan=True)
