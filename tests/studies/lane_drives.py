@@ -14,7 +14,9 @@ leaves both out. Printed for each kind and for all:
   without a change,
 - departures: warnings of the default observer and rule on drives on which nobody changes lanes.
 
-Within a second of a crossing either lane is right. Seeds below 50 were in sight while the tracking was made.
+Within a second of a crossing either lane is right. A boundary that is bare (without paint on more than half of its
+visible rows, where a ramp joins or leaves) need not be found; if it is, it must be where the line would go on. Seeds
+below 50 were in sight while the tracking was made.
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
+from cwcli.simulation.road.junctions import is_marked
 from cwcli.simulation.road.render import RoadFrame
+from cwcli.simulation.road.truth import BoolArray, LaneTruth
 from cwcli.simulation.streams import stream, to_ns
 from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary_lines import BoundaryLines
@@ -58,6 +62,8 @@ KINDS: dict[str, dict[str, float | str]] = {
     "ramp": {"ramp_degps": 25.0, "speed_mps": 10.0},
     "change": {"lane_changes_per_min": 4.0},
     "mountain": {"bends_1pm": 0.012, "speed_mps": 14.0},
+    "merge": {"junctions": "merges"},
+    "exit": {"junctions": "exits"},
 }
 SIZE = (480, 270)
 RATE_HZ = 10.0
@@ -76,6 +82,7 @@ class Seen:
         frames: Of it; pictures are not kept.
         fits, geometry: n rows.
         share: Shape (n, 2): of each boundary's visible rows on which it is right; NaN without visible rows.
+        is_bare: Shape (n, 2): paint is missing on more than half of the boundary's visible rows.
         is_near_change: Shape (n,): within `CHANGE_S` of a crossing.
         speed, yaw_rate: As measured.
     """
@@ -84,7 +91,8 @@ class Seen:
     fits: FitColumns
     geometry: LaneGeometry
     share: FloatArray
-    is_near_change: np.ndarray
+    is_bare: BoolArray
+    is_near_change: BoolArray
     speed: Samples
     yaw_rate: Samples
 
@@ -170,7 +178,16 @@ def watched(
             shares.append(pair)
         share[i] = max(shares, key=lambda pair: np.nan_to_num(np.array(pair), nan=1.0).min())
     geometry = lane_geometry(fits, camera, preview_m=PREVIEW_M)
-    return Seen(drive, fits, geometry, share, near, Samples(stamp_ns, speed_mps), Samples(stamp_ns, yaw_rate))
+    is_bare = np.array([_bare(drive, truth) for truth in truths])
+    return Seen(drive, fits, geometry, share, is_bare, near, Samples(stamp_ns, speed_mps), Samples(stamp_ns, yaw_rate))
+
+
+def _bare(drive: RoadDrive, truth: LaneTruth) -> list[bool]:
+    made = []
+    for marking, visible in ((drive.scene.left, truth.left_visible), (drive.scene.right, truth.right_visible)):
+        station_m = truth.road.arc_at(marking.offset_m, truth.x_m[visible])
+        made.append(bool(visible.any()) and is_marked(drive.scene, marking, station_m).mean() < 0.5)
+    return made
 
 
 def places_m(seen: Seen) -> tuple[FloatArray, FloatArray]:
@@ -234,7 +251,7 @@ def counted(seen: Seen) -> Counts:
         jumps = int(np.count_nonzero((moved > JUMP_M) & ~near))
     counts = Counts(
         frames=n,
-        right=int(np.count_nonzero((is_right | ~is_judged).all(axis=1))),
+        right=int(np.count_nonzero((is_right | ~is_judged | (seen.is_bare & ~seen.fits.found)).all(axis=1))),
         found=int(np.count_nonzero(sure)),
         wrong=int(np.count_nonzero(sure & ~is_right)),
         jumps=jumps,

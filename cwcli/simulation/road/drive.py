@@ -29,6 +29,7 @@ from cwcli.simulation.road.defects import (
     with_markings,
 )
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
+from cwcli.simulation.road.junctions import JUNCTIONS, with_junctions
 from cwcli.simulation.road.render import RoadFrame, render, truth_of
 from cwcli.simulation.road.scene import RoadScene, SceneVehicle, Shadow
 from cwcli.simulation.road.sets import SET_SIZE, SETS, SetSpec, draw_scene
@@ -44,7 +45,7 @@ PAPER_RATE_HZ = 10.0
 MAX_DURATION_S = 3600.0
 RATE_HZ = (1.0, 100.0)
 SPEED_MPS = (5.0, 60.0)
-DEFECTS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m")
+DEFECTS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m", "junctions")
 """Fields of the configuration that only `defects` knows."""
 BENDS_1PM = (0.0, 0.05)
 RAMP_DEGPS = (0.0, 40.0)
@@ -68,6 +69,7 @@ class RoadDriveConfig:
         ramp_degps: Yaw rate round ramps, at the speed of the start; 0: none.
         lane_changes_per_min, bridges_per_km: How many lane changes, and shadows of bridges.
         slab_m: Length of concrete slabs, with joints; 0: asphalt.
+        junctions: What joins or leaves the lane on its right, a name of `junctions.JUNCTIONS`.
     """
 
     weather: str = "clear"
@@ -83,6 +85,7 @@ class RoadDriveConfig:
     lane_changes_per_min: float = 0.0
     bridges_per_km: float = 0.0
     slab_m: float = 0.0
+    junctions: str = "none"
 
 
 @dataclass(frozen=True)
@@ -221,6 +224,7 @@ def _with_defects(scene: RoadScene, config: RoadDriveConfig, length_m: float, rn
     scene = with_markings(scene, config.markings)
     if config.lane_changes_per_min:
         scene = with_lane_beside(scene)
+    scene = with_junctions(scene, config.junctions, length_m, rng)
     scene = with_joints(scene, config.slab_m, length_m, rng)
     return with_bridges(scene, config.bridges_per_km, length_m, rng)
 
@@ -290,6 +294,7 @@ def _check(config: RoadDriveConfig) -> None:
         ("weather", config.weather, CONDITIONS),
         ("road", config.road, SETS),
         ("kind of markings", config.markings, MARKINGS),
+        ("kind of junctions", config.junctions, JUNCTIONS),
     ):
         if chosen not in known:
             raise UsageError(f"there is no {name} {chosen!r}", hint=f"known: {', '.join(known)}")

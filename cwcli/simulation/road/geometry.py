@@ -1,7 +1,8 @@
 """The road ahead as the camera sees it: lines beside the lane's centre, and which distance each image row shows.
 
-Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left. The surface is a
-cylinder z = g x^2 / 2 across the driving direction (a crest has g < 0, a sag g > 0), so each row shows one distance.
+Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left; one that is an array
+has a value for each arc length of `GRID_M`. The surface is a cylinder z = g x^2 / 2 across the driving direction (a
+crest has g < 0, a sag g > 0), so each row shows one distance.
 """
 
 from __future__ import annotations
@@ -80,12 +81,12 @@ class RoadAhead:
         away = np.flatnonzero(np.abs(self.direction_rad) > AWAY_RAD)
         return int(away[0]) if len(away) else len(GRID_M)
 
-    def lateral_at(self, offset_m: float, x_m: FloatArray) -> FloatArray:
+    def lateral_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """y of the line at an offset, at distances ahead; NaN outside the road."""
         x, y = (values[: self.n_ahead] for values in self.line(offset_m))
         return np.interp(x_m, x, y, left=np.nan, right=np.nan)
 
-    def arc_at(self, offset_m: float, x_m: FloatArray) -> FloatArray:
+    def arc_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """Station of the line at an offset, at distances ahead: arc length of the centre line beside the point."""
         x = self.line(offset_m)[0][: self.n_ahead]
         return np.interp(x_m, x, GRID_M[: self.n_ahead]) + self.station_m
@@ -111,7 +112,7 @@ class RoadAhead:
             x = 2 * camera.height_m / np.where(bottom > 0, bottom, np.nan)
         return np.where(x <= FAR_M, x, np.nan)
 
-    def column_of(self, camera: RoadCamera, offset_m: float, x_m: FloatArray) -> FloatArray:
+    def column_of(self, camera: RoadCamera, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """Image column of the line at an offset, at distances ahead; NaN outside the road."""
         depth = camera.depth(x_m, camera.height_m - self.z_at(x_m))
         return np.asarray(camera.cx - camera.fx * self.lateral_at(offset_m, x_m) / depth)

@@ -32,7 +32,10 @@ def grey_strip(rows: ImageRows, scene: RoadScene) -> Float32Array:
         if _is_near(rows, patch.station_m, patch.length_m + SEAM_M):
             _lay(road, rows, patch)
     road *= scene.asphalt
-    paved = _between(scene.right_edge_m, scene.left_edge_m, 0.1)[None, :]
+    right_edge_m: float | FloatArray = scene.right_edge_m
+    if scene.right_edge_path_m:
+        right_edge_m = np.interp(0.5 * (rows.start_m + rows.end_m), *np.transpose(scene.right_edge_path_m))[:, None]
+    paved = np.atleast_2d(_between(right_edge_m, scene.left_edge_m, 0.1))
     grass = VERGE_GREY * (1.0 + surface.verge().mean(start, end))
     made: Float32Array = grass + paved * (road - grass)
     return made
@@ -78,8 +81,9 @@ def _tracks(lane_width_m: float) -> Float32Array:
     return np.asarray(0.12 * np.exp(-0.5 * ((np.abs(in_lane) - TRACK_M) / 0.25) ** 2), np.float32)
 
 
-def _between(low_m: float, high_m: float, soft_m: float) -> Float32Array:
-    """1 in the cells between two offsets, falling to 0 over soft_m (at least a cell) on both sides."""
+def _between(low_m: float | FloatArray, high_m: float, soft_m: float) -> Float32Array:
+    """1 in the cells between two offsets, falling to 0 over soft_m (at least a cell) on both sides; low_m is a number
+    or of shape (n, 1), for n rows."""
     soft = max(soft_m, CELL_M)
     rise = np.clip((CELLS_M - low_m) / soft + 0.5, 0.0, 1.0)
     return np.asarray(np.minimum(rise, np.clip((high_m - CELLS_M) / soft + 0.5, 0.0, 1.0)), np.float32)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.geometry import FAR_M, GRID_M
 from cwcli.simulation.road.rows import ImageRows
 from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.surface import WEAR_CELL_M, WEAR_CELLS, WEAR_LEVELS, Float32Array, wear
@@ -35,8 +36,16 @@ def _stripe(
     image: Float32Array, rows: ImageRows, marking: Marking, offset_m: float, dash_m: tuple[float, float], gain: float
 ) -> None:
     camera, road, half = rows.camera, rows.road, marking.width_m / 2
-    left = road.column_of(camera, offset_m + half, rows.sub_x_m)
-    right = road.column_of(camera, offset_m - half, rows.sub_x_m)
+    start_m, end_m = road.station_m + GRID_M[0], road.station_m + FAR_M
+    where_m = [each for each in marking.where_m if each[1] > start_m and each[0] < end_m]
+    if marking.where_m and not where_m:
+        return
+    at_m: float | FloatArray = offset_m
+    if marking.path_m:
+        station_m, path_m = np.transpose(marking.path_m)
+        at_m = np.interp(road.station_m + GRID_M, station_m, path_m) + (offset_m - marking.offset_m)
+    left = road.column_of(camera, at_m + half, rows.sub_x_m)
+    right = road.column_of(camera, at_m - half, rows.sub_x_m)
     with np.errstate(invalid="ignore"):
         seen = np.isfinite(left) & np.isfinite(right) & (right > -1) & (left < camera.width_px + 1)
     at = np.flatnonzero(seen.any(axis=1))
@@ -46,7 +55,10 @@ def _stripe(
     first = np.floor(np.where(seen, left, np.inf).min(axis=1) + 0.5).astype(np.intp)
     last = np.floor(np.where(seen, right, -np.inf).max(axis=1) + 0.5).astype(np.intp)
     columns = first[:, None] + np.arange(int((last - first).max()) + 1)[None, :]
-    shares = _painted(road.arc_at(offset_m, rows.edge_x_m[at]) - marking.phase_m, dash_m) * seen
+    edge_m = road.arc_at(at_m, rows.edge_x_m[at])
+    shares = _painted(edge_m - marking.phase_m, dash_m) * seen
+    if where_m:
+        shares *= _inside(edge_m, where_m)
     start = columns[:, :, None] - 0.5
     overlap = np.clip(right[:, None, :] - start, 0.0, 1.0) - np.clip(left[:, None, :] - start, 0.0, 1.0)
     cover = (overlap * shares[:, None, :]).mean(axis=2)
@@ -69,6 +81,13 @@ def _painted(edge_m: FloatArray, dash_m: tuple[float, float]) -> FloatArray:
     total = turns * line + np.minimum(edge_m - turns * period, line)
     length = np.maximum(edge_m[:, :-1] - edge_m[:, 1:], 1e-6)
     return np.asarray(np.clip((total[:, :-1] - total[:, 1:]) / length, 0.0, 1.0))
+
+
+def _inside(edge_m: FloatArray, where_m: list[tuple[float, float]]) -> FloatArray:
+    """Share of the stretches between neighbouring edges (n, k + 1) that lies where there is paint, (n, k)."""
+    far, near = edge_m[:, :-1], edge_m[:, 1:]
+    within = sum(np.maximum(np.minimum(far, end) - np.maximum(near, start), 0.0) for start, end in where_m)
+    return np.asarray(within / np.maximum(far - near, 1e-6))
 
 
 def _kept(

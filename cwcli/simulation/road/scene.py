@@ -24,6 +24,8 @@ class Marking:
         grey: Of new paint.
         kept: Share of the paint that is left, 0 to 1.
         phase_m: Station where a dash begins.
+        where_m: First and last station of each stretch in which it is painted; none: everywhere.
+        path_m: Stations, and the offsets there, of a marking that does not run beside the lane: linear between them.
     """
 
     offset_m: float
@@ -33,6 +35,8 @@ class Marking:
     grey: float = PAINT_GREY
     kept: float = 1.0
     phase_m: float = 0.0
+    where_m: tuple[tuple[float, float], ...] = ()
+    path_m: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,8 @@ class RoadScene:
         left, right: The boundaries of the own lane; `offset_m` is half the lane's width to both sides of `lane_m`.
         others: Further markings.
         left_edge_m, right_edge_m: Where the pavement ends.
+        right_edge_path_m: Stations, and where the pavement ends there on the right, instead of `right_edge_m`, beyond
+            which posts and trees stand.
         asphalt: Grey of the road.
         texture: Factor on the surface's grain.
         tracks: Darkening of the wheel tracks, 0 to 1.
@@ -141,6 +147,7 @@ class RoadScene:
     others: tuple[Marking, ...] = ()
     left_edge_m: float = 5.8
     right_edge_m: float = -4.5
+    right_edge_path_m: tuple[tuple[float, float], ...] = ()
     asphalt: float = ASPHALT_GREY
     texture: float = 1.0
     tracks: float = 0.3

@@ -72,7 +72,8 @@ def test_paint_lies_on_the_truth_of_the_next_lane() -> None:
 
 
 @pytest.mark.parametrize(
-    "change", [{"bridges_per_km": 10.0}, {"slab_m": 5.0}, {"markings": "dots"}, {"bends_1pm": 0.01}]
+    "change",
+    [{"bridges_per_km": 10.0}, {"slab_m": 5.0}, {"markings": "dots"}, {"bends_1pm": 0.01}, {"junctions": "exits"}],
 )
 def test_each_defect_changes_the_pictures_and_no_other_drive(change: dict[str, float | str]) -> None:
     plain, made = drive(), drive(**change)

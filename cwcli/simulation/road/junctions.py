@@ -1,0 +1,103 @@
+"""On-ramps and exits on the right of the lane: tapers, lanes that begin and end, dividing lines and gores.
+
+An exit, seen in the direction of driving (an on-ramp is the same backwards):
+
+- the edge line leaves the lane over `TAPER_M`, until a lane has room beside it,
+- that lane goes on beside the own one for `BESIDE_M`, or not at all (then the taper leads to the ramp at once), with
+  broad short dashes between the two; along the taper too, or nothing is painted there,
+- at the gore the own lane's solid line begins again, and the ramp leaves between two solid lines.
+
+Lengths: MUTCD (2009, section 3B.09) asks for tapers of width x speed, 238 m for a lane of 3.66 m at 105 km/h; AASHTO's
+Green Book gives parallel exits 55 to 90 m, RAA 2008 60 m for lanes of 250 m. Dashes: RMS 6 m and 3 m, MUTCD 0.9 m and
+2.7 m (section 3A.06), others 1 m and 1 m; all broader than lane lines.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.simulation.road.defects import with_lane_beside
+from cwcli.simulation.road.scene import Marking, RoadScene
+from cwcli.simulation.road.truth import BoolArray
+
+JUNCTIONS = ("none", "exits", "merges")
+TAPER_M = (60.0, 240.0)
+BESIDE_M = (100.0, 250.0)
+BESIDE_CHANCE = 0.7
+BARE_CHANCE = 0.5
+"""That nothing is painted between the lane and a taper."""
+SLOPE = (12.0, 25.0)
+"""A ramp leaves one metre in so many."""
+AWAY_M = 8.0
+"""So far from the lane a ramp is drawn; there it has turned away."""
+APART_M = (60.0, 200.0)
+"""Of plain road before each junction."""
+DIVIDING_M = ((6.0, 3.0), (1.0, 1.0), (0.9, 2.7))
+DIVIDING_WIDTH_M = (0.2, 0.3)
+SHOULDER_M = (0.5, 2.5)
+END_M = 10.0
+"""Of the pavement, beyond a ramp that has turned away."""
+
+
+def with_junctions(scene: RoadScene, kind: str, length_m: float, rng: np.random.Generator) -> RoadScene:
+    """The scene with exits or on-ramps one after the other on its right; a lane on the left, and no other cars.
+
+    Args:
+        scene: Without.
+        kind: Of `JUNCTIONS`.
+        length_m: Of the road.
+        rng: Of the junctions.
+    """
+    if kind == "none":
+        return scene
+    scene = with_lane_beside(scene)
+    width_m, right_m = scene.lane_width_m, scene.right.offset_m
+    solid = replace(scene.right, dash_m=(0.0, 0.0), is_double=False)
+    shoulder_m = rng.uniform(*SHOULDER_M)
+    lines: list[Marking] = []
+    painted, edge = [-math.inf], [(0.0, right_m)]
+    begin_m = rng.uniform(*APART_M)
+    while begin_m < length_m:
+        taper_m = rng.uniform(*TAPER_M)
+        gore_m = taper_m + (rng.uniform(*BESIDE_M) if rng.random() < BESIDE_CHANCE else 0.0)
+        end_m = gore_m + AWAY_M * rng.uniform(*SLOPE)
+        inner = ((gore_m, 0.0), (end_m, AWAY_M))
+        outer = ((0.0, 0.0), (taper_m, width_m), (gore_m, width_m), (end_m, width_m + AWAY_M))
+        divided_m = (taper_m if rng.random() < BARE_CHANCE else 0.0, gore_m)
+        start, sign = (begin_m, 1.0) if kind == "exits" else (begin_m + end_m, -1.0)
+        for line in (inner, outer):
+            path = sorted((start + sign * along_m, right_m - beside_m) for along_m, beside_m in line)
+            lines.append(replace(solid, path_m=tuple(path), where_m=((path[0][0], path[-1][0]),)))
+        edge += [(path[0][0] - END_M, right_m), *path, (path[-1][0] + END_M, right_m)]
+        if divided_m[1] > divided_m[0]:
+            low_m, high_m = sorted(start + sign * along_m for along_m in divided_m)
+            dash_m = DIVIDING_M[int(rng.integers(0, len(DIVIDING_M)))]
+            lines.append(
+                replace(solid, width_m=rng.uniform(*DIVIDING_WIDTH_M), dash_m=dash_m, where_m=((low_m, high_m),))
+            )
+        painted += sorted((start, start + sign * gore_m))
+        begin_m += end_m + rng.uniform(*APART_M)
+    painted.append(math.inf)
+    return replace(
+        scene,
+        right=replace(solid, where_m=tuple(zip(painted[::2], painted[1::2], strict=True))),
+        others=(*(each for each in scene.others if each.offset_m > right_m), *lines),
+        right_edge_m=right_m - width_m - AWAY_M - shoulder_m,
+        right_edge_path_m=tuple((station_m, offset_m - shoulder_m) for station_m, offset_m in edge),
+        rail_right_m=math.nan,
+    )
+
+
+def is_marked(scene: RoadScene, marking: Marking, station_m: FloatArray) -> BoolArray:
+    """Shape as station_m: whether a marking of the lane, or a dividing line in its place, is painted there or between
+    dashes."""
+    made = np.zeros(np.shape(station_m), np.bool_)
+    for each in (marking, *scene.others):
+        if each.offset_m == marking.offset_m and not each.path_m:
+            for low_m, high_m in each.where_m or ((-math.inf, math.inf),):
+                made |= (station_m >= low_m) & (station_m <= high_m)
+    return made
