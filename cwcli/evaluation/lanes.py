@@ -14,10 +14,10 @@ from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score, width_stability
+from cwcli.signals.arcs import arc_places_m
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.leaf_fields import row_of, stamps
 from cwcli.signals.row_order import Rows
-from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px

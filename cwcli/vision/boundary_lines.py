@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.signals.arcs import arc_columns
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import arc_columns
 
 MIN_GAP_PX = 4.0
 """Boundaries end where they come nearer to each other than this, in search pixels."""

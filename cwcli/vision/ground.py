@@ -27,8 +27,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.signals.arcs import arc_ahead, changes_beside, middle_arc
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import arc_ahead, changes_beside, middle_arc
 from cwcli.vision.camera import Camera, rotation
 from cwcli.vision.fit_columns import FitColumns
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import lane_ridge, lane_stripes
+from cwcli.signals.arcs import Pinhole
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera
 from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_mean import mean_lane

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.kernels import lane_ridge
+from cwcli.signals.arcs import Pinhole, arc_columns, own_arc
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import Pinhole, arc_columns, own_arc
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, MIN_DEPTH
 

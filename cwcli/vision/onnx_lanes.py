@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.vision.arcs import Pinhole
+from cwcli.signals.arcs import Pinhole
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.ground import MIN_DEPTH
 from cwcli.vision.lane_detect import DEAD, Evidence, Float32Array, Int32Array, reaches

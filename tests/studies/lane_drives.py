@@ -36,6 +36,7 @@ from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_
 from cwcli.prediction.lateral import lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.reproduction.zhang2011.rendered import lane_samples, told_camera
+from cwcli.signals.arcs import arc_places_m
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
@@ -44,7 +45,6 @@ from cwcli.simulation.road.junctions import is_marked
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.truth import BoolArray, LaneTruth
 from cwcli.simulation.streams import stream, to_ns
-from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.fit_columns import FitColumns, FitRecorder
 from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import lane_stripes
+from cwcli.signals.arcs import Pinhole, arc_columns, own_arc
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import Pinhole, arc_columns, own_arc
 
 
 def mean_between(row: FloatArray, start: float, end: float) -> float:

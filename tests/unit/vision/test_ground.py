@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.signals.arcs import arc_places_m
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.arcs import arc_places_m
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, GeometrySigmas, lane_geometry

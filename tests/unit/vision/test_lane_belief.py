@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
+from cwcli.signals.arcs import Pinhole
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.sets import frame
-from cwcli.vision.arcs import Pinhole
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, boundary_probabilities, crowd, features, supports
 from cwcli.vision.lane_detect import Evidence

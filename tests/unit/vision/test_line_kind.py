@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.vision.arcs import Pinhole
+from cwcli.signals.arcs import Pinhole
 from cwcli.vision.boundary import Boundary, LineColour, LineKind
 from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.line_colour import seen_colours

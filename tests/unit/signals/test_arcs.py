@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
+from cwcli.signals.arcs import TURNED, Pinhole, arc_columns, arc_places_m, changes_beside, middle_arc
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.truth import lane_truth
-from cwcli.vision.arcs import TURNED, Pinhole, arc_columns, arc_places_m, changes_beside, middle_arc
 from cwcli.vision.lane_model import columns_of_lane
 
 NOWHERE = np.array(math.nan)
