@@ -20,8 +20,13 @@ import numpy as np
 
 cdef enum:
     MAX_WIDTH = 512
+    MAX_BLOCKS = 64
     POPULATION = 50
+    WHEEL_STEPS = 6
+    WHEEL = 1 << WHEEL_STEPS  # more than the population
     MAX_BITS = 30
+    KNOWN_BITS = 11
+    KNOWN = 1 << KNOWN_BITS  # chromosomes whose fitness is kept
 
 cdef double TWO_32 = 4294967296.0
 
@@ -80,7 +85,7 @@ cdef inline double rounded(double value, double per_unit) noexcept nogil:
     return <double>whole / per_unit
 
 
-cdef inline void decode(Region* region, uint32 code, double* abc) noexcept nogil:
+cdef inline void decode(const Region* region, uint32 code, double* abc) noexcept nogil:
     """Eq. 5, rounded to the decimals of each parameter."""
     cdef int k
     cdef double number
@@ -98,22 +103,42 @@ cdef double judge(
     cdef Py_ssize_t width = response.shape[2]
     cdef const short* row = &response[kind, 0, 0]
     cdef double end = <double>width
-    cdef double y = 2.0
-    cdef double x
+    cdef double x, y
     cdef long long total = 0
-    cdef int n = 0
-    cdef Py_ssize_t i
-    for i in range(response.shape[1]):
+    cdef int place[MAX_BLOCKS]
+    cdef int n = 0, i
+    for i in range(<int>response.shape[1]):  # vector code, so it stands alone
+        y = 2.0 + 3.0 * i
         x = (a * y + b) * y + c + 0.5  # the block's centre is the whole part of x, 2 to width - 1
-        if x >= 2.0 and x < end:
-            total += row[<int>x - 1]
-            n += 1
-        y += 3.0
+        place[i] = <int>(x if 2.0 <= x < end else 1.0) - 1
+    for i in range(<int>response.shape[1]):
+        total += row[place[i]]  # the outermost columns hold zeros
+        n += place[i] > 0
         row += width
     n_blocks[0] = n
     if n < min_blocks:
         return -1e300
     return <double>total / (90.0 * n)
+
+
+cdef struct Known:
+    # fitness by chromosome; a later one takes the place of one with the same hash
+    uint32 code[KNOWN]
+    double value[KNOWN]
+
+
+cdef inline double fitness_of(
+    Known* known, const Region* region, uint32 code, const short[:, :, ::1] response, bint is_left, int min_blocks
+) noexcept nogil:
+    """`judge` of a chromosome. A population that draws together asks for few again and again."""
+    cdef double abc[3]
+    cdef int n_blocks
+    cdef uint32 place = (code * <uint32>2654435769U) >> (32 - KNOWN_BITS)  # Fibonacci hashing: 2^32 over the golden ratio
+    if known.code[place] != code:
+        decode(region, code, abc)
+        known.value[place] = judge(response, abc[0], abc[1], abc[2], is_left, min_blocks, &n_blocks)
+        known.code[place] = code
+    return known.value[place]
 
 
 cdef void combine(short* out, const short* contrast, const short* diagonal, const short* other, int alpha, int beta,
@@ -249,8 +274,9 @@ def search(
 ):
     cdef Region region
     cdef Pcg random
+    cdef Known judged
     cdef uint32 parents[POPULATION], children[POPULATION]
-    cdef double fitness[POPULATION], known[POPULATION], wheel[POPULATION], abc[3]
+    cdef double fitness[POPULATION], known[POPULATION], wheel[WHEEL], abc[3]
     cdef bint is_new[POPULATION]
     cdef int min_blocks = genetic.min_blocks
     cdef double wheel_shift = genetic.wheel_shift
@@ -258,7 +284,7 @@ def search(
     cdef uint32 best
     cdef uint32 crossover_below = <uint32>(genetic.crossover_rate * TWO_32)
     cdef uint32 mutation_below = <uint32>(genetic.mutation_rate * TWO_32)
-    cdef int i, after, low_i, high_i, middle, worst, generation, n_blocks
+    cdef int i, after, low_i, middle, worst, generation
     set_region(&region, low, high, &genetic)
     if min_blocks < 1:
         raise ValueError(f"at least {min_blocks} blocks")
@@ -266,6 +292,10 @@ def search(
         raise ValueError(f"a chromosome of {region.bits} bits")
     with nogil:
         seed(&random, seed_state, seed_stream)
+        for i in range(POPULATION, WHEEL):
+            wheel[i] = 1e300
+        for i in range(KNOWN):
+            judged.code[i] = <uint32>0xFFFFFFFFU  # none has so many bits
         best = 0
         best_value = -2e300
         for i in range(POPULATION):
@@ -276,8 +306,7 @@ def search(
             for i in range(3):
                 parents[0] |= ((region.largest[i] >> 1) + 1) << region.shift[i]
         for i in range(POPULATION):
-            decode(&region, parents[i], abc)
-            fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, min_blocks, &n_blocks)
+            fitness[i] = fitness_of(&judged, &region, parents[i], response, is_left, min_blocks)
             if fitness[i] > best_value:
                 best_value = fitness[i]
                 best = parents[i]
@@ -291,14 +320,11 @@ def search(
             for i in range(POPULATION):
                 if total > 0.0:
                     ball = <double>draw(&random) / TWO_32 * total
-                    low_i = 0
-                    high_i = POPULATION - 1
-                    while low_i < high_i:
-                        middle = (low_i + high_i) // 2
-                        if wheel[middle] > ball:
-                            high_i = middle
-                        else:
-                            low_i = middle + 1
+                    low_i = 0  # how many fields end at or before the ball; without branches, which no processor would guess
+                    for after in range(WHEEL_STEPS):
+                        middle = WHEEL >> (after + 1)
+                        low_i += middle * (wheel[low_i + middle - 1] <= ball)
+                    low_i = min(low_i, POPULATION - 1)
                 else:
                     low_i = below(&random, POPULATION)
                 children[i] = parents[low_i]
@@ -319,8 +345,7 @@ def search(
                 parents[i] = children[i]
                 fitness[i] = known[i]  # a copy is as fit as its original
                 if is_new[i]:
-                    decode(&region, parents[i], abc)
-                    fitness[i] = judge(response, abc[0], abc[1], abc[2], is_left, min_blocks, &n_blocks)
+                    fitness[i] = fitness_of(&judged, &region, parents[i], response, is_left, min_blocks)
                 if fitness[i] < fitness[worst]:
                     worst = i
             # Elitism: the best so far takes the place of the worst; then the best so far is brought up to date.

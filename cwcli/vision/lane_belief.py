@@ -14,6 +14,7 @@ The coefficients were fitted on rendered frames, on noise and on 40 labelled fra
 from __future__ import annotations
 
 import math
+from operator import mul
 
 import numpy as np
 
@@ -52,12 +53,20 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     Returns:
         Shape (2, 4): 1, square root of the own support, logarithm of the objective, square root of the crowd.
     """
+    return np.array(_features(evidence, lane, value))
+
+
+def _features(evidence: Evidence, lane: FloatArray, value: float) -> list[tuple[float, float, float, float]]:
     joint = math.log(min(max(value, 0.0), 1.0) + LEAST_VALUE)
     by_chance = math.sqrt(crowd(evidence, lane))
-    return np.array([[1.0, math.sqrt(own), joint, by_chance] for own in supports(evidence, lane).tolist()])
+    return [(1.0, math.sqrt(own), joint, by_chance) for own in supports(evidence, lane).tolist()]
 
 
-def boundary_probabilities(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
-    """Shape (2,): probability that each boundary is where the lane has it."""
-    exponents = (features(evidence, lane, value) @ COEFFICIENTS).tolist()
-    return np.array([(1.0 - LAPSE) / (1.0 + math.exp(-min(max(each, -30.0), 30.0))) for each in exponents])
+def boundary_probabilities(evidence: Evidence, lane: FloatArray, value: float) -> tuple[float, float]:
+    """Probability that each boundary is where the lane has it."""
+    coefficients: list[float] = COEFFICIENTS.tolist()
+    left, right = (
+        (1.0 - LAPSE) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
+        for each in _features(evidence, lane, value)
+    )
+    return left, right

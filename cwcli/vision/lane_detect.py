@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -137,6 +137,23 @@ def reaches(width_px: int) -> tuple[int, int]:
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
 
+@lru_cache(maxsize=8)
+def _stripe_of(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
+    """How stripes, or joints, are told, with windows for fx / fy."""
+    inner, gap, side = (stretch * each for each in (JOINT_WINDOWS if is_joint else WINDOWS))
+    return {
+        "inner": inner,
+        "gap": gap,
+        "side": side,
+        "floor_grey": FLOOR_GREY,
+        "relative": RELATIVE,
+        "rough": ROUGH,
+        "lopsided": LOPSIDED,
+        "dead": DEAD,
+        "crowded": JOINT_CROWDED if is_joint else CROWDED,
+    }
+
+
 def evidence_of(
     grey: GreyImage,
     rows: Int32Array,
@@ -158,28 +175,13 @@ def evidence_of(
     height, width = grey.shape
     size = 3 * len(rows) * width
     evidence = (np.empty(size, np.float32) if room is None else room[:size]).reshape(3, len(rows), width)
-    inner, gap, side = (pinhole.stretch * each for each in WINDOWS)
-    stripe: lane_stripes.Stripe = {
-        "inner": inner,
-        "gap": gap,
-        "side": side,
-        "floor_grey": FLOOR_GREY,
-        "relative": RELATIVE,
-        "rough": ROUGH,
-        "lopsided": LOPSIDED,
-        "dead": DEAD,
-        "crowded": CROWDED,
-    }
-    inner, gap, side = (pinhole.stretch * each for each in JOINT_WINDOWS)
-    joint: lane_stripes.Stripe = {**stripe, "inner": inner, "gap": gap, "side": side, "crowded": JOINT_CROWDED}
     reach, broad_reach = reaches(width)
-    grey = np.ascontiguousarray(grey)
     lane_stripes.stripes(
-        grey,
+        np.ascontiguousarray(grey),
         rows,
         horizon_px,
-        stripe,
-        joint,
+        _stripe_of(pinhole.stretch),
+        _stripe_of(pinhole.stretch, is_joint=True),
         joint_weight=JOINT_WEIGHT if with_joints else 0.0,
         joint_reach=JOINT_REACH * pinhole.stretch,
         reach=reach,
@@ -200,8 +202,7 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     reach = min(2.5 * table[VANISHING, SIGMA], 0.2 * width_px)
     n = int(np.ceil(reach / step))
     vanishing: FloatArray = np.asarray(table[VANISHING, MEAN] + step * np.arange(-n, n + 1), np.float64)
-    reference = 0.1 * height_px
-    bend_step = 0.024 * width_px * reference
+    bend_step = 0.024 * width_px * (0.1 * height_px)
     n = int(np.clip(np.ceil(3.3 * table[BEND, SIGMA] / bend_step), 1, 24))
     bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
     most = (1.5 if BESIDE else 0.5) * table[WIDTH, HIGH] + max(abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH]))
@@ -315,7 +316,7 @@ def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
     table[HORIZON] = point.v_px, VP_HORIZON * height, point.v_px - 0.05 * height, point.v_px + 0.05 * height
     sigma = VP_COLUMN * width
     table[VANISHING] = point.u_px, sigma, point.u_px - 5.0 * sigma, point.u_px + 5.0 * sigma
-    return replace(prior, table=table)
+    return prior.with_table(table)
 
 
 def acquire(
@@ -369,8 +370,7 @@ def glance(
     Returns:
         As `acquire`: lanes and objective; there may be none.
     """
-    lanes, _ = scan(evidence, prior, *size)
-    lanes = _unknown(distinct(lanes, 2), known)
+    lanes = _unknown(distinct(scan(evidence, prior, *size)[0], 2), known)
     if len(lanes):
         lanes, _ = refined(evidence, lanes, prior.table, size, wide=True)
         lanes, _ = refined(evidence, lanes, prior.table, size, wide=False, scale=0.5)

@@ -8,7 +8,6 @@ move by no more than a car can move sideways.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -63,7 +62,7 @@ SWIFT_MPS = 20.0
 new bends are not searched for: where few dots are all there is, that freedom would find lanes that are not there."""
 PIVOT_AT = 0.6
 """Of the way from the horizon to the image's bottom: 7 m ahead of a wide camera."""
-SPIRALS, BENDS = np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)
+SPIRALS, BENDS = (each.ravel() for each in np.meshgrid(np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)))
 """What is tried: spirals in sigmas, and bends in sigmas of the spiral times the near row's distance. Chosen, like
 `TURN_M`, with ramp 200 of `tests.studies.lane_drives` in sight."""
 LATERAL_ACCEL_MPS2 = 6.0
@@ -92,29 +91,29 @@ def driven_1pm(speed_mps: float, yaw_rate_radps: float) -> float:
 
 def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
     """The prior of a lane that is followed."""
-    table = prior.table.copy()
-    reach = BEYOND * table[WIDTH, HIGH]
-    table[MIDDLE, SIGMA] = FOLLOWED_OFFSET_M * prior.per_m
-    table[MIDDLE, LOW] = min(table[MIDDLE, LOW], -reach)
-    table[MIDDLE, HIGH] = max(table[MIDDLE, HIGH], reach)
+    rows: list[list[float]] = prior.table.tolist()
+    place, ahead, bend = rows[MIDDLE], rows[VANISHING], rows[BEND]
+    reach = BEYOND * rows[WIDTH][HIGH]
+    place[SIGMA] = FOLLOWED_OFFSET_M * prior.per_m
+    place[LOW], place[HIGH] = min(place[LOW], -reach), max(place[HIGH], reach)
     heading = camera.fx * FOLLOWED_HEADING_RAD
-    table[VANISHING, SIGMA] = max(table[VANISHING, SIGMA], heading)
-    table[VANISHING, LOW] -= 3.0 * heading
-    table[VANISHING, HIGH] += 3.0 * heading
+    ahead[SIGMA] = max(ahead[SIGMA], heading)
+    ahead[LOW] -= 3.0 * heading
+    ahead[HIGH] += 3.0 * heading
     unit = bend_unit(camera)
-    tightest = max(table[BEND, HIGH], unit * tightest_1pm(speed_mps))
-    table[BEND, SIGMA] = unit * FOLLOWED_CURVATURE_1PM
-    table[BEND, LOW], table[BEND, HIGH] = -tightest, tightest
+    tightest = max(bend[HIGH], unit * tightest_1pm(speed_mps))
+    bend[SIGMA], bend[LOW], bend[HIGH] = unit * FOLLOWED_CURVATURE_1PM, -tightest, tightest
     drift = prior.drift
     if math.isfinite(speed_mps):
         drift = drift.copy()
         speed_mps = max(speed_mps, SLOWEST_MPS)
         drift[BEND] = max(drift[BEND], 2.0 * unit * JERK_MPS3 / speed_mps**2)
-        drift[SPIRAL] = spiral_unit(camera) * JERK_MPS3 / speed_mps**3
+        spiral = spiral_unit(camera) * JERK_MPS3 / speed_mps**3
+        drift[SPIRAL] = spiral
         if speed_mps < SWIFT_MPS:
             drift[VANISHING] = math.hypot(drift[VANISHING], camera.fx * TURN_M * JERK_MPS3 / speed_mps**2)
-            table[SPIRAL] = drift[SPIRAL] * np.array([0.0, 1.0, -MOST_SIGMAS, MOST_SIGMAS])
-    return replace(prior, table=table, drift=drift)
+            rows[SPIRAL] = [0.0, spiral, -MOST_SIGMAS * spiral, MOST_SIGMAS * spiral]
+    return prior.with_table(np.array(rows), drift)
 
 
 def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
@@ -131,14 +130,15 @@ def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int
         height_px: Of the image.
     """
     t, sigma = 1.0 / (PIVOT_AT * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
-    spirals, bends = (each.ravel() for each in np.meshgrid(sigma * SPIRALS, sigma * t * BENDS))
-    made = np.tile(lane, (len(bends), 1))
+    spirals, bends = sigma * SPIRALS, sigma * t * BENDS
+    made = np.empty((len(bends), len(lane)))
+    made[:] = lane
     dq = spirals - lane[SPIRAL]
     made[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
     made[:, MIDDLE] += (bends - dq * t) * t * t
     made[:, BEND] += bends - 3.0 * dq * t
     made[:, SPIRAL] = spirals
-    return np.clip(made, table[:, LOW], table[:, HIGH])
+    return np.minimum(np.maximum(made, table[:, LOW]), table[:, HIGH])
 
 
 def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
@@ -152,7 +152,7 @@ def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: flo
     table[BEND, SIGMA] = math.hypot(table[BEND, SIGMA], unit * BEND_SHARE * driven)
     tightest = max(table[BEND, HIGH], unit * tightest_1pm(speed_mps))
     table[BEND, LOW], table[BEND, HIGH] = -tightest, tightest
-    return replace(prior, table=table)
+    return prior.with_table(table)
 
 
 def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
@@ -160,7 +160,7 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     table = prior.table.copy()
     sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
     table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
-    return replace(prior, table=table)
+    return prior.with_table(table)
 
 
 def predicted(
@@ -217,21 +217,21 @@ def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: floa
         sideways_mps: What the prediction of the place may miss at most.
     """
     dt_s = max(dt_s, 0.02)
-    sigma = prior.drift * math.sqrt(dt_s)
-    table = prior.table
-    before, now = table[:, SIGMA] ** -2, sigma**-2
-    both = before + now
-    made = table.copy()
-    made[:, SIGMA] = both**-0.5
-    made[:, MEAN] = (table[:, MEAN] * before + lane * now) / both
+    predicted_at: list[float] = lane.tolist()
+    sigma: list[float] = (prior.drift * math.sqrt(dt_s)).tolist()
+    rows: list[list[float]] = prior.table.tolist()
+    for k in (MIDDLE, WIDTH, HORIZON):  # a spiral begins and ends at once: it keeps its prior
+        before, now = 1.0 / rows[k][SIGMA] ** 2, 1.0 / sigma[k] ** 2
+        rows[k][MEAN] = (rows[k][MEAN] * before + predicted_at[k] * now) / (before + now)
+        rows[k][SIGMA] = 1.0 / math.sqrt(before + now)
     for k in (VANISHING, BEND):  # the prior of a first frame, anew in every frame, would flatten every bend
-        made[k, MEAN], made[k, SIGMA] = lane[k], sigma[k]
-    made[SPIRAL] = table[SPIRAL]  # a spiral begins and ends at once
+        rows[k][MEAN], rows[k][SIGMA] = predicted_at[k], sigma[k]
     for k, rate_mps in ((MIDDLE, sideways_mps), (WIDTH, WIDENS_MPS)):
         reach = (rate_mps * dt_s + MARGIN_M) * prior.per_m
-        place = min(max(float(lane[k]), float(table[k, LOW])), float(table[k, HIGH]))
-        made[k, LOW], made[k, HIGH] = max(place - reach, table[k, LOW]), min(place + reach, table[k, HIGH])
-    return made
+        _, _, low, high = rows[k]
+        place = min(max(predicted_at[k], low), high)
+        rows[k][LOW], rows[k][HIGH] = max(place - reach, low), min(place + reach, high)
+    return np.array(rows)
 
 
 def shift_m(lane: FloatArray, other: FloatArray, prior: LanePrior) -> float:

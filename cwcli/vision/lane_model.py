@@ -79,6 +79,10 @@ class LanePrior:
     drift: FloatArray
     per_m: float
 
+    def with_table(self, table: FloatArray, drift: FloatArray | None = None) -> LanePrior:
+        """The same with another table, and another drift if there is one."""
+        return LanePrior(table, self.is_mounted, self.pinhole, self.drift if drift is None else drift, self.per_m)
+
 
 def prior_of(camera: Camera) -> LanePrior:
     """The prior for the first frame of a camera.

@@ -136,7 +136,7 @@ class LaneTracker:
         self._hypotheses: list[Hypothesis] = []
         self._evidence: Evidence | None = None
         self._room = np.empty(0, np.float32)  # for the evidence: new memory in every frame costs as much as to fill it
-        self._odds: FloatArray | None = None
+        self._odds: list[float] | None = None
         self._steady_s = math.nan
         self._last_ns = 0
         self._n_frames = 0
@@ -162,29 +162,25 @@ class LaneTracker:
             self._hypotheses = self._found_afresh(frame, camera)
             self._steady_s, self._odds = 0.0, None
         self._n_frames += 1
-        fit = self._with_covariance(self._publish(camera, dt_s), frame)
+        fit = self._publish(frame, camera, dt_s)
         if self._lines is None:
             return fit
         lane = self._hypotheses[0].lane if self._hypotheses else None
         return self._lines.named(fit, frame, self._evidence, lane)
 
-    def _with_covariance(self, fit: LaneFit, frame: LaneFrame) -> LaneFit:
-        """The fit with its covariance, which is that of the last frame in which it was measured.
+    def _covariance_of(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+        """The covariance of a fit, which is that of the last frame in which it was measured.
 
         Of another lane it is measured anew: what came into the next one, or took the published one's place.
         """
-        if self._prior is None or self._evidence is None or not (fit.left.found and fit.right.found):
-            self._covariance = None
-            return fit
-        since_ns = frame.stamp_ns - self._measured_ns
-        is_another = fit.lane_change != 0 or fit.steady_s == 0.0
-        if self._covariance is None or is_another or since_ns >= MEASURED_EVERY_NS:
-            lane, camera = self._hypotheses[0].lane, frame.camera
+        assert self._prior is not None
+        assert self._evidence is not None
+        if self._covariance is None or is_another or frame.stamp_ns - self._measured_ns >= MEASURED_EVERY_NS:
             is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
-            table = opened(self._prior, camera, BENDS_MPS if is_bent else frame.speed_mps).table
-            own = lane_covariance(self._evidence, lane, table, camera)
-            self._covariance, self._measured_ns = fit_covariance(lane, own, camera), frame.stamp_ns
-        return replace(fit, covariance=self._covariance)
+            table = opened(self._prior, frame.camera, BENDS_MPS if is_bent else frame.speed_mps).table
+            own = lane_covariance(self._evidence, lane, table, frame.camera)
+            self._covariance, self._measured_ns = fit_covariance(lane, own, frame.camera), frame.stamp_ns
+        return self._covariance
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
         """Every hypothesis, predicted and improved on the new frame; the published one first."""
@@ -212,12 +208,16 @@ class LaneTracker:
                 if bent_last > last + SWITCH_GAIN:
                     found, last = bent_lane, bent_last
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, replace(each, lane=found, value=value, last=last, change=change), size)
+            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change), size)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(frame, camera, made, prior)
         lead_value = made[0].value + SWITCH_GAIN
-        return [replace(each, better_s=each.better_s + dt_s if each.value > lead_value else 0.0) for each in made]
+        for k, each in enumerate(made):
+            better_s = each.better_s + dt_s if each.value > lead_value else 0.0
+            if better_s != each.better_s:
+                made[k] = replace(each, better_s=better_s)
+        return made
 
     def _rivals(
         self, frame: LaneFrame, camera: Camera, followed: list[Hypothesis], opened_prior: LanePrior
@@ -231,9 +231,8 @@ class LaneTracker:
             table[k, SIGMA] *= GLANCE_SHARE
             table[k, LOW], table[k, HIGH] = opened_prior.table[k, LOW], opened_prior.table[k, HIGH]
         size = camera.width_px, camera.height_px
-        lanes, values = glance(
-            self._evidence, replace(self._prior, table=table), size, [each.lane for each in followed]
-        )
+        prior = self._prior.with_table(table)
+        lanes, values = glance(self._evidence, prior, size, [each.lane for each in followed])
         return self._begun(lanes, values, opened_prior)
 
     def _found_afresh(self, frame: LaneFrame, camera: Camera) -> list[Hypothesis]:
@@ -256,7 +255,7 @@ class LaneTracker:
             for lane, value, start in zip(lanes, values.tolist(), starts.tolist(), strict=True)
         ]
 
-    def _chosen(self, camera: Camera, dt_s: float) -> tuple[Hypothesis, FloatArray, int]:
+    def _chosen(self, dt_s: float) -> tuple[Hypothesis, tuple[float, float], int]:
         """The hypothesis to be published, now the first of all; its probabilities in this frame; the lane change."""
         assert self._prior is not None
         assert self._evidence is not None
@@ -264,7 +263,7 @@ class LaneTracker:
         chances = boundary_probabilities(self._evidence, first.lane, first.last)
         change = first.change
         if len(self._hypotheses) > 1:
-            is_seen = bool((chances >= FOUND_PROBABILITY).any())
+            is_seen = max(chances) >= FOUND_PROBABILITY
             patience_s = SWITCH_S if is_seen else 0.0
             better = [each for each in self._hypotheses[1:] if each.better_s > patience_s]
             if better:
@@ -276,22 +275,23 @@ class LaneTracker:
                 if shift_m(best.lane, other, self._prior) > SIDEWAYS_MPS * dt_s + MARGIN_M:
                     self._steady_s = 0.0
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
-            self._hypotheses = [replace(best, better_s=0.0), *others[: N_HYPOTHESES - 1]]
+            self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: N_HYPOTHESES - 1]]
         return best, chances, change
 
-    def _publish(self, camera: Camera, dt_s: float) -> LaneFit:
+    def _publish(self, frame: LaneFrame, camera: Camera, dt_s: float) -> LaneFit:
         """The best hypothesis as a fit."""
         assert self._prior is not None
         if not self._hypotheses:
             self._pause -= 1
+            self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
-        best, now, change = self._chosen(camera, dt_s)
-        odds = np.clip(np.log(now / (1.0 - now)), -GREATEST_ODDS, GREATEST_ODDS)
+        best, now, change = self._chosen(dt_s)
+        odds = [min(max(math.log(chance / (1.0 - chance)), -GREATEST_ODDS), GREATEST_ODDS) for chance in now]
         if self._odds is not None:
             kept = math.exp(-dt_s / BELIEF_S)
-            odds = kept * self._odds + (1.0 - kept) * odds
+            odds = [kept * before + (1.0 - kept) * own for before, own in zip(self._odds, odds, strict=True)]
         self._odds = odds
-        chances: list[float] = (1.0 / (1.0 + np.exp(-odds))).tolist()
+        chances = [1.0 / (1.0 + math.exp(-own)) for own in odds]
         parabolas = parabolas_of_lane(best.lane, camera).tolist()
         found = [
             chance >= FOUND_PROBABILITY and all(map(math.isfinite, parabola))
@@ -309,24 +309,27 @@ class LaneTracker:
             self._n_lost += 1
             self._lost_s += dt_s
             if self._n_lost >= LOST_FRAMES and self._lost_s >= LOST_S:
-                self._hypotheses = []
+                self._hypotheses, self._covariance = [], None
                 self._pause = min(2 ** min(self._n_lost - LOST_FRAMES, 8), MAX_PAUSE_FRAMES)
                 return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         sides = []
         for side in range(2):
             a, b, c = parabolas[side]
             sides.append(Boundary(a, b, c, best.value, chances[side], found[side]))
+        if not all(found):
+            self._covariance = None
         if not any(found):
             return LaneFit(sides[0], sides[1], state=LaneState.LOST)
-        is_seen = bool((now >= FOUND_PROBABILITY).any())
+        is_another = change != 0 or self._steady_s == 0.0
         return LaneFit(
             sides[0],
             sides[1],
             pitch_rad=pitch_of(best.lane, camera),
             roads=roads_of_lane(best.lane, self._prior.pinhole),
-            state=LaneState.FOUND if is_seen else LaneState.HELD,
+            state=LaneState.FOUND if max(now) >= FOUND_PROBABILITY else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,
+            covariance=self._covariance_of(best.lane, frame, is_another=is_another) if all(found) else None,
         )
 
 

@@ -127,4 +127,6 @@ class LineWatch:
 
 
 def _named(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
-    return replace(side, kind=kind, colour=colour) if side.found else side
+    if not side.found:
+        return side
+    return Boundary(side.a, side.b, side.c, side.score, side.probability, True, side.covariance, kind, colour)
