@@ -52,6 +52,9 @@ WIDENS_MPS = 0.6
 """A taper of 1 : 40 at 25 m/s."""
 MARGIN_M = 0.02
 """What a place may move beside that: the paint's grain."""
+LEAST_DT_S = 0.02
+APART_AT = (0.25, 0.6)
+"""Rows in which lanes are compared, of the way from the horizon to the bottom."""
 JERK_MPS3 = 1.0
 """Sigma of what a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3, ramps for more."""
 MOST_SIGMAS = 4.0
@@ -62,6 +65,8 @@ SWIFT_MPS = 20.0
 new bends are not searched for: where few dots are all there is, that freedom would find lanes that are not there."""
 PIVOT_AT = 0.6
 """Of the way from the horizon to the image's bottom: 7 m ahead of a wide camera."""
+PITCHES = np.array([0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -4.5, 4.5])
+"""What is tried, in sigmas of what the prediction of the pitch may miss: a bump moves the whole lane up or down."""
 SPIRALS, BENDS = (each.ravel() for each in np.meshgrid(np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)))
 """What is tried: spirals in sigmas, and bends in sigmas of the spiral times the near row's distance. Chosen, like
 `TURN_M`, with ramp 200 of `tests.studies.lane_drives` in sight."""
@@ -116,6 +121,24 @@ def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
     return prior.with_table(np.array(rows), drift)
 
 
+def pitched(lane: FloatArray, prior: LanePrior, table: FloatArray, dt_s: float) -> FloatArray:
+    """Shape (k, 6): the lane as predicted, and with other horizons.
+
+    A search that moves one number after the other takes a bump for a bend, or stays where it is.
+
+    Args:
+        lane: As predicted.
+        prior: Of a followed lane.
+        table: Within whose limits they stay.
+        dt_s: Since the frame before.
+    """
+    made = np.empty((len(PITCHES), len(lane)))
+    made[:] = lane
+    moved = lane[HORIZON] + PITCHES * (prior.drift[HORIZON] * math.sqrt(max(dt_s, LEAST_DT_S)))
+    made[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
+    return made
+
+
 def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
     """Shape (k, 6): the lane with other bends and spirals, which keeps its place and direction in a near row.
 
@@ -161,6 +184,14 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
     sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
     table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
     return prior.with_table(table)
+
+
+def at_horizon(prior: LanePrior, lane: FloatArray, camera: Camera) -> LanePrior:
+    """The prior for a lane whose horizon is another one than that which the frames showed so far; else itself."""
+    row = prior.table[HORIZON]
+    if prior.is_mounted or row[LOW] <= lane[HORIZON] <= row[HIGH]:
+        return prior
+    return learned(prior, float(lane[HORIZON]), camera)
 
 
 def predicted(
@@ -216,7 +247,7 @@ def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: floa
         dt_s: Since the frame before.
         sideways_mps: What the prediction of the place may miss at most.
     """
-    dt_s = max(dt_s, 0.02)
+    dt_s = max(dt_s, LEAST_DT_S)
     predicted_at: list[float] = lane.tolist()
     sigma: list[float] = (prior.drift * math.sqrt(dt_s)).tolist()
     rows: list[list[float]] = prior.table.tolist()
@@ -238,6 +269,25 @@ def shift_m(lane: FloatArray, other: FloatArray, prior: LanePrior) -> float:
     """How far the boundary that differs more lies from that of another lane, beside the camera."""
     apart = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
     return apart / prior.per_m
+
+
+def apart_m(lane: FloatArray, other: FloatArray, prior: LanePrior, height_px: int) -> float:
+    """How far the boundary that differs more lies from that of another lane, near and 20 m ahead of a wide camera."""
+    most = 0.0
+    for share in APART_AT:
+        h = share * (height_px - float(lane[HORIZON]))
+        other_h = h + float(lane[HORIZON] - other[HORIZON])
+        if other_h <= 0.0:
+            return math.inf
+        moved = boundaries_px(lane, h) - boundaries_px(other, other_h)
+        most = max(most, float(np.abs(moved).max()) / h)
+    return most / prior.per_m
+
+
+def boundaries_px(lane: FloatArray, h: float) -> FloatArray:
+    """Shape (2,): columns of both boundaries h rows below the lane's horizon; of a tight bend, of what touches it."""
+    u0, middle, width, bend, _, spiral = lane.tolist()
+    return np.asarray(u0 + np.array([middle - 0.5 * width, middle + 0.5 * width]) * h + (bend + spiral / h) / h)
 
 
 def change_between(lane: FloatArray, other: FloatArray) -> int:

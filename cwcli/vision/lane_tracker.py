@@ -10,7 +10,7 @@ that hardly shows the lane does not end it: what the frames before said is forgo
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,9 +28,7 @@ from cwcli.vision.lane_detect import (
     evidence_of,
     glance,
     judged,
-    refined,
     rows_of,
-    widely_best,
     with_vanishing_point,
 )
 from cwcli.vision.lane_following import (
@@ -38,17 +36,18 @@ from cwcli.vision.lane_following import (
     SIDEWAYS_MPS,
     SWIFT_MPS,
     UNTOLD_SIDEWAYS_MPS,
+    apart_m,
+    at_horizon,
     bent,
     beside,
     change_between,
     crossed,
     learned,
-    narrowed,
     opened,
     predicted,
     shift_m,
-    turned,
 )
+from cwcli.vision.lane_hypotheses import SWITCH_GAIN, Hypothesis, add_merged, improved
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -59,7 +58,6 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     LanePrior,
-    coincide,
     parabolas_of_lane,
     pitch_of,
     prior_of,
@@ -85,40 +83,21 @@ MEMORY_S = 0.45
 BELIEF_S = 0.3
 """Likewise the probability, as log-odds."""
 GREATEST_ODDS = 4.0
-SWITCH_GAIN = 0.03
-"""Objective by which another hypothesis must be better to be published,"""
 SWITCH_S = 0.4
-"""for so long."""
+"""Another hypothesis must be better by `SWITCH_GAIN` for so long to be published."""
 HORIZON_GAIN = 0.05
 BENDS_MPS = 10.0
 """Where no speed is told, a lane may be one on which cars drive so slowly, whose bends begin and end within sight,
 if its objective is better by `SWITCH_GAIN`;"""
 BEND_FRAMES = 3
 """looked for every so many frames, and in every one while it is."""
+SECOND_LOOK_S = 0.2
+"""Where the mounting is not known, the horizon is that of one frame's lines, and may be wrong: the frame is searched as
+if it were the first again after so long, then after twice as long, and so on,"""
+RARE_LOOK_S = 16.0
+"""and at last every so often."""
 MEASURED_EVERY_NS = 300_000_000
 """A lane's covariance is measured no more often."""
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """A lane that is followed.
-
-    Attributes:
-        lane: Shape (6,), see `lane_model`.
-        value: Objective over the last frames.
-        last: Objective in the last frame.
-        start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
-            that is followed: it stays a reason against it.
-        better_s: For how long it has been better than the published one.
-        change: Whether it came into the next lane in this frame (`lane_following.crossed`).
-    """
-
-    lane: FloatArray
-    value: float
-    last: float
-    start: float = 0.0
-    better_s: float = 0.0
-    change: int = 0
 
 
 class LaneTracker:
@@ -138,6 +117,7 @@ class LaneTracker:
         self._room = np.empty(0, np.float32)  # for the evidence: new memory in every frame costs as much as to fill it
         self._odds: list[float] | None = None
         self._steady_s = math.nan
+        self._followed_s, self._look_s = 0.0, SECOND_LOOK_S
         self._last_ns = 0
         self._n_frames = 0
         self._n_lost = 0
@@ -156,11 +136,13 @@ class LaneTracker:
         dt_s = min(max((frame.stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         self._last_ns = frame.stamp_ns
         if self._hypotheses:
+            self._followed_s += dt_s
             self._hypotheses = self._follow(frame, camera, dt_s)
             self._steady_s += dt_s
         elif self._pause <= 0:
             self._hypotheses = self._found_afresh(frame, camera)
             self._steady_s, self._odds = 0.0, None
+            self._followed_s, self._look_s = 0.0, SECOND_LOOK_S
         self._n_frames += 1
         fit = self._publish(frame, camera, dt_s)
         if self._lines is None:
@@ -186,32 +168,41 @@ class LaneTracker:
         """Every hypothesis, predicted and improved on the new frame; the published one first."""
         assert self._prior is not None
         size = camera.width_px, camera.height_px
-        lead = self._hypotheses[0].lane
-        rows = rows_of(lead[HORIZON] + MIN_DEPTH * size[1], size[1])
+        horizon_px = float(self._hypotheses[0].lane[HORIZON])
+        rows = rows_of(horizon_px + MIN_DEPTH * size[1], size[1])
         if len(self._room) != 3 * MAX_ROWS * size[0]:
             self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
-        evidence = self._look(frame.grey, rows, float(lead[HORIZON]), self._prior.pinhole, self._room)
+        evidence = self._look(frame.grey, rows, horizon_px, self._prior.pinhole, self._room)
         self._evidence = evidence
         prior = opened(self._prior, camera, frame.speed_mps)
         is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)
         sideways_mps = SIDEWAYS_MPS if is_told else UNTOLD_SIDEWAYS_MPS
         memory = math.exp(-dt_s / MEMORY_S)
         made: list[Hypothesis] = []
+        tight = opened(self._prior, camera, BENDS_MPS) if math.isnan(frame.speed_mps) else None
         for each in self._hypotheses:
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
             change = crossed(lane)
             lane = beside(lane, change)
-            found, last = improved(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=frame.speed_mps < SWIFT_MPS)
-            if math.isnan(frame.speed_mps) and (lane[SPIRAL] != 0.0 or self._n_frames % BEND_FRAMES == 0):
-                tight = opened(self._prior, camera, BENDS_MPS)
-                bent_lane, bent_last = improved(evidence, lane, tight, size, dt_s, sideways_mps, is_slow=True)
-                if bent_last > last + SWITCH_GAIN:
-                    found, last = bent_lane, bent_last
+            is_tight = tight is not None and lane[SPIRAL] != 0.0
+            own = at_horizon(tight if tight is not None and is_tight else prior, lane, camera)
+            is_slow = is_tight or frame.speed_mps < SWIFT_MPS
+            found, last = improved(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
             value = memory * each.value + (1.0 - memory) * (last + each.start)
             add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change), size)
+        lead = made[0]
+        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.lane[SPIRAL] for each in made):
+            own = at_horizon(tight, lead.lane, camera)
+            bent_lane, last = improved(evidence, lead.lane, own, size, dt_s, sideways_mps, is_slow=True)
+            if last > lead.last + SWITCH_GAIN:
+                add_merged(made, replace(lead, lane=bent_lane, value=lead.value + last - lead.last, last=last), size)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             made += self._rivals(frame, camera, made, prior)
+        if not self._prior.is_mounted and self._followed_s >= self._look_s:
+            self._look_s += min(self._look_s, RARE_LOOK_S)
+            for new in self._second_look(frame, camera, prior):
+                add_merged(made, new, size)
         lead_value = made[0].value + SWITCH_GAIN
         for k, each in enumerate(made):
             better_s = each.better_s + dt_s if each.value > lead_value else 0.0
@@ -246,6 +237,15 @@ class LaneTracker:
         lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
         return self._begun(lanes, values, opened(self._prior, camera, frame.speed_mps))
 
+    def _second_look(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[Hypothesis]:
+        """The best lane of a frame at the horizon of its own lines."""
+        assert self._prior is not None
+        followed, prior = self._evidence, with_vanishing_point(frame.grey, self._prior)
+        lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
+        made = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
+        self._evidence = followed
+        return made
+
     def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
         """New hypotheses from lanes (k, 6) and their objective (k,) as lanes that are looked for."""
         assert self._evidence is not None
@@ -255,7 +255,7 @@ class LaneTracker:
             for lane, value, start in zip(lanes, values.tolist(), starts.tolist(), strict=True)
         ]
 
-    def _chosen(self, dt_s: float) -> tuple[Hypothesis, tuple[float, float], int]:
+    def _chosen(self, camera: Camera, dt_s: float) -> tuple[Hypothesis, tuple[float, float], int]:
         """The hypothesis to be published, now the first of all; its probabilities in this frame; the lane change."""
         assert self._prior is not None
         assert self._evidence is not None
@@ -265,7 +265,13 @@ class LaneTracker:
         if len(self._hypotheses) > 1:
             is_seen = max(chances) >= FOUND_PROBABILITY
             patience_s = SWITCH_S if is_seen else 0.0
-            better = [each for each in self._hypotheses[1:] if each.better_s > patience_s]
+            reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
+            better = [
+                each
+                for each in self._hypotheses[1:]
+                if each.better_s > patience_s
+                or (each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m)
+            ]
             if better:
                 best = max(better, key=lambda each: each.value)
                 chances = boundary_probabilities(self._evidence, best.lane, best.last)
@@ -274,6 +280,8 @@ class LaneTracker:
                 self._odds = self._covariance = None
                 if shift_m(best.lane, other, self._prior) > SIDEWAYS_MPS * dt_s + MARGIN_M:
                     self._steady_s = 0.0
+                if not self._prior.is_mounted:
+                    self._prior = learned(self._prior, float(best.lane[HORIZON]), camera)
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
             self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: N_HYPOTHESES - 1]]
         return best, chances, change
@@ -285,7 +293,7 @@ class LaneTracker:
             self._pause -= 1
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
-        best, now, change = self._chosen(dt_s)
+        best, now, change = self._chosen(camera, dt_s)
         odds = [min(max(math.log(chance / (1.0 - chance)), -GREATEST_ODDS), GREATEST_ODDS) for chance in now]
         if self._odds is not None:
             kept = math.exp(-dt_s / BELIEF_S)
@@ -331,44 +339,6 @@ class LaneTracker:
             lane_change=change,
             covariance=self._covariance_of(best.lane, frame, is_another=is_another) if all(found) else None,
         )
-
-
-def improved(
-    evidence: Evidence,
-    lane: FloatArray,
-    prior: LanePrior,
-    size: tuple[int, int],
-    dt_s: float,
-    sideways_mps: float,
-    *,
-    is_slow: bool,
-) -> tuple[FloatArray, float]:
-    """A predicted lane (6,) improved on a frame, and its objective.
-
-    Args:
-        evidence, lane, size: As elsewhere.
-        prior: Of a followed lane.
-        dt_s, sideways_mps: `narrowed`.
-        is_slow: Bends may begin and end within sight: others are tried too (`turned`).
-    """
-    table = narrowed(prior, lane, dt_s, sideways_mps)
-    lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-    starts = lane[None]
-    if is_slow:
-        starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
-    lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
-    lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
-    return lanes[0], float(judged(evidence, lanes, prior.table)[0])
-
-
-def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
-    """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
-    for k, other in enumerate(followed):
-        if coincide(new.lane, other.lane, *size):
-            if new.last > other.last + SWITCH_GAIN:
-                followed[k] = replace(new, change=other.change, start=other.start)
-            return
-    followed.append(new)
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:

@@ -1,8 +1,7 @@
-"""Clips made of real pictures, whose lanes' movement is known: what public videos of drives do to a camera.
+"""Clips made of a real video, varied as cameras, weather, roads and recorders vary it.
 
-A video of a drive is varied (`VIDEO_KINDS`): its lanes are those that were found in it as it is, and looked at. A still
-is moved as a driving car would move it: below the horizon by the ground's homography, above it by that of a rotation.
-Every clip is made from a seed. Pictures stay outside of the project.
+The lanes of the video are those that were found in it as it is, and looked at. Every clip is made from a seed. Pictures
+stay outside of the project.
 """
 
 from __future__ import annotations
@@ -17,29 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.lane_scores import ego_lanes
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.camera import Camera, Mounting, default_camera
+from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.frames import decode_frames
-from cwcli.vision.lane_model import LANE_WIDTH_M, bend_unit
+from cwcli.vision.lane_model import LANE_WIDTH_M
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
-from tests.studies.lane_halves import IMAGES, drawn, labelled
+from tests.studies.lane_halves import IMAGES, drawn
 
 SHARED = Path(__file__).parents[2].parent / "shared"
 VIDEO = SHARED / "logs" / "udacity-solid-white-right.mcap"
-LABELLED = SHARED / "logs" / "tusimple-0313-dev.mcap"
-STILLS = SHARED / "data" / "udacity_lanes"
-STILL_FOLDERS = ("advanced_test_images", "p1_test_images")
 RATE_HZ = 25.0
 SPEED_MPS = 25.0
-STILL_S = 4.0
-WEAVE_M, WEAVE_S = 0.3, 6.0
-PITCH_RAD = 0.006
-"""Of a body on its springs, about once a second."""
-WAY_M = 8.0
-"""Ahead and back again: a still has no more road in sight near by."""
-NOISE_GREY = 3.0
 SECOND_NS = 1_000_000_000
 
 
@@ -106,8 +94,16 @@ Change = Callable[["Scene"], GreyImage]
 
 @dataclass(frozen=True)
 class Scene:
-    """What a change of the picture may use: the grey picture as float32, its lines (2, height) and horizon, the number of
-    the frame and the random numbers of the clip, of the frame; and whether the clip is one that was kept aside."""
+    """What a change of the picture may use.
+
+    Attributes:
+        grey: The picture.
+        lines: Shape (2, height): its boundaries' columns.
+        horizon_px: Its row.
+        number: Of the frame in the clip.
+        rng: Random numbers of the clip.
+        is_aside: The clip is one that was kept aside.
+    """
 
     grey: npt.NDArray[np.float32]
     lines: FloatArray
@@ -135,33 +131,33 @@ class Scene:
         return np.where(h > 1.0, camera.fy * camera.mounting.height_m / np.maximum(h, 1.0), np.inf)
 
 
-def _bytes(grey: FloatArray | npt.NDArray[np.float32]) -> GreyImage:
+def as_bytes(grey: FloatArray | npt.NDArray[np.float32]) -> GreyImage:
     return np.asarray(np.clip(np.rint(grey), 0, 255), np.uint8)
 
 
 def _noisy(sigma: float, gain: float = 1.0) -> Change:
-    return lambda scene: _bytes(gain * scene.grey + scene.rng.normal(0.0, sigma, scene.grey.shape).astype(np.float32))
+    return lambda scene: as_bytes(gain * scene.grey + scene.rng.normal(0.0, sigma, scene.grey.shape).astype(np.float32))
 
 
 def _gamma(scene: Scene) -> GreyImage:
-    return _bytes(255.0 * (scene.grey / 255.0) ** (2.2 if scene.is_aside else 0.45))
+    return as_bytes(255.0 * (scene.grey / 255.0) ** (2.2 if scene.is_aside else 0.45))
 
 
 def _jpeg(scene: Scene) -> GreyImage:
-    _, data = cv2.imencode(".jpg", _bytes(scene.grey), [cv2.IMWRITE_JPEG_QUALITY, 30])
+    _, data = cv2.imencode(".jpg", as_bytes(scene.grey), [cv2.IMWRITE_JPEG_QUALITY, 30])
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE), np.uint8)
 
 
 def _blurred(scene: Scene) -> GreyImage:
     if scene.is_aside:
-        return _bytes(cv2.blur(scene.grey, (3, 17)))
-    return _bytes(cv2.GaussianBlur(scene.grey, (0, 0), 2.5))
+        return as_bytes(cv2.blur(scene.grey, (3, 17)))
+    return as_bytes(cv2.GaussianBlur(scene.grey, (0, 0), 2.5))
 
 
 def _erased(scene: Scene, share: float = 1.0, every: int = 75, last: int = 25) -> GreyImage:
     """Both lines' paint gone for a second, or worn (share below 1): the road beside it is laid over it."""
     if scene.number % every < every - last:
-        return _bytes(scene.grey)
+        return as_bytes(scene.grey)
     made = scene.grey.copy()
     per_m = (scene.lines[1] - scene.lines[0]) / LANE_WIDTH_M[0]
     side = 0 if not scene.is_aside else 1  # the dashed one
@@ -173,7 +169,7 @@ def _erased(scene: Scene, share: float = 1.0, every: int = 75, last: int = 25) -
                 over = made[row, middle - 3 * half : middle - half]
                 place = slice(middle - half, middle - half + len(over))
                 made[row, place] += share * (over[: made[row, place].size] - made[row, place])
-    return _bytes(made)
+    return as_bytes(made)
 
 
 def _bridge(scene: Scene) -> GreyImage:
@@ -182,7 +178,7 @@ def _bridge(scene: Scene) -> GreyImage:
     ahead = scene.ahead_m
     shade = ((ahead > begins_m) & (ahead < begins_m + 10.0)).astype(np.float32)
     shade = cv2.GaussianBlur(np.repeat(shade, scene.grey.shape[1], axis=1), (0, 0), 1.5)
-    return _bytes(scene.grey * (1.0 - (0.75 if scene.is_aside else 0.6) * shade))
+    return as_bytes(scene.grey * (1.0 - (0.75 if scene.is_aside else 0.6) * shade))
 
 
 def _glare(scene: Scene) -> GreyImage:
@@ -192,14 +188,14 @@ def _glare(scene: Scene) -> GreyImage:
     spot = np.exp(-(((scene.columns - u0) / (0.2 * width)) ** 2) - ((scene.rows - 0.5 * height) / (0.3 * height)) ** 2)
     band = np.exp(-(((scene.columns - u0) / (0.05 * width)) ** 2)) * (scene.rows > scene.horizon_px)
     flicker = 1.0 + 0.2 * math.sin(scene.number / 4.0)
-    return _bytes(60.0 + 0.6 * scene.grey + flicker * (130.0 * spot + 45.0 * band))
+    return as_bytes(60.0 + 0.6 * scene.grey + flicker * (130.0 * spot + 45.0 * band))
 
 
 def _truck(scene: Scene) -> GreyImage:
     """A grey block with a bright edge that stands over one boundary for half a second."""
     at = scene.number % 60
     if at < 40 or at > 52:
-        return _bytes(scene.grey)
+        return as_bytes(scene.grey)
     height, width = scene.grey.shape
     side = 1 if scene.is_aside else 0
     row = min(height - 1, round(scene.horizon_px + 0.75 * (height - scene.horizon_px)))
@@ -210,32 +206,30 @@ def _truck(scene: Scene) -> GreyImage:
     for edge in (left, right - 5):
         made[: row + 1, edge : edge + 5] = 190.0
     made[row - 6 : row + 1, left:right] = 30.0
-    return _bytes(made)
+    return as_bytes(made)
 
 
 def _wiper(scene: Scene) -> GreyImage:
     """A dark blade that sweeps through the picture in half a second, every 1.5 s."""
     at = (scene.number % 38) / 12.0
     if at > 1.0:
-        return _bytes(scene.grey)
+        return as_bytes(scene.grey)
     height, width = scene.grey.shape
     angle = math.radians(170.0 - 160.0 * at)
-    across = abs(
-        (scene.columns - 0.5 * width) * math.sin(angle) + (scene.rows - 1.1 * height) * math.cos(angle)
-    )
-    return _bytes(np.where(across < 0.025 * width, 25.0, scene.grey))
+    across = abs((scene.columns - 0.5 * width) * math.sin(angle) + (scene.rows - 1.1 * height) * math.cos(angle))
+    return as_bytes(np.where(across < 0.025 * width, 25.0, scene.grey))
 
 
 def _exposure(scene: Scene) -> GreyImage:
     """Into the shade of a bridge and out: half as bright at once, then too bright, then as before."""
     at = scene.number % 60
     gain = 1.0 if at < 30 else 0.35 if at < 38 else 2.2 if at < 42 else 1.4
-    return _bytes(gain * scene.grey)
+    return as_bytes(gain * scene.grey)
 
 
 def _text(scene: Scene) -> GreyImage:
     """The date and the speed that many cameras burn into their frames, and the bonnet below."""
-    made = _bytes(scene.grey)
+    made = as_bytes(scene.grey)
     height, width = made.shape
     cv2.ellipse(made, (width // 2, round(1.12 * height)), (round(0.55 * width), round(0.2 * height)), 0, 0, 360, 40, -1)
     at = (width // 3 if scene.is_aside else 10, height - 14)
@@ -245,21 +239,21 @@ def _text(scene: Scene) -> GreyImage:
 
 
 VIDEO_KINDS: dict[str, Change] = {
-    "as it is": lambda scene: _bytes(scene.grey),
-    "dim": lambda scene: _bytes((0.2 if scene.is_aside else 0.3) * scene.grey),
+    "as it is": lambda scene: as_bytes(scene.grey),
+    "dim": lambda scene: as_bytes((0.2 if scene.is_aside else 0.3) * scene.grey),
     "noisy": _noisy(15.0),
     "dim and noisy": _noisy(7.0, 0.35),
     "blurred": _blurred,
     "JPEG 30": _jpeg,
     "gamma": _gamma,
-    "cropped": lambda scene: _bytes(scene.grey),
-    "half rate": lambda scene: _bytes(scene.grey),
-    "third rate": lambda scene: _bytes(scene.grey),
-    "frames twice": lambda scene: _bytes(scene.grey),
-    "frames dropped": lambda scene: _bytes(scene.grey),
-    "backwards": lambda scene: _bytes(scene.grey),
-    "shaken": lambda scene: _bytes(scene.grey),
-    "cut": lambda scene: _bytes(scene.grey),
+    "cropped": lambda scene: as_bytes(scene.grey),
+    "half rate": lambda scene: as_bytes(scene.grey),
+    "third rate": lambda scene: as_bytes(scene.grey),
+    "frames twice": lambda scene: as_bytes(scene.grey),
+    "frames dropped": lambda scene: as_bytes(scene.grey),
+    "backwards": lambda scene: as_bytes(scene.grey),
+    "shaken": lambda scene: as_bytes(scene.grey),
+    "cut": lambda scene: as_bytes(scene.grey),
     "dashes gone": _erased,
     "dashes worn": lambda scene: _erased(scene, 0.75, 100, 75),
     "bridges": _bridge,
@@ -316,164 +310,8 @@ def video_clip(video: Video, kind: str, *, is_aside: bool, seed: int = 0) -> Ite
             horizon += down
         grey = change(Scene(grey.astype(np.float32), lines, horizon, number, rng, is_aside))
         if kind == "cropped":
-            left, top = (0, 40) if is_aside else (90, 0)
-            grey = np.ascontiguousarray(grey[top : height - 40 + top, left : width - 90 + left])
-            lines, horizon = lines[:, top : height - 40 + top] - left, horizon - top
+            side, top = (80, 40) if is_aside else (40, 0)
+            grey = np.ascontiguousarray(grey[top : height - 40 + top, side : width - side])
+            lines, horizon = lines[:, top : height - 40 + top] - side, horizon - top
         is_cut = kind == "cut" and number % 60 == 0 and number > 0
         yield Shot(grey, round(time * SECOND_NS / RATE_HZ), lines, horizon, is_cut=is_cut)
-
-
-@dataclass(frozen=True)
-class Still:
-    """A picture and its lane u = u0 + m h + k / h, h rows below the horizon.
-
-    Attributes:
-        name: Of the picture.
-        grey: It.
-        lane: u0, m of the left and of the right boundary, k, and the horizon; px.
-        labels: Points (n, 2) of both boundaries where they were labelled; empty: they were not.
-    """
-
-    name: str
-    grey: GreyImage
-    lane: tuple[float, float, float, float, float]
-    labels: tuple[FloatArray, FloatArray] | None
-
-
-def lane_of_points(points: tuple[FloatArray, FloatArray], height_px: int) -> tuple[float, float, float, float, float]:
-    """u0, m left, m right, k and the horizon that lie nearest to points on both boundaries, by least squares."""
-    best = (math.inf, (0.0, 0.0, 0.0, 0.0, 0.0))
-    top = min(float(each[:, 1].min()) for each in points)
-    for horizon in np.arange(top - 0.12 * height_px, top - 2.0, 0.5):
-        parts, right = [], []
-        for side, each in enumerate(points):
-            h = each[:, 1] - horizon
-            part = np.zeros((len(h), 4))
-            part[:, 0], part[:, 1 + side], part[:, 3] = 1.0, h, 1.0 / h
-            parts.append(part)
-            right.append(each[:, 0])
-        # a bend of 0.002 1/m would be k = 0.6 of the height squared: the horizon shall not run away with it
-        design, wanted = np.concatenate(parts), np.concatenate(right)
-        found, *_ = np.linalg.lstsq(design, wanted, rcond=None)
-        miss = float(((design @ found - wanted) ** 2).sum())
-        if miss < best[0]:
-            best = miss, (*(float(value) for value in found), float(horizon))
-    return best[1]
-
-
-def read_stills() -> list[Still]:
-    """The labelled frames, then the pictures without labels, whose lane is that which the default method finds."""
-    made = []
-    for number, (frame, lanes, rows) in enumerate(labelled(LABELLED, lambda width, height: (width, height))):
-        assert frame.image is not None
-        height, width = frame.image.shape
-        beside = ego_lanes(lanes, rows, width, height)
-        points = [np.column_stack([each, rows])[each >= 0.0] for each in beside]
-        points = [each for each in points if len(each) >= 3]
-        if len(points) == 2:
-            points.sort(key=lambda each: float(each[:, 0].mean()))
-            pair = points[0], points[1]
-            made.append(Still(f"labelled {number}", np.array(frame.image), lane_of_points(pair, height), pair))
-    for folder in STILL_FOLDERS:
-        for path in sorted((STILLS / folder).glob("*.jpg")):
-            grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-            assert grey is not None
-            height, width = grey.shape
-            camera = default_camera(width, height, Mounting()).resized(*search_size(width, height))
-            small = cv2.resize(grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
-            fit = LaneTracker().step(LaneFrame(small, camera, 0, 0))
-            rows = np.arange(0.66 * height, height - 1.0, 8.0)
-            lines = drawn(fit, camera, rows, height)
-            pair_of = [np.column_stack([line, rows])[np.isfinite(line)] for line in lines]
-            made.append(
-                Still(f"{folder.split('_')[0]} {path.stem}", grey, lane_of_points((pair_of[0], pair_of[1]), height), None)
-            )
-    return made
-
-
-def still_clip(still: Still, *, with_motion: bool, seed: int = 0) -> Iterator[Shot]:
-    """The still as a car would see it that weaves, pitches, and drives on and back again.
-
-    Args:
-        still: The picture.
-        with_motion: Speed and yaw rate are told.
-        seed: Of noise and of the movement's phases.
-    """
-    rng = np.random.default_rng([seed, sum(map(ord, still.name))])
-    height, width = still.grey.shape
-    camera = default_camera(width, height, Mounting())
-    u0, left, right, bend, horizon = still.lane
-    curvature_1pm = bend / bend_unit(camera)
-    phase, pitch_phase = rng.uniform(0.0, 2.0 * math.pi, 2)
-    omega = 2.0 * math.pi / WEAVE_S
-    direction = (u0 - camera.cx) / camera.fx
-    rows = np.arange(float(height))
-    for number in range(round(STILL_S * RATE_HZ)):
-        time = number / RATE_HZ
-        right_m = WEAVE_M * (math.sin(omega * time + phase) - math.sin(phase))
-        rate_mps = WEAVE_M * omega * math.cos(omega * time + phase)
-        accel = -WEAVE_M * omega**2 * math.sin(omega * time + phase)
-        heading = rate_mps / SPEED_MPS  # to the right
-        pitch = PITCH_RAD * math.sin(2.0 * math.pi * 1.1 * time + pitch_phase)
-        step = SPEED_MPS / RATE_HZ
-        ahead_m = abs((number * step + WAY_M) % (2.0 * WAY_M) - WAY_M)
-        ground, far, now = _views(camera, horizon, pitch, heading, (right_m + direction * ahead_m, ahead_m))
-        grey = cv2.warpPerspective(
-            still.grey, ground, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-        )
-        edge = min(max(math.ceil(now), 0), height)
-        grey[:edge] = cv2.warpPerspective(
-            still.grey, far, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-        )[:edge]
-        noise = rng.normal(0.0, NOISE_GREY, grey.shape).astype(np.float32)
-        lines = _moved(still, ground, rows, horizon)
-        shot = Shot(_bytes(grey + noise), round(number * SECOND_NS / RATE_HZ), lines, now)
-        if with_motion:
-            yaw_rate = -accel / SPEED_MPS - curvature_1pm * SPEED_MPS
-            shot = Shot(shot.grey, shot.stamp_ns, lines, now, SPEED_MPS, yaw_rate)
-        yield shot
-
-
-def _views(
-    camera: Camera, horizon_px: float, pitch_rad: float, heading_rad: float, place_m: tuple[float, float]
-) -> tuple[FloatArray, FloatArray, float]:
-    """Maps of the pixels of a moved camera to those of the still: on the road, and far away; and its horizon's row.
-
-    Args:
-        camera: The assumed one.
-        horizon_px: Of the still.
-        pitch_rad: More than the still's, nose down.
-        heading_rad: To the right.
-        place_m: To the right and ahead.
-    """
-    inside = camera.matrix()
-    still_pitch = math.atan((camera.cy - horizon_px) / camera.fy)
-
-    def level_from_camera(pitch: float) -> FloatArray:
-        cos, sin = math.cos(pitch), math.sin(pitch)
-        return np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]])
-
-    cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-    new = level_from_camera(still_pitch + pitch_rad)
-    turned = level_from_camera(still_pitch).T @ turn @ new
-    moved = level_from_camera(still_pitch).T @ np.array([place_m[0], 0.0, place_m[1]])
-    normal = np.array([0.0, 1.0, 0.0]) @ new / camera.mounting.height_m
-    back = np.linalg.inv(inside)
-    now = camera.cy - camera.fy * math.tan(still_pitch + pitch_rad)
-    return inside @ (turned + np.outer(moved, normal)) @ back, inside @ turned @ back, now
-
-
-def _moved(still: Still, ground: FloatArray, rows: FloatArray, horizon_px: float) -> FloatArray:
-    """Shape (2, height): the lane's boundaries in the moved picture."""
-    u0, left, right, bend, _ = still.lane
-    h = np.geomspace(4.0, 6.0 * len(rows), 400)
-    made = []
-    for near in (left, right):
-        points = np.stack([u0 + near * h + bend / h, horizon_px + h, np.ones_like(h)])
-        u, v, w = np.linalg.inv(ground) @ points
-        ok = (w > 0) if np.count_nonzero(w > 0) >= np.count_nonzero(w < 0) else (w < 0)
-        u, v = u[ok] / w[ok], v[ok] / w[ok]
-        order = np.argsort(v)
-        made.append(np.interp(rows, v[order], u[order], left=np.nan, right=np.nan))
-    return np.array(made)

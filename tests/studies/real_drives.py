@@ -1,4 +1,4 @@
-"""The default lane method on clips made of real pictures (`real_clips`): jumps, false departures, wrong boundaries.
+"""The default lane method on clips made of real pictures: jumps, false departures, wrong boundaries.
 
     python -m tests.studies.real_drives                         # all clips
     python -m tests.studies.real_drives --part in-sight         # those that were looked at while the method was changed
@@ -9,18 +9,17 @@ numbers; kept aside: the video's mirror image with each change in other places a
 Printed for each kind of clip and for all:
 
 - found: boundaries that are found, of all frames,
-- sure: boundaries of a probability above 0.5 and 0.85 that are wrong (less than 85 % of the rows within 6 pixels at 320),
-  of all such ones; within `CUT_S` of a cut nothing is judged,
+- wrong: boundaries of a probability above 0.5 and 0.85 that are wrong (less than 85 % of the rows within 6 pixels at
+  320), of all such ones; within `CUT_S` of a cut nothing is judged,
 - jumps: between two frames a boundary moves by more than 0.15 m and 0.3 m beside its true movement, somewhere between
-  the picture's lower edge and 20 m ahead, with a probability above 0.5 and 0.85 in both frames; told: of those above 0.15 m and 0.5, the
-  method says itself that it begins anew,
+  the picture's lower edge and 20 m ahead, with a probability above 0.5 and 0.85 in both frames; told: of those above
+  0.15 m and 0.5, the method says itself that it begins anew,
 - departures: warnings of the default observer and rule at 25 m/s. No clip has one.
 """
 
 from __future__ import annotations
 
 import argparse
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -32,6 +31,7 @@ from cwcli.dynamics.observer import observe
 from cwcli.dynamics.samples import PREVIEW_M, Samples
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_within
+from cwcli.metrics.table import Table
 from cwcli.prediction.lateral import lateral_paths
 from cwcli.prediction.lateral_calibrate import calibrate_paths
 from cwcli.reproduction.zhang2011.rendered import lane_samples
@@ -44,7 +44,8 @@ from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneState
 from cwcli.warning.lane_departure import Boundaries, evaluate_lane_departure
 from tests.studies.lane_halves import GREEN, ORANGE, YELLOW, drawn
-from tests.studies.real_clips import SPEED_MPS, VIDEO_KINDS, Shot, read_stills, read_video, still_clip, video_clip
+from tests.studies.real_clips import SPEED_MPS, VIDEO_KINDS, Shot, read_video, video_clip
+from tests.studies.real_stills import read_stills, still_clip
 
 CUT_S = 1.0
 PLACES = (0.98, 0.5, 0.25)
@@ -77,10 +78,9 @@ class Counts:
         """One row of the table."""
         wrong = 100.0 * self.wrong / np.maximum(self.sure, 1)
         jumps = ", ".join(f"{low}/{high}" for low, high in self.jumps.T.tolist())
-        return (
-            f"{self.frames:6d} | {50.0 * self.found / max(self.frames, 1):6.2f} % | {wrong[0]:5.2f} %, {wrong[1]:5.2f} % | "
-            f"{jumps} ({self.told} told) | {self.departures} in {self.seconds:.0f} s"
-        )
+        found = 50.0 * self.found / max(self.frames, 1)
+        shares = f"{found:6.2f} % | {wrong[0]:5.2f} %, {wrong[1]:5.2f} %"
+        return f"{self.frames:6d} | {shares} | {jumps} ({self.told} told) | {self.departures} in {self.seconds:.0f} s"
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,10 @@ def judged(shot: Shot, fit: LaneFit, camera: Camera) -> tuple[FloatArray, FloatA
     """Errors (2, 3) at `PLACES`, shares (2,) of right rows, and the found columns (2, height) of a frame."""
     height, width = shot.grey.shape
     rows = np.arange(float(height))
-    lines = drawn_beyond(fit, camera, rows, height)
+    lines = drawn(fit, camera, rows, height)
+    for line, boundary in zip(lines, (fit.left, fit.right), strict=True):
+        if not boundary.found:
+            line[:] = np.nan
     depth = height - 1.0 - shot.horizon_px
     at = np.clip(np.rint(shot.horizon_px + np.array(PLACES) * depth), 0, height - 1).astype(int)
     wide = np.abs(shot.lines[1] - shot.lines[0]) / LANE_WIDTH_M[0]
@@ -152,15 +155,6 @@ def judged(shot: Shot, fit: LaneFit, camera: Camera) -> tuple[FloatArray, FloatA
     return error, np.array(share), lines
 
 
-def drawn_beyond(fit: LaneFit, camera: Camera, rows_px: FloatArray, height_px: int) -> FloatArray:
-    """Shape (2, h): as `lane_halves.drawn`, beyond the picture's sides too."""
-    wide = drawn(fit, camera, rows_px, height_px)
-    for side, boundary in enumerate((fit.left, fit.right)):
-        if not boundary.found:
-            wide[side] = np.nan
-    return wide
-
-
 def jumped(seen: Seen) -> tuple[FloatArray, FloatArray]:
     """Shape (n - 1, 2) each: how far each boundary moved beside its true movement (m), and how sure it was at least."""
     with np.errstate(invalid="ignore"):
@@ -169,7 +163,7 @@ def jumped(seen: Seen) -> tuple[FloatArray, FloatArray]:
     return np.where(seen.is_cut[1:, None], 0.0, moved), np.minimum(chances[1:], chances[:-1])
 
 
-def departures(seen: Seen) -> int:
+def departures(seen: Seen) -> Table:
     """Warnings of the default observer and rule."""
     car, n = load_vehicle(), len(seen.stamp_ns)
     geometry = lane_geometry(seen.fits, seen.camera, preview_m=PREVIEW_M)
@@ -182,7 +176,7 @@ def departures(seen: Seen) -> int:
     boundaries = Boundaries(sides[0], sides[1], car.camera_forward_m, is_seen, seen.fits.steady_s)
     stamp_ns, wide = seen.stamp_ns, {"width_m": car.width_m, "front_axle_m": car.front_axle_m}
     result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, boundaries, track.speed_mps, **wide)
-    return len(result.events)
+    return result.events
 
 
 def counted(seen: Seen) -> Counts:
@@ -197,14 +191,15 @@ def counted(seen: Seen) -> Counts:
         use = is_judged & (seen.fits.probability > chance)
         counts.sure[k] = np.count_nonzero(use)
         counts.wrong[k] = np.count_nonzero(use & (seen.share < VISUAL_SHARE))
-    counts.departures, counts.seconds = departures(seen), float(seen.stamp_ns[-1] - seen.stamp_ns[0]) / 1e9
+    counts.departures, counts.seconds = len(departures(seen)), float(seen.stamp_ns[-1] - seen.stamp_ns[0]) / 1e9
     return counts
 
 
 def picture(shot: Shot, fit: LaneFit, lines: FloatArray, number: int) -> GreyImage:
     """A frame with the true lane (yellow) and what was found."""
     image = cv2.cvtColor(shot.grey, cv2.COLOR_GRAY2BGR)
-    for columns, colour, size in ((shot.lines[0], YELLOW, 1), (shot.lines[1], YELLOW, 1), (lines[0], GREEN, 2), (lines[1], ORANGE, 2)):
+    drawn_lines = [*((line, YELLOW, 1) for line in shot.lines), (lines[0], GREEN, 2), (lines[1], ORANGE, 2)]
+    for columns, colour, size in drawn_lines:
         for v in range(0, len(columns), 4):
             if np.isfinite(columns[v]) and -9 < columns[v] < image.shape[1] + 9:
                 cv2.circle(image, (round(float(columns[v])), v), size, colour, -1)

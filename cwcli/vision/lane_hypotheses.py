@@ -1,0 +1,76 @@
+"""Lanes that are followed side by side: each improved on its own, and those that have become one lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.lane_detect import Evidence, judged, refined, widely_best
+from cwcli.vision.lane_following import narrowed, pitched, turned
+from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
+
+SWITCH_GAIN = 0.03
+"""Objective by which a hypothesis must be better than another to take its place."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A lane that is followed.
+
+    Attributes:
+        lane: Shape (6,), see `lane_model`.
+        value: Objective over the last frames.
+        last: Objective in the last frame.
+        start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
+            that is followed: it stays a reason against it.
+        better_s: For how long it has been better than the published one.
+        change: Whether it came into the next lane in this frame (`lane_following.crossed`).
+    """
+
+    lane: FloatArray
+    value: float
+    last: float
+    start: float = 0.0
+    better_s: float = 0.0
+    change: int = 0
+
+
+def improved(
+    evidence: Evidence,
+    lane: FloatArray,
+    prior: LanePrior,
+    size: tuple[int, int],
+    dt_s: float,
+    sideways_mps: float,
+    *,
+    is_slow: bool,
+) -> tuple[FloatArray, float]:
+    """A predicted lane (6,) improved on a frame, and its objective.
+
+    Args:
+        evidence, lane, size: As elsewhere.
+        prior: Of a followed lane.
+        dt_s, sideways_mps: `narrowed`.
+        is_slow: Bends may begin and end within sight: others are tried too (`turned`).
+    """
+    table = narrowed(prior, lane, dt_s, sideways_mps)
+    lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
+    lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
+    starts = lane[None]
+    if is_slow:
+        starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
+    lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
+    lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
+    return lanes[0], float(judged(evidence, lanes, prior.table)[0])
+
+
+def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
+    """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
+    for k, other in enumerate(followed):
+        if coincide(new.lane, other.lane, *size):
+            if new.last > other.last + SWITCH_GAIN:
+                followed[k] = replace(new, change=other.change, start=other.start)
+            return
+    followed.append(new)
