@@ -256,29 +256,29 @@ def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
     """The boundaries that were found, as lines in the pixels of the camera's image."""
 
     def shapes(start: int, stop: int) -> list[list[Shape]]:
-        points, is_in = _points(frames, slice(start, stop))
         return [
             [
-                Shape(LINE_STRIP, line[inside], (*colour, 1.0), None, line_thickness_px(width_px))
-                for line, inside, colour in zip(lines, insides, (LEFT_RGB, RIGHT_RGB), strict=True)
-                if inside.sum() > 1
+                Shape(LINE_STRIP, line, (*colour, 1.0), None, line_thickness_px(width_px))
+                for line, colour in zip(lines, (LEFT_RGB, RIGHT_RGB), strict=True)
+                if len(line) > 1
             ]
-            for lines, insides, width_px in zip(points, is_in, frames.image_size[start:stop, 0], strict=True)
+            for lines, width_px in zip(
+                _lines(frames, slice(start, stop)), frames.image_size[start:stop, 0].tolist(), strict=True
+            )
         ]
 
     def labels(start: int, stop: int) -> list[list[Label]]:
         texts = line_names(frames.fits[slice(start, stop)])
         if not any(any(pair) for pair in texts):
             return [[] for _ in texts]
-        points, is_in = _points(frames, slice(start, stop))
         return [
             [
-                Label(text, label_place(line[inside], width_px), (*colour, 1.0), label_size_px(width_px))
-                for text, line, inside, colour in zip(pair, lines, insides, (LEFT_RGB, RIGHT_RGB), strict=True)
-                if text and inside.sum() > 1
+                Label(text, label_place(line, width_px), (*colour, 1.0), label_size_px(width_px))
+                for text, line, colour in zip(pair, lines, (LEFT_RGB, RIGHT_RGB), strict=True)
+                if text and len(line) > 1
             ]
-            for pair, lines, insides, width_px in zip(
-                texts, points, is_in, frames.image_size[start:stop, 0].tolist(), strict=True
+            for pair, lines, width_px in zip(
+                texts, _lines(frames, slice(start, stop)), frames.image_size[start:stop, 0].tolist(), strict=True
             )
         ]
 
@@ -312,6 +312,16 @@ def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: 
         row_of=lambda decoded: row_of.get(decoded.index, -1),
         paint=paint,
     )
+
+
+def _lines(frames: LaneFrames, at: slice) -> list[tuple[FloatArray, FloatArray]]:
+    """What is drawn of the left and the right boundary of some rows, shape (k, 2) each: u, v."""
+    points, is_in = _points(frames, at)
+    flat = points[is_in]
+    ends: list[int] = np.cumsum(np.count_nonzero(is_in, axis=2)).tolist()
+    starts = [0, *ends]
+    lines = [flat[start:end] for start, end in zip(starts, ends, strict=False)]
+    return list(zip(lines[::2], lines[1::2], strict=True))
 
 
 def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
@@ -118,6 +119,12 @@ class FitRecorder:
             roads=alone[:, 5 : 5 + _ROADS].reshape(-1, SIDES, _ROAD),
             joint=alone[:, 5 + _ROADS :].reshape(-1, _JOINT, _JOINT),
         )
+
+
+def names_of(kinds: type[IntEnum], values: npt.NDArray[np.int8]) -> list[str]:
+    """The name of each value, in small letters."""
+    names = {int(each): each.name.lower() for each in kinds}
+    return [names[value] for value in values.tolist()]
 
 
 def _numbers(side: Boundary) -> tuple[float, ...]:

@@ -56,7 +56,8 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
     """
     places, steps = _places(float(lane[HORIZON]), camera.height_px, evidence.pinhole.stretch)
     places = places * steps
-    lanes = np.tile(lane, (len(_STEPS), 1))
+    lanes = np.empty((len(_STEPS), len(lane)))
+    lanes[:] = lane
     lanes[:, :N] += _STEPS @ places.T
     values = judged(evidence, lanes, table)
     values = np.maximum(values, values[0] - 1.0)  # beyond a limit of the prior there is no value
@@ -70,7 +71,8 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
     far_m = camera.fy * camera.mounting.height_m / _depths(float(lane[HORIZON]), camera.height_px)[1]
     bend = places[:, 3] * (bend_unit(camera) * BEND_RATE_1PM2 * far_m / places[BEND, 3])
     turn = places[:, 2] * (camera.fx * BEND_RATE_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
-    return made + np.outer(bend, bend) + np.outer(turn, turn)
+    made += bend[:, None] * bend + turn[:, None] * turn
+    return made
 
 
 def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
@@ -82,18 +84,19 @@ def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
 def _places(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
     """What a pixel of each place changes in the five numbers, shape (5, 5), a column each; and the steps, pixels.
 
-    With u = u0 + m h + k / h: near and far are columns of a boundary, or of the middle, in the rows h1 and h2.
+    With u = u0 + m h + k / h: the places are the columns of the left and of the right boundary in the row h1, that of
+    the middle in the row h2, the bend's part of it, k / h2, and the horizon. Solved for the five numbers.
     """
     near, far = _depths(horizon_px, height_px)
-    numbers = np.zeros((N, N))
-    numbers[0, [VANISHING, MIDDLE, WIDTH, BEND]] = 1.0, near, -0.5 * near, 1.0 / near
-    numbers[1, [VANISHING, MIDDLE, WIDTH, BEND]] = 1.0, near, 0.5 * near, 1.0 / near
-    numbers[2, [VANISHING, MIDDLE, BEND]] = 1.0, far, 1.0 / far
-    numbers[3, BEND] = 1.0 / far
-    numbers[4, HORIZON] = 1.0
+    half, share = 0.5 / (near - far), 1.0 / near  # of the middle, and of the bend
+    middle = (half, half, -2.0 * half, share, 0.0)
+    numbers: list[tuple[float, ...]] = [()] * N
+    numbers[VANISHING] = (-far * half, -far * half, 1.0 + 2.0 * far * half, -1.0 - far * share, 0.0)
+    numbers[MIDDLE], numbers[WIDTH] = middle, (-share, share, 0.0, 0.0, 0.0)
+    numbers[BEND], numbers[HORIZON] = (0.0, 0.0, 0.0, far, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
     near_px, far_px = STEP * stretch * near, max(FAR_STEP * stretch * far, 1.0)
     steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_STEP * height_px, 1.0)])
-    return np.asarray(np.linalg.inv(numbers), np.float64), steps
+    return np.array(numbers), steps
 
 
 def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
@@ -104,12 +107,12 @@ def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> 
         camera: In the pixels of the image that was searched.
     """
     sigma = np.sqrt(np.diagonal(covariance))
-    own = _published(lane, camera)
     steps = np.eye(N, len(lane)) * sigma[:, None]
-    jacobian = np.column_stack([_published(lane + step, camera) - own for step in steps]) / sigma
+    published = np.array([_published(each, camera) for each in (lane, *(lane + steps))])
+    jacobian = (published[1:] - published[0]).T / sigma
     made: FloatArray = jacobian @ covariance @ jacobian.T
     return made
 
 
-def _published(lane: FloatArray, camera: Camera) -> FloatArray:
-    return np.append(parabolas_of_lane(lane, camera).ravel(), pitch_of(lane, camera))
+def _published(lane: FloatArray, camera: Camera) -> list[float]:
+    return [*parabolas_of_lane(lane, camera).ravel().tolist(), pitch_of(lane, camera)]

@@ -60,7 +60,9 @@ def improved(
     lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
     starts = lane[None]
     if is_slow:
-        starts = np.stack([lane, widely_best(evidence, turned(lane, prior, table, size[1]), table)])
+        best = widely_best(evidence, turned(lane, prior, table, size[1]), table)
+        if not np.array_equal(best, lane):
+            starts = np.stack([lane, best])
     lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
     lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
     return lanes[0], float(judged(evidence, lanes, prior.table)[0])

@@ -159,7 +159,7 @@ class MessageMerge:
         header["opcode"] = OPCODE_MESSAGE
         header["log_time"] = log_time_ns
         taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
-        for k in np.unique(feed_of).tolist():
+        for k in sorted(set(feed_of.tolist())):
             feed = self._feeds[k]
             at = np.flatnonzero(feed_of == k)
             rows, messages = feed.take(len(at))
@@ -182,4 +182,4 @@ def _entries(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt
     entries["log_time"] = header["log_time"]
     entries["offset"] = offsets[:-1]
     channel_ids = header["channel_id"]
-    return {channel_id: entries[channel_ids == channel_id] for channel_id in np.unique(channel_ids).tolist()}
+    return {channel_id: entries[channel_ids == channel_id] for channel_id in sorted(set(channel_ids.tolist()))}

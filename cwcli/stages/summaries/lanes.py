@@ -9,6 +9,7 @@ from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section
 from cwcli.stages.summaries import median
 from cwcli.vision.boundary import LineColour, LineKind
+from cwcli.vision.fit_columns import names_of
 from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
@@ -36,8 +37,8 @@ def lanes_table(frames: LaneFrames) -> Table:
         columns[f"{name}_score"] = frames.fits.score[:, side]
         columns[f"{name}_probability"] = frames.fits.probability[:, side]
         columns[f"{name}_found"] = frames.fits.found[:, side]
-        columns[f"{name}_kind"] = [LineKind(kind).name.lower() for kind in frames.fits.kind[:, side].tolist()]
-        columns[f"{name}_colour"] = [LineColour(each).name.lower() for each in frames.fits.colour[:, side].tolist()]
+        columns[f"{name}_kind"] = names_of(LineKind, frames.fits.kind[:, side])
+        columns[f"{name}_colour"] = names_of(LineColour, frames.fits.colour[:, side])
         docs[f"{name}_kind"] = ColumnDoc(doc="of its paint: solid, dashed, dots (raised ones), double, unknown")
         docs[f"{name}_colour"] = ColumnDoc(doc="white, yellow, unknown (as in grey frames)")
         for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
@@ -52,7 +53,7 @@ def lanes_table(frames: LaneFrames) -> Table:
         "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
         "lane_width_m": geometry.lane_width_m,
         "pitch_rad": frames.fits.pitch_rad,
-        "state": [LaneState(state).name.lower() for state in frames.fits.state.tolist()],
+        "state": names_of(LaneState, frames.fits.state),
         "steady_s": frames.fits.steady_s,
         "lane_change": frames.fits.lane_change.astype(np.int64),
     }
