@@ -178,6 +178,19 @@ def test_vanishing_point_of_drawn_lines() -> None:
     assert vanishing_point(np.full((360, 640), 90, np.uint8), 320.0) is None
 
 
+def test_vanishing_point_of_a_faint_picture() -> None:
+    import cv2
+
+    # A 14th of the lines' contrast above: 5 grey levels, as in haze.
+    grey = np.full((360, 640), 90, np.uint8)
+    for u in (-200, 60, 300, 520, 900):
+        cv2.line(grey, (330, 140), (u, 359), 95, 2, cv2.LINE_AA)
+    point = vanishing_point(grey, 320.0)
+    assert point is not None
+    assert point.v_px == pytest.approx(140.0, abs=4.0)
+    assert point.u_px == pytest.approx(330.0, abs=6.0)
+
+
 def test_search_size_keeps_the_shape() -> None:
     assert search_size(1280, 720) == (640, 360)
     assert search_size(960, 540) == (480, 270)
