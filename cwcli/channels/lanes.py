@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
@@ -36,15 +37,25 @@ SIDES = ("left", "right")
 PARABOLA = ("a", "b", "c")
 ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
+ROAD_LIMITS = np.array([1e3, 10.0, 1.0])
+"""Of `ROAD_LINE`: a line farther away, steeper or more bent is none."""
+MAX_CHANGE_1PM2 = 1.0
 IMAGE_ROAD = ("far_px", "near", "bend_px2", "spiral_px3")
 """In the image: x = far + near h + bend / h + spiral / h^2, h rows below the horizon, or the curve that it touches."""
 PINHOLE = ("road_centre_px", "road_focal_px")
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
-ROAD_FIELDS = ("stamp_ns", "state", "steady_s", *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)))
+ROAD_FIELDS = (
+    *("stamp_ns", "state", "steady_s", "curvature_change_1pm2"),
+    *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)),
+)
 """All that the place of the boundaries on the road takes."""
-PREVIEW_FIELDS = ("stamp_ns", "state", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad")
-"""All that the preview point takes."""
+OBSERVED_FIELDS = (
+    *("stamp_ns", "state", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad"),
+    *("curvature_change_1pm2", *PINHOLE),
+    *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE, *IMAGE_ROAD)),
+)
+"""All that the observer takes: the preview point, and the boundaries' shape."""
 
 
 @dataclass(frozen=True)
@@ -173,6 +184,22 @@ class LaneRows:
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
+
+    def yaw_sigma_rad(self) -> float:
+        """What the camera's yaw contributes to the sigmas: the least that a frame tells; 0 where none does."""
+        told_rad = self.camera_yaw_sigma_rad
+        known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
+        return float(known.min(initial=math.pi)) if len(known) else 0.0
+
+    def curves(self) -> FloatArray:
+        """Shape (n, 2, 3): `ROAD_LINE` of the boundaries that were found and are circles or spirals (`signals.arcs`);
+        NaN for the others: the method tells no curve, or it is none that a road has."""
+        assert self.drawn.pinhole is not None, "as they are read"
+        with np.errstate(invalid="ignore"):
+            is_curve = self.found & np.isfinite(self.drawn.roads).all(axis=2) & np.isfinite(self.drawn.pinhole[:, :1])
+            is_curve &= (np.abs(self.road) <= ROAD_LIMITS).all(axis=2)
+            is_curve &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CHANGE_1PM2
+        return np.where(is_curve[..., None], self.road, np.nan)
 
     def lines(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.

@@ -14,7 +14,7 @@ from cwcli.signals.leaf_fields import matrix, numbers, unusable, whole_numbers
 from cwcli.signals.row_order import rows_by_stamp
 
 N_STATES = len(STATE_NAMES)
-TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES)
+TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m")
 FIRST_STATUS = 1
 """`FrameStatus` counts from 0, the message from 1: 0 is unspecified."""
 
@@ -26,12 +26,10 @@ class Observed:
     Attributes:
         log_time_ns: Shape (n,).
         track: n frames.
-        preview_m: Of the preview point ahead of the camera.
     """
 
     log_time_ns: Int64Array
     track: LateralTrack
-    preview_m: float
 
     def __len__(self) -> int:
         return len(self.track)
@@ -50,7 +48,7 @@ def write_observed(observed: Observed) -> OutputChannel:
         "covariance": track.covariance.reshape(n, N_STATES**2),
         "mass_kg": track.mass_kg,
         "mass_sigma_kg": track.mass_sigma_kg,
-        "preview_distance_m": np.full(n, observed.preview_m),
+        "preview_distance_m": track.preview_m,
     }
     return output(OBSERVER, observed.log_time_ns, fields)
 
@@ -76,6 +74,7 @@ def read_observed(columns: Columns) -> Observed:
     track = LateralTrack(
         stamp_ns=stamp_ns[order],
         state=np.column_stack([column(name) for name in STATE_NAMES]),
+        preview_m=np.where(np.isfinite(preview_m), preview_m, PREVIEW_M),
         covariance=matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
         speed_mps=column("speed_mps"),
         steer_rad=column("steer_rad"),
@@ -85,7 +84,7 @@ def read_observed(columns: Columns) -> Observed:
         status=status,
         counts=count_statuses(status),
     )
-    return Observed(columns.log_time_ns[order], track, float(preview_m[0]) if n else PREVIEW_M)
+    return Observed(columns.log_time_ns[order], track)
 
 
 def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
@@ -97,3 +96,10 @@ def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
     stamp_ns, _ = whole_numbers(columns, "stamp_ns")
     rows = rows_by_stamp(stamp_ns)
     return stamp_ns[rows], np.column_stack([numbers(columns, name)[rows] for name in STATE_NAMES])
+
+
+def true_preview_m(columns: Columns) -> float:
+    """Distance of the preview point of a channel of the truth: its first; zhang2011's where it does not tell."""
+    told_m = numbers(columns, "preview_distance_m")
+    known_m = told_m[told_m > 0.0]
+    return float(known_m[0]) if len(known_m) else PREVIEW_M

@@ -129,6 +129,7 @@ def observe_blended(
     return LateralTrack(
         stamp_ns=stamp_ns,
         state=state,
+        preview_m=np.full(n, config.preview_m),
         covariance=np.full((n, 4, 4), np.nan),
         speed_mps=v,
         steer_rad=np.where(np.isfinite(state[:, 0]), inputs[:, 0], np.nan),

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
+from cwcli.dynamics.near_lane import CHOSEN_MPS, SLOWEST_MPS, near_lane, quickness
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
 from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
@@ -47,8 +48,7 @@ def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
         "moment": moment / inertia,
         "yaw_damping": (lf**2 * kf + lr**2 * kr) / inertia,
         "front_moment": lf * kf / inertia,
-        "preview_m": config.preview_m + vehicle.camera_forward_m,
-        "camera_preview_m": config.preview_m,
+        "camera_forward_m": vehicle.camera_forward_m,
         "wheelbase_m": vehicle.wheelbase_m,
         "rear_axle_m": lr,
         "slip": m * lf / (kr * vehicle.wheelbase_m),
@@ -61,6 +61,8 @@ def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
         "gate_sigmas": noise.gate,
         "restart_after": noise.restart_after,
         "gyro_recent_s": GYRO_RECENT_S,
+        "chosen_mps": CHOSEN_MPS,
+        "slowest_mps": SLOWEST_MPS,
         "walk_noise": _walks(noise, config.estimate_load),
         "start_sigma": _starts(noise, config.estimate_load),
     }
@@ -114,7 +116,8 @@ def observe_filter(
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, config))]
+    lanes, preview_m, change_1pm2 = near_lane(lanes, frame_speed, config.preview_m)
+    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, preview_m, quickness(frame_speed), config))]
     vision = yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
         ("yaw rate", yaw_rate, EventKind.YAW_RATE, noise.yaw_rate_sigma_radps),
@@ -144,8 +147,10 @@ def observe_filter(
         begin=np.where(np.isfinite(at), begin, Begin.STOP).astype(np.int8),
         values=values,
         sigmas=sigmas,
+        preview_m=_of_frames(preview_m, order),
+        change_1pm2=_of_frames(change_1pm2, order),
     )
-    x, p, outcome = kernel.observe(events, kernel_model(vehicle, config))
+    x, p, outcome, at_m = kernel.observe(events, kernel_model(vehicle, config))
     frames = kinds == EventKind.LANE
     status = _statuses(stamps, kinds, outcome, values, frame_speed, config)
     x, p = x[frames], p[frames]
@@ -155,6 +160,7 @@ def observe_filter(
     return LateralTrack(
         stamp_ns=stamp_ns,
         state=x[:, :4],
+        preview_m=np.where(is_known, at_m[frames], config.preview_m),
         covariance=p[:, :4, :4] + _lasting(noise),
         speed_mps=frame_speed,
         steer_rad=x[:, STEER],
@@ -179,19 +185,40 @@ def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: Observer
     return np.asarray(vehicle.mass_kg / x[:, ETA] ** 2 * np.sqrt(p[:, ETA, ETA]))
 
 
-def _lane_rows(lanes: LaneSamples, config: ObserverConfig) -> tuple[FloatArray, FloatArray]:
-    noise = config.noise
+def _of_frames(values: FloatArray, order: npt.NDArray[np.intp]) -> FloatArray:
+    """Of all events in their order; 0 at those that are no frame (the first ones are the frames)."""
+    return np.concatenate([values, np.zeros(len(order) - len(values))])[order]
+
+
+def _lane_rows(
+    lanes: LaneSamples, preview_m: FloatArray, quick: FloatArray, config: ObserverConfig
+) -> tuple[FloatArray, FloatArray]:
+    """y_L, e_L, K_L of the frames and their sigmas, shape (n, 3) each.
+
+    At a nearer point the sigmas are at most the default ones: what frames tell is of the farthest.
+
+    Args:
+        lanes, preview_m: From `near_lane`.
+        quick: Shape (n,), from `quickness`.
+        config: The observer's.
+    """
+    noise, is_nearer = config.noise, preview_m < config.preview_m
     values = np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad, lanes.curvature_1pm])
     given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
-    defaults = (noise.lateral_sigma_m, noise.heading_sigma_rad, noise.curvature_sigma_1pm)
-    lasting = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm)
+    defaults: tuple[FloatArray | float, ...] = (
+        noise.lateral_sigma_m,
+        noise.heading_sigma_rad,
+        noise.curvature_sigma_1pm * quick**3,
+    )
+    lasting = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm * quick**3)
     floors = [noise.floor_share * each for each in lasting]
     yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []
     for sigma, default, floor, share in zip(given, defaults, floors, yaw_shares, strict=True):
         raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
         raw = np.where(raw > share, np.sqrt(np.maximum(raw**2 - share**2, 0.0)), raw)
-        columns.append(np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default))
+        own = np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default)
+        columns.append(np.where(is_nearer, np.minimum(own, default), own))
     finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
     columns[2] = np.hypot(columns[2], noise.curvature_share * np.nan_to_num(np.abs(finite[:, 2])))
     return finite, np.column_stack(columns).reshape(-1, 3)

@@ -47,6 +47,9 @@ class LaneSamples:
         lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Shape (n,), or None: the observer's default.
         yaw_sigma_rad: What the camera's yaw contributes to the sigmas. It is the same in all frames, so a filter that
             estimates it must not take it for noise.
+        lines: Shape (n, 2, 3): the left and the right boundary beside the camera in the body frame, as `signals.arcs`
+            tells curves; NaN where there is none, or its method tells no curve. None: not told.
+        curvature_change_1pm2: Shape (n,): of theirs, right positive; see `arcs.arc_places_m`. None: not told.
     """
 
     stamp_ns: Int64Array
@@ -57,6 +60,8 @@ class LaneSamples:
     heading_sigma_rad: FloatArray | None = None
     curvature_sigma_1pm: FloatArray | None = None
     yaw_sigma_rad: float = 0.0
+    lines: FloatArray | None = None
+    curvature_change_1pm2: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -110,6 +115,7 @@ class LateralTrack:
         stamp_ns: Shape (n,): as the frames'.
         state: Shape (n, 4): v_y (m/s, left positive), gamma (rad/s, counter-clockwise), y_L (m), e_L (rad), NaN where
             there is none.
+        preview_m: Shape (n,): from the camera to the preview point of y_L, e_L and the curvature.
         covariance: Shape (n, 4, 4); NaN where the method gives none.
         speed_mps: Shape (n,).
         steer_rad: Shape (n,), left positive.
@@ -123,6 +129,7 @@ class LateralTrack:
 
     stamp_ns: Int64Array
     state: FloatArray
+    preview_m: FloatArray
     covariance: FloatArray
     speed_mps: FloatArray
     steer_rad: FloatArray

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lateral_state import read_lateral_truth, read_observed
+from cwcli.channels.lateral_state import read_lateral_truth, read_observed, true_preview_m
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.evaluation.knowledge import ONLINE, TRUTH, against
@@ -31,6 +31,8 @@ METRICS_OF: dict[str, tuple[str, float]] = {
     "heading_deviation_rad": ("observer.heading_deviation_rmse_deg", math.degrees(1.0)),
 }
 """State -> metric, and its unit's size in that of the metric."""
+AT_PREVIEW = ("lateral_deviation_m", "heading_deviation_rad")
+PREVIEW_ATOL_M = 1e-6
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
@@ -60,14 +62,18 @@ def add_metrics(subject: Subject) -> None:
 
 
 def truth_errors(track: LateralTrack, truth: Columns) -> Table:
-    """Observed minus true of each state, over the frames that are settled; one row a state."""
+    """Observed minus true of each state, over the frames that are settled; one row a state.
+
+    The lane's place and direction are compared where both are of the same preview point.
+    """
     true_ns, true_state = read_lateral_truth(truth)
     settled = _is_settled(track)
+    is_same_point = np.abs(track.preview_m - true_preview_m(truth)) <= PREVIEW_ATOL_M
     rows: list[tuple[str, int, float, float, float, float, float]] = []
     for k, name in enumerate(STATE_NAMES):
         true = resample(true_ns, true_state[:, k], track.stamp_ns, max_gap_s=MAX_GAP_S)
         error = track.state[:, k] - true
-        known = np.isfinite(error) & settled
+        known = np.isfinite(error) & settled & (is_same_point if name in AT_PREVIEW else True)
         rows.append((name, *_scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))))
     names, n, rms, bias, p95, largest, inside = zip(*rows, strict=True)
     columns: dict[str, TableColumn] = {

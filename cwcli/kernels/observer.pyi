@@ -79,8 +79,7 @@ class Model(TypedDict):
     moment: float
     yaw_damping: float
     front_moment: float
-    preview_m: float
-    camera_preview_m: float
+    camera_forward_m: float
     wheelbase_m: float
     rear_axle_m: float
     slip: float
@@ -93,6 +92,8 @@ class Model(TypedDict):
     gate_sigmas: float
     restart_after: int
     gyro_recent_s: float
+    chosen_mps: float
+    slowest_mps: float
     walk_noise: Sequence[float]
     start_sigma: Sequence[float]
 
@@ -105,9 +106,23 @@ class Events:
         kind: (n,): an `EventKind`.
         begin: (n,): a `Begin`; STOP: no state at this event.
         values, sigmas: (n, 3): y_L, e_L, K_L, or one number in column 0; NaN for none.
+        preview_m: (n,): from the camera to the preview point of a frame; without e_L it does not count.
+        change_1pm2: (n,): of K_L in a metre ahead, as a frame tells it, until the next frame.
     """
 
-    def __init__(self, *, dt_s: _F, speed_mps: _F, kind: _B, begin: _B, values: _F, sigmas: _F) -> None: ...
+    def __init__(
+        self,
+        *,
+        dt_s: _F,
+        speed_mps: _F,
+        kind: _B,
+        begin: _B,
+        values: _F,
+        sigmas: _F,
+        preview_m: _F,
+        change_1pm2: _F,
+    ) -> None: ...
 
-def observe(events: Events, model: Model) -> tuple[_F, _F, _B]:
-    """Filter all events: states (n, 9), covariances (n, 9, 9), NaN where there is none, and an `EventStatus` (n,)."""
+def observe(events: Events, model: Model) -> tuple[_F, _F, _B, _F]:
+    """Filter all events: states (n, 9), covariances (n, 9, 9), an `EventStatus` (n,), and how far ahead of the camera
+    (n,) the preview point of y_L, e_L and K_L is; NaN where there is no state."""

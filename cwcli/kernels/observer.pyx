@@ -11,7 +11,7 @@ from libc.string cimport memset
 
 import numpy as np
 
-from cwcli.kernels.observer_model cimport Model, place, predict, start, update
+from cwcli.kernels.observer_model cimport Model, move_along, place, predict, start, update
 
 
 def blend(
@@ -69,16 +69,19 @@ cdef class Events:
     cdef const double[::1] dt_s, speed_mps
     cdef const signed char[::1] kind, begin
     cdef const double[:, ::1] values, sigmas
+    cdef const double[::1] preview_m, change_1pm2
 
-    def __init__(self, *, dt_s, speed_mps, kind, begin, values, sigmas):
+    def __init__(self, *, dt_s, speed_mps, kind, begin, values, sigmas, preview_m, change_1pm2):
         self.dt_s, self.speed_mps, self.kind = dt_s, speed_mps, kind
         self.begin, self.values, self.sigmas = begin, values, sigmas
+        self.preview_m, self.change_1pm2 = preview_m, change_1pm2
 
 
 def observe(Events events, Model model):
     cdef const double[::1] dt_s = events.dt_s, speed = events.speed_mps
     cdef const signed char[::1] kind = events.kind, begin = events.begin
     cdef const double[:, ::1] values = events.values, sigmas = events.sigmas
+    cdef const double[::1] preview_m = events.preview_m, change_1pm2 = events.change_1pm2
     cdef const Model* m = &model
     cdef Py_ssize_t n = dt_s.shape[0], i
     x_out_array = np.empty((n, N))
@@ -87,10 +90,12 @@ def observe(Events events, Model model):
     cdef double[:, :, ::1] p_out = p_out_array
     status_array = np.zeros(n, np.int8)
     cdef signed char[::1] status = status_array
+    preview_array = np.empty(n)
+    cdef double[::1] preview_out = preview_array
     cdef double x[N], p[N * N], h[N]
     cdef bint running = False, ever = False
     cdef int j, k, steps, streak = 0, n_used, tried
-    cdef double r, gate = m.gate_sigmas, step, gyro_age_s = 1e30
+    cdef double r, gate = m.gate_sigmas, step, gyro_age_s = 1e30, at_m = 0.0, change = 0.0
     memset(x, 0, N * sizeof(double))
     memset(p, 0, N * N * sizeof(double))
     with nogil:
@@ -104,12 +109,14 @@ def observe(Events events, Model model):
                 steps = 1 if steps < 1 else steps
                 step = dt_s[i] / steps
                 for k in range(steps):
-                    predict(x, p, step, speed[i], m)
+                    predict(x, p, step, speed[i], at_m, change, m)
             status[i] = EventStatus.PREDICTED if running else EventStatus.NOT_STARTED
             if kind[i] == EventKind.LANE and begin[i] != Begin.STOP:
+                change = 0.0 if isnan(values[i, 1]) else change_1pm2[i]
                 if not running:
                     if not isnan(values[i, 0]) and not isnan(values[i, 1]):
-                        start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], m, ever)
+                        at_m = preview_m[i]
+                        start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], at_m, m, ever)
                         running = True
                         ever = True
                         streak = 0
@@ -117,6 +124,9 @@ def observe(Events events, Model model):
                 else:
                     tried = 0
                     n_used = 0
+                    if preview_m[i] != at_m and not isnan(values[i, 1]):
+                        move_along(x, p, preview_m[i] - at_m, speed[i], change, m)
+                        at_m = preview_m[i]
                     for k in range(1, 3):
                         if isnan(values[i, k]):
                             continue
@@ -131,13 +141,13 @@ def observe(Events events, Model model):
                     if not isnan(values[i, 0]):
                         memset(h, 0, N * sizeof(double))
                         h[YL] = 1.0
-                        h[CAM] = m.camera_preview_m
+                        h[CAM] = at_m
                         tried += 1
                         if update(x, p, h, values[i, 0], sigmas[i, 0] * sigmas[i, 0], gate):
                             n_used += 1
                         else:
                             # Another lane, or a wrong boundary: its place says nothing of the motion; begin it anew.
-                            place(x, p, YL, m.camera_preview_m, values[i, 0], sigmas[i, 0])
+                            place(x, p, YL, at_m, values[i, 0], sigmas[i, 0])
                     if tried > 0:
                         status[i] = EventStatus.USED if n_used == tried else EventStatus.GATED
                         streak = 0 if n_used == tried else streak + 1
@@ -145,11 +155,11 @@ def observe(Events events, Model model):
                             if gyro_age_s <= m.gyro_recent_s:
                                 # The yaw rate is measured: it is the road that is another one than was thought.
                                 place(x, p, EL, 1.0, values[i, 1], sigmas[i, 1])
-                                place(x, p, YL, m.camera_preview_m, values[i, 0], sigmas[i, 0])
+                                place(x, p, YL, at_m, values[i, 0], sigmas[i, 0])
                                 if not isnan(values[i, 2]):
                                     place(x, p, KL, 0.0, values[i, 2], sigmas[i, 2])
                             else:
-                                start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], m, True)
+                                start(x, p, &values[i, 0], &sigmas[i, 0], speed[i], at_m, m, True)
                             streak = 0
                             status[i] = EventStatus.STARTED
             elif running and not isnan(values[i, 0]) and begin[i] != Begin.STOP:
@@ -171,8 +181,9 @@ def observe(Events events, Model model):
                         memset(h, 0, N * sizeof(double))
                         h[k] = 1.0
                         update(x, p, h, 0.0, 1e-6, 0.0)
+            preview_out[i] = at_m if running else NAN
             for j in range(N):
                 x_out[i, j] = x[j] if running else NAN
                 for k in range(N):
                     p_out[i, j, k] = p[j * N + k] if running else NAN
-    return x_out_array, p_out_array, status_array
+    return x_out_array, p_out_array, status_array, preview_array

@@ -13,8 +13,7 @@ cdef struct Model:
     double moment           # (l_r k_r - l_f k_f) / I
     double yaw_damping      # (l_f^2 k_f + l_r^2 k_r) / I
     double front_moment     # l_f k_f / I
-    double preview_m        # from the centre of gravity to the preview point
-    double camera_preview_m # from the camera to the preview point: about the camera its yaw turns it
+    double camera_forward_m # of the camera ahead of the centre of gravity
     double wheelbase_m
     double rear_axle_m      # l_r
     double slip             # m l_f / (k_r L)
@@ -27,6 +26,8 @@ cdef struct Model:
     double gate_sigmas      # innovations beyond this many sigmas are gated
     int restart_after       # so many gated frames in a row start the filter anew
     double gyro_recent_s    # or the lane alone, if a yaw rate fitted within this time
+    double chosen_mps       # roads bend and drivers steer as `walk_noise` tells from this speed on, faster below
+    double slowest_mps      # and no faster still below this one
     double walk_noise[9]    # intensities, in the order of the states; that of K_L per metre
     double start_sigma[9]   # at the start; those of y_L and e_L are the measurement's
 
@@ -75,8 +76,15 @@ cdef inline void exponential(const double* a, double* out) noexcept nogil:
         memcpy(out, work, N * N * sizeof(double))
 
 
-cdef inline void predict(double* x, double* p, double dt, double v, const Model* m) noexcept nogil:
-    """One step with the speed held. The load's column of the Jacobian is that of the start of the step."""
+cdef inline double quickness(double v, const Model* m) noexcept nogil:
+    """How many times as slow as `chosen_mps` the car is: at the same lateral jerk a road's curvature changes in a metre
+    by its cube, and a steering angle in a second by its square."""
+    return fmax(1.0, m.chosen_mps / fmax(fabs(v), m.slowest_mps))
+
+
+cdef inline void predict(double* x, double* p, double dt, double v, double preview_m, double change, const Model* m) noexcept nogil:
+    """One step with the speed held, K_L changing by `change` in a metre. The load's column of the Jacobian is that of
+    the start of the step."""
     cdef double ve = fmax(v, m.min_speed)
     cdef double share = fmax(-1.0, v / ve)
     cdef double eta = x[ETA]
@@ -91,7 +99,7 @@ cdef inline void predict(double* x, double* p, double dt, double v, const Model*
     a[G * N + G] = -m.yaw_damping / ve
     a[G * N + STEER] = m.front_moment * share
     a[YL * N + VY] = 1.0
-    a[YL * N + G] = m.preview_m
+    a[YL * N + G] = preview_m + m.camera_forward_m
     a[YL * N + EL] = v
     a[EL * N + G] = 1.0
     a[EL * N + KL] = v
@@ -101,6 +109,7 @@ cdef inline void predict(double* x, double* p, double dt, double v, const Model*
     for i in range(N * N):
         a[i] *= dt
     exponential(a, f)
+    x[KL] += 0.5 * dt * v * change
     for i in range(N):
         moved[i] = 0.0
         for j in range(N):
@@ -108,9 +117,11 @@ cdef inline void predict(double* x, double* p, double dt, double v, const Model*
                 moved[i] += f[i * N + j] * x[j]
     for i in range(N):
         x[i] = moved[i]
+    x[KL] += 0.5 * dt * v * change
     for i in range(N):
         q[i] = 0.5 * dt * m.walk_noise[i]
-    q[KL] *= fabs(v)
+    q[KL] *= fabs(v) * quickness(v, m) ** 6
+    q[STEER] *= quickness(v, m) ** 4
     # P = F (P + Q dt/2) F' + Q dt/2
     for i in range(N):
         p[i * N + i] += q[i]
@@ -127,6 +138,31 @@ cdef inline void predict(double* x, double* p, double dt, double v, const Model*
         for j in range(i):
             p[i * N + j] = 0.5 * (p[i * N + j] + p[j * N + i])
             p[j * N + i] = p[i * N + j]
+
+
+cdef inline void move_along(double* x, double* p, double by_m, double v, double change, const Model* m) noexcept nogil:
+    """Move the preview point along the lane; the curvature of the metres between walks, as in driving along them."""
+    cdef double f[N * N], work[N * N]
+    cdef double noise = 0.5 * fabs(by_m) * m.walk_noise[KL] * quickness(v, m) ** 6
+    cdef int i, j, k
+    memset(f, 0, N * N * sizeof(double))
+    for i in range(N):
+        f[i * N + i] = 1.0
+    f[YL * N + EL] = by_m
+    f[YL * N + KL] = 0.5 * by_m * by_m
+    f[EL * N + KL] = by_m
+    x[YL] += by_m * (x[EL] + by_m * (0.5 * x[KL] + by_m * change / 6.0))
+    x[EL] += by_m * (x[KL] + 0.5 * by_m * change)
+    x[KL] += by_m * change
+    p[KL * N + KL] += noise
+    multiply(f, p, work)
+    for i in range(N):
+        for j in range(i + 1):
+            p[i * N + j] = 0.0
+            for k in range(N):
+                p[i * N + j] += work[i * N + k] * f[j * N + k]
+            p[j * N + i] = p[i * N + j]
+    p[KL * N + KL] += noise
 
 
 cdef inline int update(double* x, double* p, const double* h, double z, double r, double gate) noexcept nogil:
@@ -163,7 +199,7 @@ cdef inline void place(double* x, double* p, int state, double lever, double z, 
     p[state * N + state] = sigma * sigma - lever * p[state * N + CAM]
 
 
-cdef inline void start(double* x, double* p, const double* values, const double* sigmas, double v, const Model* m, bint keep) noexcept nogil:
+cdef inline void start(double* x, double* p, const double* values, const double* sigmas, double v, double preview_m, const Model* m, bint keep) noexcept nogil:
     """The car follows the road steadily, as far as it is known. `keep`: what the log has taught of load and biases stays."""
     cdef double ve = fmax(v, m.min_speed)
     cdef double k = values[2]
@@ -193,4 +229,4 @@ cdef inline void start(double* x, double* p, const double* values, const double*
         for i in range(3):
             p[(ETA + i) * N + ETA + i] = kept_p[i]
     place(x, p, EL, 1.0, values[1], sigmas[1])
-    place(x, p, YL, m.camera_preview_m, values[0], sigmas[0])
+    place(x, p, YL, preview_m, values[0], sigmas[0])

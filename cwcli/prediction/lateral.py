@@ -9,11 +9,12 @@ the curvature's sigma and the driver's unrest.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.dynamics.samples import PREVIEW_M, LateralTrack
+from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_lever
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError
@@ -41,7 +42,6 @@ class LateralPathConfig:
     Attributes:
         model: One of `LATERAL_MODELS`.
         horizon_s, step_s: Of the paths.
-        preview_m: Of the preview point ahead of the camera.
         adapt_s: Time constant with which the yaw rate goes over to the road's.
         unrest_mps2: Standard deviation of the driver's unwanted lateral acceleration, correlated over `adapt_s`.
         curvature_sigma_1pm: Of the road's curvature.
@@ -52,7 +52,6 @@ class LateralPathConfig:
     model: str = "cwcli"
     horizon_s: float = 2.0
     step_s: float = 0.05
-    preview_m: float = PREVIEW_M
     adapt_s: float = 0.7
     unrest_mps2: float = 0.25
     curvature_sigma_1pm: float = 2e-4
@@ -68,7 +67,7 @@ class LateralPathConfig:
         """
         if self.model not in LATERAL_MODELS:
             raise UsageError(f"there is no path model '{self.model}'", hint=f"one of: {', '.join(LATERAL_MODELS)}")
-        ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s, self.preview_m))
+        ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
         if self.horizon_s > MAX_HORIZON_S or self.horizon_s > MAX_STEPS * self.step_s:
@@ -95,14 +94,16 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     if config.model == "cwcli":
         v = np.maximum(v + recent_acceleration(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
-    reach_m = config.preview_m + vehicle.camera_forward_m
+    reach_m = np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m
     if config.model == "zhang2011":
         turning = np.broadcast_to(yaw_rate, (len(v), len(t)))
         sideways = np.broadcast_to(lateral, turning.shape)
         forgets = np.zeros_like(t)
     else:
         here, ahead = road_curvature(track, reach_m)
-        road = v * (here[:, None] + (ahead - here)[:, None] * np.clip(_integral(v, config.step_s) / reach_m, 0.0, 1.0))
+        road = v * (
+            here[:, None] + (ahead - here)[:, None] * np.clip(_integral(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
+        )
         forgets = np.exp(-t / config.adapt_s)
         turning = road + (yaw_rate - road[:, :1]) * forgets
         lever = steady_lateral_lever(vehicle, v)
@@ -121,25 +122,38 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     )
 
 
-def road_curvature(track: LateralTrack, reach_m: float) -> tuple[FloatArray, FloatArray]:
+def road_curvature(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The road's curvature beside the car and at the preview point, left bend positive, shape (n,) each.
 
-    Beside the car is what was at the preview point one preview distance ago; before that distance has been driven, and
-    across a pause of the track, what is at the preview point.
+    Beside the car is what was seen of the place when it was ahead; what a frame tells replaces what earlier ones told
+    of the road from there on. Where no frame has told of it, and across a pause of the track, it is what is at the
+    preview point.
+
+    Args:
+        track: n frames.
+        reach_m: Shape (n,): from the centre of gravity to the preview point.
     """
     ahead = -np.asarray(track.curvature_1pm, dtype=np.float64)
-    known = np.isfinite(ahead)
-    if not known.any():
-        return np.zeros_like(ahead), np.zeros_like(ahead)
+    filled = np.nan_to_num(ahead)
     dt = np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S
-    driven = np.cumsum(np.nan_to_num(track.speed_mps) * dt)
-    before = driven - reach_m
-    here = np.interp(before, driven[known], ahead[known])
-    at = np.searchsorted(driven[known], before)
-    is_old = before >= driven[known][0]
-    near = np.abs(driven[known][np.minimum(at, np.count_nonzero(known) - 1)] - before) <= reach_m
-    filled = np.where(known, ahead, 0.0)
-    return np.where(is_old & near, here, filled), filled
+    driven_m = np.cumsum(np.nan_to_num(track.speed_mps) * dt)
+    here = filled.copy()
+    places_m: list[float] = []
+    told: list[float] = []
+    for i, (at_m, value, far_m) in enumerate(zip(driven_m.tolist(), ahead.tolist(), reach_m.tolist(), strict=True)):
+        if not math.isnan(value):
+            while places_m and places_m[-1] >= at_m + far_m:
+                places_m.pop()
+                told.pop()
+            places_m.append(at_m + far_m)
+            told.append(value)
+        after = bisect_right(places_m, at_m)
+        if 0 < after < len(places_m) and places_m[after] - places_m[after - 1] <= far_m:
+            share = (at_m - places_m[after - 1]) / (places_m[after] - places_m[after - 1])
+            here[i] = told[after - 1] + share * (told[after] - told[after - 1])
+        elif 0 < after == len(places_m) and at_m - places_m[-1] <= far_m:
+            here[i] = told[-1]
+    return here, filled
 
 
 def recent_acceleration(track: LateralTrack) -> FloatArray:

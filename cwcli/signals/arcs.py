@@ -101,10 +101,10 @@ def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: Flo
         return np.where(np.isfinite(focal + centre), arc, far + near * h + (bend + spiral / h) / h)
 
 
-def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray) -> FloatArray:
-    """The smallest positive t at which start + rate t + growth t^2 is `TURNED`, to either side; inf: none."""
-    end = np.where(np.abs(start) < TURNED, np.inf, 0.0)
-    for limit in (-TURNED, TURNED):
+def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = TURNED) -> FloatArray:
+    """The smallest positive t at which start + rate t + growth t^2 is `sine`, to either side; inf: none."""
+    end = np.where(np.abs(start) < sine, np.inf, 0.0)
+    for limit in (-sine, sine):
         root = np.sqrt(rate * rate - 4.0 * growth * (start - limit))
         for sign in (-1.0, 1.0):
             t = 2.0 * (start - limit) / (sign * root - rate)
@@ -164,18 +164,57 @@ def middle_arc(touching: FloatArray) -> FloatArray:
     return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])
 
 
-def arc_ahead(touching: FloatArray, x_m: float, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (n, 3): y (m), direction (rad) and curvature (1/m) of lines at a distance; NaN where they have turned back.
+def arc_ahead(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+    """Shape (..., 3): y (m), direction (rad) and curvature (1/m) of lines at a distance; NaN where they have turned
+    back, and behind the camera.
 
     Args:
-        touching, x_m, change_1pm2: As for `arc_places_m`; shapes (n, 3), none and (n,).
+        touching, x_m, change_1pm2: As for `arc_places_m`.
     """
-    places_m = arc_places_m(touching, np.array(x_m), change_1pm2)
-    _, slope, curvature = touching.T
-    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    growth = change_1pm2 * changes_beside(touching) * cosine**3
-    ahead = curvature * cosine**3 + growth * x_m
-    sine = slope * cosine + (ahead - 0.5 * growth * x_m) * x_m
+    places_m = arc_places_m(touching, x_m, change_1pm2)
+    start, rate, growth = _sines(touching, change_1pm2)
+    ahead = rate + 2.0 * growth * x_m
+    sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
-        made = np.column_stack([places_m, np.arcsin(sine), ahead])
-    return np.where(np.isnan(places_m)[:, None], np.nan, made)
+        made = np.stack([places_m, np.arcsin(sine), np.broadcast_to(ahead, places_m.shape)], axis=-1)
+    return np.where(np.isnan(places_m)[..., None], np.nan, made)
+
+
+def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+    """Shape (n, 3): y (m), direction (rad) and curvature (1/m) of the middle between both lines of each lane.
+
+    Where one line alone is known, direction and curvature are its own, and y is NaN; so are all three where the lane
+    has turned back.
+
+    Args:
+        lines: Shape (n, 2, 3), as for `arc_places_m`; NaN for a line that is not known.
+        x_m, change_1pm2: As for `arc_places_m`; shape (n,).
+    """
+    made = arc_ahead(lane_middle(lines), x_m, change_1pm2)
+    made[np.isnan(lines.sum(axis=(1, 2))), 0] = np.nan
+    return made
+
+
+def lane_middle(lines: FloatArray) -> FloatArray:
+    """Shape (n, 3): the middle between both lines, or the only one that is known; `lines` as for `lane_ahead`."""
+    centre, only = middle_arc(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
+    return np.where(np.isnan(centre[:, :1]), only, centre)
+
+
+def turned_at_m(touching: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
+    """Shape (n,): how far ahead the sine of each line's direction first reaches `sine`, to either side; inf: nowhere.
+
+    Args:
+        touching, change_1pm2: As for `arc_places_m`; shapes (n, 3) and (n,).
+        sine: Positive, below 1. A line that points farther aside beside the camera has turned at 0.
+    """
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return _turns_back(*_sines(touching, change_1pm2), sine)
+
+
+def _sines(touching: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """s_0, K and K' / 2 of each line: the sine of its direction x ahead is s_0 + K x + K' x^2 / 2; shape (...) each."""
+    _, slope, curvature = np.moveaxis(touching, -1, 0)
+    cosine = 1.0 / np.sqrt(1.0 + slope * slope)
+    change = change_1pm2 * changes_beside(touching) * cosine**3
+    return slope * cosine, curvature * cosine**3, 0.5 * change

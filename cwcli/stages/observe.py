@@ -8,10 +8,11 @@ from typing import Annotated
 import numpy as np
 
 from cwcli.channels.binding import Bindings, bind
-from cwcli.channels.lanes import PREVIEW_FIELDS
+from cwcli.channels.lanes import OBSERVED_FIELDS
 from cwcli.channels.lateral_state import TRUTH_FIELDS, Observed, write_observed
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
+from cwcli.dynamics.observer import DEFAULT_METHOD
 from cwcli.dynamics.observer import observe as observe_lateral
 from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.dynamics.single_track import critical_speed_mps
@@ -32,7 +33,7 @@ from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
 from cwcli.stages.inputs.sources import read_sources
 from cwcli.stages.summaries import largest, median
 
-FIELDS: dict[str, tuple[str, ...]] = {LANES.role: PREVIEW_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+FIELDS: dict[str, tuple[str, ...]] = {LANES.role: OBSERVED_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
     "cwcli observe lanes.mcap --method zhang2011 --load full",
@@ -132,7 +133,8 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         also=own,
         fields=FIELDS,
     )
-    lanes = lane_samples(sources.columns[LANES.role], where=log.name)
+    with_shape = config.observer.method == DEFAULT_METHOD
+    lanes = lane_samples(sources.columns[LANES.role], where=log.name, with_shape=with_shape)
     ego_state = sources.columns.get(EGO_STATE.role)
     sources = calibrated_sources(sources, config.calibration)
     inputs = inputs_of(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
@@ -164,7 +166,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
     record = run_record("observe", log, replace(config, calibration=None), summary, **known)
     return StageResult(
         "observe",
-        (write_observed(Observed(lanes.log_time_ns, track, lanes.preview_m)),),
+        (write_observed(Observed(lanes.log_time_ns, track)),),
         {table.name: table},
         summary,
         record,

@@ -7,7 +7,7 @@ the observed motion is added up from where the car was, and pointed, at its firs
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
@@ -127,7 +127,7 @@ class BodyPaths:
 
     @classmethod
     def of(cls, observed: Observed, vehicle: Vehicle, config: LateralPathConfig, *, calibrate: bool) -> BodyPaths:
-        """Predict from each frame; the preview distance is that of the channel.
+        """Predict from each frame.
 
         Args:
             observed: The channel.
@@ -136,7 +136,6 @@ class BodyPaths:
             calibrate: Scale the uncertainty across the path by how far this record's car went from its paths; looks
                 at the whole record.
         """
-        config = replace(config, preview_m=observed.preview_m)
         paths = lateral_paths(observed.track, vehicle, config)
         if calibrate:
             paths = calibrate_paths(paths, observed.track)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lanes import ROAD_FIELDS, LaneRows, read_lanes
+from cwcli.channels.lanes import ROAD_FIELDS, ROAD_LIMITS, LaneRows, read_lanes
 from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
@@ -37,8 +37,6 @@ EXAMPLES = (
 )
 NEEDED = (OBSERVER_PATH.role, LANES.role)
 NO_PATH = "no path from the observer"
-LIMITS = np.array([1e3, 10.0, 1.0])
-"""Of `ROAD_LINE`: a line farther away, steeper or more bent is none."""
 MIN_HORIZON_S = 0.05
 
 
@@ -105,11 +103,12 @@ def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, 
     rows = rows_by_stamp(lanes.stamp_ns)
     road = lanes.road[rows]
     with np.errstate(invalid="ignore"):
-        is_line = lanes.found[rows] & (np.abs(road) <= LIMITS).all(axis=-1)
+        is_line = lanes.found[rows] & (np.abs(road) <= ROAD_LIMITS).all(axis=-1)
     left, right = np.moveaxis(np.where(is_line[..., None], road, np.nan), 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
-    boundaries = Boundaries(left, right, vehicle.camera_forward_m, is_seen, lanes.steady_s[rows])
+    change_1pm2 = -lanes.curvature_change_1pm2[rows]
+    boundaries = Boundaries(left, right, vehicle.camera_forward_m, is_seen, lanes.steady_s[rows], change_1pm2)
     return lanes.stamp_ns[rows], log_time_ns, boundaries
 
 

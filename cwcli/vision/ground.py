@@ -27,7 +27,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.arcs import arc_ahead, changes_beside, middle_arc
+from cwcli.signals.arcs import arc_places_m, changes_beside, lane_ahead
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, rotation
 from cwcli.vision.fit_columns import FitColumns
@@ -249,7 +249,7 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         lateral_deviation_sigma_m=sigma_of[:, 0],
         heading_deviation_sigma_rad=sigma_of[:, 1],
         curvature_sigma_1pm=sigma_of[:, 2],
-        lane_width_m=_width(body),
+        lane_width_m=_width(body, change, is_curve),
         curvature_change_1pm2=-change,
     )
 
@@ -374,14 +374,17 @@ def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, pre
     slope = either[:, 1] + either[:, 2] * preview_m
     lateral = either[:, 0] + (either[:, 1] + 0.5 * either[:, 2] * preview_m) * preview_m
     parabola = np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
-    arc = np.where(is_alone[:, None], only, middle_arc(body))
-    made = -np.where(is_curve[:, None], arc_ahead(arc, preview_m, change_1pm2), parabola)
-    made[is_alone, 0] = np.nan
-    return made
+    parabola[is_alone, 0] = np.nan
+    return -np.where(is_curve[:, None], lane_ahead(body, np.full(len(body), preview_m), change_1pm2), parabola)
 
 
-def _width(body: FloatArray) -> FloatArray:
-    """Distance of the boundaries at `WIDTH_AT_M`, square to the lane."""
+def _width(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
+    """Distance of the boundaries at `WIDTH_AT_M`, square to the lane; beside the camera where it has turned back."""
     y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_AT_M) * WIDTH_AT_M
     slope = (body[..., 1] + body[..., 2] * WIDTH_AT_M).mean(axis=1)
+    curves_m = arc_places_m(body, np.array(WIDTH_AT_M), change_1pm2[:, None])
+    direction = lane_ahead(body, np.full(len(body), WIDTH_AT_M), change_1pm2)[:, 1]
+    has_turned = is_curve & np.isnan(curves_m).any(axis=1)
+    y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], body[..., 0], curves_m), y_m)
+    slope = np.where(is_curve, np.where(has_turned, body[..., 1].mean(axis=1), np.tan(direction)), slope)
     return np.asarray((y_m[:, 0] - y_m[:, 1]) / np.sqrt(1.0 + slope**2))

@@ -34,6 +34,7 @@ from cwcli.signals.normal import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
 from cwcli.warning.lane_agreement import BoolArray, firm_sides
+from cwcli.warning.lane_gap import first_crossing, last_told, line_at
 from cwcli.warning.output import UNKNOWN_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
@@ -113,13 +114,15 @@ class LaneDepartureConfig:
 
 @dataclass(frozen=True)
 class Boundaries:
-    """Both boundaries in the body frame: y = y0 + s x + k x^2 / 2 with x from the camera, left positive.
+    """Both boundaries in the body frame, x from the camera, left positive: the circles, or spirals, that
+    y = y0 + s x + k x^2 / 2 touches beside the camera (`signals.arcs`).
 
     Attributes:
         left, right: Shape (n, 3): y0 (m), s, k (1/m); NaN where not found.
         camera_forward_m: Of the camera ahead of the centre of gravity.
         is_seen: Shape (n,): False in frames whose lane is only carried on from those before; None: not told.
         steady_s: Shape (n,): since the lane's last jump, as its method tells it; NaN where it does not; None: not told.
+        curvature_change_1pm2: Shape (n,): of the spirals, left positive; None: circles.
     """
 
     left: FloatArray
@@ -127,6 +130,7 @@ class Boundaries:
     camera_forward_m: float = 0.0
     is_seen: BoolArray | None = None
     steady_s: FloatArray | None = None
+    curvature_change_1pm2: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -194,9 +198,10 @@ def evaluate_lane_departure(
     lines = _plausible(boundaries, config)
     told = (boundaries.is_seen, boundaries.steady_s)
     firm = firm_sides(stamp_ns, (boundaries.left, boundaries.right), *told, config.agree_s)
-    forward_m = boundaries.camera_forward_m
+    forward_m, told_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
+    change_1pm2 = np.zeros(len(stamp_ns)) if told_1pm2 is None else told_1pm2
     sides = [
-        _side(stamp_ns, paths, line, sign, is_firm, forward_m, speed_mps, config, width_m, front_axle_m)
+        _side(stamp_ns, paths, line, change_1pm2, sign, is_firm, forward_m, speed_mps, config, width_m, front_axle_m)
         for line, sign, is_firm in zip(lines, (1.0, -1.0), firm, strict=True)
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
@@ -223,6 +228,7 @@ def _side(
     stamp_ns: Int64Array,
     paths: PathArrays,
     line: FloatArray,
+    change_1pm2: FloatArray,
     sign: float,
     is_firm: BoolArray,
     camera_forward_m: float,
@@ -236,16 +242,15 @@ def _side(
     x = paths.x_m + front_axle_m * cos - sign * 0.5 * width_m * sin
     y = paths.y_m + front_axle_m * sin + sign * 0.5 * width_m * cos
     ahead = x - camera_forward_m
-    y0, slope0, curve = (line[:, k, None] for k in range(3))
-    slope = slope0 + curve * ahead
-    gap = sign * (y0 + (slope0 + 0.5 * curve * ahead) * ahead - y) / np.sqrt(1.0 + slope**2)
+    line_y, direction = line_at(line, ahead, change_1pm2)
+    gap = sign * (line_y - y) * np.cos(direction)
     last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
     rate = (gap[:, 0] - gap[:, last]) / t[last]
-    crossing = _first_crossing(t, gap)
+    crossing = first_crossing(t, gap)
     within = t <= config.warn_s + 1e-9
     sigma = np.sqrt(np.maximum(paths.position_covariance_m2[:, :, 2], 1e-12))
     with np.errstate(invalid="ignore"):
-        chance = np.max(normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
+        chance = np.fmax.reduce(normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
         near = gap[:, 0] <= earliest_line_m(rate)
         over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
@@ -262,21 +267,7 @@ def _side(
         persistence_s=config.persistence_s,
         hold_off_s=config.hold_off_s,
     )
-    return _Side(gap[:, 0], rate, crossing, gap[:, -1], chance, spans)
-
-
-def _first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
-    """When the gap first becomes zero, linear between points; inf: not within the path, NaN: not known; shape (n,)."""
-    over = gap <= 0.0
-    at = np.argmax(over, axis=1)
-    rows = np.arange(len(gap))
-    before = np.maximum(at - 1, 0)
-    drop = gap[rows, before] - gap[rows, at]
-    share = gap[rows, before] / np.where(drop > 0.0, drop, 1.0)
-    crossing = t[before] + share * (t[at] - t[before])
-    crossing = np.where(at == 0, 0.0, crossing)
-    crossing = np.where(over.any(axis=1), crossing, np.inf)
-    return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)
+    return _Side(gap[:, 0], rate, crossing, last_told(gap), chance, spans)
 
 
 def _rows(

@@ -303,6 +303,7 @@ def of_observed(rng: np.random.Generator, n: int) -> Written:
     track = LateralTrack(
         stamp_ns,
         rng.normal(size=(n, len(LATERAL_NAMES))),
+        rng.uniform(2.0, 33.5, n),
         definite(rng, n, len(LATERAL_NAMES)),
         speed_mps,
         steer_rad,
@@ -312,7 +313,7 @@ def of_observed(rng: np.random.Generator, n: int) -> Written:
         status,
         count_statuses(status),
     )
-    observed = Observed(log_time_ns, track, 33.5)
+    observed = Observed(log_time_ns, track)
     channel = write_observed(observed)
 
     def read(columns: Columns) -> Any:

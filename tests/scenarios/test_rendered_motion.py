@@ -13,6 +13,7 @@ from cwcli.simulation.lane_drive import Runs, Truth, drive_lane
 from tests.studies.rendered_motion import (
     CAR,
     OVERLAY_PX,
+    RAMP_LOOK,
     SENSORS,
     SPEED_MPS,
     Setting,
@@ -20,6 +21,8 @@ from tests.studies.rendered_motion import (
     gentle_road,
     observed,
     overlay_error,
+    ramp_departure,
+    ramp_undisturbed,
     warned,
 )
 
@@ -72,3 +75,16 @@ def test_drifts_are_warned_of_between_isos_lines(number: int) -> None:
     found = departure(number, Setting(look=Look(rate_hz=10.0)), 200)
     assert found.is_in_time, found
     assert found.wrong_events == 0
+
+
+@pytest.mark.parametrize("number", [4, 15])
+def test_drifts_on_a_ramp_are_warned_of_between_isos_lines(number: int) -> None:
+    """Of the study's 20: about 0.3 and 0.7 m/s outwards and inwards in a bend of 23 m, to either side."""
+    found = ramp_departure(number, Setting(look=RAMP_LOOK), 20)
+    assert found.is_in_time, found
+    assert found.wrong_events == 0
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_ramps_without_a_drift_are_silent(number: int) -> None:
+    assert ramp_undisturbed(number, Setting(look=RAMP_LOOK)) == 0

@@ -132,9 +132,14 @@ def planned(kind: str, seed: int, seconds: float) -> RoadDrive:
 
 
 def watched(
-    drive: RoadDrive, frames: Iterator[RoadFrame], *, with_motion: bool = True, method: str = DEFAULT_METHOD
+    drive: RoadDrive,
+    frames: Iterator[RoadFrame],
+    *,
+    with_motion: bool = True,
+    with_yaw_rate: bool = True,
+    method: str = DEFAULT_METHOD,
 ) -> Seen:
-    """Find the lanes in a drive's frames."""
+    """Find the lanes in a drive's frames, told speed and yaw rate, or the speed alone, or neither."""
     chosen, camera = METHODS[method], told_camera(drive.camera)
     search, recorder = chosen.make(0), FitRecorder()
     rng = stream(drive.config.seed, "study", "motion")
@@ -143,6 +148,8 @@ def watched(
     yaw_rate = drive.states_at(drive.time_s)[:, YAW_RATE] + rng.normal(0.0, YAW_RATE_SIGMA_RADPS, n)
     stamp_ns = to_ns(drive.time_s)
     told = np.column_stack([speed_mps, yaw_rate]) if with_motion else np.full((n, 2), np.nan)
+    if not with_yaw_rate:
+        told[:, 1] = np.nan
     truths = []
     for number, made in enumerate(frames):
         truths.append(made.truth)
@@ -214,7 +221,7 @@ def _bodies(seen: Seen) -> tuple[FloatArray, FloatArray]:
 def motion(seen: Seen) -> LateralTrack:
     """The default observer on the lanes, with the gyroscope."""
     return observe(
-        lane_samples(seen.drive.time_s, seen.geometry),
+        lane_samples(seen.drive.time_s, seen.geometry, seen.fits),
         seen.speed,
         load_vehicle(),
         ObserverConfig(),
@@ -231,7 +238,10 @@ def departures(seen: Seen) -> LaneDepartureResult:
         seen.speed.stamp_ns,
         seen.speed.stamp_ns,
         paths,
-        Boundaries(left, right, car.camera_forward_m, seen.fits.state != LaneState.HELD, seen.fits.steady_s),
+        Boundaries(
+            *(left, right, car.camera_forward_m, seen.fits.state != LaneState.HELD, seen.fits.steady_s),
+            -seen.geometry.curvature_change_1pm2,
+        ),
         track.speed_mps,
         width_m=car.width_m,
         front_axle_m=car.front_axle_m,

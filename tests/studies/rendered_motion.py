@@ -3,6 +3,7 @@
     python -m tests.studies.rendered_motion drives       # yaw rate, lateral speed, path and overlay: 8 drives of 30 s
     python -m tests.studies.rendered_motion departures   # 200 drifts: when is each warned of?
     python -m tests.studies.rendered_motion undisturbed  # 30 minutes without a drift: is it silent?
+    python -m tests.studies.rendered_motion ramps        # 20 drifts, and 20 drives without one, round ramps of 23 m
 
 `--method`, `--rate` (frames/s), `--weather`, `--look` and `--n` change what is run; `--jobs` runs in parallel.
 """
@@ -34,7 +35,13 @@ from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.streams import stream
 from cwcli.vision.methods import DEFAULT_METHOD
 from cwcli.vision.path_overlay import BodyPath, path_lines
-from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, earliest_line_m, evaluate_lane_departure
+from cwcli.warning.lane_departure import (
+    Boundaries,
+    LaneDepartureConfig,
+    LaneDepartureResult,
+    earliest_line_m,
+    evaluate_lane_departure,
+)
 
 T = TypeVar("T")
 CAR = load_vehicle()
@@ -50,6 +57,15 @@ ROADS = {
     "straight": Road(),
     "curve of 500 m": Road(np.array([0.0, 50.0, 150.0]), np.array([0.0, 0.0, 0.002])),
 }
+RAMPS = {
+    "ramp to the left": Road(np.array([0.0, 40.0, 65.0]), np.array([0.0, 0.0, 1.0 / 23.0])),
+    "ramp to the right": Road(np.array([0.0, 40.0, 65.0]), np.array([0.0, 0.0, -1.0 / 23.0])),
+}
+RAMP_MPS, RAMP_S = 10.0, 20.0
+RAMP_DRIFT_S = 9.0
+"""On the ramp: its spiral ends after 6.5 s."""
+RAMP_LOOK = Look(rate_hz=10.0, camera=wide_camera(480, 270))
+SLOW_RULE = LaneDepartureConfig(min_speed_mps=5.0)
 SENSORS = {"camera and speed": False, "with a gyroscope": True}
 
 
@@ -135,7 +151,9 @@ def drive(number: int, setting: Setting) -> dict[str, dict[str, float]]:
     return found
 
 
-def warned(seen: RenderedDrive, *, with_gyro: bool = False) -> LaneDepartureResult:
+def warned(
+    seen: RenderedDrive, *, with_gyro: bool = False, rule: LaneDepartureConfig | None = None
+) -> LaneDepartureResult:
     """Lane departure from the boundaries and the path of the default observer."""
     track, paths = observed(seen, with_gyro=with_gyro)
     sensed = seen.sensed
@@ -143,8 +161,14 @@ def warned(seen: RenderedDrive, *, with_gyro: bool = False) -> LaneDepartureResu
         sensed.stamp_ns,
         sensed.stamp_ns,
         paths,
-        Boundaries(sensed.left_body, sensed.right_body, CAR.camera_forward_m),
+        Boundaries(
+            sensed.left_body,
+            sensed.right_body,
+            CAR.camera_forward_m,
+            curvature_change_1pm2=-seen.geometry.curvature_change_1pm2,
+        ),
         track.speed_mps,
+        rule,
         width_m=CAR.width_m,
         front_axle_m=CAR.front_axle_m,
     )
@@ -183,11 +207,36 @@ class Departure:
 def departure(number: int, setting: Setting, n: int) -> Departure:
     """One of n drifts; half of them on each road."""
     name = tuple(ROADS)[number % 2]
-    road, rate = ROADS[name], float(drift_rates((n + 1) // 2)[number // 2])
+    rate = float(drift_rates((n + 1) // 2)[number // 2])
     runs = Runs(np.full(1, SPEED_MPS), np.full(1, rate), np.full(1, DRIFT_START_S), 0.0, LONGEST_DRIFT_S)
+    return judged(name, ROADS[name], runs, setting, number)
+
+
+def ramp_departure(number: int, setting: Setting, n: int) -> Departure:
+    """One of n drifts on a ramp of 23 m; half of them to each side."""
+    name = tuple(RAMPS)[number % 2]
+    rate = float(drift_rates((n + 1) // 2)[number // 2])
+    runs = Runs(np.full(1, RAMP_MPS), np.full(1, rate), np.full(1, RAMP_DRIFT_S), 0.0, RAMP_S)
+    return judged(name, RAMPS[name], runs, setting, number, SLOW_RULE)
+
+
+def ramp_undisturbed(number: int, setting: Setting) -> int:
+    """Events on a ramp that the car keeps to."""
+    road = tuple(RAMPS.values())[number % 2]
+    runs = Runs(np.full(1, RAMP_MPS), np.zeros(1), np.full(1, np.inf), 0.0, RAMP_S)
+    truth = drive_lane(road, CAR, runs, driver=TargetLineDriver(), seed=number)
+    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    return len(warned(seen, rule=SLOW_RULE).events)
+
+
+def judged(
+    name: str, road: Road, runs: Runs, setting: Setting, number: int, rule: LaneDepartureConfig | None = None
+) -> Departure:
+    """A drift, rendered until the car is outside."""
+    rate = float(runs.drift_mps[0])
     truth = until_outside(drive_lane(road, CAR, runs, seed=number))
     seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
-    events = warned(seen).events.records()
+    events = warned(seen, rule=rule).events.records()
     side = "left" if rate > 0.0 else "right"
     own = [event for event in events if event["side"] == side]
     if not own:
@@ -257,7 +306,24 @@ def tell_undisturbed(setting: Setting, jobs: int) -> None:
     )
 
 
-STUDIES = {"drives": tell_drives, "departures": tell_departures, "undisturbed": tell_undisturbed}
+def tell_ramps(setting: Setting, jobs: int) -> None:
+    """Print each drift round a ramp, and how many events there were on ramps without one."""
+    n = setting.n or 20
+    setting = replace(setting, look=RAMP_LOOK)
+    made = list(each(partial(ramp_departure, setting=setting, n=n), n, jobs))
+    for found in made:
+        print(found)
+    print(f"{sum(found.is_in_time and not found.wrong_events for found in made)} of {n} drifts warned of in time")
+    events = list(each(partial(ramp_undisturbed, setting=setting), n, jobs))
+    print(f"{sum(events)} events in {n * RAMP_S / 60:.1f} minutes without a drift")
+
+
+STUDIES = {
+    "drives": tell_drives,
+    "departures": tell_departures,
+    "undisturbed": tell_undisturbed,
+    "ramps": tell_ramps,
+}
 
 
 def main() -> None:

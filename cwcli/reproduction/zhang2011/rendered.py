@@ -107,7 +107,7 @@ def sense_rendered(
         index=np.rint(drive.time_s / STEP_S).astype(np.intp),
         left_body=geometry.left_body,
         right_body=geometry.right_body,
-        lanes=lane_samples(drive.time_s, geometry),
+        lanes=lane_samples(drive.time_s, geometry, fits),
     )
     return RenderedDrive(sensed, drive, camera, fits, geometry)
 
@@ -147,8 +147,10 @@ def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatAr
     return recorder.columns()
 
 
-def lane_samples(time_s: FloatArray, geometry: LaneGeometry) -> LaneSamples:
+def lane_samples(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -> LaneSamples:
     """What the observer is given of the lanes, at the stamps of the frames."""
+    is_curve = np.isfinite(fits.roads).all(axis=-1, keepdims=True)
+    bodies = np.stack([geometry.left_body, geometry.right_body], axis=1)
     return LaneSamples(
         stamp_ns=to_ns(time_s),
         lateral_deviation_m=geometry.lateral_deviation_m,
@@ -158,6 +160,8 @@ def lane_samples(time_s: FloatArray, geometry: LaneGeometry) -> LaneSamples:
         heading_sigma_rad=geometry.heading_deviation_sigma_rad,
         curvature_sigma_1pm=geometry.curvature_sigma_1pm,
         yaw_sigma_rad=GeometrySigmas().yaw_rad,
+        lines=np.where(is_curve, bodies, np.nan),
+        curvature_change_1pm2=geometry.curvature_change_1pm2,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the observer takes: the lane at the preview point, and the ego's speed, yaw rate and steering angle.
+"""What the observer takes: the lane at the preview point and its shape, the ego's speed, yaw rate and steering angle.
 
 A sensor's own messages come before the states of `cwcli estimate`: the observer fuses them itself, and the errors of a
 smoothed state go together over time, which no filter expects.
@@ -37,6 +37,7 @@ OUT_OF_ORDER = "stamp out of order, sorted"
 OUT_OF_RANGE = "value out of range, left out"
 NO_STAMP = "no usable stamp"
 NO_VALUE = "no boundary found"
+TURNED_BACK = "the lane turns back before the preview point"
 ONLY_HELD = "the lane is only carried on, left out"
 
 
@@ -57,8 +58,13 @@ class ReadLanes:
     count: InputCount
 
 
-def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
+def lane_samples(columns: Columns, *, where: str, with_shape: bool = True) -> ReadLanes:
     """The lane at the preview point at each frame.
+
+    Args:
+        columns: The channel; its fields `OBSERVED_FIELDS` are enough.
+        where: The log's name.
+        with_shape: The observer takes the boundaries' shape too: a frame needs no value at the preview point.
 
     Raises:
         DataError: A field is missing, no stamp is usable, or the preview distance changes or makes no sense.
@@ -79,8 +85,12 @@ def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
         sigma = np.where((sigma > 0.0) & (sigma <= MAX_SIGMA), sigma, np.nan)  # the observer then takes its own
     is_held = lanes.state[rows] == LaneState.HELD  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
-    n_held = int(np.count_nonzero(is_held))
-    n_empty = int(np.count_nonzero(~np.isfinite(values).any(axis=1))) - n_held
+    lines = np.where(is_held[:, None, None], np.nan, lanes.curves()[rows])
+    is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
+    has_shape = np.asarray(np.isfinite(lines).any(axis=(1, 2)), np.bool_)
+    reasons = {NO_VALUE: ~has_shape, TURNED_BACK: has_shape & (not with_shape)}
+    set_aside = {reason: int(np.count_nonzero(is_empty & which)) for reason, which in reasons.items()}
+    set_aside[ONLY_HELD] = int(np.count_nonzero(is_held))
     rejected = {NO_STAMP: len(columns) - len(usable), REPEATED: len(usable) - len(rows)}
     repaired = {
         OUT_OF_ORDER: int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
@@ -88,18 +98,19 @@ def lane_samples(columns: Columns, *, where: str) -> ReadLanes:
     }
     samples = LaneSamples(
         stamp_ns[rows],
-        *(values[:, 0], values[:, 1], values[:, 2]),
-        *(sigma[:, 0], sigma[:, 1], sigma[:, 2]),
-        yaw_sigma_rad=_yaw_sigma_rad(lanes.camera_yaw_sigma_rad),
+        *(*values.T, *sigma.T),
+        yaw_sigma_rad=lanes.yaw_sigma_rad(),
+        lines=lines,
+        curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
     )
     count = InputCount(
         columns.topic,
         LANES.role,
         len(columns),
-        len(rows) - n_empty - n_held,
+        len(rows) - sum(set_aside.values()),
         rejected={reason: n for reason, n in rejected.items() if n},
         repaired={reason: n for reason, n in repaired.items() if n},
-        set_aside={reason: n for reason, n in ((NO_VALUE, n_empty), (ONLY_HELD, n_held)) if n},
+        set_aside={reason: n for reason, n in set_aside.items() if n},
     )
     return ReadLanes(
         for_small_angles(samples), columns.log_time_ns[rows], _preview(lanes.preview_m[rows], place), count
@@ -115,12 +126,6 @@ def _preview(previews_m: FloatArray, where: str) -> float:
     if not low <= distinct[0] <= high:
         raise DataError(f"a preview distance of {distinct[0]:g} m is not between {low:g} and {high:g} m", where=where)
     return float(distinct[0])
-
-
-def _yaw_sigma_rad(told_rad: FloatArray) -> float:
-    """What the camera's yaw contributes to the sigmas; 0 where the channel does not tell."""
-    known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
-    return float(known.min(initial=math.pi)) if len(known) else 0.0
 
 
 @dataclass(frozen=True)

@@ -52,13 +52,32 @@ def model_matrix(car, v, preview_m, eta, min_speed):
     return a, force
 
 
-def predict(x, p, dt, v, car, preview_m, q, min_speed):
+def walks(q, v, model):
+    """Intensities at a speed: K_L's by the metre and v^-6, the steering angle's v^-4, from `chosen_mps` down."""
+    slow = max(1.0, model["chosen_mps"] / max(abs(v), model["slowest_mps"]))
+    return q * np.array([1, 1, 1, 1, slow**4, slow**6, 1, 1, 1])
+
+
+def predict(x, p, dt, v, car, preview_m, change, q, min_speed):
     a, force = model_matrix(car, v, preview_m, x[ETA], min_speed)
+    drift = np.zeros(9)
+    drift[KL] = 0.5 * v * change * dt
     jacobian = a.copy()
     jacobian[VY, ETA] = force @ x
     f = expm(jacobian * dt)
     half = np.diag(0.5 * dt * np.where(np.arange(9) == KL, q * abs(v), q))
-    return expm(a * dt) @ x, f @ (p + half) @ f.T + half
+    return expm(a * dt) @ (x + drift) + drift, f @ (p + half) @ f.T + half
+
+
+def move_along(x, p, by_m, change, q):
+    """To another preview point: the lane's place, slope and curvature by_m farther, from Taylor's series."""
+    f = np.eye(9)
+    f[YL, [EL, KL]], f[EL, KL] = (by_m, by_m**2 / 2), by_m
+    more = np.zeros(9)
+    more[[YL, EL, KL]] = change * np.array([by_m**3 / 6, by_m**2 / 2, by_m])
+    half = np.zeros((9, 9))
+    half[KL, KL] = 0.5 * q[KL] * abs(by_m)
+    return f @ x + more, f @ (p + half) @ f.T + half
 
 
 def update(x, p, h, z, r, gate):
@@ -70,11 +89,11 @@ def update(x, p, h, z, r, gate):
     return x + k * innovation, p - np.outer(k, h @ p), True
 
 
-def observe(dt, speed, kind, values, sigmas, model, car, preview_m):
+def observe(dt, speed, kind, values, sigmas, previews_m, changes, model, car):
     """A run that starts at the first row, a frame, and neither pauses nor restarts."""
     q, start = np.array(model["walk_noise"]), np.array(model["start_sigma"])
     gate, min_speed = model["gate_sigmas"], model["min_speed"]
-    v, k = speed[0], values[0, 2]
+    v, k, preview_m, change = speed[0], values[0, 2], previews_m[0], changes[0]
     gamma = -v * k
     x = np.zeros(9)
     x[VY] = (
@@ -85,7 +104,7 @@ def observe(dt, speed, kind, values, sigmas, model, car, preview_m):
     p = np.diag(start**2)
     p[YL, YL], p[EL, EL], p[KL, KL] = sigmas[0] ** 2
     lever = np.zeros(9)
-    lever[[YL, EL]] = model["camera_preview_m"], 1.0
+    lever[[YL, EL]] = preview_m, 1.0
     shear = np.eye(9)
     shear[:, CAM] -= lever
     p = shear @ p @ shear.T
@@ -93,10 +112,14 @@ def observe(dt, speed, kind, values, sigmas, model, car, preview_m):
     for i in range(1, len(dt)):
         n = max(1, int(np.ceil(dt[i] / model["max_step_s"] - 1e-9)))
         for _ in range(n if dt[i] > 0 else 0):
-            x, p = predict(x, p, dt[i] / n, speed[i], car, preview_m, q, min_speed)
-        rows = {
-            EventKind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: model["camera_preview_m"]})]
-        }
+            ahead_m = preview_m + car.camera_forward_m
+            x, p = predict(x, p, dt[i] / n, speed[i], car, ahead_m, change, walks(q, speed[i], model), min_speed)
+        if kind[i] == EventKind.LANE:
+            change = changes[i] if np.isfinite(values[i, 1]) else 0.0
+            if np.isfinite(values[i, 1]):
+                x, p = move_along(x, p, previews_m[i] - preview_m, change, walks(q, speed[i], model))
+                preview_m = previews_m[i]
+        rows = {EventKind.LANE: [(1, {EL: 1.0, CAM: 1.0}), (2, {KL: 1.0}), (0, {YL: 1.0, CAM: preview_m})]}
         for column, entries in rows.get(
             int(kind[i]), [(0, {G: 1.0, GYRO: 1.0} if kind[i] == EventKind.YAW_RATE else {STEER: 1.0})]
         ):

@@ -66,7 +66,8 @@ def test_blended_kernel_equals_its_twin() -> None:
 @pytest.mark.parametrize("with_load", [False, True])
 def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
     config = ObserverConfig(estimate_load=with_load)
-    model = kernel_model(CAR, config)
+    ahead = replace(CAR, camera_forward_m=0.4)
+    model = kernel_model(ahead, config)
     n = 100
     frames = slice(0, 20)
     values = np.full((n, 3), np.nan)
@@ -85,9 +86,25 @@ def test_filter_kernel_equals_its_twin(with_load: bool) -> None:
     dt[0] = 0.0
     speed = 25.0 + np.sin(np.arange(n) * 0.1)
     begin = np.full(n, Begin.GO_ON, np.int8)
-    events = kernel.Events(dt_s=dt, speed_mps=speed, kind=kind, begin=begin, values=values, sigmas=sigmas)
-    x, p, status = kernel.observe(events, model)
-    expected_x, expected_p = naive.observe(dt, speed, kind, values, sigmas, model, CAR, 33.5)
+    preview_m = np.where(np.arange(n) < 40, 33.5, 33.5 - 0.2 * (np.arange(n) - 40))  # values, too, are moved along
+    by_m = (preview_m - 33.5)[:, None]
+    values[::5, 1:2] += (values[:, 2:3] * by_m)[::5]
+    values[::5, 0:1] += (values[:, 1:2] * by_m - values[:, 2:3] * by_m**2 / 2)[::5]
+    change = np.where(np.arange(n) < 60, 2e-6, -1e-6)
+    events = kernel.Events(
+        dt_s=dt,
+        speed_mps=speed,
+        kind=kind,
+        begin=begin,
+        values=values,
+        sigmas=sigmas,
+        preview_m=preview_m,
+        change_1pm2=change,
+    )
+    x, p, status, at_m = kernel.observe(events, model)
+    expected_x, expected_p = naive.observe(dt, speed, kind, values, sigmas, preview_m, change, model, ahead)
+    is_told = (kind == EventKind.LANE) & np.isfinite(values[:, 1])
+    np.testing.assert_allclose(at_m[is_told], preview_m[is_told])
     scale = np.sqrt(np.maximum(np.diagonal(expected_p, axis1=1, axis2=2), 1e-12))
     np.testing.assert_allclose((x - expected_x) / scale, 0.0, atol=1e-8)
     np.testing.assert_allclose((p - expected_p) / (scale[:, :, None] * scale[:, None, :]), 0.0, atol=1e-8)

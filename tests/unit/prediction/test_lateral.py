@@ -25,6 +25,7 @@ def track_of(
     return LateralTrack(
         stamp_ns=np.arange(n, dtype=np.int64) * 100_000_000,
         state=np.tile([lateral, yaw_rate, 0.0, 0.0], (n, 1)),
+        preview_m=np.full(n, 33.5),
         covariance=np.tile(np.diag([1e-4, 1e-6, 0.0, 0.0]), (n, 1, 1)),
         speed_mps=np.full(n, v),
         steer_rad=np.zeros(n),

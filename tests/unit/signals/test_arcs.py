@@ -7,7 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.signals.arcs import TURNED, Pinhole, arc_columns, arc_places_m, changes_beside, middle_arc
+from cwcli.signals.arcs import (
+    TURNED,
+    Pinhole,
+    arc_columns,
+    arc_places_m,
+    changes_beside,
+    lane_ahead,
+    middle_arc,
+    turned_at_m,
+)
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 from cwcli.simulation.road.truth import lane_truth
@@ -110,6 +119,22 @@ def test_a_line_ends_where_it_first_turns_back() -> None:
     # sin phi = 0.2 x - 0.009 x^2 comes to 0.97 at x = 7.15 m, is 1.1 at its highest, and comes back.
     places_m = arc_places_m(np.array([0.0, 0.0, 0.2]), np.array([7.1, 7.2, 11.0, 15.1, 20.0]), -0.018)
     assert np.isfinite(places_m).tolist() == [True, False, False, False, False]
+
+
+def test_how_far_ahead_a_line_has_turned_by_hand() -> None:
+    # on a circle of 50 m the sine is x / 50; 3 in 5 is more than 0.4 at once; sin = 0.0017 x^2 / 2; never
+    lines = np.array([[1.0, 0.0, 0.02], [1.0, 0.75, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    turned_m = turned_at_m(lines, 0.4, np.array([0.0, 0.0, 0.0017, 0.0]))
+    np.testing.assert_allclose(turned_m, [20.0, 0.0, math.sqrt(0.8 / 0.0017), math.inf])
+
+
+def test_the_lane_ahead_is_between_both_lines_or_the_one_that_is_known() -> None:
+    # circles of 48.2 and 51.8 m about (0, 50): the middle is 50 - sqrt(50^2 - 20^2) to the left at 20 m
+    both = np.array([[1.8, 0.0, 1.0 / 48.2], [-1.8, 0.0, 1.0 / 51.8]])
+    alone = np.where([[True], [False]], both, math.nan)
+    made = lane_ahead(np.stack([both, alone]), np.full(2, 20.0), np.zeros(2))
+    np.testing.assert_allclose(made[0], [50.0 - math.sqrt(2100.0), math.asin(0.4), 0.02])
+    np.testing.assert_allclose(made[1], [math.nan, math.asin(20.0 / 48.2), 1.0 / 48.2])
 
 
 def test_a_gentle_bend_is_a_parabola() -> None:

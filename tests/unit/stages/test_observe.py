@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -266,3 +267,29 @@ def test_the_record_holds_configuration_and_car(whole: Path) -> None:
 
 def test_without_a_named_car_the_example_is_noted(whole: Path) -> None:
     assert any("--vehicle" in note for note in run(whole, ObserveConfig()).summary.notes)
+
+
+def test_a_lane_that_turns_back_before_the_preview_point(tmp_path: Path) -> None:
+    """A ramp of 23 m: no value 33.5 m ahead, but the boundaries' shape; the paper's method has no use for it."""
+    channel = lanes_channel(DRIVE.sensed)
+    ramp = (np.arange(121) >= 60) & (np.arange(121) < 80)
+    fields = dict(channel.fields)
+    for name in ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm"):
+        fields[name] = np.where(ramp, np.nan, fields[name])
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        fields[f"{side}.far_px"] = np.where(ramp, 320.0, np.nan)
+        fields[f"{side}.lateral_m"] = np.full(121, 1.8 * sign)
+        fields[f"{side}.slope"] = np.zeros(121)
+        fields[f"{side}.ground_curvature_1pm"] = np.full(121, 1.0 / (23.0 - 1.8 * sign))
+    fields |= {"road_focal_px": np.full(121, 400.0), "road_centre_px": np.full(121, 320.0)}
+    path = write_lane_log(tmp_path / "l.mcap", DRIVE, without=(LANES,))
+    channel = replace(channel, fields=fields)
+    ours = run(path, ALL, channel)
+    assert not ours.summary.inputs[0].set_aside
+    rows = ours.tables["observer"].records()
+    assert {row["status"] for row in rows[61:80]} <= {"observed", "rejected", "started"}
+    with Log.open(path) as log:
+        back = read_observed(log.with_channels([channel, *ours.channels]).columns(OBSERVER.topic))
+    assert back.track.preview_m[70] == pytest.approx(0.4 * 23.0)  # where the lane has turned by a sine of 0.4
+    papers = run(path, ObserveConfig(vehicle=load_vehicle(), observer=ObserverConfig("zhang2011")), channel)
+    assert papers.summary.inputs[0].set_aside == {"the lane turns back before the preview point": 20}

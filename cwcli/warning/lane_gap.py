@@ -1,0 +1,43 @@
+"""Where the boundaries of a lane are along a path, and when a tyre comes to one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cwcli.signals.arcs import arc_ahead
+from cwcli.signals.columns import FloatArray
+
+
+def line_at(line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """y (m) and direction (rad) of each boundary at distances from the camera, shape (n, k); NaN where it has ended.
+
+    Args:
+        line: Shape (n, 3).
+        ahead_m: Shape (n, k).
+        change_1pm2: Shape (n,).
+    """
+    curves = arc_ahead(line[:, None], ahead_m, change_1pm2[:, None])
+    y0, slope, curvature = (line[:, k, None] for k in range(3))
+    is_behind = ahead_m <= 0.0  # a tyre beside the camera, or a little behind it
+    y = np.where(is_behind, y0 + (slope + 0.5 * curvature * ahead_m) * ahead_m, curves[..., 0])
+    return y, np.where(is_behind, np.arctan(slope + curvature * ahead_m), curves[..., 1])
+
+
+def last_told(gap: FloatArray) -> FloatArray:
+    """The last gap of each path that is a number, shape (n,): tight bends end before long paths do."""
+    last = gap.shape[1] - 1 - np.argmax(np.isfinite(gap[:, ::-1]), axis=1)
+    return np.asarray(gap[np.arange(len(gap)), last])
+
+
+def first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
+    """When the gap first becomes zero, linear between points; inf: not within the path, NaN: not known; shape (n,)."""
+    over = gap <= 0.0
+    at = np.argmax(over, axis=1)
+    rows = np.arange(len(gap))
+    before = np.maximum(at - 1, 0)
+    drop = gap[rows, before] - gap[rows, at]
+    share = gap[rows, before] / np.where(drop > 0.0, drop, 1.0)
+    crossing = t[before] + share * (t[at] - t[before])
+    crossing = np.where(at == 0, 0.0, crossing)
+    crossing = np.where(over.any(axis=1), crossing, np.inf)
+    return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)
