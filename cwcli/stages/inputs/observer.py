@@ -97,8 +97,7 @@ def lane_samples(columns: Columns, *, where: str, with_shape: bool = True) -> Re
         OUT_OF_RANGE: int(np.count_nonzero(is_beyond.any(axis=1))),
     }
     samples = LaneSamples(
-        stamp_ns[rows],
-        *(*values.T, *sigma.T),
+        *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
         yaw_sigma_rad=lanes.yaw_sigma_rad(),
         lines=lines,
         curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
