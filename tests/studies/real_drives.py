@@ -168,12 +168,12 @@ def departures(seen: Seen) -> Table:
     car, n = load_vehicle(), len(seen.stamp_ns)
     geometry = lane_geometry(seen.fits, seen.camera, preview_m=PREVIEW_M)
     speed = Samples(seen.stamp_ns, np.full(n, SPEED_MPS))
-    track = observe(lane_samples(seen.stamp_ns / 1e9, geometry), speed, car)
+    track = observe(lane_samples(seen.stamp_ns / 1e9, geometry, seen.fits), speed, car)
     paths = calibrate_paths(lateral_paths(track, car), track)
     found = seen.fits.found[..., None]
     sides = [np.where(found[:, k], (geometry.left_body, geometry.right_body)[k], np.nan) for k in range(2)]
     is_seen = seen.fits.state != LaneState.HELD
-    boundaries = Boundaries(sides[0], sides[1], car.camera_forward_m, is_seen, seen.fits.steady_s)
+    boundaries = Boundaries(*sides, car.camera_forward_m, is_seen, seen.fits.steady_s, -geometry.curvature_change_1pm2)
     stamp_ns, wide = seen.stamp_ns, {"width_m": car.width_m, "front_axle_m": car.front_axle_m}
     result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, boundaries, track.speed_mps, **wide)
     return result.events
