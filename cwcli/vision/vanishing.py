@@ -5,8 +5,8 @@ lanes. Each line segment below a candidate point votes for it by its length and 
 heavy-tailed kernel keeps the edges of cars and bridges from mattering. Used where the camera's mounting is not known.
 
 Source of the segments: R. Grompone von Gioi et al., LSD: a line segment detector, Image Processing On Line 2 (2012), by
-OpenCV. It leaves out gradients of less than some grey levels, whatever the picture's contrast, so in the dusk or in haze
-few lines would be left: a faint picture is stretched to the contrast of daylight before.
+OpenCV. It leaves out gradients of less than some grey levels, whatever the contrast, so in the dusk or in haze few lines
+would be left: a faint picture is stretched to the contrast of daylight before.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _votes(
     lowest = np.maximum(segments[:, 1], segments[:, 3])
     du = (u - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
     dv = (v - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
-    # where a point is as far beside a segment as `ANGLE_RAD` and a pixel at its ends allow, a quarter of its votes is left
+    # as far beside a segment as `ANGLE_RAD` and a pixel at its ends allow, a quarter of its votes is left
     beside = 1.0 / (length * (ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]
