@@ -5,7 +5,7 @@ lanes. Each line segment below a candidate point votes for it by its length and 
 heavy-tailed kernel keeps the edges of cars and bridges from mattering. Used where the camera's mounting is not known.
 
 Source of the segments: R. Grompone von Gioi et al., LSD: a line segment detector, Image Processing On Line 2 (2012), by
-OpenCV. It leaves out gradients of less than some grey levels, whatever the contrast, so in the dusk or in haze few lines
+OpenCV. It leaves out gradients of less than some grey levels, whatever the contrast, so at dusk or in haze few lines
 would be left: a faint picture is stretched to the contrast of daylight before.
 """
 
