@@ -356,9 +356,8 @@ def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.b
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
     drawn = BoundaryLines(frames.fits.parabolas, frames.roads, frames.horizon_px, frames.top_px, frames.pinhole)[at]
-    for size in np.unique(sizes, axis=0):
-        rows = np.flatnonzero((sizes == size).all(axis=1))
-        search_w, search_h, image_w, image_h = size.tolist()
+    for search_w, search_h, image_w, image_h in sorted(set(map(tuple, sizes.tolist()))):
+        rows = np.flatnonzero((sizes == (search_w, search_h, image_w, image_h)).all(axis=1))
         camera = None if frames.rectified_from is None else frames.rectified_from(image_w, image_h)
         made = line_points(drawn[rows], (search_w, search_h), (image_w, image_h), camera)
         points[rows], is_in[rows] = made

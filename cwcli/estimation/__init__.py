@@ -1,11 +1,31 @@
 """State estimation: filter, smoother, latency, biases, consistency. Plain arrays in, plain arrays out."""
 
-from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
-from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.track import estimate_track, estimate_tracks
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cwcli.estimation.config import EstimatorConfig
+    from cwcli.estimation.latency import Latency, LatencyStatus
+    from cwcli.estimation.measurements import Kind, Measurements
+    from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
+    from cwcli.estimation.result import SourceReport, Track
+    from cwcli.estimation.track import estimate_track, estimate_tracks
+
+_FILES = {
+    "EstimatorConfig": "config",
+    "Kind": "measurements",
+    "Latency": "latency",
+    "LatencyStatus": "latency",
+    "Measurements": "measurements",
+    "Parameter": "parameter",
+    "ParameterStatus": "parameter",
+    "SlowError": "parameter",
+    "SourceReport": "result",
+    "Track": "result",
+    "estimate_track": "track",
+    "estimate_tracks": "track",
+}
+"""Where each name is; loaded when it is asked for: most commands want a calibration and no filter."""
 
 __all__ = [
     "EstimatorConfig",
@@ -21,3 +41,9 @@ __all__ = [
     "estimate_track",
     "estimate_tracks",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _FILES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_FILES[name]}"), name)

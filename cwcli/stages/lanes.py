@@ -323,9 +323,8 @@ class _Run:
         pinhole = np.full((len(fits), 2), np.nan)
         parts: list[tuple[Rows, LaneGeometry]] = []
         sizes = numbers[:, 4:8]
-        for size in np.unique(sizes, axis=0):
-            rows = np.flatnonzero((sizes == size).all(axis=1))
-            image_w, image_h, search_w, search_h = size.tolist()
+        for image_w, image_h, search_w, search_h in sorted(set(map(tuple, sizes.tolist()))):
+            rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
             camera = self._search_camera((image_w, image_h), (search_w, search_h))
             parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
             roads[rows] = image_roads(fits[rows], camera)

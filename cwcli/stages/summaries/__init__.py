@@ -23,8 +23,9 @@ def bounds_text(low: float, high: float) -> Told:
 
 def median(values: FloatArray) -> float | None:
     """Of the finite values; None without any."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else None
+    finite = np.sort(values[np.isfinite(values)])  # np.median takes 20 ms to load NumPy's masked arrays
+    n = len(finite)
+    return float(0.5 * (finite[(n - 1) // 2] + finite[n // 2])) if n else None
 
 
 def largest(values: FloatArray) -> float | None:
