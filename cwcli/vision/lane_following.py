@@ -55,6 +55,10 @@ MARGIN_M = 0.02
 LEAST_DT_S = 0.02
 APART_AT = (0.25, 0.6)
 """Rows in which lanes are compared, of the way from the horizon to the bottom."""
+LINES = np.array([-1.5, -0.5, 0.5, 1.5])
+"""Lines of a lane and of those beside it, from its middle, in its widths."""
+SAME_LINE = 0.15
+"""Over the camera's height: nearer lines are one."""
 JERK_MPS3 = 1.0
 """Sigma of what a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3, ramps for more."""
 MOST_SIGMAS = 4.0
@@ -288,6 +292,20 @@ def boundaries_px(lane: FloatArray, h: float) -> FloatArray:
     """Shape (2,): columns of both boundaries h rows below the lane's horizon; of a tight bend, of what touches it."""
     u0, middle, width, bend, _, spiral = lane.tolist()
     return np.asarray(u0 + np.array([middle - 0.5 * width, middle + 0.5 * width]) * h + (bend + spiral / h) / h)
+
+
+def lines_at(lane: FloatArray, other: FloatArray, height_px: int) -> tuple[bool, bool]:
+    """Whether a lane, or one beside it, has a line where the left and the right boundary of another one lie."""
+    found = np.ones((2, len(LINES)), np.bool_)
+    for share in APART_AT:
+        h = share * (height_px - float(other[HORIZON]))
+        own_h = h + float(other[HORIZON] - lane[HORIZON])
+        if own_h <= 0.0:
+            return False, False
+        middle = float(boundaries_px(lane, own_h).mean())
+        lines = middle + LINES * float(lane[WIDTH]) * own_h
+        found &= np.abs(lines - boundaries_px(other, h)[:, None]) <= SAME_LINE * h
+    return bool(found[0].any()), bool(found[1].any())
 
 
 def change_between(lane: FloatArray, other: FloatArray) -> int:

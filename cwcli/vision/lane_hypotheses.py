@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import Evidence, judged, refined, widely_best
-from cwcli.vision.lane_following import narrowed, pitched, turned
+from cwcli.vision.lane_following import lines_at, narrowed, pitched, turned
+from cwcli.vision.lane_mean import SCALE
 from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
 
+LEAST_RIVAL = 5.0 * SCALE
+"""A lane that is worse by more is no rival: it has less than 1 %."""
 SWITCH_GAIN = 0.03
 """Objective by which a hypothesis must be better than another to take its place."""
 
@@ -66,6 +70,29 @@ def improved(
     lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
     lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
     return lanes[0], float(judged(evidence, lanes, prior.table)[0])
+
+
+def doubted(
+    chances: tuple[float, float], lane: Hypothesis, rivals: list[Hypothesis], height_px: int
+) -> tuple[float, float]:
+    """The probabilities of a lane's boundaries, which it shares with its rivals.
+
+    Of several lanes that a frame may show, each has its part by exp(objective / `SCALE`), as in the mean of a first
+    frame. A rival that has a line where a boundary lies, as the next lane has, does not speak against it.
+
+    Args:
+        chances: Of the left and of the right boundary, if there were no rivals.
+        lane, rivals: What is published, and what else is followed.
+        height_px: Of the image.
+    """
+    parts = [1.0, 1.0]
+    for rival in rivals:
+        gain = rival.value - lane.value
+        if gain > -LEAST_RIVAL:
+            part = math.exp(min(gain, LEAST_RIVAL) / SCALE)
+            for side, has_line in enumerate(lines_at(rival.lane, lane.lane, height_px)):
+                parts[side] += 0.0 if has_line else part
+    return chances[0] / parts[0], chances[1] / parts[1]
 
 
 def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:

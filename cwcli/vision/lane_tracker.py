@@ -47,7 +47,7 @@ from cwcli.vision.lane_following import (
     predicted,
     shift_m,
 )
-from cwcli.vision.lane_hypotheses import SWITCH_GAIN, Hypothesis, add_merged, improved
+from cwcli.vision.lane_hypotheses import SWITCH_GAIN, Hypothesis, add_merged, doubted, improved
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -283,6 +283,8 @@ class LaneTracker:
                 if not self._prior.is_mounted:
                     self._prior = learned(self._prior, float(best.lane[HORIZON]), camera)
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
+            if self._followed_s > 0.0:  # a first frame's lane is the mean of its rivals
+                chances = doubted(chances, best, others, camera.height_px)
             self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: N_HYPOTHESES - 1]]
         return best, chances, change
 

@@ -71,7 +71,7 @@ def lane_of_points(points: tuple[FloatArray, FloatArray], height_px: int) -> tup
 
 
 def read_stills() -> list[Still]:
-    """The labelled frames, then the pictures without labels, whose lane is that which the default method finds."""
+    """The labelled frames, then the pictures without labels."""
     made = []
     for number, (frame, lanes, rows) in enumerate(labelled(LABELLED, lambda width, height: (width, height))):
         assert frame.image is not None
@@ -83,6 +83,12 @@ def read_stills() -> list[Still]:
             points.sort(key=lambda each: float(each[:, 0].mean()))
             pair = points[0], points[1]
             made.append(Still(f"labelled {number}", np.array(frame.image), lane_of_points(pair, height), pair))
+    return made + read_pictures()
+
+
+def read_pictures() -> list[Still]:
+    """The pictures without labels, whose lane is that which the default method finds."""
+    made = []
     for folder in STILL_FOLDERS:
         for path in sorted((STILLS / folder).glob("*.jpg")):
             grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
