@@ -117,7 +117,8 @@ def observe_filter(
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
     lanes, preview_m, change_1pm2 = near_lane(lanes, frame_speed, config.preview_m)
-    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, preview_m, quickness(frame_speed), config))]
+    quick = quickness(frame_speed)
+    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, preview_m, quick, config))]
     vision = yaw_rate_from_vision(lanes, frame_speed)
     for name, samples, kind, default in (
         ("yaw rate", yaw_rate, EventKind.YAW_RATE, noise.yaw_rate_sigma_radps),
@@ -161,7 +162,7 @@ def observe_filter(
         stamp_ns=stamp_ns,
         state=x[:, :4],
         preview_m=np.where(is_known, at_m[frames], config.preview_m),
-        covariance=p[:, :4, :4] + _lasting(noise),
+        covariance=p[:, :4, :4] + _lasting(noise, quick),
         speed_mps=frame_speed,
         steer_rad=x[:, STEER],
         curvature_1pm=x[:, KL],
@@ -173,9 +174,12 @@ def observe_filter(
     )
 
 
-def _lasting(noise: FilterNoise) -> FloatArray:
-    """Covariance (4, 4) of what the lane's values err together over many frames: averaging does not take it away."""
-    return np.diag([0.0, 0.0, noise.lateral_floor_m**2, noise.heading_floor_rad**2])
+def _lasting(noise: FilterNoise, quick: FloatArray) -> FloatArray:
+    """Covariance (n, 4, 4) of what the lane's values err together over many frames: averaging does not take it away."""
+    lasting = np.zeros((len(quick), 4, 4))
+    lasting[:, 2, 2] = noise.lateral_floor_m**2
+    lasting[:, 3, 3] = (noise.heading_floor_rad * quick**1.5) ** 2
+    return lasting
 
 
 def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
@@ -195,7 +199,9 @@ def _lane_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """y_L, e_L, K_L of the frames and their sigmas, shape (n, 3) each.
 
-    At a nearer point the sigmas are at most the default ones: what frames tell is of the farthest.
+    At a nearer point the sigmas are at most the default ones: what frames tell is of the farthest. Where roads bend so
+    much more quickly, a frame's curvature errs the more, its direction by that over the nearer distance, and its place,
+    by the distance's square, as ever.
 
     Args:
         lanes, preview_m: From `near_lane`.
@@ -207,10 +213,10 @@ def _lane_rows(
     given = (lanes.lateral_sigma_m, lanes.heading_sigma_rad, lanes.curvature_sigma_1pm)
     defaults: tuple[FloatArray | float, ...] = (
         noise.lateral_sigma_m,
-        noise.heading_sigma_rad,
+        noise.heading_sigma_rad * quick**1.5,
         noise.curvature_sigma_1pm * quick**3,
     )
-    lasting = (noise.lateral_floor_m, noise.heading_floor_rad, noise.curvature_floor_1pm * quick**3)
+    lasting = (noise.lateral_floor_m, noise.heading_floor_rad * quick**1.5, noise.curvature_floor_1pm * quick**3)
     floors = [noise.floor_share * each for each in lasting]
     yaw_shares = (config.preview_m * lanes.yaw_sigma_rad, lanes.yaw_sigma_rad, 0.0)
     columns = []

@@ -61,7 +61,7 @@ RAMPS = {
     "ramp to the left": Road(np.array([0.0, 40.0, 65.0]), np.array([0.0, 0.0, 1.0 / 23.0])),
     "ramp to the right": Road(np.array([0.0, 40.0, 65.0]), np.array([0.0, 0.0, -1.0 / 23.0])),
 }
-RAMP_MPS, RAMP_S = 10.0, 20.0
+RAMP_MPS, RAMP_S = 10.0, 30.0
 RAMP_DRIFT_S = 9.0
 """On the ramp: its spiral ends after 6.5 s."""
 RAMP_LOOK = Look(rate_hz=10.0, camera=wide_camera(480, 270))

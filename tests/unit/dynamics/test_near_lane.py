@@ -92,7 +92,10 @@ def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, Samples]:
         )
     nothing, stamp_ns = np.full(len(lines), np.nan), to_ns(drive.time_s)
     lanes = LaneSamples(
-        *(stamp_ns, nothing, nothing, nothing), lines=np.array(lines), curvature_change_1pm2=np.array(changes)
+        *(stamp_ns, nothing, nothing, nothing),
+        *(np.full(len(lines), sigma) for sigma in (0.03, 0.003, 3e-4)),
+        lines=np.array(lines),
+        curvature_change_1pm2=np.array(changes),
     )
     return drive, lanes, Samples(stamp_ns, drive.speed_at(drive.time_s))
 

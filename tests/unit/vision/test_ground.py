@@ -106,6 +106,13 @@ def test_preview_beyond_the_end_of_a_bend_is_not_known() -> None:
     assert np.isfinite(made.left_body).all()
 
 
+def test_the_width_of_a_tight_bend_is_that_between_the_circles() -> None:
+    # 10 m ahead a bend of 23 m has turned by 26 degrees; one of 8 m has turned back: there it is that beside the camera
+    fits = [curved(1.0 / radius_m, 0.0, 0.0)[0] for radius_m in (23.0, 8.0)]
+    made = lane_geometry(columns_of(fits), LEVEL, preview_m=15.0)
+    np.testing.assert_allclose(made.lane_width_m, 3.6, atol=0.03)
+
+
 def test_sigma_of_the_height_in_a_tight_bend() -> None:
     # Of an error of the camera's height alone: a place y at x is in truth y (1 + e) at x (1 + e), so the bend is
     # 23 (1 + e) m, and y_L at D is 23 (1 + e) - sqrt(23^2 (1 + e)^2 - D^2).
