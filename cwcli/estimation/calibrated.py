@@ -19,7 +19,7 @@ from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus,
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.noise import MANOEUVRE_SIGMAS
-from cwcli.estimation.parameter import ParameterStatus
+from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.passes import Series
 from cwcli.estimation.prepare import PreparedSeries
 from cwcli.estimation.sensor_model import SensorModel, Slow
@@ -89,10 +89,13 @@ def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) ->
 
 
 def with_noise(s: Series, calibration: Calibration) -> Series:
-    """The series with the calibration's noise and interval."""
+    """The series with the calibration's noise, error of the stamps and interval."""
     sigma, scale = (calibration.of(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
     interval_s = calibration.of(s.source, s.kind, "interval_s").value
     s = replace(s, interval_s=interval_s if interval_s > 0.0 else s.interval_s)
+    stamps = calibration.of(s.source, s.kind, "stamp_sigma_s")
+    if stamps.is_known:
+        s = replace(s, stamp_error=Parameter(stamps.value, stamps.drive_sigma, ParameterStatus.GIVEN))
     if scale.is_known:
         return replace(s.scaled(scale.value), noise_origin="calibration")
     variance = sigma.value**2 if sigma.is_known else QUANTITIES[s.kind].default_sigma ** 2

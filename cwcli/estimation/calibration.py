@@ -54,6 +54,7 @@ QUANTITIES = (*MEASURED, "imu", "camera")
 NAMES: Mapping[str, Name] = {
     "latency_s": Name(-3600.0, 3600.0, "s, positive is late", MEASURED),
     "noise_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED),
+    "stamp_sigma_s": Name(0.0, 10.0, "s, one sigma from row to row", ("position",)),
     "interval_s": Name(0.0, 3600.0, "s between two rows", MEASURED),
     "noise_scale": Name(0.0, 1e8, "factor on the variance that the messages state", MEASURED),
     "slow_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", ("position", "accel")),

@@ -10,8 +10,9 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input
+from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input, run_pass
 from cwcli.estimation.prepare import thinned_to
+from cwcli.estimation.stamp_noise import NoiseFit, may_err, with_stamp_errors
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import matching_factor
@@ -47,7 +48,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
 
     Args:
         s: The series with its present noise.
-        nis: Shape (n, 4): see `PassResult.nis`.
+        nis: Shape (n, 5): see `PassResult.nis`.
     """
     if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact:
         return 1.0
@@ -79,7 +80,8 @@ def settle_noise(
         series: All series, latencies corrected.
         parameters: Motion model to begin with.
         walk, prior: Shape (n,): see `run_pass`, `start_with_parameters`.
-        every_row: End with passes over all rows; else the noise is that which the thinned window shows.
+        every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that which the
+            thinned window shows.
 
     Returns:
         The series with settled noise; the motion model.
@@ -89,23 +91,39 @@ def settle_noise(
         len(s) and s.kind is Kind.POSITION for s in window
     ):
         return list(series), parameters
-    begin = parameters
-    factors = np.ones(len(series))
-    orders: dict[float, TimeOrder] = {}
-    for _ in range(ROUNDS):
-        trials = _Trials(window, walk, prior, orders)
-        result = trials.result(parameters)
-        for i, s in enumerate(window):
-            factor = noise_factor(s, result.nis[i])
-            factors[i] *= factor
-            origin = s.noise_origin
-            if factor != 1.0:
-                origin = "message, scaled" if origin.startswith("message") else "log"
-            window[i] = replace(s.scaled(factor), noise_origin=origin)
-        trials = _Trials(window, walk, prior, orders)
+    begin, orders = parameters, dict[float, TimeOrder]()
+
+    def scaled(parameters: ModelParameters, factors: Sequence[float]) -> ModelParameters:
+        for (name, limits), factor in zip(MANOEUVRE_SIGMAS.items(), factors, strict=True):
+            parameters = _within(parameters, name, float(getattr(parameters, name)) * factor, limits, begin)
+        return parameters
+
+    may: list[bool] = []
+
+    def settle(fit: NoiseFit) -> NoiseFit:
+        result = _Trials(fit.series, walk, prior, orders).result(fit.parameters)
+        may[:] = [may_err(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
+        fit = _matched(fit, result)
+        trials, parameters = _Trials(fit.series, walk, prior, orders), fit.parameters
         base = trials.likelihood(parameters)
         for name, limits in MANOEUVRE_SIGMAS.items():
             parameters, base = _refit_sigma(trials, parameters, name, limits, base, begin)
+        return replace(fit, parameters=parameters)
+
+    fit = NoiseFit(tuple(window), (1.0,) * len(window), parameters)
+    for _ in range(ROUNDS):
+        fit = settle(fit)
+    if every_row and any(may):
+        start = start_with_parameters(fit.series, prior, causal=False)
+
+        def run(series: Sequence[Series], parameters: ModelParameters) -> PassResult:
+            motion = parameters.motion(walk)
+            return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=orders)
+
+        found = with_stamp_errors(fit, may, run, scaled)
+        fit = fit if found is fit else settle(found)
+    parameters, factors = fit.parameters, np.array(fit.factors)
+    series = [replace(s, stamp_error=w.stamp_error) for s, w in zip(series, fit.series, strict=True)]
     settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
     # The window shows the motion; the noise of single rows and of the slow sources needs the whole log.
     whole = every_row and any(
@@ -125,6 +143,19 @@ def settle_noise(
         if factor != 1.0:
             settled[i] = replace(s, noise_origin="message, scaled" if s.noise_origin == "message" else "log")
     return settled, parameters
+
+
+def _matched(fit: NoiseFit, result: PassResult) -> NoiseFit:
+    """The fit with the noise in agreement with the innovations of a pass."""
+    change = [noise_factor(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
+    series = []
+    for s, factor in zip(fit.series, change, strict=True):
+        origin = s.noise_origin
+        if factor != 1.0:
+            origin = "message, scaled" if origin.startswith("message") else "log"
+        series.append(replace(s.scaled(factor), noise_origin=origin))
+    factors = tuple(old * new for old, new in zip(fit.factors, change, strict=True))
+    return replace(fit, series=tuple(series), factors=factors)
 
 
 class _Trials:
@@ -173,8 +204,16 @@ def _refit_sigma(
     options = [(base, parameters), (reached, better)]
     options += [(v, _with(parameters, name, now * f)) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
     best = max(options, key=lambda option: option[0])
-    limited = float(np.clip(np.log(float(getattr(best[1], name)) / first), *np.log(limits)))
-    return _with(best[1], name, first * float(np.exp(limited))), best[0]
+    return _within(best[1], name, float(getattr(best[1], name)), limits, begin), best[0]
+
+
+def _within(
+    parameters: ModelParameters, name: str, value: float, limits: tuple[float, float], begin: ModelParameters
+) -> ModelParameters:
+    """The motion model with another value, as far from its first one as it may go."""
+    first = float(getattr(begin, name))
+    limited = float(np.clip(np.log(value / first), *np.log(limits)))
+    return _with(parameters, name, first * float(np.exp(limited)))
 
 
 def _with(parameters: ModelParameters, name: str, value: float) -> ModelParameters:

@@ -55,4 +55,5 @@ class SlowError:
 
 
 NO_PARAMETER = Parameter()
+EXACT_STAMPS = Parameter(0.0)
 NO_SLOW_ERROR = SlowError()

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
 from cwcli.estimation.median import median
+from cwcli.estimation.parameter import EXACT_STAMPS, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
 from cwcli.signals.columns import FloatArray
@@ -58,6 +59,7 @@ class Series:
         noise: Shape (n, 3): r00, r01, r11.
         noise_origin: "message", "log" or "default".
         latency_s: Subtracted from time_s.
+        stamp_error: One sigma, s, by which each stamp of a POSITION errs beside that, 0 = none: see `stamp_noise`.
         bias_state, latency_state: Index of the parameter state, or -1.
         slow_state: Of its slow error (Gauss-Markov), or -1; a POSITION's are two, this one and the next.
         scale_state, lever_state: Of a SPEED's scale (minus 1) and lever arm, or -1.
@@ -78,6 +80,7 @@ class Series:
     noise: FloatArray
     noise_origin: str = "default"
     latency_s: float = 0.0
+    stamp_error: Parameter = EXACT_STAMPS
     bias_state: int = -1
     latency_state: int = -1
     slow_state: int = -1
@@ -126,8 +129,7 @@ class PassResult:
         covariance: Shape (m, n, n).
         last_state, last_covariance: Filter state after the last event, (n,), (n, n).
         log_likelihood: Sum over used innovations.
-        nis: Per series: shape (k, 4): normalised innovation squared, mean nu^2, mean h P h', determinant of the
-            innovation's covariance.
+        nis: Per series: shape (k, 5): see `ekf.Pass`.
         status: Per series: shape (k,): an `ekf.UpdateStatus`, or BEFORE_START (its nis is NaN).
     """
 
@@ -237,7 +239,7 @@ class PassInput:
                 found_nis.append(nis[i:j])
                 found_status.append(status[i:j])
                 continue
-            found_nis.append(np.full((len(rows), 4), np.nan))
+            found_nis.append(np.full((len(rows), 5), np.nan))
             found_status.append(np.full(len(rows), BEFORE_START, np.int8))
             found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
         return PassResult(
@@ -278,6 +280,7 @@ def pass_input(
             ],
             np.int32,
         ).reshape(-1, 6),
+        stamp_sigma_s=np.array([s.stamp_error.value for s in series], np.float64),
         place_m=np.array([s.place_m or (0.0, 0.0) for s in series], np.float64).reshape(-1, 2),
         gate_nis=np.array([s.gate_nis for s in series], np.float64),
         patience=order_of.patience,

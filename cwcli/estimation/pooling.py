@@ -172,6 +172,7 @@ def _slow(name: str) -> Callable[[SourceReport, float], Iterator[Said]]:
 OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
     "noise_sigma": _noise,
     "noise_scale": _noise_scale,
+    "stamp_sigma_s": _parameter(lambda report: report.stamp_error),
     "interval_s": _interval,
     "slow_sigma": _slow("sigma"),
     "slow_time_s": _slow("time_s"),

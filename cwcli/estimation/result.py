@@ -11,7 +11,7 @@ import numpy.typing as npt
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
+from cwcli.estimation.parameter import EXACT_STAMPS, NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings
 
 
@@ -39,6 +39,7 @@ class SourceReport:
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
             innovations) or "default".
         noise_scale: What the variance that the messages state was multiplied by; NaN where they state none.
+        stamp_error: POSITION: one sigma, s, by which its stamps err from row to row; 0: nothing shows that they do.
         interval_s: Between two rows, as a rule.
         latency: What was found or given, its sigma, and what was made of it.
         compared: What was found against the source that all were compared with, whichever clock counts in the end.
@@ -70,6 +71,7 @@ class SourceReport:
     sigma: float = float("nan")
     noise_origin: str = "default"
     noise_scale: float = float("nan")
+    stamp_error: Parameter = EXACT_STAMPS
     interval_s: float = float("nan")
     latency: Latency = NO_LATENCY
     compared: Latency = NO_LATENCY

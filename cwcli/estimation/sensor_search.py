@@ -20,6 +20,7 @@ from cwcli.estimation.noise import LEAD_IN_S, MIN_ROWS_FOR_NOISE, busiest_window
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
 from cwcli.estimation.prepare import thinned_to
+from cwcli.estimation.score import GAIN, GATE_PROBABILITY, prediction_score
 from cwcli.estimation.sensor_model import AHEAD_PRIOR_M, Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels.ekf import UpdateStatus
@@ -29,8 +30,6 @@ from cwcli.signals.columns import FloatArray
 MIN_SPAN_S = 60.0  # a slow error has to come and go a few times
 WINDOW_S = 240.0
 THINNED_HZ = 10.0
-GATE_PROBABILITY = 1.0 - 1e-5
-GAIN = 4.5  # of the log-likelihood, by each number that is fitted: three sigma
 N_FITTED = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
 GRADE = Slow(0.2, 15.0)  # m/s^2, 1.2 degrees; a hill of a few hundred metres at town speed
 POSITION_TIME_S = 10.0  # where the climb begins
@@ -166,7 +165,7 @@ class _Trial:
 
     Attributes:
         model: The model.
-        score: See `_score`.
+        score: See `prediction_score`.
         factors: On the noise of each series, so that its innovations are as large as they should be.
         state, sigma: Each state and its sigma at the end, by its index.
         layout: Where these states are.
@@ -220,7 +219,7 @@ class _Trials:
             if (np.abs(np.log(change)) < np.log(SETTLED)).all():
                 break
             factors *= change
-        score = _score(scaled, result)
+        score = prediction_score(scaled, result)
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
         return _Trial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
@@ -273,18 +272,6 @@ class _Trials:
         return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=self._orders)
 
 
-def _score(series: Sequence[Series], result: PassResult) -> float:
-    """Log-likelihood of the rows that are not an inertial sensor's; an outlier counts, but no more than as one."""
-    if not np.isfinite(result.last_state).all():
-        return -np.inf
-    total = 0.0
-    for s, nis in zip(series, result.nis, strict=True):
-        if s.kind not in RATES and len(s):
-            limit = gate_nis(GATE_PROBABILITY, s.width)
-            total -= 0.5 * float(np.nansum(np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
-    return total
-
-
 def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
     """What was found, if it predicts the whole log, outliers and all, better than without; else nothing.
 
@@ -298,7 +285,9 @@ def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
         series = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in thin]
         start = start_with_parameters(series, layout.prior, causal=False)
         motion = replace(layout.parameters, side_slip_m=SIDE_SLIP_M).motion(layout.walk)
-        scores.append(_score(series, run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20)))
+        scores.append(
+            prediction_score(series, run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20))
+        )
     if scores[1] > scores[0]:
         return found
     status = {

@@ -209,6 +209,7 @@ def filter_vectors(
         sensor=sensor,
         parameters=np.full((len(sensor), 6), -1, np.int32),
         place_m=np.zeros((len(sensor), 2)),
+        stamp_sigma_s=np.zeros(len(sensor)),
         gate_nis=np.zeros(len(sensor)),
         patience=np.ones(len(sensor), np.int32),
     )

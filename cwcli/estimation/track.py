@@ -297,6 +297,7 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
         noise_origin=s.noise_origin,
         noise_scale=_noise_scale(p.series, s),
+        stamp_error=s.stamp_error,
         interval_s=median(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
         compared=tuned.compared[i],

@@ -93,11 +93,14 @@ class SourceTable:
             place ahead and latency; -1 = none. A bias is for rates, a slow error for all but speeds and velocities,
             scale and lever arm for speeds alone, the place ahead for positions, velocities and accelerations.
         place_m: (S, 2): where it stands, ahead and to the left of the estimated point; the place ahead adds to it.
+        stamp_sigma_s: One sigma of a position's stamps, which adds sigma^2 v v' to its noise; v: as predicted.
         gate_nis: Limit of the squared normalised innovation; <= 0 switches the gate off.
         patience: After so many gated updates in a row the next one is used.
     """
 
-    def __init__(self, *, sensor: _I, parameters: _I, place_m: _F, gate_nis: _F, patience: _I) -> None: ...
+    def __init__(
+        self, *, sensor: _I, parameters: _I, place_m: _F, stamp_sigma_s: _F, gate_nis: _F, patience: _I
+    ) -> None: ...
 
 class Pass:
     """What a pass found.
@@ -105,8 +108,9 @@ class Pass:
     Attributes:
         state, covariance: (m, n), (m, n, n): filtered or smoothed, at the output rows.
         last_state, last_covariance: (n,), (n, n): of the filter after the last step.
-        nis: (U, 4): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes, determinant of
-            the innovation's covariance.
+        nis: (U, 5): squared normalised innovation, mean nu^2 over the axes, mean h P h' over the axes with what the
+            error of the stamps adds, determinant of the innovation's covariance; of a position the slope of the
+            log-likelihood by the variance of the stamps' errors, 1/s^2, less that by as much across the way.
         status: (U,): an `UpdateStatus`.
         log_likelihood: Of the used innovations.
     """

@@ -43,7 +43,9 @@ from cwcli.kernels.ekf_motion cimport (
     turn_round,
     yaw_rate_of,
 )
-from cwcli.kernels.ekf_sensors cimport Parameters, Place, count_slots, expect, inflate, tells_heading
+from cwcli.kernels.ekf_sensors cimport (
+    Parameters, Place, add_stamp_noise, along_excess, count_slots, expect, inflate, tells_heading
+)
 
 # The gate widens with the time since a source was last used: the model's errors grow over an outage in ways that
 # its covariance does not know of, and the first position after a tunnel must not be taken for an outlier.
@@ -111,12 +113,12 @@ cdef class Restarts:
 cdef class SourceTable:
     cdef const int[::1] sensor, patience
     cdef const int[:, ::1] parameters
-    cdef const double[::1] gate_nis
+    cdef const double[::1] stamp_sigma_s, gate_nis
     cdef const double[:, ::1] place_m
 
-    def __init__(self, *, sensor, parameters, place_m, gate_nis, patience):
+    def __init__(self, *, sensor, parameters, place_m, stamp_sigma_s, gate_nis, patience):
         self.sensor, self.parameters, self.place_m = sensor, parameters, place_m
-        self.gate_nis, self.patience = gate_nis, patience
+        self.stamp_sigma_s, self.gate_nis, self.patience = stamp_sigma_s, gate_nis, patience
 
 
 NO_RESTARTS = Restarts(step=np.zeros(0, np.int32), state=np.zeros((0, N_MOTION)), variance=np.zeros((0, N_MOTION)))
@@ -135,7 +137,7 @@ cdef class Pass:
     def __init__(self, Events events, ProcessModel motion, int n_output, bint keep):
         cdef int n = motion.model.n, n_updates = <int>events.source.shape[0]
         self.state, self.covariance = np.empty((n_output, n)), np.empty((n_output, n, n))
-        self.nis, self.status = np.empty((n_updates, 4)), np.zeros(n_updates, np.int8)
+        self.nis, self.status = np.zeros((n_updates, 5)), np.zeros(n_updates, np.int8)
         if keep:
             self.x_post = np.empty((events.time_s.shape[0], n))
             self.flip = np.zeros(events.time_s.shape[0], np.int8)
@@ -164,7 +166,7 @@ cdef int forward(
     Events events, SourceTable sources, const Model* model, Pass result, bint keep, Restarts restarts
 ) except -1:
     """Run the filter over all steps; `last_state` and `last_covariance` are those of the start first."""
-    cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis
+    cdef const double[::1] time_s = events.time_s, gate_nis = sources.gate_nis, stamp_sigma_s = sources.stamp_sigma_s
     cdef const int[::1] first = events.first, out_row = events.out_row, source = events.source
     cdef const double[:, ::1] values = events.values, noise = events.noise
     cdef const int[::1] sensor = sources.sensor, patience = sources.patience
@@ -187,11 +189,11 @@ cdef int forward(
     cdef double[::1] last_used_s = np.full(len(sensor), time_s[0])
     cdef int n = model.n, n_steps = <int>time_s.shape[0]
     cdef double x[NMAX], p[NMAX * NMAX], x_prior[NMAX], cached[14]
-    cdef double h[2], nu[2], e[2], hx[2 * NH], ph[2 * NMAX], g[NMAX]
+    cdef double h[2], nu[2], e[2], r[3], hx[2 * NH], ph[2 * NMAX], g[NMAX]
     cdef int idx[NH]
     cdef Step f
     cdef int i, j, k, u, s, width, axis, row, m
-    cdef double dt, r0, r1, r2, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost, across
+    cdef double dt, s00, s01, s11, det, d2, corr, var, inv, acc, quiet, decay, root, speed2, lost, across, jittered
     cdef double total = 0.0, volume = 1.0, told_s = time_s[0]    # when a heading was told last
     cdef bint fresh
     with nogil:
@@ -239,7 +241,10 @@ cdef int forward(
                     nu[axis] = values[u, axis] - h[axis]
                 if sensor[s] == Sensor.HEADING:
                     nu[0] = remainder(nu[0], 2.0 * M_PI)
-                r0, r1, r2 = noise[u, 0], noise[u, 1], noise[u, 2]
+                r[0], r[1], r[2] = noise[u, 0], noise[u, 1], noise[u, 2]
+                jittered = 0.0
+                if stamp_sigma_s[s] > 0.0 and sensor[s] == Sensor.POSITION:
+                    jittered = add_stamp_noise(x, p, stamp_sigma_s[s], r)
                 for axis in range(width):
                     for i in range(n):
                         acc = 0.0
@@ -253,8 +258,8 @@ cdef int forward(
                 if width == 1:
                     nis[u, 1] = nu[0] * nu[0]
                     nis[u, 2] = s00
-                    nis[u, 3] = s00 + r0
-                    d2 = nu[0] * nu[0] / (s00 + r0)
+                    nis[u, 3] = s00 + r[0]
+                    d2 = nu[0] * nu[0] / (s00 + r[0])
                 else:
                     s01 = 0.0
                     s11 = 0.0
@@ -262,13 +267,15 @@ cdef int forward(
                         s01 += hx[j] * ph[NMAX + idx[j]]
                         s11 += hx[NH + j] * ph[NMAX + idx[j]]
                     nis[u, 1] = 0.5 * (nu[0] * nu[0] + nu[1] * nu[1])
-                    nis[u, 2] = 0.5 * (s00 + s11)
-                    s00 += r0
-                    s01 += r1
-                    s11 += r2
+                    nis[u, 2] = 0.5 * (s00 + s11) + jittered
+                    s00 += r[0]
+                    s01 += r[1]
+                    s11 += r[2]
                     det = s00 * s11 - s01 * s01
                     d2 = (s11 * nu[0] * nu[0] - 2.0 * s01 * nu[0] * nu[1] + s00 * nu[1] * nu[1]) / det
                     nis[u, 3] = det
+                    if sensor[s] == Sensor.POSITION:
+                        nis[u, 4] = along_excess(x, nu, s00, s01, s11, det)
                 nis[u, 0] = d2
                 quiet = 1.0 + (time_s[k] - last_used_s[s]) / GATE_WIDENS_S
                 if gate_nis[s] > 0.0 and not d2 <= gate_nis[s] * quiet * quiet:
@@ -290,10 +297,10 @@ cdef int forward(
                     told_s = time_s[k]
                 # Decorrelate the second axis from the first: z1 - corr z0 has noise r11 - corr r01.
                 corr = 0.0
-                if width == 2 and r1 != 0.0:
-                    corr = r1 / r0
+                if width == 2 and r[1] != 0.0:
+                    corr = r[1] / r[0]
                     nu[1] -= corr * nu[0]
-                    r2 -= corr * r1
+                    r[2] -= corr * r[1]
                     for j in range(m):
                         hx[NH + j] -= corr * hx[j]
                 if keep:
@@ -313,7 +320,7 @@ cdef int forward(
                             for j in range(m):
                                 acc += p[i * NMAX + idx[j]] * hx[axis * NH + j]
                             g[i] = acc
-                    var = r0 if axis == 0 else r2
+                    var = r[0] if axis == 0 else r[2]
                     for j in range(m):
                         var += hx[axis * NH + j] * g[idx[j]]
                     inv = 1.0 / var
@@ -327,7 +334,7 @@ cdef int forward(
                         for j in range(m):
                             partials[row, j] = hx[axis * NH + j]
                         residual[row, 0] = e[axis]
-                        residual[row, 1] = 1.0 / (r0 if axis == 0 else r2)
+                        residual[row, 1] = 1.0 / (r[0] if axis == 0 else r[2])
                     if axis == 0 and width == 2:          # the second innovation about the state after the first update
                         for j in range(m):
                             nu[1] -= hx[NH + j] * g[idx[j]] * inv * acc
@@ -338,8 +345,8 @@ cdef int forward(
                     for i in range(n):                        # symmetric to the last bit
                         for j in range(n):
                             p[i * NMAX + j] -= g[i] * g[j]
-                    if var > LOSSY * (r0 if axis == 0 else r2):
-                        restore(p, g, sqrt(var), r0 if axis == 0 else r2, hx + axis * NH, idx, m, n)
+                    if var > LOSSY * (r[0] if axis == 0 else r[2]):
+                        restore(p, g, sqrt(var), r[0] if axis == 0 else r[2], hx + axis * NH, idx, m, n)
             if keep:
                 flip[k] = 0
                 for i in range(n):

@@ -5,7 +5,7 @@ from libc.math cimport cos, sin
 
 from cwcli.kernels.ekf cimport MotionModel, Sensor
 from cwcli.kernels.ekf_motion cimport (
-    ACCEL, HEADING, JERK, NH, NMAX, SPEED, X, Y, YAW_ACCEL, YAW_RATE, Model, add_sym
+    ACCEL, HEADING, JERK, NH, NMAX, SPEED, X, Y, YAW_ACCEL, YAW_RATE, Model, add_sym, pointed, speed_squared
 )
 
 
@@ -204,6 +204,32 @@ cdef inline int expect(const double* x, int sensor, const Parameters* own, const
         hx[3] = -k * tau
         hx[4] = -k * x[r]
     return 1
+
+
+cdef inline double add_stamp_noise(const double* x, const double* p, double sigma_s, double* r) noexcept nogil:
+    """Add to a position's noise r (r00, r01, r11) that its stamp errs by e: it lies v e away along the way.
+
+    E(v v') sigma^2, with the speed and the heading as they are known beforehand. Returns its mean over the axes.
+    """
+    cdef double variance = sigma_s * sigma_s * speed_squared(x, p), straight = pointed(p)
+    cdef double c = cos(x[HEADING]), s = sin(x[HEADING])
+    r[0] += variance * (0.5 * (1.0 - straight) + straight * c * c)
+    r[1] += variance * straight * c * s
+    r[2] += variance * (0.5 * (1.0 - straight) + straight * s * s)
+    return 0.5 * variance
+
+
+cdef inline double along_excess(const double* x, const double* nu, double s00, double s01, double s11,
+                                double det) noexcept nogil:
+    """By how much the log-likelihood of an innovation nu with covariance S grows where its variance grows by
+    v v' sigma^2, less where it grows by as much across the way: by sigma^2. 0 is expected where both are right.
+    """
+    cdef double c = cos(x[HEADING]), s = sin(x[HEADING])
+    cdef double w0 = (s11 * nu[0] - s01 * nu[1]) / det, w1 = (s00 * nu[1] - s01 * nu[0]) / det
+    cdef double along = c * w0 + s * w1, across = c * w1 - s * w0
+    along = along * along - (c * c * s11 - 2.0 * c * s * s01 + s * s * s00) / det
+    across = across * across - (s * s * s11 + 2.0 * c * s * s01 + c * c * s00) / det
+    return 0.5 * x[SPEED] * x[SPEED] * (along - across)
 
 
 cdef inline void inflate(double* p, int sensor, double nu2, const Model* model) noexcept nogil:

@@ -58,9 +58,8 @@ def _parameters_section(ego: TrackSummary) -> Section:
         name = (report.source, quantity_of(report))
         if not math.isnan(report.bias):
             rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g", time_s=None), unit, "used"))
-        for label, found, own_unit in (
-            ("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"), ("ahead", report.ahead_m, "m"),
-        ):  # fmt: skip
+        for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"),
+                ("ahead", report.ahead_m, "m"), ("stamps err by", report.stamp_error, "s")):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
                 value = _with_sigma(found.value, found.sigma, ".4g", time_s=None)
                 rows.append((*name, label, value, own_unit, found.status.value))

@@ -105,6 +105,14 @@ def expected(x: F, s: Series, row: int) -> F:
     return np.array([scale * (x[state] - lever - tau * x[rate] + apart) + bias])
 
 
+def velocity_squared(x: F, cov: F) -> F:
+    """E(v v'), (2, 2): speed and heading independent and normal; the mean over the heading by quadrature."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    heading = x[3] + np.sqrt(cov[3, 3]) * nodes
+    ahead = np.stack([np.cos(heading), np.sin(heading)])
+    return np.asarray((x[2] ** 2 + cov[2, 2]) * (ahead * weights / weights.sum()) @ ahead.T)
+
+
 def jacobian(function, x: F, step: float = 1e-6) -> F:  # type: ignore[no-untyped-def]
     """Central finite differences."""
     columns = []
@@ -161,6 +169,8 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
         told = time if s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.HEADING) else told
         h = jacobian(lambda v, s=s, i=i: expected(v, s, i), x)
         r = np.array([[s.noise[i, 0], s.noise[i, 1]], [s.noise[i, 1], s.noise[i, 2]]])[: s.width, : s.width]
+        if s.kind is Kind.POSITION:
+            r = r + s.stamp_error.value**2 * velocity_squared(x, cov)
         nu = s.values[i, : s.width] - expected(x, s, i)
         if s.kind is Kind.HEADING:
             nu = np.angle(np.exp(1j * nu))

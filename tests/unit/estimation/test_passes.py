@@ -10,6 +10,7 @@ from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, rts_smoother
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.parameter import Parameter
 from cwcli.estimation.passes import PitchRate, Series, Start, run_pass
 from cwcli.estimation.song2016 import filter_vectors, process_noise
 from tests.unit.estimation import naive_ekf
@@ -44,6 +45,7 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
             slow_state=12,
             place_m=(0.7, -0.4),
             ahead_state=18,
+            stamp_error=Parameter(0.06),
         ),
         series_of(Kind.VELOCITY, t + 0.013, uv, (0.05, -0.01, 0.04), latency_state=11, ahead_state=19),
         series_of(

@@ -67,7 +67,12 @@ def test_record_holds_what_was_applied_and_why(tracks: dict[str, TrackSummary]) 
 def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
     used, little = ParameterStatus.USED, ParameterStatus.NOT_OBSERVABLE
     reports = (
-        SourceReport("/gps", Kind.POSITION, slow_error=SlowError(0.8, 12.0, used)),
+        SourceReport(
+            "/gps",
+            Kind.POSITION,
+            stamp_error=Parameter(0.0205, 0.00059, used),
+            slow_error=SlowError(0.8, 12.0, used),
+        ),
         SourceReport("/wheel", Kind.SPEED, scale=Parameter(0.9866, 0.0012, used), lever_arm_m=Parameter(status=little)),
         SourceReport("/imu", Kind.ACCEL, bias=-1.75, bias_sigma=0.022, slow_error=SlowError(0.3, 30.0, used)),
         SourceReport("/imu", Kind.YAW_RATE),
@@ -75,6 +80,7 @@ def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
     found = sections({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})
     table = next(section for section in found if section.key == "parameters")
     assert table.rows == (
+        ("/gps", "position", "stamps err by", "0.0205 +- 0.00059", "s", "used"),
         ("/gps", "position", "slow error", "0.8 for 12 s", "m", "used"),
         ("/wheel", "speed", "scale", "0.9866 +- 0.0012", "", "used"),
         ("/wheel", "speed", "lever arm", "", "m", "not observable"),

@@ -1,0 +1,111 @@
+"""Fixes whose stamps err."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track
+from cwcli.estimation.calibrated import with_noise
+from cwcli.estimation.calibration import Calibration, Constant
+from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.parameter import Parameter, ParameterStatus
+from cwcli.estimation.passes import Series, Start, run_pass
+from cwcli.simulation.drive import SimulatedDrive, simulate
+from cwcli.simulation.scenario import load_scenario
+from tests.studies.sensor_model import measurements_of
+from tests.studies.stamp_noise import jittered, judged, one_run
+
+FIX_M = 0.05
+
+
+def drive(seed: int, *overrides: str) -> SimulatedDrive:
+    made = load_scenario("curve", overrides)
+    return simulate(replace(made, sensors={**made.sensors, "gnss": {**made.sensors["gnss"], "sigma_m": FIX_M}}), seed)
+
+
+def fixes(made: SimulatedDrive, sigma_s: float, seed: int) -> Measurements:
+    (found,) = (m for m in jittered(measurements_of(made), sigma_s, "normal", seed) if m.kind is Kind.POSITION)
+    return found
+
+
+def error_of(m: Measurements, made: SimulatedDrive) -> Parameter:
+    track = estimate_track([m], EstimatorConfig(), made.truth_stamp_ns[1000::1000])
+    return track.sources[0].stamp_error
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_planted_error_is_found_and_makes_the_states_better(seed: int) -> None:
+    found, _ = one_run("curve", seed, 0.03, "uniform", alone=True, fix_m=FIX_M)
+    assert found == pytest.approx(0.03, abs=0.003)
+
+
+def test_states_are_better_with_the_error_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, better = one_run("city", 1, 0.03, "normal", alone=True, fix_m=FIX_M)
+    monkeypatch.setattr("cwcli.estimation.noise.with_stamp_errors", lambda fit, *_: fit)
+    found, worse = one_run("city", 1, 0.03, "normal", alone=True, fix_m=FIX_M)
+    assert found == 0.0
+    for name in ("hindsight position", "online position", "hindsight speed"):
+        assert better[name] < 0.95 * worse[name], name
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_right_stamps_show_no_error(seed: int) -> None:
+    made = drive(seed)
+    assert error_of(fixes(made, 0.0, seed), made) == Parameter(0.0)
+
+
+def test_outliers_are_no_error_of_the_stamps() -> None:
+    made, rng = drive(0), np.random.default_rng(0)
+    right = fixes(made, 0.0, 0)
+    wrong = right.values + rng.normal(0.0, 3.0, right.values.shape) * (rng.random(len(right)) < 0.05)[:, None]
+    assert error_of(replace(right, values=wrong), made).status is ParameterStatus.OFF
+
+
+def test_a_standing_car_shows_no_error() -> None:
+    rng = np.random.default_rng(1)
+    stamp_ns = (np.arange(600) * 100_000_000 + rng.normal(0, 3e7, 600)).astype(np.int64)
+    standing = Measurements("/gps", Kind.POSITION, np.sort(stamp_ns), rng.normal(0.0, 0.1, (600, 2)))
+    track = estimate_track([standing], EstimatorConfig(), np.arange(1, 50) * 1_000_000_000)
+    assert track.sources[0].stamp_error == Parameter(0.0)
+
+
+def test_blind_online_states_take_no_error_from_the_log() -> None:
+    made = drive(0)
+    config = EstimatorConfig(causal=True, blind=True)
+    track = estimate_track([fixes(made, 0.03, 0)], config, made.truth_stamp_ns[1000::1000])
+    assert track.sources[0].stamp_error == Parameter(0.0)
+    assert set(judged(track, made.truth["host"][1000::1000])) >= {"position", "speed"}
+
+
+def test_a_calibration_gives_the_error() -> None:
+    constants = {"/gps": {"position": {"noise_sigma": Constant(value=0.1), "stamp_sigma_s": Constant(value=0.02)}}}
+    series = Series("/gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)))
+    known = with_noise(series, Calibration("car", constants))
+    assert (known.stamp_error.value, known.stamp_error.status) == (0.02, ParameterStatus.GIVEN)
+
+
+def likelihood(
+    innovation: tuple[float, float], noise: tuple[float, float, float], sigma_s: float
+) -> tuple[float, float]:
+    """Log-likelihood of one fix of a car at 8 m/s and 30 degrees, and its slope by the variance of the stamps."""
+    state, variance = np.zeros(8), np.full(8, 1e-12)
+    state[2:4], variance[:2] = (8.0, np.radians(30.0)), (0.04, 0.09)
+    fix = Series("/gps", Kind.POSITION, np.zeros(1), np.array([innovation]), np.array([noise]))
+    fix = replace(fix, stamp_error=Parameter(sigma_s))
+    motion = ModelParameters().motion(np.zeros(8))
+    found = run_pass([fix], Start(0.0, state, np.diag(variance)), motion, np.zeros(0), smooth=False, reset_after=9)
+    return found.log_likelihood, float(found.nis[0][0, 4])
+
+
+@pytest.mark.parametrize("innovation", [(0.0, 0.0), (0.9, 0.4), (-0.3, 1.0)])
+def test_slope_of_the_likelihood_equals_finite_differences(innovation: tuple[float, float]) -> None:
+    noise, small = (0.25, 0.02, 0.16), 1e-6
+    base, slope = likelihood(innovation, noise, 0.0)
+    along = likelihood(innovation, noise, small**0.5)[0] - base
+    c, s = np.cos(np.radians(30.0)), np.sin(np.radians(30.0))
+    grown = np.array(noise) + small * 64.0 * np.array([s * s, -c * s, c * c])  # 64 m^2/s^2, across the way
+    across = likelihood(innovation, tuple(grown.tolist()), 0.0)[0] - base
+    assert slope == pytest.approx((along - across) / small, rel=2e-3, abs=1e-3)
