@@ -12,6 +12,7 @@ from cwcli.vision.lane_detect import Evidence, judged, refined, widely_best
 from cwcli.vision.lane_following import lines_at, narrowed, pitched, turned
 from cwcli.vision.lane_mean import SCALE
 from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
+from cwcli.vision.lane_sides import Sides
 
 LEAST_RIVAL = 5.0 * SCALE
 """A lane that is worse by more is no rival: it has less than 1 %."""
@@ -31,6 +32,7 @@ class Hypothesis:
             that is followed: it stays a reason against it.
         better_s: For how long it has been better than the published one.
         change: Whether it came into the next lane in this frame (`lane_following.crossed`).
+        sides: What is known of its two lines, if it is the published one.
     """
 
     lane: FloatArray
@@ -39,6 +41,7 @@ class Hypothesis:
     start: float = 0.0
     better_s: float = 0.0
     change: int = 0
+    sides: Sides | None = None
 
 
 def improved(
@@ -100,6 +103,6 @@ def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int
     for k, other in enumerate(followed):
         if coincide(new.lane, other.lane, *size):
             if new.last > other.last + SWITCH_GAIN:
-                followed[k] = replace(new, change=other.change, start=other.start)
+                followed[k] = replace(new, change=other.change, start=other.start, sides=other.sides)
             return
     followed.append(new)

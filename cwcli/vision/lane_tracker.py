@@ -42,6 +42,7 @@ from cwcli.vision.lane_following import (
     beside,
     change_between,
     crossed,
+    driven_1pm,
     learned,
     opened,
     predicted,
@@ -58,11 +59,13 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     LanePrior,
+    bend_unit,
     parabolas_of_lane,
     pitch_of,
     prior_of,
     roads_of_lane,
 )
+from cwcli.vision.lane_sides import Sides, as_wide, kept, sides_of
 from cwcli.vision.line_watch import LineWatch
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
@@ -187,9 +190,15 @@ class LaneTracker:
             is_tight = tight is not None and lane[SPIRAL] != 0.0
             own = at_horizon(tight if tight is not None and is_tight else prior, lane, camera)
             is_slow = is_tight or frame.speed_mps < SWIFT_MPS
+            sides = self._sides(each, lane, frame, camera, dt_s)
+            own = as_wide(own, sides)
             found, last = improved(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
+            if sides is not None:
+                driven = bend_unit(camera) * driven_1pm(frame.speed_mps, frame.yaw_rate_radps)
+                found, sides = kept(sides, evidence, found, own, size, driven, dt_s, sideways_mps)
+                last = float(judged(evidence, found[None], own.table)[0])
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change), size)
+            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides), size)
         lead = made[0]
         if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.lane[SPIRAL] for each in made):
             own = at_horizon(tight, lead.lane, camera)
@@ -209,6 +218,19 @@ class LaneTracker:
             if better_s != each.better_s:
                 made[k] = replace(each, better_s=better_s)
         return made
+
+    def _sides(self, each: Hypothesis, lane: FloatArray, frame: LaneFrame, camera: Camera, dt_s: float) -> Sides | None:
+        """What is known of the two lines of the published lane, where the log tells a swift car's motion."""
+        assert self._prior is not None
+        is_told = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
+        if each is not self._hypotheses[0] or not is_told:
+            return None
+        if each.sides is None or crossed(lane) or each.change:
+            return sides_of(lane)
+        moved = [
+            predicted(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior) for own in each.sides.lanes
+        ]
+        return replace(each.sides, lanes=np.stack(moved))
 
     def _rivals(
         self, frame: LaneFrame, camera: Camera, followed: list[Hypothesis], opened_prior: LanePrior
@@ -266,11 +288,19 @@ class LaneTracker:
             is_seen = max(chances) >= FOUND_PROBABILITY
             patience_s = SWITCH_S if is_seen else 0.0
             reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
+            rivals = self._hypotheses[1:]
+            if is_seen and first.sides is not None:
+                rivals = [each for each in rivals if first.sides.may_become(each.lane, self._prior)]
             better = [
                 each
                 for each in self._hypotheses[1:]
-                if each.better_s > patience_s
-                or (each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m)
+                if (not is_seen or first.sides is None or first.sides.may_become(each.lane, self._prior))
+                and (
+                    each.better_s > patience_s
+                    or (
+                        each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m
+                    )
+                )
             ]
             if better:
                 best = max(better, key=lambda each: each.value)

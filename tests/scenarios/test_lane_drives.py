@@ -1,4 +1,4 @@
-"""Lanes over time on bridges' shadows, joints, ramps and lane changes: a small part of `studies/lane_drives.py`."""
+"""Lanes over time on roads with defects, bends, lane changes and junctions: a part of `studies/lane_drives.py`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def counts_of(kind: str) -> Counts:
     return counted(watched(drive, drive.frames()))
 
 
-@pytest.mark.parametrize("kind", ["bridges", "joints", "mountain"])
+@pytest.mark.parametrize("kind", ["bridges", "joints", "mountain", "exit", "merge"])
 def test_lanes_are_right_and_steady_and_nothing_is_warned_of(kind: str) -> None:
     counts = counts_of(kind)
     assert counts.right >= 0.97 * counts.frames

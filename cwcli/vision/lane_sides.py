@@ -1,0 +1,214 @@
+"""What one line tells of a lane, and the other doesn't: where a ramp leaves or joins, paint runs aside from the lane.
+
+The boundaries of a lane are parallel, and its width stays. Where an exit begins, the paint of one boundary leaves it
+over a taper, so the lanes that the two lines give, each alone with the width that the lane had, move apart. Then the
+lane goes on by the line that lies where the lane was predicted from the car's motion; the other boundary is carried
+beside it until its line, or another one, lies there again.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cwcli.signals.columns import FloatArray
+from cwcli.vision.lane_belief import supports
+from cwcli.vision.lane_detect import Evidence, refined
+from cwcli.vision.lane_following import narrowed
+from cwcli.vision.lane_model import (
+    BEND,
+    HIGH,
+    LOW,
+    MEAN,
+    MIDDLE,
+    SPIRAL,
+    VANISHING,
+    WIDTH,
+    LanePrior,
+)
+
+NO_LINE, LEFT, RIGHT = -1, 0, 1
+AT_M = np.array([7.0, 25.0])
+"""Distances ahead at which lanes are compared,"""
+APART_M = np.array([0.1, 0.2])
+"""and how far apart they are not parallel any more: a taper of 1 : 60 at both."""
+PARALLEL = 0.4
+"""Of that, below which they are the same lane."""
+AWAY_M = 0.5
+"""A line that has left is looked for again in its place when it is so far away."""
+LEAST_SUPPORT = 0.05
+"""A line with less paint gives no lane."""
+MEMORY_S = 0.3
+BEND_S = 1.0
+"""In that time a road's bend changes by 0.0003 1/m (a clothoid of A = 300 m at 25 m/s), that of a line with a kink by
+more."""
+WIDTH_S = 3.0
+"""Memory of the lane's width."""
+SETTLED_S = 1.0
+"""The width is known after so long."""
+LONGEST_S = 10.0
+"""By one line, that is what a taper of 240 m takes; later any other lane may be the right one."""
+WIDTH_REACH_M = 0.15
+"""From then on it changes by no more."""
+
+
+@dataclass(frozen=True)
+class Sides:
+    """What is known of a followed lane's two lines.
+
+    Attributes:
+        width: Of the lane over the last seconds, over the camera's height.
+        seen_s: For how long both lines agreed.
+        alone_s: For how long the lane has gone on by one line.
+        lanes: Shape (2, 6): the lane by its left line alone, and by its right one.
+        bends: Shape (2,): of both, over the last second (px^2).
+        driven: The bend in which the car drove, likewise; NaN where it is not told.
+        apart: Shape (2,): the first less the second at `AT_M` (m, right positive).
+        doubt: By how much more than the left line's bend the right one's is not that of the road (px^2).
+        verdict: The greatest doubt, to either side, since they are apart.
+        leaving: The line that leaves the lane, or `NO_LINE`.
+    """
+
+    width: float
+    seen_s: float
+    alone_s: float
+    lanes: FloatArray
+    bends: FloatArray
+    driven: float
+    apart: FloatArray
+    doubt: float
+    verdict: float
+    leaving: int
+
+    @property
+    def is_settled(self) -> bool:
+        """Whether the width is known."""
+        return self.seen_s >= SETTLED_S and self.alone_s <= LONGEST_S
+
+    def may_become(self, lane: FloatArray, prior: LanePrior) -> bool:
+        """Whether another lane may be this one, seen better: by both its lines, and as wide, if that is known."""
+        is_as_wide = abs(float(lane[WIDTH]) - self.width) <= WIDTH_REACH_M * prior.per_m
+        return not self.is_settled or (is_as_wide and self.alone_s == 0.0)
+
+    def learned(self, width: float, dt_s: float) -> Sides:
+        """The same after a frame in which both lines gave a lane of this width."""
+        seen_s = self.seen_s + dt_s
+        share = max(1.0 - math.exp(-dt_s / WIDTH_S), dt_s / max(seen_s, dt_s, 1e-9))
+        return replace(self, width=self.width + share * (width - self.width), seen_s=seen_s)
+
+
+def sides_of(lane: FloatArray) -> Sides:
+    """Of a lane that has just been found."""
+    both = np.stack([lane, lane])
+    return Sides(float(lane[WIDTH]), 0.0, 0.0, both, both[:, BEND], math.nan, np.zeros(2), 0.0, 0.0, NO_LINE)
+
+
+def as_wide(prior: LanePrior, sides: Sides | None) -> LanePrior:
+    """The prior of a followed lane that stays as wide as it was, once that is known."""
+    if sides is None or not sides.is_settled:
+        return prior
+    table, reach = prior.table.copy(), WIDTH_REACH_M * prior.per_m
+    table[WIDTH, LOW] = max(table[WIDTH, LOW], sides.width - reach)
+    table[WIDTH, HIGH] = min(table[WIDTH, HIGH], sides.width + reach)
+    return prior.with_table(table)
+
+
+def by_one_line(
+    evidence: Evidence, lane: FloatArray, table: FloatArray, size: tuple[int, int], side: int, width: float
+) -> tuple[FloatArray, float]:
+    """The lane that one line gives, and how much of it shows paint.
+
+    It is sought as the boundary of a lane that is so wide that its other one is out of sight.
+
+    Args:
+        evidence, size: As elsewhere.
+        lane: As predicted.
+        table: Around it.
+        side: `LEFT` or `RIGHT`.
+        width: Of the lane.
+    """
+    sign = 1.0 if side == LEFT else -1.0
+    wider = 2.0 * size[0] / evidence.min_h
+    lane, table = lane.copy(), table.copy()
+    for k, more in ((WIDTH, wider), (MIDDLE, 0.5 * sign * wider)):
+        lane[k] += more
+        table[k, [MEAN, LOW, HIGH]] += more
+    lanes, _ = refined(evidence, lane, table, size, wide=True, beside=0.0)
+    lanes, _ = refined(evidence, lanes[0], table, size, wide=False, scale=0.5, beside=0.0)
+    made = lanes[0]
+    made[MIDDLE] += 0.5 * sign * (width - made[WIDTH])
+    made[WIDTH] = width
+    return made, float(supports(evidence, made)[side])
+
+
+def places_m(lane: FloatArray, prior: LanePrior) -> FloatArray:
+    """Shape (2,): where a lane's middle lies at `AT_M`, right positive, up to what all lanes of a camera share."""
+    focal_px = prior.pinhole.focal_px
+    h = focal_px / (prior.per_m * AT_M)  # fy H / x
+    u_px = lane[VANISHING] + lane[MIDDLE] * h + (lane[BEND] + lane[SPIRAL] / h) / h
+    return np.asarray(u_px * AT_M / focal_px)
+
+
+def kept(
+    sides: Sides,
+    evidence: Evidence,
+    found: FloatArray,
+    prior: LanePrior,
+    size: tuple[int, int],
+    driven: float,
+    dt_s: float,
+    sideways_mps: float,
+) -> tuple[FloatArray, Sides]:
+    """The lane (6,) of a frame, by both lines or by the one that stays, and what is known of the lines now.
+
+    Args:
+        sides: Before, its lanes predicted for this frame.
+        evidence, prior, size: As elsewhere.
+        found: The lane as both lines give it.
+        driven: The bend in which the car drives (px^2).
+        dt_s, sideways_mps: `narrowed`.
+    """
+    lanes, shares = np.empty((2, 6)), [0.0, 0.0]
+    for side in (LEFT, RIGHT):
+        before = sides.lanes[side]
+        table = narrowed(prior, before, dt_s, sideways_mps)
+        lanes[side], shares[side] = by_one_line(evidence, before, table, size, side, sides.width)
+    if min(shares) >= LEAST_SUPPORT:
+        sides = _compared(sides, lanes, places_m(lanes[LEFT], prior) - places_m(lanes[RIGHT], prior), driven, dt_s)
+        if sides.leaving == NO_LINE:
+            sides = sides.learned(float(found[WIDTH]), dt_s)
+    by = NO_LINE
+    if sides.leaving != NO_LINE:
+        by = 1 - sides.leaving
+    elif min(shares) < LEAST_SUPPORT <= max(shares) and sides.is_settled:
+        by = int(np.argmax(shares))
+    if by != NO_LINE:
+        found = lanes[by].copy()
+    is_away = abs(float(sides.apart[0])) > AWAY_M
+    for side in (LEFT, RIGHT):
+        if shares[side] < LEAST_SUPPORT or (side == sides.leaving and is_away):
+            lanes[side] = found  # and looked for again where it should be
+            sides = replace(
+                sides, bends=np.full(2, found[BEND]), apart=np.zeros(2), doubt=0.0, verdict=0.0, leaving=NO_LINE
+            )
+    return found, replace(sides, lanes=lanes, alone_s=0.0 if by == NO_LINE else sides.alone_s + dt_s)
+
+
+def _compared(sides: Sides, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float) -> Sides:
+    """What is known after both lines were seen: lanes (2, 6) by each, so far apart (2,) at `AT_M`."""
+    swift, slow = 1.0 - math.exp(-dt_s / MEMORY_S), 1.0 - math.exp(-dt_s / BEND_S)
+    if math.isfinite(sides.driven):
+        driven = sides.driven + swift * (driven - sides.driven)
+    apart = sides.apart + swift * (apart_m - sides.apart)
+    strange = np.abs(lanes[:, BEND] - sides.bends) + np.abs(sides.bends - driven)
+    doubt = sides.doubt + slow * (float(strange[RIGHT] - strange[LEFT]) - sides.doubt)
+    bends = sides.bends + slow * (lanes[:, BEND] - sides.bends)
+    verdict, leaving = max(sides.verdict, doubt, key=abs), sides.leaving
+    conflict = float((np.abs(apart) / APART_M).max())
+    if conflict < PARALLEL:
+        verdict, leaving = 0.0, NO_LINE
+    elif sides.is_settled and (conflict > 1.0 or leaving != NO_LINE):
+        leaving = RIGHT if verdict > 0.0 else LEFT
+    return replace(sides, bends=bends, driven=driven, apart=apart, doubt=doubt, verdict=verdict, leaving=leaving)

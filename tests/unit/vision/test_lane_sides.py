@@ -1,0 +1,99 @@
+"""Which of two lines leaves a lane, and what the other one keeps of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, VANISHING, WIDTH, bend_unit, prior_of
+from cwcli.vision.lane_sides import LEFT, NO_LINE, RIGHT, Sides, _compared, as_wide, places_m, sides_of
+
+CAMERA = Camera(480, 270, 400.0, 400.0, 240.0, 135.0, mounting=Mounting(height_m=1.25, pitch_rad=0.01))
+PRIOR = prior_of(CAMERA)
+LANE = np.array([240.0, 0.0, 2.88, 0.0, 130.0, 0.0])
+"""3.6 m wide, straight ahead."""
+
+
+def settled() -> Sides:
+    return replace(sides_of(LANE), seen_s=5.0)
+
+
+def after(lanes: list[np.ndarray], driven_1pm: float, frames: int = 10) -> Sides:
+    sides, both = settled(), np.stack(lanes)
+    for _ in range(frames):
+        apart_m = places_m(both[LEFT], PRIOR) - places_m(both[RIGHT], PRIOR)
+        sides = _compared(sides, both, apart_m, bend_unit(CAMERA) * driven_1pm, 0.1)
+    return sides
+
+
+def leaving_lane(slope: float, curvature_1pm: float) -> np.ndarray:
+    """The lane that a line gives which turns away to the right: 0.02 rad and a bend."""
+    made = LANE.copy()
+    made[VANISHING] += slope * CAMERA.fx
+    made[BEND] = curvature_1pm * bend_unit(CAMERA)
+    return made
+
+
+def test_places_are_metres_on_the_road() -> None:
+    """0.5 m beside the camera, 0.02 rad and 0.001 1/m: 0.5 + 0.14 + 0.0245 m at 7 m, 0.5 + 0.5 + 0.3125 m at 25 m."""
+    lane = leaving_lane(0.02, 0.001)
+    lane[MIDDLE] = 0.5 * PRIOR.per_m
+    made = places_m(lane, PRIOR) - places_m(LANE, PRIOR)
+    np.testing.assert_allclose(made, [0.6645, 1.3125], atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+def test_the_line_that_bends_unlike_the_car_leaves(side: int) -> None:
+    lanes = [LANE, LANE]
+    lanes[side] = leaving_lane(0.02 if side == RIGHT else -0.02, 0.001 if side == RIGHT else -0.001)
+    assert after(lanes, 0.0).leaving == side
+
+
+def test_in_a_bend_the_straight_line_leaves() -> None:
+    """Seen alone the right line is the odd one, but the car drives in its bend."""
+    bend = leaving_lane(0.0, 0.001)
+    sides = settled()
+    bent = replace(sides, bends=np.full(2, bend[BEND]), lanes=np.stack([bend, bend]))
+    both = np.stack([leaving_lane(-0.02, 0.0), bend])
+    for _ in range(10):
+        apart_m = places_m(both[LEFT], PRIOR) - places_m(both[RIGHT], PRIOR)
+        bent = _compared(bent, both, apart_m, float(bend[BEND]), 0.1)
+    assert bent.leaving == LEFT
+
+
+def test_parallel_lines_stay_and_a_line_that_is_back_is_no_longer_leaving() -> None:
+    assert after([LANE, LANE], 0.0).leaving == NO_LINE
+    sides = after([LANE, leaving_lane(0.02, 0.001)], 0.0)
+    for _ in range(20):
+        sides = _compared(sides, np.stack([LANE, LANE]), np.zeros(2), 0.0, 0.1)
+    assert sides.leaving == NO_LINE
+    assert sides.verdict == 0.0
+
+
+def test_nothing_leaves_a_lane_that_has_just_been_found() -> None:
+    both = np.stack([LANE, leaving_lane(0.02, 0.001)])
+    made = _compared(sides_of(LANE), both, np.array([-1.0, -2.0]), 0.0, 0.1)
+    assert made.leaving == NO_LINE
+
+
+def test_the_width_is_that_of_the_last_seconds_and_then_stays() -> None:
+    sides = sides_of(LANE)
+    for _ in range(11):
+        sides = sides.learned(2.8, 0.1)
+    assert sides.is_settled
+    assert sides.width == pytest.approx(2.8)
+    table = as_wide(PRIOR, sides).table
+    np.testing.assert_allclose(table[WIDTH, [LOW, HIGH]], [2.8 - 0.12, 2.8 + 0.12])
+    assert as_wide(PRIOR, sides_of(LANE)) is PRIOR
+
+
+def test_a_wider_lane_takes_no_place_until_the_longest_taper_is_over() -> None:
+    wider = LANE.copy()
+    wider[WIDTH] += 0.3
+    assert not settled().may_become(wider, PRIOR)
+    assert settled().may_become(LANE, PRIOR)
+    assert not replace(settled(), alone_s=5.0).may_become(LANE, PRIOR)
+    assert replace(settled(), alone_s=10.1).may_become(wider, PRIOR)
