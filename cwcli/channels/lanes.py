@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -281,17 +282,16 @@ def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> Bounda
 
 def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
     """The boundaries that were found, as lines in the pixels of the camera's image."""
+    lines = lru_cache(maxsize=1)(partial(_lines, frames))  # shapes and labels are made of the same rows in turn
 
     def shapes(start: int, stop: int) -> list[list[Shape]]:
         return [
             [
                 Shape(LINE_STRIP, line, (*colour, 1.0), None, line_thickness_px(width_px))
-                for line, colour in zip(lines, (LEFT_RGB, RIGHT_RGB), strict=True)
+                for line, colour in zip(pair, (LEFT_RGB, RIGHT_RGB), strict=True)
                 if len(line) > 1
             ]
-            for lines, width_px in zip(
-                _lines(frames, slice(start, stop)), frames.image_size[start:stop, 0].tolist(), strict=True
-            )
+            for pair, width_px in zip(lines(start, stop), frames.image_size[start:stop, 0].tolist(), strict=True)
         ]
 
     def labels(start: int, stop: int) -> list[list[Label]]:
@@ -301,11 +301,11 @@ def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
         return [
             [
                 Label(text, label_place(line, width_px), (*colour, 1.0), label_size_px(width_px))
-                for text, line, colour in zip(pair, lines, (LEFT_RGB, RIGHT_RGB), strict=True)
+                for text, line, colour in zip(names, pair, (LEFT_RGB, RIGHT_RGB), strict=True)
                 if text and len(line) > 1
             ]
-            for pair, lines, width_px in zip(
-                texts, _lines(frames, slice(start, stop)), frames.image_size[start:stop, 0].tolist(), strict=True
+            for names, pair, width_px in zip(
+                texts, lines(start, stop), frames.image_size[start:stop, 0].tolist(), strict=True
             )
         ]
 
@@ -341,13 +341,12 @@ def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: 
     )
 
 
-def _lines(frames: LaneFrames, at: slice) -> list[tuple[FloatArray, FloatArray]]:
+def _lines(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, FloatArray]]:
     """What is drawn of the left and the right boundary of some rows, shape (k, 2) each: u, v."""
-    points, is_in = _points(frames, at)
+    points, is_in = _points(frames, slice(start, stop))
     flat = points[is_in]
     ends: list[int] = np.cumsum(np.count_nonzero(is_in, axis=2)).tolist()
-    starts = [0, *ends]
-    lines = [flat[start:end] for start, end in zip(starts, ends, strict=False)]
+    lines = [flat[first:last] for first, last in zip([0, *ends], ends, strict=False)]
     return list(zip(lines[::2], lines[1::2], strict=True))
 
 

@@ -6,6 +6,7 @@ The image is squeezed to 320 x 240 whatever its aspect ratio: the regions and th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import nan
 
 import numpy as np
@@ -51,6 +52,7 @@ SECOND = Phase((6, 7, 7), 120, (0.003, 0.6, 60.0))
 THIRD = Phase((5, 5, 5), 25, (0.001, 0.15, 15.0))
 
 
+@cache
 def genetic_of(phase: Phase) -> lane_search.Genetic:
     """The kernel's settings of a phase."""
     a, b, c = (10.0**m for m in DECIMALS)
