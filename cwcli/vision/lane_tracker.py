@@ -289,18 +289,13 @@ class LaneTracker:
             patience_s = SWITCH_S if is_seen else 0.0
             reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
             rivals = self._hypotheses[1:]
-            if is_seen and first.sides is not None:
+            if is_seen and first.sides is not None:  # what a line that leaves makes of the lane is none
                 rivals = [each for each in rivals if first.sides.may_become(each.lane, self._prior)]
             better = [
                 each
-                for each in self._hypotheses[1:]
-                if (not is_seen or first.sides is None or first.sides.may_become(each.lane, self._prior))
-                and (
-                    each.better_s > patience_s
-                    or (
-                        each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m
-                    )
-                )
+                for each in rivals
+                if each.better_s > patience_s
+                or (each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m)
             ]
             if better:
                 best = max(better, key=lambda each: each.value)
@@ -314,7 +309,7 @@ class LaneTracker:
                     self._prior = learned(self._prior, float(best.lane[HORIZON]), camera)
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
             if self._followed_s > 0.0:  # a first frame's lane is the mean of its rivals
-                chances = doubted(chances, best, others, camera.height_px)
+                chances = doubted(chances, best, rivals if best is first else others, camera.height_px)
             self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: N_HYPOTHESES - 1]]
         return best, chances, change
 
