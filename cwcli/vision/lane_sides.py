@@ -87,6 +87,11 @@ class Sides:
         """Whether the width is known."""
         return self.seen_s >= SETTLED_S and self.alone_s <= LONGEST_S
 
+    @property
+    def is_quiet(self) -> bool:
+        """Whether both lines agreed when last they were seen."""
+        return self.alone_s == 0.0 and bool((np.abs(self.apart) < PARALLEL * APART_M).all())
+
     def may_become(self, lane: FloatArray, prior: LanePrior) -> bool:
         """Whether another lane may be this one, seen better: by both its lines, and as wide, if that is known."""
         is_as_wide = abs(float(lane[WIDTH]) - self.width) <= WIDTH_REACH_M * prior.per_m

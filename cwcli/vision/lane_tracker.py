@@ -75,6 +75,8 @@ FOUND_PROBABILITY = 0.5
 N_HYPOTHESES = 3
 RESCAN_FRAMES, DOUBTFUL_RESCAN_FRAMES = 10, 3
 """A look for other lanes every so many frames; while the published one is hardly seen, more often."""
+SIDES_FRAMES = 2
+"""Both lines are followed alone every so many frames; in every one while they differ."""
 GLANCE_SHARE = 0.3
 """Of the prior's sigmas of direction and bend, for that look."""
 LOST_FRAMES, LOST_S = 5, 0.5
@@ -193,9 +195,10 @@ class LaneTracker:
             sides = self._sides(each, lane, frame, camera, dt_s)
             own = as_wide(own, sides)
             found, last = improved(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
-            if sides is not None:
+            frames = 1 if sides is None or not sides.is_quiet else SIDES_FRAMES
+            if sides is not None and self._n_frames % frames == 0:
                 driven = bend_unit(camera) * driven_1pm(frame.speed_mps, frame.yaw_rate_radps)
-                found, sides = kept(sides, evidence, found, own, size, driven, dt_s, sideways_mps)
+                found, sides = kept(sides, evidence, found, own, size, driven, frames * dt_s, sideways_mps)
                 last = float(judged(evidence, found[None], own.table)[0])
             value = memory * each.value + (1.0 - memory) * (last + each.start)
             add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides), size)
