@@ -9,7 +9,15 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_detect import Evidence, judged, refined, widely_best
-from cwcli.vision.lane_following import lines_at, narrowed, pitched, turned
+from cwcli.vision.lane_following import (
+    MARGIN_M,
+    UNTOLD_SIDEWAYS_MPS,
+    apart_m,
+    lines_at,
+    narrowed,
+    pitched,
+    turned,
+)
 from cwcli.vision.lane_mean import SCALE
 from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
 from cwcli.vision.lane_sides import Sides
@@ -33,6 +41,7 @@ class Hypothesis:
         better_s: For how long it has been better than the published one.
         change: Whether it came into the next lane in this frame (`lane_following.crossed`).
         sides: What is known of its two lines, if it is the published one.
+        is_tight: No speed is told, and it is followed as one on which cars drive slowly.
     """
 
     lane: FloatArray
@@ -42,6 +51,7 @@ class Hypothesis:
     better_s: float = 0.0
     change: int = 0
     sides: Sides | None = None
+    is_tight: bool = False
 
 
 def improved(
@@ -75,6 +85,45 @@ def improved(
     return lanes[0], float(judged(evidence, lanes, prior.table)[0])
 
 
+def tight_or_gentle(
+    evidence: Evidence,
+    lane: FloatArray,
+    found: tuple[FloatArray, float],
+    prior: LanePrior,
+    size: tuple[int, int],
+    dt_s: float,
+    sideways_mps: float,
+) -> tuple[FloatArray, float, bool]:
+    """A tight bend, its objective and True; or a gentle one and False, if that is as good and nothing jumps.
+
+    Args:
+        evidence, lane, size, dt_s, sideways_mps: As for `improved`.
+        found: The tight bend and its objective.
+        prior: Of gentle bends.
+    """
+    gentle, last = improved(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
+    reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
+    if found[1] <= last + SWITCH_GAIN and apart_m(gentle, found[0], prior, size[1]) <= reach_m:
+        return gentle, last, False
+    return *found, True
+
+
+def add_bent(
+    followed: list[Hypothesis],
+    evidence: Evidence,
+    tight: LanePrior,
+    size: tuple[int, int],
+    dt_s: float,
+    sideways_mps: float,
+) -> None:
+    """Add the published lane, the first, as a tight bend, if that is clearly better. Both have the same past."""
+    lead = followed[0]
+    lane, last = improved(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
+    if last > lead.last + SWITCH_GAIN:
+        value = lead.value + last - lead.last
+        add_merged(followed, replace(lead, lane=lane, value=value, last=last, is_tight=True), size)
+
+
 def doubted(
     chances: tuple[float, float], lane: Hypothesis, rivals: list[Hypothesis], height_px: int
 ) -> tuple[float, float]:
@@ -103,6 +152,7 @@ def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int
     for k, other in enumerate(followed):
         if coincide(new.lane, other.lane, *size):
             if new.last > other.last + SWITCH_GAIN:
-                followed[k] = replace(new, change=other.change, start=other.start, sides=other.sides)
+                value = max(new.value, other.value)
+                followed[k] = replace(new, value=value, change=other.change, start=other.start, sides=other.sides)
             return
     followed.append(new)

@@ -48,7 +48,15 @@ from cwcli.vision.lane_following import (
     predicted,
     shift_m,
 )
-from cwcli.vision.lane_hypotheses import SWITCH_GAIN, Hypothesis, add_merged, doubted, improved
+from cwcli.vision.lane_hypotheses import (
+    SWITCH_GAIN,
+    Hypothesis,
+    add_bent,
+    add_merged,
+    doubted,
+    improved,
+    tight_or_gentle,
+)
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -189,7 +197,7 @@ class LaneTracker:
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
             change = crossed(lane)
             lane = beside(lane, change)
-            is_tight = tight is not None and lane[SPIRAL] != 0.0
+            is_tight = tight is not None and each.is_tight
             own = at_horizon(tight if tight is not None and is_tight else prior, lane, camera)
             is_slow = is_tight or frame.speed_mps < SWIFT_MPS
             sides = self._sides(each, lane, frame, camera, dt_s)
@@ -200,17 +208,18 @@ class LaneTracker:
                 driven = bend_unit(camera) * driven_1pm(frame.speed_mps, frame.yaw_rate_radps)
                 found, sides = kept(sides, evidence, found, own, size, driven, frames * dt_s, sideways_mps)
                 last = float(judged(evidence, found[None], own.table)[0])
+            if is_tight and self._n_frames % BEND_FRAMES == 0:  # it must go on being better than a gentle bend
+                gentle = at_horizon(prior, lane, camera)
+                found, last, is_tight = tight_or_gentle(evidence, lane, (found, last), gentle, size, dt_s, sideways_mps)
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides), size)
+            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size)
         lead = made[0]
-        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.lane[SPIRAL] for each in made):
-            own = at_horizon(tight, lead.lane, camera)
-            bent_lane, last = improved(evidence, lead.lane, own, size, dt_s, sideways_mps, is_slow=True)
-            if last > lead.last + SWITCH_GAIN:
-                add_merged(made, replace(lead, lane=bent_lane, value=lead.value + last - lead.last, last=last), size)
+        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in made):
+            add_bent(made, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
-            made += self._rivals(frame, camera, made, prior)
+            own = tight if tight is not None and lead.is_tight else prior
+            made += [replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, made, own)]
         if not self._prior.is_mounted and self._followed_s >= self._look_s:
             self._look_s += min(self._look_s, RARE_LOOK_S)
             for new in self._second_look(frame, camera, prior):

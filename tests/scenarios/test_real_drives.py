@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from cwcli.metrics.lane_scores import VISUAL_SHARE
 from tests.studies.real_clips import VIDEO, Video, read_video, video_clip
 from tests.studies.real_drives import Counts, counted, watched
 from tests.studies.real_stills import STILLS, read_pictures, still_clip
@@ -37,10 +38,12 @@ def test_lanes_of_a_varied_video_do_not_jump(video: Video, kind: str, is_aside: 
 @needs_pictures
 def test_a_first_frame_that_misleads_is_corrected_and_nothing_jumps_while_it_is_believed() -> None:
     """The last frame's lines meet 34 rows above the horizon: a lane half a metre aside was kept to the end."""
-    counts = counted(watched(video_clip(read_video(), "backwards", is_aside=False)))
+    seen = watched(video_clip(read_video(), "backwards", is_aside=False))
+    counts = counted(seen)
     assert_nothing_jumps(counts)
     assert counts.wrong[0] <= 0.05 * counts.sure[0]
-    assert counts.found >= 0.95 * 2 * counts.frames
+    is_late = seen.stamp_ns >= 1_200_000_000  # looked at again after 0.2, 0.4 and 0.8 s; better for 0.4 s
+    assert (seen.share[is_late] >= VISUAL_SHARE).all()
 
 
 @needs_pictures
