@@ -30,7 +30,10 @@ def last_told(gap: FloatArray) -> FloatArray:
 
 
 def first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
-    """When the gap first becomes zero, linear between points; inf: not within the path, NaN: not known; shape (n,)."""
+    """When the gap first becomes zero, shape (n,); inf: not within the path, NaN: not known.
+
+    Linear between points; where the gap before is not known, it is at the point itself.
+    """
     over = gap <= 0.0
     at = np.argmax(over, axis=1)
     rows = np.arange(len(gap))
@@ -38,6 +41,7 @@ def first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
     drop = gap[rows, before] - gap[rows, at]
     share = gap[rows, before] / np.where(drop > 0.0, drop, 1.0)
     crossing = t[before] + share * (t[at] - t[before])
+    crossing = np.where(np.isnan(gap[rows, before]), t[at], crossing)
     crossing = np.where(at == 0, 0.0, crossing)
     crossing = np.where(over.any(axis=1), crossing, np.inf)
     return np.where(np.isfinite(gap[:, 0]), crossing, np.nan)

@@ -32,6 +32,11 @@ def test_the_crossing_is_between_points() -> None:
     np.testing.assert_allclose(first_crossing(np.array([0.0, 1.0, 2.0]), gap_m), [1.5, math.inf, 0.0, math.nan])
 
 
+def test_a_gap_that_is_not_known_hides_no_crossing_behind_it() -> None:
+    gap_m = np.array([[1.0, math.nan, -1.0, -2.0], [1.0, 0.5, -0.5, math.nan]])
+    np.testing.assert_allclose(first_crossing(np.array([0.0, 1.0, 2.0, 3.0]), gap_m), [2.0, 1.5])
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("outwards_mps", [0.0, 0.5])
 def test_a_ramp_that_is_kept_is_silent_and_one_that_is_left_is_not(side: float, outwards_mps: float) -> None:
