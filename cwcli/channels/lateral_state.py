@@ -54,7 +54,7 @@ def write_observed(observed: Observed) -> OutputChannel:
 
 
 def read_observed(columns: Columns) -> Observed:
-    """The channel of the observer.
+    """The channel of the observer. A preview distance of 0 is what protobuf makes of none: then it is zhang2011's.
 
     Raises:
         DataError: A field is missing, or a status is unknown: another version wrote it.
@@ -74,7 +74,7 @@ def read_observed(columns: Columns) -> Observed:
     track = LateralTrack(
         stamp_ns=stamp_ns[order],
         state=np.column_stack([column(name) for name in STATE_NAMES]),
-        preview_m=np.where(np.isfinite(preview_m), preview_m, PREVIEW_M),
+        preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, PREVIEW_M),
         covariance=matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
         speed_mps=column("speed_mps"),
         steer_rad=column("steer_rad"),

@@ -116,7 +116,7 @@ def observe_filter(
     n = len(stamp_ns)
     notes: list[str] = []
     frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    lanes, preview_m, change_1pm2 = near_lane(lanes, frame_speed, config.preview_m)
+    lanes, preview_m, change_1pm2 = near_lane(lanes, frame_speed, config.preview_m, vehicle.camera_forward_m)
     quick = quickness(frame_speed)
     parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, preview_m, quick, config))]
     vision = yaw_rate_from_vision(lanes, frame_speed)

@@ -28,6 +28,7 @@ SLOWEST_MPS = 5.0
 """Below this speed roads bend no more quickly."""
 MAX_SINE = 0.4
 LEAST_M = 2.0
+"""Ahead of the camera and of the centre of gravity."""
 
 
 def quickness(speed_mps: FloatArray) -> FloatArray:
@@ -36,7 +37,7 @@ def quickness(speed_mps: FloatArray) -> FloatArray:
 
 
 def near_lane(
-    lanes: LaneSamples, speed_mps: FloatArray, preview_m: float
+    lanes: LaneSamples, speed_mps: FloatArray, preview_m: float, camera_forward_m: float
 ) -> tuple[LaneSamples, FloatArray, FloatArray]:
     """The lane at a preview point that suits the speed and the bend.
 
@@ -44,6 +45,7 @@ def near_lane(
         lanes: n frames; where `lines` tells the lane's shape, values are taken from it, e_L as the sine.
         speed_mps: Shape (n,); NaN where it is not known.
         preview_m: Of the preview point of `lanes`, which is the farthest.
+        camera_forward_m: Of the camera ahead of the centre of gravity.
 
     Returns:
         The frames, their sigmas still those of the farthest point; the point's distance ahead of the camera, shape
@@ -54,7 +56,8 @@ def near_lane(
         return lanes, whole_m, np.zeros(len(lanes))
     change_1pm2 = -np.nan_to_num(lanes.curvature_change_1pm2)
     turned_m = turned_at_m(lane_middle(lanes.lines), MAX_SINE, change_1pm2)
-    nearer_m = np.fmax(np.fmin(preview_m * quickness(speed_mps) ** -1.5, turned_m), LEAST_M)
+    nearest_m = LEAST_M + max(-camera_forward_m, 0.0)
+    nearer_m = np.fmax(np.fmin(preview_m * quickness(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
     y_m, direction_rad, curvature_1pm = lane_ahead(lanes.lines, at_m, change_1pm2).T
     is_told = np.isfinite(direction_rad)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.dynamics.near_lane import LEAST_M
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_lever
 from cwcli.dynamics.vehicle import Vehicle
@@ -81,7 +82,7 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     """The path of the centre of gravity from each frame, in the body frame of that frame (x forward, y left).
 
     Args:
-        track: From the observer, n frames.
+        track: From the observer, n frames. A preview point nearer than `LEAST_M` counts as so far ahead.
         vehicle: The car.
         config: Options; None: the defaults.
 
@@ -94,7 +95,7 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     if config.model == "cwcli":
         v = np.maximum(v + recent_acceleration(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
-    reach_m = np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m
+    reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, LEAST_M)
     if config.model == "zhang2011":
         turning = np.broadcast_to(yaw_rate, (len(v), len(t)))
         sideways = np.broadcast_to(lateral, turning.shape)

@@ -11,7 +11,9 @@ from cwcli.dynamics.config import ObserverConfig
 from cwcli.dynamics.near_lane import near_lane, quickness
 from cwcli.dynamics.observer import observe
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples
+from cwcli.dynamics.single_track import steady_lateral_lever
 from cwcli.dynamics.vehicle import load_vehicle
+from cwcli.prediction.lateral import lateral_paths
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import HEADING, OFFSET, STATION, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
@@ -43,7 +45,7 @@ def test_how_quickly_roads_bend_goes_with_the_speed() -> None:
 
 def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -> None:
     lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.5, 0.0, -0.02), (0.0, 0.0, 1.0 / 4.0))
-    near, at_m, change = near_lane(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M)
+    near, at_m, change = near_lane(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M, 0.0)
     # a quarter of the speed: an eighth of the distance; on 50 m the sine of 0.4 is at 20 m, on 4 m nearer than 2 m
     np.testing.assert_allclose(at_m, [33.5, 33.5 / 8.0, 20.0, 2.0])
     # 50 m to the right, 0.5 m to the left: y_L is right positive, e_L the sine, K_L right positive
@@ -54,16 +56,44 @@ def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -
 
 
 def test_the_change_of_the_curvature_is_handed_on() -> None:
-    near, at_m, change = near_lane(frames((0.0, 0.0, 0.01), change_1pm2=0.0008), np.array([12.5]), PREVIEW_M)
+    near, at_m, change = near_lane(frames((0.0, 0.0, 0.01), change_1pm2=0.0008), np.array([12.5]), PREVIEW_M, 0.0)
     assert change.tolist() == [0.0008]
     assert near.curvature_1pm[0] == pytest.approx(-0.01 + 0.0008 * at_m[0])
+
+
+@pytest.mark.parametrize(
+    ("camera_forward_m", "nearest_m"), [(2.0, 2.0), (0.0, 2.0), (-0.5, 2.5), (-3.0, 5.0), (-10.0, 12.0)]
+)
+def test_the_preview_point_is_ahead_of_the_camera_and_of_the_car(camera_forward_m: float, nearest_m: float) -> None:
+    """At 5 m/s it would be 33.5 m / 5^1.5 = 3.0 m ahead of the camera, where the lane turns nearer still."""
+    lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 1.0 / 4.0))
+    _, at_m, _ = near_lane(lanes, np.array([5.0, 5.0]), PREVIEW_M, camera_forward_m)
+    np.testing.assert_allclose(at_m[0], max(33.5 / 5.0**1.5, nearest_m))
+    if nearest_m < 4.0:  # there is no lane farther on
+        np.testing.assert_allclose(at_m[1], nearest_m)
+
+
+@pytest.mark.parametrize("camera_forward_m", [-3.0, -10.0])
+def test_a_slow_car_with_the_camera_far_behind_is_observed(camera_forward_m: float) -> None:
+    """5 m/s round 100 m, seen by the camera of a bus or a trailer: the yaw rate is 0.05 rad/s."""
+    car = replace(load_vehicle(), camera_forward_m=camera_forward_m)
+    n, curvature, v = 100, 0.01, 5.0
+    lever_m = float(steady_lateral_lever(car, np.array([[v]]))[0, 0])
+    slope = curvature * (camera_forward_m + lever_m)
+    y_m = curvature * camera_forward_m * (0.5 * camera_forward_m + lever_m)
+    lanes = frames(*[(y_m, slope, curvature)] * n)
+    track = observe(lanes, Samples(lanes.stamp_ns, np.full(n, v)), car)
+    np.testing.assert_allclose(track.state[50:, 1], v * curvature, atol=0.002)
+    assert (track.preview_m + camera_forward_m >= 2.0 - 1e-9).all()
+    turning = np.diff(lateral_paths(track, car).heading_rad[50:], axis=1) / 0.05
+    np.testing.assert_allclose(turning, v * curvature, atol=0.004)
 
 
 def test_frames_that_tell_no_shape_stay_as_they_are() -> None:
     told = frames((0.0, 0.0, 0.0))
     bare = replace(told, lateral_deviation_m=np.full(1, 0.3), lines=np.full((1, 2, 3), np.nan))
     for lanes in (bare, replace(bare, lines=None, curvature_change_1pm2=None)):
-        near, at_m, change = near_lane(lanes, np.array([5.0]), PREVIEW_M)
+        near, at_m, change = near_lane(lanes, np.array([5.0]), PREVIEW_M, 0.0)
         assert (near.lateral_deviation_m[0], at_m[0], change[0]) == (0.3, 33.5, 0.0)
 
 

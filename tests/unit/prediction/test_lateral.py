@@ -1,5 +1,6 @@
 """Paths from the observer: closed forms, frames of reference, and the honesty of the band on simulated drives."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -62,6 +63,22 @@ def test_the_yaw_rate_goes_over_to_the_roads() -> None:
     path = lateral_paths(track_of(bend=0.004), CAR, LateralPathConfig(adapt_s=0.7))
     expected = 0.08 * (2.0 - 0.7 * (1.0 - np.exp(-2.0 / 0.7)))
     assert path.heading_rad[0, -1] == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("preview_m", "camera_forward_m"), [(0.0, 0.0), (3.0, -3.0), (3.0, -4.0)])
+def test_a_preview_point_at_the_car_or_behind_it_leaves_paths_that_take_the_road_ahead(
+    preview_m: float, camera_forward_m: float
+) -> None:
+    """4 m/s, 0.1 s: the car is at 0.4 m; a bend from there on is what it drives 2 m farther on at the latest."""
+    car = replace(CAR, camera_forward_m=camera_forward_m)
+    curvature_1pm = np.array([0.0, -0.01])
+    track = replace(track_of(2, v=4.0), curvature_1pm=curvature_1pm, preview_m=np.full(2, preview_m))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        path = lateral_paths(track, car, LateralPathConfig(horizon_s=10.0))
+    assert np.isfinite(path.y_m).all()
+    turning = np.diff(path.heading_rad[1]) / 0.05
+    np.testing.assert_allclose(turning[-1], 4.0 * 0.01, atol=1e-6)
 
 
 def test_scatter_of_the_speed_is_no_acceleration() -> None:

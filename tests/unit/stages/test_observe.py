@@ -120,6 +120,17 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
     assert (car, notes) == (load_vehicle(), ())
 
 
+@pytest.mark.parametrize("told_m", [0.0, -1.0, np.nan, np.inf])
+def test_a_preview_distance_that_is_none_is_the_papers(tmp_path: Path, told_m: float) -> None:
+    """0 is what protobuf makes of a field that is not set."""
+    channel = run(write_lane_log(tmp_path / "lanes.mcap", DRIVE), ALL).channels[0]
+    fields = dict(channel.fields)
+    fields["preview_distance_m"] = np.where(np.arange(len(channel)) == 60, told_m, fields["preview_distance_m"])
+    with Log.open(tmp_path / "lanes.mcap") as log:
+        back = read_observed(log.with_channels([replace(channel, fields=fields)]).columns(OBSERVER.topic))
+    np.testing.assert_array_equal(back.track.preview_m, np.full(121, 33.5))
+
+
 def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: Path) -> None:
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
         car, notes = vehicle_of(log)
