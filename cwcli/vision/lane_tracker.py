@@ -200,7 +200,7 @@ class LaneTracker:
             is_tight = tight is not None and each.is_tight
             own = at_horizon(tight if tight is not None and is_tight else prior, lane, camera)
             is_slow = is_tight or frame.speed_mps < SWIFT_MPS
-            sides = self._sides(each, lane, frame, camera, dt_s)
+            sides = self._sides(each, lane, change, frame, camera, dt_s)
             own = as_wide(own, sides)
             found, last = improved(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
             frames = 1 if sides is None or not sides.is_quiet else SIDES_FRAMES
@@ -231,13 +231,15 @@ class LaneTracker:
                 made[k] = replace(each, better_s=better_s)
         return made
 
-    def _sides(self, each: Hypothesis, lane: FloatArray, frame: LaneFrame, camera: Camera, dt_s: float) -> Sides | None:
+    def _sides(
+        self, each: Hypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
+    ) -> Sides | None:
         """What is known of the two lines of the published lane, where the log tells a swift car's motion."""
         assert self._prior is not None
         is_told = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
         if each is not self._hypotheses[0] or not is_told:
             return None
-        if each.sides is None or crossed(lane) or each.change:
+        if each.sides is None or change:
             return sides_of(lane)
         moved = [
             predicted(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior) for own in each.sides.lanes
