@@ -124,11 +124,12 @@ def _heading_of_course(
 def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
-    The noise is that of the rows so far: a later one changes nothing of when a heading has shown itself.
+    The noise is that of the rows so far: a later one changes nothing of when a heading has shown itself. What the
+    stamps' errors add is that of the speed of the last of them.
     """
     time = s.time_s - s.latency_s
     variance = np.maximum(s.noise[:, 0], s.noise[:, 2])
-    sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1))
+    sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1) + _stamp_variance(s))
     limit = np.maximum(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigmas)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
@@ -156,6 +157,28 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     )
 
 
+def _stamp_variance(s: Series) -> FloatArray:
+    """Shape (n,): what errors of the stamps add to the noise of each row, (sigma_t v)^2, in whatever direction.
+
+    The speed is that over the time before, as far as it is clear of the stamps' errors: nothing looks ahead. Before
+    that it is a bound from what the car has moved, so that no displacement is taken for a way.
+    """
+    sigma_s = s.stamp_error.value
+    if s.kind is not Kind.POSITION or not sigma_s > 0.0 or not len(s):
+        return np.zeros(len(s))
+    span = max(MIN_DISPLACEMENT_S, CLEAR_SIGMAS * sigma_s)
+    before = np.maximum(np.searchsorted(s.time_s, s.time_s - span, side="right") - 1, 0)
+    way = np.hypot(*(s.values - s.values[before]).T)
+    return np.asarray((sigma_s * way / np.maximum(s.time_s - s.time_s[before], sigma_s)) ** 2)
+
+
+def _stamp_variance_at(s: Series, i: int) -> float:
+    """What errors of the stamps add to the noise of a row; of the first ones the speed is that of later rows."""
+    span = max(MIN_DISPLACEMENT_S, CLEAR_SIGMAS * s.stamp_error.value)
+    known = min(int(np.searchsorted(s.time_s, s.time_s[0] + span)), len(s) - 1)
+    return float(_stamp_variance(s)[max(i, known)])
+
+
 def _at(s: Series, when: float) -> int:
     """Index of the last row not after `when`, or of the first row."""
     return max(int(np.searchsorted(s.time_s - s.latency_s, when, side="right")) - 1, 0)
@@ -180,7 +203,7 @@ def _speed_at(series: Sequence[Series], when: float) -> tuple[float, float]:
                 span = float(time[j] - time[i])
                 speed = float(np.hypot(*(s.values[j] - s.values[i]))) / span
                 late = abs(float(time[i]) - when)
-                sigma = float(np.sqrt(2.0 * s.noise[i, 0])) / span + 2.0 + 2.0 * late
+                sigma = float(np.sqrt(2.0 * (s.noise[i, 0] + _stamp_variance_at(s, i)))) / span + 2.0 + 2.0 * late
                 return speed, min(sigma, UNKNOWN_SPEED_MPS)
     return 0.0, UNKNOWN_SPEED_MPS
 
@@ -201,7 +224,7 @@ def _position_at(series: Sequence[Series], when: float, speed: float) -> tuple[f
         if s.kind is Kind.POSITION and len(s):
             i = _at(s, when)
             late = abs(float(s.time_s[i] - s.latency_s - when))
-            sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2])))
+            sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2]) + _stamp_variance_at(s, i)))
             if best is None or late < best[0]:
                 reach = late * (abs(speed) + 3.0)
                 best = (late, float(s.values[i, 0]), float(s.values[i, 1]), float(np.hypot(3.0 * sigma, reach)) + 1.0)
@@ -280,7 +303,7 @@ def hold_before_start(
     covariance[early] = 0.0
     index = np.arange(state.shape[1])
     covariance[early[:, None], index, index] = np.concatenate((np.square(UNKNOWN_SIGMA), prior[N_MOTION:]))
-    # A position may be old by the time from its stamp, at an unknown speed.
-    age = np.abs(output_s[early] - time[row])
+    # A position may be old by the time from its stamp, which may err, at an unknown speed.
+    age = np.hypot(output_s[early] - time[row], position.stamp_error.value)
     for axis in (0, 1):
         covariance[early, axis, axis] = position.noise[row, 2 * axis] + (UNKNOWN_SPEED_MPS * age) ** 2

@@ -109,3 +109,34 @@ def test_slope_of_the_likelihood_equals_finite_differences(innovation: tuple[flo
     grown = np.array(noise) + small * 64.0 * np.array([s * s, -c * s, c * c])  # 64 m^2/s^2, across the way
     across = likelihood(innovation, tuple(grown.tolist()), 0.0)[0] - base
     assert slope == pytest.approx((along - across) / small, rel=2e-3, abs=1e-3)
+
+
+def motorway(seed: int, sigma_s: float, speed_mps: float, begin_s: float, gap_s: tuple[float, float]) -> float:
+    """The largest error, m, of ten seconds of states in hindsight from fixes good to 5 cm, ten a second."""
+    rng, grid_s = np.random.default_rng(seed), np.arange(0.0, 301.0, 0.005)
+    speed, heading = speed_mps + 3.0 * np.sin(grid_s / 20.0), 0.05 * np.sin(grid_s / 15.0)
+    way = np.cumsum(speed * np.array([np.cos(heading), np.sin(heading)]), axis=1) * 0.005
+    time_s = np.arange(0.0, 300.0, 0.1)
+    fix = np.array([np.interp(time_s, grid_s, axis) for axis in way]).T + rng.normal(0.0, FIX_M, (len(time_s), 2))
+    kept = (time_s < gap_s[0]) | (time_s > gap_s[1])
+    stamp_ns = np.rint((1.0 + time_s + rng.normal(0.0, sigma_s, len(time_s))) * 1e9).astype(np.int64)
+    outputs_s = np.arange(begin_s, begin_s + 10.0, 0.05)
+    track = estimate_track(
+        [Measurements("/gps", Kind.POSITION, stamp_ns[kept], fix[kept])],
+        EstimatorConfig(),
+        np.rint((1.0 + outputs_s) * 1e9).astype(np.int64),
+    )
+    truth = np.array([np.interp(outputs_s, grid_s, axis) for axis in way]).T
+    return float(np.hypot(*(track.state[:, :2] - truth).T).max())
+
+
+@pytest.mark.parametrize(("seed", "sigma_s"), [(3, 0.05), (6, 0.05), (3, 0.08), (6, 0.08)])
+def test_start_bears_stamps_that_err(seed: int, sigma_s: float) -> None:
+    """A fix errs by 1.65 m or 2.64 m along the way, one sigma."""
+    assert motorway(seed, sigma_s, 33.0, 2.0, (1e9, 1e9)) < 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_start_behind_a_gap_bears_stamps_that_err(seed: int) -> None:
+    """A fix errs by 1.4 m along the way, one sigma."""
+    assert motorway(seed, 0.1, 14.0, 121.0, (100.0, 120.0)) < 1.0
