@@ -192,15 +192,20 @@ class LaneRows:
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
         return float(known.min(initial=math.pi)) if len(known) else 0.0
 
-    def curves(self) -> FloatArray:
-        """Shape (n, 2, 3): `ROAD_LINE` of the boundaries that were found and are circles or spirals (`signals.arcs`);
-        NaN for the others: the method tells no curve, or it is none that a road has."""
-        assert self.drawn.pinhole is not None, "as they are read"
+    def road_lines(self) -> FloatArray:
+        """Shape (n, 2, 3): `ROAD_LINE` of the boundaries that were found; NaN for the others, and where it is none that
+        a road has."""
         with np.errstate(invalid="ignore"):
-            is_curve = self.found & np.isfinite(self.drawn.roads).all(axis=2) & np.isfinite(self.drawn.pinhole[:, :1])
-            is_curve &= (np.abs(self.road) <= ROAD_LIMITS).all(axis=2)
-            is_curve &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CHANGE_1PM2
-        return np.where(is_curve[..., None], self.road, np.nan)
+            is_line = self.found & (np.abs(self.road) <= ROAD_LIMITS).all(axis=2)
+            is_line &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CHANGE_1PM2
+        return np.where(is_line[..., None], self.road, np.nan)
+
+    def curves(self) -> FloatArray:
+        """Shape (n, 2, 3): those of `road_lines` that are circles or spirals (`signals.arcs`); NaN where the method
+        tells no curve."""
+        assert self.drawn.pinhole is not None, "as they are read"
+        is_curve = np.isfinite(self.drawn.roads).all(axis=2) & np.isfinite(self.drawn.pinhole[:, :1])
+        return np.where(is_curve[..., None], self.road_lines(), np.nan)
 
     def lines(self, row: int, image_size: tuple[int, int]) -> list[FloatArray]:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lanes import ROAD_FIELDS, ROAD_LIMITS, LaneRows, read_lanes
+from cwcli.channels.lanes import ROAD_FIELDS, LaneRows, read_lanes
 from cwcli.channels.predicted_path import read_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
@@ -101,10 +101,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
 def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
     """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
     rows = rows_by_stamp(lanes.stamp_ns)
-    road = lanes.road[rows]
-    with np.errstate(invalid="ignore"):
-        is_line = lanes.found[rows] & (np.abs(road) <= ROAD_LIMITS).all(axis=-1)
-    left, right = np.moveaxis(np.where(is_line[..., None], road, np.nan), 1, 0)
+    left, right = np.moveaxis(lanes.road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
     change_1pm2 = -lanes.curvature_change_1pm2[rows]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,7 @@ from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.stages.warn_lane import WarnLaneConfig, warn_lane
 from cwcli.warning.lane_departure import LaneDepartureConfig, earliest_line_m
-from tests.unit.stages.lateral_logs import START_NS, LaneDrive, drive, write_lane_log
+from tests.unit.stages.lateral_logs import START_NS, LaneDrive, drive, lanes_channel, write_lane_log
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 
@@ -107,6 +109,19 @@ def test_where_a_boundary_is_not_found_that_side_is_silent(tmp_path: Path) -> No
     result = run(write_lane_log(tmp_path / "l.mcap", blind))
     assert len(result.tables["lane_departures"]) == 0
     assert counts(result)["left not found"] == 106  # frames from 3.5 to 14 s
+
+
+def test_boundaries_that_bend_as_no_road_does_are_none_and_counted(tmp_path: Path, drifting: LaneDrive) -> None:
+    """The observer's limit: a curvature that changes by more than 1 per m^2 is no lane's."""
+    lanes = lanes_channel(drifting.sensed)
+    change_1pm2 = np.zeros(len(lanes))
+    change_1pm2[:20], change_1pm2[20:30] = 1e200, -1.5
+    told = replace(lanes, fields={**lanes.fields, "curvature_change_1pm2": change_1pm2})
+    with Log.open(write_lane_log(tmp_path / "l.mcap", drifting)) as log, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result = warn_lane(predicted(log.with_channels([told])), WarnLaneConfig())
+    assert (counts(result)["left not found"], counts(result)["right not found"]) == (30, 30)
+    assert [event["side"] for event in result.tables["lane_departures"].records()] == ["left"]
 
 
 def test_frames_without_a_path_are_counted_and_not_judged(tmp_path: Path, drifting: LaneDrive) -> None:
