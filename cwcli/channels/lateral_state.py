@@ -11,10 +11,13 @@ from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_statuses
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
 from cwcli.signals.leaf_fields import matrix, numbers, unusable, whole_numbers
+from cwcli.signals.resample import resample
 from cwcli.signals.row_order import rows_by_stamp
 
 N_STATES = len(STATE_NAMES)
-TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m")
+AHEAD = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
+TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *AHEAD)
+PREVIEW_ATOL_M = 1e-6
 FIRST_STATUS = 1
 """`FrameStatus` counts from 0, the message from 1: 0 is unspecified."""
 
@@ -98,8 +101,31 @@ def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
     return stamp_ns[rows], np.column_stack([numbers(columns, name)[rows] for name in STATE_NAMES])
 
 
-def true_preview_m(columns: Columns) -> float:
-    """Distance of the preview point of a channel of the truth: its first; zhang2011's where it does not tell."""
+def true_preview_points(columns: Columns, at_ns: Int64Array, preview_m: FloatArray, max_gap_s: float) -> FloatArray:
+    """The true y_L and e_L at times and at the preview points of an observer, shape (n, 2); NaN where it does not tell.
+
+    A channel that tells the lane ahead is read at each point; another one tells its own point alone.
+
+    Args:
+        columns: A channel of the truth.
+        at_ns, preview_m: Shape (n,).
+        max_gap_s: Between the messages on both sides of a time.
+    """
+    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
+    rows = rows_by_stamp(stamp_ns)
     told_m = numbers(columns, "preview_distance_m")
     known_m = told_m[told_m > 0.0]
-    return float(known_m[0]) if len(known_m) else PREVIEW_M
+    own_m = float(known_m[0]) if len(known_m) else PREVIEW_M
+    is_own = np.abs(preview_m - own_m) <= PREVIEW_ATOL_M
+    made = np.full((len(at_ns), len(AHEAD)), np.nan)
+    ahead_m = matrix(columns, "ahead_m")
+    has_ahead = ahead_m.shape[1] > 1 and bool((ahead_m == ahead_m[:1]).all() and (np.diff(ahead_m[0]) > 0.0).all())
+    for k, name in enumerate(AHEAD):
+        own = resample(stamp_ns[rows], numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s)
+        made[is_own, k] = own[is_own]
+        if has_ahead:
+            lane = matrix(columns, name, ahead_m.shape[1])[rows]
+            lane = resample(stamp_ns[rows], lane, at_ns, max_gap_s=max_gap_s)
+            for row in np.flatnonzero(~is_own):
+                made[row, k] = np.interp(preview_m[row], ahead_m[0], lane[row], left=np.nan, right=np.nan)
+    return made

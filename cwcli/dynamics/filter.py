@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.near_lane import CHOSEN_MPS, SLOWEST_MPS, near_lane, quickness
+from cwcli.dynamics.near_lane import CHOSEN_MPS, SLOWEST_MPS, as_angle, near_lane, quickness
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
 from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
@@ -158,11 +158,14 @@ def observe_filter(
     is_known = np.isin(status, (FrameStatus.OBSERVED, FrameStatus.REJECTED, FrameStatus.PREDICTED, FrameStatus.STARTED))
     x[~is_known] = np.nan
     p[~is_known] = np.nan
+    state, covariance = x[:, :4], p[:, :4, :4] + _lasting(noise, quick)
+    if lanes.lines is not None and np.isfinite(lanes.lines).any():
+        state, covariance = as_angle(state, covariance)
     return LateralTrack(
         stamp_ns=stamp_ns,
-        state=x[:, :4],
+        state=state,
         preview_m=np.where(is_known, at_m[frames], config.preview_m),
-        covariance=p[:, :4, :4] + _lasting(noise, quick),
+        covariance=covariance,
         speed_mps=frame_speed,
         steer_rad=x[:, STEER],
         curvature_1pm=x[:, KL],

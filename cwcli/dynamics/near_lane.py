@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.dynamics.samples import LaneSamples
-from cwcli.signals.arcs import lane_ahead, lane_middle, turned_at_m
+from cwcli.signals.arcs import TURNED, lane_ahead, lane_middle, turned_at_m
 from cwcli.signals.columns import FloatArray
 
 CHOSEN_MPS = 25.0
@@ -34,6 +34,15 @@ LEAST_M = 2.0
 def quickness(speed_mps: FloatArray) -> FloatArray:
     """How many times as slow as `CHOSEN_MPS` the car is, at least 1; 1 where the speed is not known."""
     return np.fmax(1.0, CHOSEN_MPS / np.maximum(np.abs(speed_mps), SLOWEST_MPS))
+
+
+def as_angle(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """States (n, 4) and covariances (n, 4, 4) with the angle for e_L in place of its sine, to first order."""
+    sine = np.clip(state[:, 3], -TURNED, TURNED)
+    size = np.ones_like(state)
+    size[:, 3] = (1.0 - sine * sine) ** -0.5
+    made = np.column_stack([state[:, :3], np.arcsin(sine)])
+    return made, covariance * size[:, :, None] * size[:, None, :]
 
 
 def near_lane(

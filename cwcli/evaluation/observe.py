@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from cwcli.channels.binding import bind
-from cwcli.channels.lateral_state import read_lateral_truth, read_observed, true_preview_m
+from cwcli.channels.lateral_state import read_lateral_truth, read_observed, true_preview_points
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.evaluation.knowledge import ONLINE, TRUTH, against
@@ -32,7 +32,6 @@ METRICS_OF: dict[str, tuple[str, float]] = {
 }
 """State -> metric, and its unit's size in that of the metric."""
 AT_PREVIEW = ("lateral_deviation_m", "heading_deviation_rad")
-PREVIEW_ATOL_M = 1e-6
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
@@ -41,7 +40,9 @@ def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageR
     if made.truth is None or not len(made.truth):
         return result.judged()
     errors = truth_errors(made.track, made.truth)
-    return result.judged(sections=(truth_section(errors, made.truth.topic),), tables={errors.name: errors})
+    return result.judged(
+        sections=(truth_section(errors, made.truth.topic),), tables={errors.name: errors}, notes=_left_out_notes(errors)
+    )
 
 
 def add_metrics(subject: Subject) -> None:
@@ -64,21 +65,27 @@ def add_metrics(subject: Subject) -> None:
 def truth_errors(track: LateralTrack, truth: Columns) -> Table:
     """Observed minus true of each state, over the frames that are settled; one row a state.
 
-    The lane's place and direction are compared where both are of the same preview point.
+    The lane's place and direction are compared at the observer's own preview point; where the truth does not tell them
+    there, the frame is left out, and counted.
     """
     true_ns, true_state = read_lateral_truth(truth)
     settled = _is_settled(track)
-    is_same_point = np.abs(track.preview_m - true_preview_m(truth)) <= PREVIEW_ATOL_M
-    rows: list[tuple[str, int, float, float, float, float, float]] = []
+    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_GAP_S)
+    at_preview = true_preview_points(truth, track.stamp_ns, track.preview_m, MAX_GAP_S)
+    is_covered = np.isfinite(true[:, : -len(AT_PREVIEW)]).any(axis=1)
+    true[:, -len(AT_PREVIEW) :] = at_preview
+    rows: list[tuple[str, int, int, float, float, float, float, float]] = []
     for k, name in enumerate(STATE_NAMES):
-        true = resample(true_ns, true_state[:, k], track.stamp_ns, max_gap_s=MAX_GAP_S)
-        error = track.state[:, k] - true
-        known = np.isfinite(error) & settled & (is_same_point if name in AT_PREVIEW else True)
-        rows.append((name, *_scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))))
-    names, n, rms, bias, p95, largest, inside = zip(*rows, strict=True)
+        error = track.state[:, k] - true[:, k]
+        known = np.isfinite(error) & settled
+        left_out = np.isfinite(track.state[:, k]) & settled & is_covered & ~known if name in AT_PREVIEW else known[:0]
+        scores = _scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))
+        rows.append((name, scores[0], int(np.count_nonzero(left_out)), *scores[1:]))
+    names, n_known, n_left_out, rms, bias, p95, largest, inside = zip(*rows, strict=True)
     columns: dict[str, TableColumn] = {
         "state": list(names),
-        "n": np.array(n, dtype=np.int64),
+        "n": np.array(n_known, dtype=np.int64),
+        "left_out": np.array(n_left_out, dtype=np.int64),
         "rms": np.array(rms),
         "bias": np.array(bias),
         "p95": np.array(p95),
@@ -87,6 +94,7 @@ def truth_errors(track: LateralTrack, truth: Columns) -> Table:
     }
     docs = {
         "n": ColumnDoc(doc=f"frames with a state and a truth, from {SETTLED_S:g} s after each start of the observer"),
+        "left_out": ColumnDoc(doc="frames with a state and a truth that does not tell the lane at their preview point"),
         "rms": ColumnDoc(doc="of observed minus true, in the unit of the state; likewise bias, p95, max"),
         "inside_90": ColumnDoc(doc="share of the errors within 1.645 of the observer's sigmas"),
     }
@@ -96,11 +104,27 @@ def truth_errors(track: LateralTrack, truth: Columns) -> Table:
 def truth_section(errors: Table, topic: str) -> Section:
     """The errors against a truth channel."""
     rows = tuple(
-        (str(row["state"]), row["n"], row["rms"], row["bias"], row["p95"], row["max"], 100.0 * row["inside_90"])
+        (
+            str(row["state"]),
+            row["n"],
+            row["left_out"],
+            row["rms"],
+            row["bias"],
+            row["p95"],
+            row["max"],
+            100.0 * row["inside_90"],
+        )
         for row in errors.records()
     )
-    columns = ("state", "frames", "rms", "bias", "p95", "max", "in 90 % band [%]")
+    columns = ("state", "frames", "left out", "rms", "bias", "p95", "max", "in 90 % band [%]")
     return Section("observer_errors", f"Errors against {topic}", columns, rows)
+
+
+def _left_out_notes(errors: Table) -> tuple[str, ...]:
+    left_out = max(row["left_out"] for row in errors.records())
+    if not left_out:
+        return ()
+    return (f"{left_out} frames have no true place in the lane: the truth does not tell it at their preview point",)
 
 
 def _is_settled(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

@@ -73,18 +73,20 @@ class LaneTruth:
         return self.road.lateral_at(self.lane_m + (half if side == "left" else -half), x_m)
 
     def at_preview(self, preview_m: float) -> tuple[float, float, float]:
-        """The lane's centre where the body's x axis is preview_m ahead.
+        """The lane's centre where the body's x axis is preview_m ahead; see `lane_at`."""
+        y_m, direction_rad, curvature_1pm = self.lane_at(np.array([preview_m]))[:, 0].tolist()
+        return y_m, direction_rad, curvature_1pm
 
-        Returns:
-            y_m of the centre (left positive), its direction in the body frame (counter-clockwise positive) and its
-            curvature (left positive).
+    def lane_at(self, x_m: FloatArray) -> FloatArray:
+        """The lane's centre at distances ahead, shape (3, len(x_m)); NaN where it has turned away before (75 deg).
+
+        y_m (left positive), direction in the body frame (counter-clockwise positive), curvature (left positive).
         """
+        n = self.road.n_ahead
         x, y = self.road.line(self.lane_m)
-        s = float(np.interp(preview_m, x, GRID_M))
+        s = np.interp(x_m, x[:n], GRID_M[:n], left=np.nan, right=np.nan)
         curvature_1pm = self.road.curvature_1pm / (1.0 - self.lane_m * self.road.curvature_1pm)
-        values = (y, self.road.direction_rad, curvature_1pm)
-        y_m, direction, curvature = (float(np.interp(s, GRID_M, each)) for each in values)
-        return y_m, direction, curvature
+        return np.array([np.interp(s, GRID_M, each) for each in (y, self.road.direction_rad, curvature_1pm)])
 
     def tusimple(self, h_samples: npt.NDArray[np.int64]) -> list[list[int]]:
         """Both boundaries in TuSimple's form: whole columns at the given rows, -2 where there is nothing to see."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.near_lane import near_lane, quickness
+from cwcli.dynamics.near_lane import as_angle, near_lane, quickness
 from cwcli.dynamics.observer import observe
 from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples
 from cwcli.dynamics.single_track import steady_lateral_lever
@@ -95,6 +95,26 @@ def test_frames_that_tell_no_shape_stay_as_they_are() -> None:
     for lanes in (bare, replace(bare, lines=None, curvature_change_1pm2=None)):
         near, at_m, change = near_lane(lanes, np.array([5.0]), PREVIEW_M, 0.0)
         assert (near.lateral_deviation_m[0], at_m[0], change[0]) == (0.3, 33.5, 0.0)
+
+
+def test_the_published_direction_is_the_angle_and_the_filters_the_sine() -> None:
+    state = np.array([[0.1, 0.2, 0.3, 0.4], [np.nan] * 4])
+    covariance = np.tile(np.full((4, 4), 0.01), (2, 1, 1))
+    angle, made = as_angle(state, covariance)
+    assert angle[0].tolist() == pytest.approx([0.1, 0.2, 0.3, 0.411517])
+    assert np.isnan(angle[1]).all()
+    assert made[0, 3, 3] == pytest.approx(0.01 / (1.0 - 0.4**2))  # d asin s = ds / cos
+    assert made[0, 3, 0] == made[0, 0, 3] == pytest.approx(0.01 / np.sqrt(1.0 - 0.4**2))
+    assert (made[0, :3, :3] == 0.01).all()
+
+
+def test_a_circle_is_published_with_its_angle_at_the_preview_point() -> None:
+    """20 m to the right: the sine of 0.4 is 8 m ahead, where the lane points 23.58 degrees from the car."""
+    lanes = frames(*[(0.0, 0.0, -0.05)] * 60)
+    speed = Samples(lanes.stamp_ns, np.full(60, 10.0))
+    track = observe(lanes, speed, load_vehicle())
+    assert track.preview_m[-1] == pytest.approx(8.0)
+    assert track.state[-1, 3] == pytest.approx(0.4115, abs=2e-3)
 
 
 def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, Samples]:

@@ -132,6 +132,14 @@ def test_preview_of_a_circle_by_hand() -> None:
     assert curvature == pytest.approx(-0.002)
 
 
+def test_a_lane_that_turns_back_has_no_place_beyond() -> None:
+    # Left bend of 23 m: at 20 m it has turned by asin(20 / 23) = 60.4 degrees; 33.5 m ahead there is none of it.
+    truth = lane_truth(CAMERA, RoadAhead(clothoid(1.0 / 23.0), 0.0, 0.0), 3.6, (0.15, 0.15), "clear")
+    assert np.isnan(truth.at_preview(33.5)).all()
+    assert np.isfinite(truth.at_preview(20.0)).all()
+    assert np.isnan(truth.lane_at(np.array([5.0, 20.0, 22.9, 33.5]))).tolist() == [[False, False, True, True]] * 3
+
+
 def test_tusimple_form_marks_what_is_not_visible() -> None:
     truth = lane_truth(CAMERA, straight(), 3.6, (0.15, 0.15), "clear")
     h_samples = np.array([50, 100, 150, 200, 239, 300])
