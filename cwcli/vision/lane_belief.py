@@ -56,17 +56,31 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     return np.array(_features(evidence, lane, value))
 
 
-def _features(evidence: Evidence, lane: FloatArray, value: float) -> list[tuple[float, float, float, float]]:
-    joint = math.log(min(max(value, 0.0), 1.0) + LEAST_VALUE)
+def _features(
+    evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
+) -> list[tuple[float, float, float, float]]:
     by_chance = math.sqrt(crowd(evidence, lane))
-    return [(1.0, math.sqrt(own), joint, by_chance) for own in supports(evidence, lane).tolist()]
+    made = []
+    for side, own in enumerate(supports(evidence, lane).tolist()):
+        told = min(value, 2.0 * own) if side == carried else value
+        made.append((1.0, math.sqrt(own), math.log(min(max(told, 0.0), 1.0) + LEAST_VALUE), by_chance))
+    return made
 
 
-def boundary_probabilities(evidence: Evidence, lane: FloatArray, value: float) -> tuple[float, float]:
-    """Probability that each boundary is where the lane has it."""
+def boundary_probabilities(
+    evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
+) -> tuple[float, float]:
+    """Probability that each boundary is where the lane has it.
+
+    Args:
+        evidence, lane, value: `features`.
+        carried: The boundary that has its place from the other one (`lane_sides`), if there is one. The lane's
+            objective is that of the other one's paint; its own is that of a lane both of whose lines show as much
+            as it does: twice its support.
+    """
     coefficients: list[float] = COEFFICIENTS.tolist()
     left, right = (
         (1.0 - LAPSE) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
-        for each in _features(evidence, lane, value)
+        for each in _features(evidence, lane, value, carried)
     )
     return left, right

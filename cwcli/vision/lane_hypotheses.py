@@ -20,7 +20,7 @@ from cwcli.vision.lane_following import (
 )
 from cwcli.vision.lane_mean import SCALE
 from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
-from cwcli.vision.lane_sides import Sides
+from cwcli.vision.lane_sides import NO_LINE, Sides
 
 LEAST_RIVAL = 5.0 * SCALE
 """A lane that is worse by more is no rival: it has less than 1 %."""
@@ -52,6 +52,11 @@ class Hypothesis:
     change: int = 0
     sides: Sides | None = None
     is_tight: bool = False
+
+    @property
+    def carried(self) -> int:
+        """The boundary that is carried beside the other one (`Sides.carried`), or `NO_LINE`."""
+        return NO_LINE if self.sides is None else self.sides.carried
 
 
 def improved(

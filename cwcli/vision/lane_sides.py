@@ -3,7 +3,8 @@
 The boundaries of a lane are parallel, and its width stays. Where an exit begins, the paint of one boundary leaves it
 over a taper, so the lanes that the two lines give, each alone with the width that the lane had, move apart. Then the
 lane goes on by the line that lies where the lane was predicted from the car's motion; the other boundary is carried
-beside it until its line, or another one, lies there again.
+beside it until its line, or another one, lies there again. That line is no news of the other boundary: while it is
+carried, its own paint alone speaks for it (`lane_belief`).
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class Sides:
     Attributes:
         width: Of the lane over the last seconds, over the camera's height.
         seen_s: For how long both lines agreed.
-        alone_s: For how long the lane has gone on by one line.
+        alone_s: For how long the lane has gone on by one line since both were last seen to agree.
         lanes: Shape (2, 6): the lane by its left line alone, and by its right one.
         bends: Shape (2,): of both, over the last second (px^2).
         driven: The bend in which the car drove, likewise; NaN where it is not told.
@@ -69,6 +70,7 @@ class Sides:
         doubt: By how much more than the left line's bend the right one's is not that of the road (px^2).
         verdict: The greatest doubt, to either side, since they are apart.
         leaving: The line that leaves the lane, or `NO_LINE`.
+        carried: The boundary that has the place that the other one gave it, or `NO_LINE`.
     """
 
     width: float
@@ -81,11 +83,12 @@ class Sides:
     doubt: float
     verdict: float
     leaving: int
+    carried: int = NO_LINE
 
     @property
     def is_settled(self) -> bool:
         """Whether the width is known."""
-        return self.seen_s >= SETTLED_S and self.alone_s <= LONGEST_S
+        return self.seen_s >= SETTLED_S
 
     @property
     def is_quiet(self) -> bool:
@@ -140,6 +143,7 @@ def by_one_line(
     for k, more in ((WIDTH, wider), (MIDDLE, 0.5 * sign * wider)):
         lane[k] += more
         table[k, [MEAN, LOW, HIGH]] += more
+    lane = np.clip(lane, table[:, LOW], table[:, HIGH])  # from a lane that can't be, no search comes back
     lanes, _ = refined(evidence, lane, table, size, wide=True, beside=0.0)
     lanes, _ = refined(evidence, lanes[0], table, size, wide=False, scale=0.5, beside=0.0)
     made = lanes[0]
@@ -190,7 +194,7 @@ def kept(
     elif min(shares) < LEAST_SUPPORT <= max(shares) and sides.is_settled:
         by = int(np.argmax(shares))
     if by != NO_LINE:
-        found = lanes[by].copy()
+        found = np.clip(lanes[by], prior.table[:, LOW], prior.table[:, HIGH])
     is_away = abs(float(sides.apart[0])) > AWAY_M
     for side in (LEFT, RIGHT):
         if shares[side] < LEAST_SUPPORT or (side == sides.leaving and is_away):
@@ -198,7 +202,13 @@ def kept(
             sides = replace(
                 sides, bends=np.full(2, found[BEND]), apart=np.zeros(2), doubt=0.0, verdict=0.0, leaving=NO_LINE
             )
-    return found, replace(sides, lanes=lanes, alone_s=0.0 if by == NO_LINE else sides.alone_s + dt_s)
+    if by != NO_LINE:
+        sides = replace(sides, alone_s=sides.alone_s + dt_s, carried=1 - by)
+    elif min(shares) >= LEAST_SUPPORT:
+        sides = replace(sides, alone_s=0.0, carried=NO_LINE)
+    if sides.alone_s > LONGEST_S:
+        return found, replace(sides_of(found), carried=sides.carried)
+    return found, replace(sides, lanes=lanes)
 
 
 def _compared(sides: Sides, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float) -> Sides:

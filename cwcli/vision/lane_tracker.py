@@ -296,7 +296,7 @@ class LaneTracker:
         assert self._prior is not None
         assert self._evidence is not None
         first = best = self._hypotheses[0]
-        chances = boundary_probabilities(self._evidence, first.lane, first.last)
+        chances = boundary_probabilities(self._evidence, first.lane, first.last, first.carried)
         change = first.change
         if len(self._hypotheses) > 1:
             is_seen = max(chances) >= FOUND_PROBABILITY

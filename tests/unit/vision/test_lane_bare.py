@@ -1,4 +1,4 @@
-"""A straight road at 25 m/s on which the paint of a line ends. Its frames are drawn here, lines where they are told."""
+"""Drives at 25 m/s on a straight road on which the paint of a line ends."""
 
 from __future__ import annotations
 
@@ -7,34 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
+from tests.unit.vision.straight_road import CAMERA, HORIZON_PX, WIDTH_M, picture
 
 SPEED_MPS, STEP_S = 25.0, 0.1
-WIDTH_M = 3.5
-PAINT_M, FAR_M = 0.15, 80.0
-CAMERA = Camera(480, 270, 416.0, 416.0, 239.5, 134.5, mounting=Mounting(height_m=1.4, pitch_rad=0.02))
-HORIZON_PX = float(CAMERA.horizon_v_px())
 OLD_RIGHT = 1
 """Of the lines, from right to left."""
 CHANGE_S = (5.0, 9.0)
-
-
-def picture(lines_m: list[float], yaw_rad: float, seed: int) -> np.ndarray:
-    """White lines on asphalt under a grey sky, with grain: `lines_m` beside the camera, left positive."""
-    grey = np.full((CAMERA.height_px, CAMERA.width_px), 85.0)
-    grey[: int(HORIZON_PX)] = 180.0
-    u = np.arange(CAMERA.width_px)
-    for v in range(int(HORIZON_PX) + 2, CAMERA.height_px):
-        x_m = CAMERA.fy * CAMERA.mounting.height_m / (v - HORIZON_PX)
-        for y_m in lines_m if x_m <= FAR_M else []:
-            centre = CAMERA.cx - CAMERA.fx * (y_m / x_m - np.tan(yaw_rad))
-            half = max(0.5 * PAINT_M * CAMERA.fx / x_m, 0.35)
-            share = np.clip(half + 0.5 - np.abs(u - centre), 0.0, 1.0)
-            grey[v] = grey[v] * (1.0 - share) + 220.0 * share
-    grain = np.random.default_rng(seed).normal(0.0, 3.0, grey.shape)
-    return np.asarray(np.clip(grey + grain, 0, 255).astype(np.uint8))
 
 
 @dataclass(frozen=True)
@@ -87,3 +67,33 @@ def test_a_lane_that_one_line_holds_is_left_once() -> None:
     for number in range(72, 90):
         truth = change_to_the_left(number * STEP_S)
         assert abs(right_m(fits[number]) - (truth.lines_m[1] - 8.0 * truth.yaw_rad)) < 0.1
+
+
+FARTHER_M = 0.85
+"""The line that takes the place of the right one lies so much farther out."""
+
+
+def wider_from(time_s: float, ends_s: float, begins_s: float) -> Moment:
+    """A straight road; the line on the right ends, and another one begins farther out."""
+    right = [-0.5 * WIDTH_M] if time_s < ends_s else []
+    right += [-0.5 * WIDTH_M - FARTHER_M] if time_s >= begins_s else []
+    return Moment([*right, 0.5 * WIDTH_M])
+
+
+def test_a_boundary_without_paint_is_not_found() -> None:
+    """The lane goes on by its left line; on the right it has the place that the right line had, and there is none."""
+    fits = driven(lambda time_s: wider_from(time_s, 2.0, 2.0), 6.0)
+    assert all(fit.left.found and fit.right.found for fit in fits[:20])
+    assert all(fit.left.found for fit in fits)
+    late = [fit.right for fit in fits[25:]]  # the belief forgets in 0.3 s
+    assert not any(right.found for right in late)
+    assert max(right.probability for right in late) < 0.1
+
+
+def test_a_lane_goes_on_by_one_line_for_ten_seconds_at_most() -> None:
+    """The new line begins 11 s after the old one's end: after ten seconds any other lane may be the right one."""
+    fits = driven(lambda time_s: wider_from(time_s, 2.0, 13.0), 15.5)
+    assert not any(fit.right.found for fit in fits[30:120])
+    assert fits[-1].left.found
+    assert fits[-1].right.found
+    assert abs(right_m(fits[-1]) + 0.5 * WIDTH_M + FARTHER_M) < 0.1

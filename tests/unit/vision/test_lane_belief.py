@@ -54,6 +54,20 @@ def test_probability_by_hand() -> None:
     np.testing.assert_array_equal(features(seen, LANE, -1e30)[:, 2], math.log(0.02))
 
 
+def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
+    """The right one shows nothing: z = 20.09 + 7.47 ln 0.02 - 44.19 sqrt(crowd), at most -9.1."""
+    table = np.zeros((90, 320))
+    table[:, :160] = 0.2
+    seen = evidence(table)
+    assert supports(seen, LANE)[1] == 0.0
+    by_hand = COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(crowd(seen, LANE))]
+    told = boundary_probabilities(seen, LANE, 0.4, 1)
+    assert told[0] == boundary_probabilities(seen, LANE, 0.4)[0]
+    assert told[1] == pytest.approx((1.0 - LAPSE) / (1.0 + math.exp(-by_hand)))
+    own = supports(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
+    assert boundary_probabilities(seen, LANE, 9.0, 0)[0] == boundary_probabilities(seen, LANE, 2.0 * own)[0]
+
+
 def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
     assert COEFFICIENTS[1] > 0.0
     assert COEFFICIENTS[2] > 0.0

@@ -8,8 +8,22 @@ import numpy as np
 import pytest
 
 from cwcli.vision.camera import Camera, Mounting
+from cwcli.vision.lane_detect import evidence_of, judged, rows_of
+from cwcli.vision.lane_following import narrowed, opened
 from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, VANISHING, WIDTH, bend_unit, prior_of
-from cwcli.vision.lane_sides import LEFT, NO_LINE, RIGHT, Sides, _compared, as_wide, places_m, sides_of
+from cwcli.vision.lane_sides import (
+    LEFT,
+    NO_LINE,
+    RIGHT,
+    Sides,
+    _compared,
+    as_wide,
+    by_one_line,
+    kept,
+    places_m,
+    sides_of,
+)
+from tests.unit.vision import straight_road
 
 CAMERA = Camera(480, 270, 400.0, 400.0, 240.0, 135.0, mounting=Mounting(height_m=1.25, pitch_rad=0.01))
 PRIOR = prior_of(CAMERA)
@@ -90,10 +104,41 @@ def test_the_width_is_that_of_the_last_seconds_and_then_stays() -> None:
     assert as_wide(PRIOR, sides_of(LANE)) is PRIOR
 
 
-def test_a_wider_lane_takes_no_place_until_the_longest_taper_is_over() -> None:
+def test_a_wider_lane_takes_no_place_beside_a_taper() -> None:
     wider = LANE.copy()
     wider[WIDTH] += 0.3
     assert not settled().may_become(wider, PRIOR)
     assert settled().may_become(LANE, PRIOR)
     assert not replace(settled(), alone_s=5.0).may_become(LANE, PRIOR)
-    assert replace(settled(), alone_s=10.1).may_become(wider, PRIOR)
+    assert sides_of(LANE).may_become(wider, PRIOR)
+
+
+def test_a_lane_beyond_its_limits_is_kept_at_them() -> None:
+    """A straight road with one line, the left one of a lane as far aside as one is followed; its width, 0.2 m more than
+    in the frame before, puts its middle 0.1 m beyond."""
+    camera = straight_road.CAMERA
+    size, prior = (camera.width_px, camera.height_px), opened(prior_of(camera), camera, 25.0)
+    table, horizon_px = prior.table, straight_road.HORIZON_PX
+    lane = np.array([camera.cx, 0.0, straight_road.WIDTH_M * prior.per_m, 0.0, horizon_px, 0.0])
+    lane[MIDDLE] = table[MIDDLE, HIGH]
+    grey = straight_road.picture([(0.5 * lane[WIDTH] - lane[MIDDLE]) / prior.per_m], 0.0, 0)
+    evidence = evidence_of(grey, rows_of(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)
+    before = replace(sides_of(lane), seen_s=5.0, width=lane[WIDTH] + 0.2 * prior.per_m)
+    found, sides = kept(before, evidence, lane, prior, size, 0.0, 0.1, 0.8)
+    assert sides.carried == RIGHT
+    assert sides.alone_s == 0.1
+    assert found[MIDDLE] == table[MIDDLE, HIGH]
+    assert judged(evidence, found[None], table)[0] > -1.0
+
+
+def test_a_lane_predicted_far_beyond_its_limits_is_sought_within_them() -> None:
+    """In two numbers at once, so that no step of a search that moves one after the other leads back."""
+    camera = straight_road.CAMERA
+    size, prior = (camera.width_px, camera.height_px), opened(prior_of(camera), camera, 25.0)
+    table, horizon_px = prior.table, straight_road.HORIZON_PX
+    grey = straight_road.picture([0.5 * straight_road.WIDTH_M], 0.0, 0)
+    evidence = evidence_of(grey, rows_of(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)
+    lane = np.array([camera.cx, 0.0, straight_road.WIDTH_M * prior.per_m, 0.0, horizon_px, 0.0])
+    lane[[VANISHING, BEND]] = 1.5 * table[[VANISHING, BEND], HIGH]
+    made, _ = by_one_line(evidence, lane, narrowed(prior, lane, 0.1), size, LEFT, float(lane[WIDTH]))
+    assert (made[[VANISHING, BEND]] <= table[[VANISHING, BEND], HIGH]).all()
