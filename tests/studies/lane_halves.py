@@ -1,6 +1,6 @@
 """A lane method on labelled frames, each alone, by halves; with a picture of every frame that has a wrong boundary.
 
-    python -m tests.studies.lane_halves [--method cwcli] [--folder /tmp/a] [--all]
+    python -m tests.studies.lane_halves [--method cwcli] [--folder ../pictures] [--all]
 
 The log is `../shared/logs/tusimple-0313-dev.mcap` or what `--log` names: unrelated frames with TuSimple's labels. What
 is chosen with one half of the frames (even numbers, odd numbers) is told by its score on the other. With --folder: one

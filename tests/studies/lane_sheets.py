@@ -1,8 +1,8 @@
 """Contact sheets of frames with the lane boundaries that a method found drawn on them.
 
     python tests/studies/lane_sheets.py                                      # rendered frames, into docs/images
-    python tests/studies/lane_sheets.py --method zhang2011 --folder /tmp/a   # of another method, somewhere else
-    python tests/studies/lane_sheets.py --log ../shared/logs/tusimple-0313-dev.mcap --folder /tmp/a [--every 1]
+    python tests/studies/lane_sheets.py --method zhang2011 --folder ../pictures   # of another method, somewhere else
+    python tests/studies/lane_sheets.py --log ../shared/logs/tusimple-0313-dev.mcap --folder ../pictures [--every 1]
 
 Rendered: of each set twenty drives, each at its sixteenth frame, so that a method has followed the lane for 1.5 s. The
 frame's number is green where both boundaries are right (6 pixels on 85 % of the rows), else red. A last sheet shows

@@ -1,6 +1,6 @@
 """The default lane method on labelled pictures made harder in many kinds (`varied_pictures`), each searched alone.
 
-    python -m tests.studies.lane_variants [--kinds haze bridges ...] [--keep /tmp/a.npz] [--beside /tmp/a.npz]
+    python -m tests.studies.lane_variants [--kinds haze bridges ...] [--keep ../before.npz] [--beside ../before.npz]
 
 40 pictures are too few to choose by, and constants were chosen in sight of them; what a change is worth shows in how
 it does on pictures that are worse. `CHOSEN_BY` were in sight when constants were chosen, `OTHERS` were not. The log is

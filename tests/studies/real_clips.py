@@ -155,7 +155,7 @@ def _blurred(scene: Scene) -> GreyImage:
 
 
 def _erased(scene: Scene, share: float = 1.0, every: int = 75, last: int = 25) -> GreyImage:
-    """Both lines' paint gone for a second, or worn (share below 1): the road beside it is laid over it."""
+    """The dashed line's paint gone for a second, or worn (share below 1): the road beside it is laid over it."""
     if scene.number % every < every - last:
         return as_bytes(scene.grey)
     made = scene.grey.copy()

@@ -2,7 +2,7 @@
 
     python -m tests.studies.real_drives                         # all clips
     python -m tests.studies.real_drives --part in-sight         # those that were looked at while the method was changed
-    python -m tests.studies.real_drives --kinds truck --folder /tmp/a     # with a picture of every jump
+    python -m tests.studies.real_drives --kinds truck --folder ../pictures     # with a picture of every jump
 
 Needs the logs and pictures in `../shared`. In sight: the video as it is with each change, and the pictures of even
 numbers; kept aside: the video's mirror image with each change in other places and strengths, and the odd pictures.

@@ -5,7 +5,8 @@
     python -m tests.studies.rendered_motion undisturbed  # 30 minutes without a drift: is it silent?
     python -m tests.studies.rendered_motion ramps        # 20 drifts, and 20 drives without one, round ramps of 23 m
 
-`--method`, `--rate` (frames/s), `--weather`, `--look` and `--n` change what is run; `--jobs` runs in parallel.
+`--method`, `--rate` (frames/s), `--weather`, `--look` and `--n` change what is run (on the ramps `--method` and `--n`
+alone); `--jobs` runs in parallel.
 """
 
 from __future__ import annotations
@@ -341,6 +342,8 @@ def main() -> None:
     given = parser.parse_args()
     camera = wide_camera(640, 360) if given.wide else None
     look = Look(given.look, given.weather, given.rate, camera, float(np.radians(given.pitch_error)))
+    if given.study == "ramps" and look != Look():
+        parser.error("the ramps have a look of their own (`RAMP_LOOK`): only --method, --n and --jobs change them")
     STUDIES[given.study](Setting(given.method, look, given.n), given.jobs)
 
 

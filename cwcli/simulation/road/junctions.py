@@ -8,8 +8,8 @@ An exit, seen in the direction of driving (an on-ramp is the same backwards):
 - at the gore the own lane's solid line begins again, and the ramp leaves between two solid lines.
 
 Lengths: MUTCD (2009, section 3B.09) asks for tapers of width x speed, 238 m for a lane of 3.66 m at 105 km/h; AASHTO's
-Green Book gives parallel exits 55 to 90 m, RAA 2008 60 m for lanes of 250 m. Dashes: RMS 6 m and 3 m, MUTCD 0.9 m and
-2.7 m (section 3A.06), others 1 m and 1 m; all broader than lane lines.
+Green Book gives parallel exits 55 to 90 m, RAA 2008 60 m, and 250 m for the lane beside. Dashes: RMS 6 m and 3 m,
+MUTCD 0.9 m and 2.7 m (section 3A.06), others 1 m and 1 m; all broader than lane lines.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def error_of(m: Measurements, made: SimulatedDrive) -> Parameter:
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_planted_error_is_found_and_makes_the_states_better(seed: int) -> None:
+def test_planted_error_is_found(seed: int) -> None:
     found, _ = one_run("curve", seed, 0.03, "uniform", alone=True, fix_m=FIX_M)
     assert found == pytest.approx(0.03, abs=0.003)
 

@@ -88,12 +88,17 @@ def test_the_lane_is_marked_but_where_a_taper_is_bare() -> None:
 
 @pytest.mark.parametrize("kind", ["exits", "merges"])
 def test_the_lanes_truth_goes_on_beside_a_junction(kind: str) -> None:
-    drive = plan_drive(RoadDriveConfig(seed=3, duration_s=20.0, rate_hz=2.0, junctions=kind), wide_camera(320, 180))
-    near_m = np.array([8.0])
+    config = RoadDriveConfig(seed=3, duration_s=20.0, rate_hz=2.0, junctions=kind)
+    drive = plan_drive(config, wide_camera(320, 180))
+    plain = plan_drive(replace(config, junctions="none"), wide_camera(320, 180))
+    ahead_m = np.array([8.0, 20.0, 40.0])
+    assert len(drive) == len(plain)
     for index in range(len(drive)):
-        truth = drive.truth(index)
-        width_m = truth.boundary_y_m("left", near_m) - truth.boundary_y_m("right", near_m)
-        assert width_m == pytest.approx(truth.lane_width_m, abs=0.01)
+        truth, without = drive.truth(index), plain.truth(index)
+        for side in ("left", "right"):
+            np.testing.assert_array_equal(truth.boundary_y_m(side, ahead_m), without.boundary_y_m(side, ahead_m))
+            for name in (f"{side}_u_px", f"{side}_visible"):
+                np.testing.assert_array_equal(getattr(truth, name), getattr(without, name))
 
 
 def test_an_unknown_junction_is_refused() -> None:
