@@ -10,6 +10,7 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input, run_pass
 from cwcli.estimation.prepare import thinned_to
 from cwcli.estimation.stamp_noise import NoiseFit, may_err, with_stamp_errors
@@ -37,7 +38,7 @@ SETTLED = 1.05
 LEAD_IN_S = 2.5
 
 
-def noise_factor(s: Series, nis: FloatArray) -> float:
+def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> float:
     """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
 
     The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
@@ -46,11 +47,15 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
     from one innovation to the next, and are there all the same. Where they have a state of their own (`slow_state`)
     the noise is what is left of the message's, the white part, and free.
 
+    White noise that was found beside an error of the stamps is where the log is predicted best, and stays: the
+    innovations along the way, which say little of it, would outweigh those across.
+
     Args:
         s: The series with its present noise.
         nis: Shape (n, 5): see `PassResult.nis`.
+        so_far: What a message's noise was multiplied by until now; None: not known, by one call it is at most halved.
     """
-    if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact:
+    if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact or s.stamp_error.status is ParameterStatus.USED:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
     r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
@@ -59,7 +64,7 @@ def noise_factor(s: Series, nis: FloatArray) -> float:
         if s.noise_origin == "message":
             return factor if factor > 1.1 else 1.0
         if s.noise_origin == "message, scaled":
-            return max(factor, 0.5)
+            return max(factor, 0.5 if so_far is None else 1.0 / so_far)
     return max(factor, s.floor**2 / float(r.mean()))
 
 
@@ -147,7 +152,7 @@ def settle_noise(
 
 def _matched(fit: NoiseFit, result: PassResult) -> NoiseFit:
     """The fit with the noise in agreement with the innovations of a pass."""
-    change = [noise_factor(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
+    change = [noise_factor(*each) for each in zip(fit.series, result.nis, fit.factors, strict=True)]
     series = []
     for s, factor in zip(fit.series, change, strict=True):
         origin = s.noise_origin

@@ -21,7 +21,7 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.parameter import EXACT_STAMPS, Parameter, ParameterStatus
 from cwcli.estimation.passes import PassResult, Series
-from cwcli.estimation.score import GAIN, GATE_PROBABILITY, prediction_score
+from cwcli.estimation.score import CLEAR_SIGMAS, GAIN, GATE_PROBABILITY, clearly_better, prediction_score, row_scores
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
@@ -31,7 +31,8 @@ LOWEST, HIGHEST = -2 * OCTAVE, 7 * OCTAVE  # of sigma_t: 1.3 ms and 0.64 s
 STRIDES = (OCTAVE, OCTAVE // 2)
 MOST_TRIALS = 150
 TRIED = (0, 2 * OCTAVE)  # 5 and 20 ms: where neither helps nothing is looked for
-CLEAR_SIGMAS = 3.0
+WHITE_STEP = 2.0  # of the variance
+MOST_WHITE_STEPS = 16
 MIN_ROWS = 50
 WAY_S = 2.0  # between two fixes whose distance is a way and not noise
 
@@ -59,7 +60,7 @@ Run = Callable[[Sequence[Series], ModelParameters], PassResult]
 
 def may_err(s: Series, nis: FloatArray) -> bool:
     """Whether a position's innovations look as if its stamps erred: see `ekf.Pass`. An outlier counts as no more."""
-    if s.kind is not Kind.POSITION or s.is_exact or len(s) < MIN_ROWS:
+    if s.kind is not Kind.POSITION or s.is_exact or len(s) < MIN_ROWS or np.ptp(s.time_s) < 2.0 * WAY_S:
         return False
     limit = gate_nis(GATE_PROBABILITY, s.width)
     slope = nis[:, 4] * limit / np.maximum(nis[:, 0], limit)
@@ -96,8 +97,9 @@ class _Search:
         few = s.at(np.arange(len(s)) % max(1, int(WAY_S * len(s) / max(float(np.ptp(s.time_s)), WAY_S))) == 0)
         speed_mps = np.hypot(*np.diff(few.values, axis=0).T) / np.maximum(np.diff(few.time_s), 1e-3)
         self._speed2 = float(np.median(speed_mps)) ** 2
-        least = 1.0 / fit.factors[i] if s.noise_origin.startswith("message") and s.slow_state < 0 else 0.0
-        self._least = max(least, s.floor**2 / self._variance)  # what a message states is raised only
+        stated = s.noise_origin.startswith("message") and s.slow_state < 0
+        # What a message states is raised only, however little it states.
+        self._least = 1.0 / fit.factors[i] if stated else s.floor**2 / self._variance
         self._scores: dict[Point, float] = {}
 
     def found(self) -> NoiseFit:
@@ -108,7 +110,8 @@ class _Search:
         plain = self._climbed(plain, (1, 2, 3))
         best = self._climbed((0, *plain[1:]), (0, 1, 2, 3))
         plain = max(plain, self._climbed((None, *best[1:]), (1, 2, 3)), key=self._score)
-        if not self._score(best) > self._score(plain) + GAIN:
+        gains = self._score(best) > self._score(plain) + GAIN
+        if not gains or not clearly_better(self._rows(best) - self._rows(plain), GAIN):
             return self._fit
         return self._known(best)
 
@@ -121,6 +124,8 @@ class _Search:
         while True:
             assert best[0] is not None
             at: list[Point] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
+            if len(self._scores) >= MOST_TRIALS or not LOWEST <= best[0] - stride < best[0] + stride <= HIGHEST:
+                return self._fit  # the top has not been reached: nothing is known
             sides = [self._climbed(side, (1, 2, 3)) for side in at]
             better = max(sides, key=self._score)
             if not self._score(better) > self._score(best):
@@ -132,7 +137,23 @@ class _Search:
         move = 0.5 * (after - before) / bend if bend > 0.0 else 0.0
         value = FIRST_S * 2.0 ** (best[0] / OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
-        return self._at(best, Parameter(value, sigma, ParameterStatus.USED))
+        return self._with_white(best, Parameter(value, sigma, ParameterStatus.USED))
+
+    def _with_white(self, best: Point, error: Parameter) -> NoiseFit:
+        """The fit with the white noise that the log is predicted best with beside an error of the stamps.
+
+        On the grid it is a difference of the whole and what the stamps add, which is coarse where that is most of it.
+        """
+        white = self._white(best, error)
+        score = self._passed_score(best, error, white)
+        for factor in (1.0 / WHITE_STEP, WHITE_STEP):
+            for _ in range(MOST_WHITE_STEPS):
+                other = max(white * factor, self._least)
+                better = self._passed_score(best, error, other) if other != white else -math.inf
+                if not better > score:
+                    break
+                white, score = other, better
+        return self._at(best, error, white)
 
     def _climbed(self, point: Point, axes: Sequence[int], strides: Sequence[int] = STRIDES) -> Point:
         """The best point that is reached along the axes, one after the other."""
@@ -148,16 +169,32 @@ class _Search:
 
     def _score(self, point: Point) -> float:
         if point not in self._scores:
-            fit = self._at(point, EXACT_STAMPS if point[0] is None else Parameter(FIRST_S * 2.0 ** (point[0] / OCTAVE)))
-            gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in fit.series]
-            self._scores[point] = prediction_score(gated, self._run(gated, fit.parameters))
+            self._scores[point] = prediction_score(*self._passed(point))
         return self._scores[point]
 
-    def _at(self, point: Point, error: Parameter) -> NoiseFit:
-        series, factors = list(self._fit.series), list(self._fit.factors)
+    def _rows(self, point: Point) -> FloatArray:
+        series, result = self._passed(point)
+        return row_scores(series[self._i], result.nis[self._i])
+
+    def _passed_score(self, point: Point, error: Parameter, white: float) -> float:
+        return prediction_score(*self._passed_with(self._at(point, error, white)))
+
+    def _passed(self, point: Point) -> tuple[list[Series], PassResult]:
+        error = EXACT_STAMPS if point[0] is None else Parameter(FIRST_S * 2.0 ** (point[0] / OCTAVE))
+        return self._passed_with(self._at(point, error, self._white(point, error)))
+
+    def _passed_with(self, fit: NoiseFit) -> tuple[list[Series], PassResult]:
+        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in fit.series]
+        return gated, self._run(gated, fit.parameters)
+
+    def _white(self, point: Point, error: Parameter) -> float:
+        """What the noise is multiplied by at a point."""
         # What the stamps add is taken off, in the mean over the axes: a step of theirs keeps the whole.
         white = 4.0 ** (point[1] / OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
-        white = max(white, self._least)
+        return max(float(white), self._least)
+
+    def _at(self, point: Point, error: Parameter, white: float) -> NoiseFit:
+        series, factors = list(self._fit.series), list(self._fit.factors)
         series[self._i] = replace(series[self._i].scaled(white), stamp_error=error)
         factors[self._i] *= white
         motion = [2.0 ** (step / OCTAVE) for step in point[2:]]

@@ -140,3 +140,44 @@ def test_start_bears_stamps_that_err(seed: int, sigma_s: float) -> None:
 def test_start_behind_a_gap_bears_stamps_that_err(seed: int) -> None:
     """A fix errs by 1.4 m along the way, one sigma."""
     assert motorway(seed, 0.1, 14.0, 121.0, (100.0, 120.0)) < 1.0
+
+
+def sine_drive(seed: int, sigma_s: float, fix_m: float = FIX_M) -> tuple[Measurements, np.ndarray, np.ndarray]:
+    """Five minutes of fixes at 9 to 21 m/s through wide bends; the place of each and its speed are the truth."""
+    rng, grid_s = np.random.default_rng(seed), np.arange(0.0, 301.0, 0.005)
+    speed, heading = 15.0 + 6.0 * np.sin(grid_s / 5.0), 0.3 * np.sin(grid_s / 15.0)
+    way = np.cumsum(speed * np.array([np.cos(heading), np.sin(heading)]), axis=1) * 0.005
+    time_s = np.arange(0.0, 300.0, 0.1)
+    truth = np.array([np.interp(time_s, grid_s, axis) for axis in (*way, speed)]).T
+    fix = truth[:, :2] + rng.normal(0.0, fix_m, (len(time_s), 2))
+    stamp_ns = np.rint((1.0 + time_s + rng.normal(0.0, sigma_s, len(time_s))) * 1e9).astype(np.int64)
+    return Measurements("/gps", Kind.POSITION, stamp_ns, fix), truth, np.rint((1.0 + time_s) * 1e9).astype(np.int64)
+
+
+@pytest.mark.parametrize(("stated_m", "white_m"), [(0.05, 0.05), (0.3, 0.3), (0.005, 0.005), (0.5, 0.05)])
+def test_what_a_message_states_is_never_lowered(stated_m: float, white_m: float) -> None:
+    fixes, _, output_ns = sine_drive(0, 0.06, white_m)
+    stated = replace(fixes, covariance=np.tile(np.eye(2) * stated_m**2, (len(fixes), 1, 1)))
+    (report,) = estimate_track([stated], EstimatorConfig(), output_ns).sources
+    assert report.stamp_error.value == pytest.approx(0.06, rel=0.2)
+    assert report.noise_scale >= 1.0 - 1e-9
+    assert report.sigma < max(1.3 * stated_m, 2.0 * FIX_M)
+
+
+@pytest.mark.parametrize(("seed", "sigma_s"), [(0, 0.03), (0, 0.1), (1, 0.06)])
+def test_white_noise_stays_beside_an_error_of_the_stamps(seed: int, sigma_s: float) -> None:
+    fixes, _, output_ns = sine_drive(seed, sigma_s)
+    (report,) = estimate_track([fixes], EstimatorConfig(), output_ns).sources
+    assert report.stamp_error.value == pytest.approx(sigma_s, rel=0.1)
+    assert report.sigma == pytest.approx(FIX_M, rel=0.5)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_errors_that_last_are_none_of_the_stamps(seed: int) -> None:
+    fixes, _, output_ns = sine_drive(seed, 0.0)
+    rng, kept = np.random.default_rng((seed, 1)), np.exp(-0.1 / 1.0)
+    slow = 0.5 * rng.normal(size=fixes.values.shape)
+    for i in range(1, len(slow)):
+        slow[i] = kept * slow[i - 1] + (1.0 - kept**2) ** 0.5 * slow[i]
+    track = estimate_track([replace(fixes, values=fixes.values + slow)], EstimatorConfig(), output_ns[::100])
+    assert track.sources[0].stamp_error.value == 0.0
