@@ -79,7 +79,8 @@ def improved(
     """
     table = narrowed(prior, lane, dt_s, sideways_mps)
     lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-    lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
+    if not prior.is_mounted:  # else the mounting tells the horizon, and the search's own steps reach what bumps do
+        lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
     starts = lane[None]
     if is_slow:
         best = widely_best(evidence, turned(lane, prior, table, size[1]), table)
