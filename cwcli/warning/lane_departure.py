@@ -1,8 +1,9 @@
 """Lane departure: warn when the predicted path takes a front tyre over a boundary.
 
 What it does: the outside of each front tyre is carried along the predicted path and compared with the fitted
-boundaries; the time to line crossing is when the first of them meets its boundary. It warns below `warn_s`, and once
-a tyre is on the line, but never before ISO's earliest warning line.
+boundaries; the time to line crossing is when the first of them meets its boundary. It warns below `warn_s`, if the
+boundary has come nearer so fast that it would be crossed within `release_s`, and once a tyre is on the line, but never
+before ISO's earliest warning line.
 
 Why: a constant lateral speed or a constant turning radius misjudges bends and the driver's steering (zhang2011,
 section 0).
@@ -33,7 +34,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.normal import normal_cdf
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.events import Span, find_events
-from cwcli.warning.lane_agreement import BoolArray, firm_sides
+from cwcli.warning.lane_agreement import BoolArray, approach_mps, firm_sides
 from cwcli.warning.lane_gap import first_crossing, last_told, line_at
 from cwcli.warning.output import UNKNOWN_NS
 from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
@@ -197,12 +198,12 @@ def evaluate_lane_departure(
         )
     lines = _plausible(boundaries, config)
     told = (boundaries.is_seen, boundaries.steady_s)
-    firm = firm_sides(stamp_ns, (boundaries.left, boundaries.right), *told, config.agree_s)
+    agreed = firm_sides(stamp_ns, (boundaries.left, boundaries.right), *told, config.agree_s)
     forward_m, told_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
     change_1pm2 = np.zeros(len(stamp_ns)) if told_1pm2 is None else told_1pm2
     sides = [
-        _side(stamp_ns, paths, line, change_1pm2, sign, is_firm, forward_m, speed_mps, config, width_m, front_axle_m)
-        for line, sign, is_firm in zip(lines, (1.0, -1.0), firm, strict=True)
+        _side(stamp_ns, paths, line, change_1pm2, sign, agreed_s, forward_m, speed_mps, config, width_m, front_axle_m)
+        for line, sign, agreed_s in zip(lines, (1.0, -1.0), agreed, strict=True)
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
@@ -211,7 +212,7 @@ def evaluate_lane_departure(
         rows=_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
         events=_events(sides, events, stamp_ns, known_ns, host_id),
         series=_series(sides, stamp_ns),
-        counts=_counts(boundaries, lines, firm, speed_mps, config),
+        counts=_counts(boundaries, lines, agreed, speed_mps, config),
     )
 
 
@@ -230,7 +231,7 @@ def _side(
     line: FloatArray,
     change_1pm2: FloatArray,
     sign: float,
-    is_firm: BoolArray,
+    agreed_s: FloatArray,
     camera_forward_m: float,
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
@@ -253,9 +254,10 @@ def _side(
         chance = np.fmax.reduce(normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
         near = gap[:, 0] <= earliest_line_m(rate)
         over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
-        leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps)
+        comes = gap[:, 0] <= config.released_s * approach_mps(stamp_ns, gap[:, 0], agreed_s)
+        leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps) & comes
         fast = speed_mps >= config.min_speed_mps
-        raised = near & (over | leaving) & fast & is_firm
+        raised = near & (over | leaving) & fast & (agreed_s >= 0.0)
         held = (gap[:, 0] < config.release_m) | ((crossing <= config.released_s) & (rate > 0.0))
         held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
     spans = find_events(
@@ -367,7 +369,7 @@ def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
 def _counts(
     boundaries: Boundaries,
     lines: tuple[FloatArray, FloatArray],
-    firm: tuple[BoolArray, BoolArray],
+    agreed_s: tuple[FloatArray, FloatArray],
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
 ) -> dict[str, int]:
@@ -382,8 +384,8 @@ def _counts(
         "right_evaluated": int(np.count_nonzero(fast & ~missing(lines[1]))),
         "left_not_found": int(np.count_nonzero(missing(boundaries.left))),
         "right_not_found": int(np.count_nonzero(missing(boundaries.right))),
-        "left_not_agreed": int(np.count_nonzero(fast & ~missing(lines[0]) & ~firm[0])),
-        "right_not_agreed": int(np.count_nonzero(fast & ~missing(lines[1]) & ~firm[1])),
+        "left_not_agreed": int(np.count_nonzero(fast & ~missing(lines[0]) & (agreed_s[0] < 0.0))),
+        "right_not_agreed": int(np.count_nonzero(fast & ~missing(lines[1]) & (agreed_s[1] < 0.0))),
         "width_not_believed": int(np.count_nonzero(wrong)),
         "too_slow": int(np.count_nonzero(speed_mps < config.min_speed_mps)),
         "speed_not_known": int(np.count_nonzero(~np.isfinite(speed_mps))),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.prediction.paths import Paths
-from cwcli.warning.lane_agreement import agreed_s
+from cwcli.warning.lane_agreement import agreed_s, approach_mps
 from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, evaluate_lane_departure
 
 STEP_NS = 100_000_000
@@ -19,14 +19,18 @@ def stamps(n: int) -> np.ndarray:
 
 
 def judged(
-    left_m: np.ndarray, *, seen: np.ndarray | None = None, steady_s: np.ndarray | None = None
+    left_m: np.ndarray,
+    *,
+    seen: np.ndarray | None = None,
+    steady_s: np.ndarray | None = None,
+    rate_mps: float = 0.0,
 ) -> LaneDepartureResult:
-    """Frames at 10 Hz of a car that goes straight on in the middle of its lane; the left boundary as it is found."""
+    """Frames at 10 Hz of a car that goes straight on, or to the left as its path says; the left boundary as found."""
     n = len(left_m)
     zero = np.zeros((n, len(T)))
     covariance = np.zeros((n, len(T), 3))
     covariance[..., 2] = 0.01
-    paths = Paths(T, np.tile(25.0 * T, (n, 1)), zero, zero, zero + 25.0, covariance)
+    paths = Paths(T, np.tile(25.0 * T, (n, 1)), zero + rate_mps * T, zero, zero + 25.0, covariance)
     left, right = (np.column_stack([side, np.zeros(n), np.zeros(n)]) for side in (left_m, np.full(n, -1.8)))
     boundaries = Boundaries(left, right, 0.0, seen, steady_s)
     return evaluate_lane_departure(stamps(n), stamps(n), paths, boundaries, np.full(n, 25.0), width_m=1.8)
@@ -72,3 +76,43 @@ def test_a_lane_whose_method_tells_of_a_jump_is_silent_for_as_long() -> None:
     assert len(judged(left).events) == 1
     assert len(judged(left, steady_s=np.full(N, 0.2)).events) == 0
     assert len(judged(left, steady_s=np.full(N, np.nan)).events) == 1
+
+
+def test_a_path_across_a_boundary_that_does_not_come_nearer_is_no_departure() -> None:
+    """The tyre is 0.3 m beside the boundary, 0.3 s at the path's 1 m/s: a fact once the boundary does come nearer."""
+    there = np.full(N, 1.2)
+    assert len(judged(there, rate_mps=1.0).events) == 0
+    assert len(judged(there + 0.02 * np.arange(N), rate_mps=1.0).events) == 0
+    result = judged(np.maximum(1.8 - 0.1 * np.arange(N), 0.9), rate_mps=1.0)
+    # Within 0.7 s from 0.2 s on, agreed with from 0.3 s on, for 0.1 s.
+    assert [event["raised_stamp_ns"] for event in result.events.records()] == [400_000_000]
+
+
+def test_a_boundary_that_comes_too_slowly_to_be_crossed_soon_is_no_departure() -> None:
+    """0.3 m at 0.1 m/s is 3 s, at 0.3 m/s 1 s; a warning is held up to 1.5 s."""
+    slowly, faster = (1.2 + rate * 0.1 * (20.0 - np.arange(21)) for rate in (0.1, 0.3))
+    assert len(judged(slowly, rate_mps=1.0).events) == 0
+    assert len(judged(faster, rate_mps=1.0).events) == 1
+
+
+def test_approach_by_hand() -> None:
+    """0.3 s of 10 Hz are four frames: times -1.5, -0.5, 0.5, 1.5 tenths, so 0.05 s^2 in sum."""
+    gap = np.array([1.1, 1.0, 0.9, 0.9, 0.8, np.nan, 0.8])
+    found = approach_mps(stamps(7), gap, np.array([0.0, 0.1, 0.2, 0.3, 0.3, -1.0, 0.3]))
+    # Of 1.0, 0.9, 0.9, 0.8: (1.5 x 0.2 + 0.5 x 0) x 0.1 / 0.05 = 0.6 m/s; residuals 0.01, -0.03, 0.03, -0.01 m,
+    # of two degrees of freedom, so the slope's sigma is sqrt(0.002 / 2 / 0.05) = 0.141 m/s.
+    np.testing.assert_allclose(found[:2], np.inf)
+    assert found[4] == pytest.approx(0.6 + 2.0 * 0.1414, abs=1e-3)
+    # Of 1.1, 1.0, 0.9 the slope is 1 m/s without a residual.
+    assert found[2] == pytest.approx(1.0, abs=1e-6)
+    assert found[5] == np.inf
+    # Of 0.9, 0.8, 0.8 at 0, 0.1 and 0.3 s: mean 0.1333 s, sum 0.04667 s^2, 0.01333 m s, so 0.2857 m/s; the gap's own
+    # sum of squares is 0.006667 m^2, so 0.002857 m^2 are left, of one degree of freedom: 0.2474 m/s.
+    assert found[6] == pytest.approx(0.2857 + 2.0 * 0.2474, abs=1e-3)
+    assert len(approach_mps(stamps(0), np.zeros(0), np.zeros(0))) == 0
+
+
+def test_an_approach_is_that_of_the_last_half_second() -> None:
+    gap = np.concatenate([np.full(10, 1.0), 1.0 - 0.05 * np.arange(1, 7)])
+    found = approach_mps(stamps(16), gap, 0.1 * np.arange(16))
+    np.testing.assert_allclose(found[[9, 15]], [0.0, 0.5], atol=1e-6)
