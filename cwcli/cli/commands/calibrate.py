@@ -26,10 +26,11 @@ EXAMPLES = (
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
-TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "slow_sigma",
-        "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
+TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "stamp_sigma_s",
+        "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """What the table shows; the file has some more."""
-NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "nose_up_rad", "left_up_rad", "pitch_rad")
+NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad", "left_up_rad",
+         "pitch_rad")  # fmt: skip
 
 
 def command(
