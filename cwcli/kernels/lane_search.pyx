@@ -193,6 +193,8 @@ def block_responses(const unsigned char[:, ::1] grey, int nine_road, int n_block
 
 
 def objective(const short[:, :, ::1] response, const double[:, ::1] parabolas, *, bint is_left):
+    if response.shape[1] > MAX_BLOCKS:
+        raise ValueError(f"{response.shape[1]} blocks")
     value_array = np.empty(parabolas.shape[0])
     cdef double[::1] value = value_array
     n_blocks_array = np.empty(parabolas.shape[0], np.int32)
@@ -286,6 +288,8 @@ def search(
     cdef uint32 mutation_below = <uint32>(genetic.mutation_rate * TWO_32)
     cdef int i, after, low_i, middle, worst, generation
     set_region(&region, low, high, &genetic)
+    if response.shape[1] > MAX_BLOCKS:
+        raise ValueError(f"{response.shape[1]} blocks")
     if min_blocks < 1:
         raise ValueError(f"at least {min_blocks} blocks")
     if region.bits > MAX_BITS or region.bits < 4:

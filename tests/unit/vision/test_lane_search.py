@@ -73,6 +73,16 @@ def test_search_refuses_a_chromosome_that_does_not_fit() -> None:
         lane_search.search(response, np.zeros(3), np.ones(3), genetic, is_left=True, seed_state=0, seed_stream=0)
 
 
+def test_more_blocks_than_the_kernel_has_room_for_are_refused() -> None:
+    response = np.zeros((3, 65, 320), np.int16)
+    low, high = np.array([-0.005, 0.3, -100.0]), np.array([0.005, 2.3, 150.0])
+    with pytest.raises(ValueError, match="65 blocks"):
+        lane_search.search(response, low, high, GENETIC, is_left=True, seed_state=0, seed_stream=0)
+    with pytest.raises(ValueError, match="65 blocks"):
+        lane_search.objective(response, np.array([low]), is_left=True)
+    assert lane_search.objective(response[:, :64].copy(), np.array([[0.0, 0.5, 100.0]]), is_left=True)[1][0] == 64
+
+
 @pytest.mark.parametrize("is_left", [True, False])
 def test_objective_equals_its_twin(is_left: bool) -> None:
     rng = np.random.default_rng(4)
