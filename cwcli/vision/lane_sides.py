@@ -41,6 +41,9 @@ AWAY_M = 0.5
 """A line that has left is looked for again in its place when it is so far away."""
 LEAST_SUPPORT = 0.05
 """A line with less paint gives no lane."""
+SHAPE_SUPPORT = 0.1
+"""With less it gives a lane, but does not tell that the other line's shape is another one: two or three dots bend at
+will."""
 MEMORY_S = 0.3
 BEND_S = 1.0
 """In that time a road's bend changes by 0.0003 1/m (a clothoid of A = 300 m at 25 m/s), that of a line with a kink by
@@ -184,7 +187,7 @@ def kept(
         before = sides.lanes[side]
         table = narrowed(prior, before, dt_s, sideways_mps)
         lanes[side], shares[side] = by_one_line(evidence, before, table, size, side, sides.width)
-    if min(shares) >= LEAST_SUPPORT:
+    if min(shares) >= SHAPE_SUPPORT:
         sides = _compared(sides, lanes, places_m(lanes[LEFT], prior) - places_m(lanes[RIGHT], prior), driven, dt_s)
         if sides.leaving == NO_LINE:
             sides = sides.learned(float(found[WIDTH]), dt_s)
