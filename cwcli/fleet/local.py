@@ -65,6 +65,7 @@ def run_local(
     finally:
         workers.stop()
         threads.shutdown(cancel_futures=True)
+        workers.join()
 
 
 class _Workers:
@@ -79,6 +80,7 @@ class _Workers:
             _start_server()
         self._plan = plan
         self._mine = threading.local()
+        self._pools: set[ProcessPoolExecutor] = set()
         self._is_stopping = False
         self._read_stop, self._write_stop = self._context.Pipe(duplex=False)
 
@@ -103,6 +105,7 @@ class _Workers:
         raise WorkerDied
 
     def _dismiss(self) -> None:
+        self._pools.discard(self._mine.pool)
         self._mine.pool.shutdown()
         self._mine.pool = None
 
@@ -111,12 +114,22 @@ class _Workers:
         self._is_stopping = True
         self._write_stop.close()
 
+    def join(self) -> None:
+        """Wait until nothing of them is left, the threads that manage them included.
+
+        One that was still at work when the interpreter ended made it print an `OSError` (Bad file descriptor).
+        """
+        for pool in self._pools:
+            pool.shutdown()
+        self._pools.clear()
+
     def _pool(self) -> ProcessPoolExecutor:
         if getattr(self._mine, "pool", None) is None:
             self._mine.pool = ProcessPoolExecutor(
                 1, mp_context=self._context, initializer=_begin, initargs=(self._read_stop,)
             )
             self._mine.n_done = 0
+            self._pools.add(self._mine.pool)
         pool: ProcessPoolExecutor = self._mine.pool
         return pool
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from collections.abc import Callable
 
@@ -61,6 +62,14 @@ def test_workers_are_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     ended = [done for _, done in run_local([task(f"a{k}") for k in range(7)], PLAN, 1, die_on_b)]
     assert len(ended) == 7
     assert len({done.wall_s for done in ended if isinstance(done, Done)}) == 3
+
+
+def test_no_thread_outlives_the_run() -> None:
+    """One that still manages workers when the interpreter ends may print an error then."""
+    before = set(threading.enumerate())
+    for _ in range(5):
+        list(run_local([task("a"), task("c"), task("d")], PLAN, 2, die_on_b))
+        assert set(threading.enumerate()) <= before
 
 
 def test_an_error_of_the_folder_ends_the_run() -> None:
