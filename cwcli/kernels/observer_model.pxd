@@ -1,10 +1,11 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the observer's Kalman filter: the car and the road over a step, one measurement, the start."""
 
-from libc.math cimport ceil, fabs, fmax, isnan, log2
+from libc.math cimport ceil, fabs, fmax, isnan, log2, sqrt
 from libc.string cimport memcpy, memset
 
 from cwcli.kernels.observer cimport CAM, EL, ETA, G, GYRO, KL, N, STEER, VY, YL
+from cwcli.kernels.positive cimport add_square, factor, times_lower
 
 cdef struct Model:
     double side_force       # (k_f + k_r) / m
@@ -76,6 +77,16 @@ cdef inline void exponential(const double* a, double* out) noexcept nogil:
         memcpy(out, work, N * N * sizeof(double))
 
 
+cdef inline void carry(double* p, const double* f) noexcept nogil:
+    """P <- F P F', put together from the factor of P, so that it stays positive."""
+    cdef double low[N * N]
+    cdef double moved[N * N]
+    factor(p, N, N, low)
+    times_lower(f, low, N, N, moved)
+    memset(p, 0, N * N * sizeof(double))
+    add_square(moved, N, N, N, p)
+
+
 cdef inline double quickness(double v, const Model* m) noexcept nogil:
     """How many times as slow as `chosen_mps` the car is: at the same lateral jerk a road's curvature changes in a metre
     by its cube, and a steering angle in a second by its square."""
@@ -88,9 +99,9 @@ cdef inline void predict(double* x, double* p, double dt, double v, double previ
     cdef double ve = fmax(v, m.min_speed)
     cdef double share = fmax(-1.0, v / ve)
     cdef double eta = x[ETA]
-    cdef double a[N * N], f[N * N], work[N * N], moved[N], q[N]
+    cdef double a[N * N], f[N * N], moved[N], q[N]
     cdef double force
-    cdef int i, j, k
+    cdef int i, j
     memset(a, 0, N * N * sizeof(double))
     a[VY * N + VY] = -eta * m.side_force / ve
     a[VY * N + G] = eta * m.moment_force / ve - ve
@@ -125,26 +136,16 @@ cdef inline void predict(double* x, double* p, double dt, double v, double previ
     # P = F (P + Q dt/2) F' + Q dt/2
     for i in range(N):
         p[i * N + i] += q[i]
-    multiply(f, p, work)
-    for i in range(N):
-        for j in range(STEER):
-            p[i * N + j] = 0.0
-            for k in range(N):
-                p[i * N + j] += work[i * N + k] * f[j * N + k]
-        for j in range(STEER, N):  # these states walk: their rows of F are those of the identity
-            p[i * N + j] = work[i * N + j]
+    carry(p, f)
     for i in range(N):
         p[i * N + i] += q[i]
-        for j in range(i):
-            p[i * N + j] = 0.5 * (p[i * N + j] + p[j * N + i])
-            p[j * N + i] = p[i * N + j]
 
 
 cdef inline void move_along(double* x, double* p, double by_m, double v, double change, const Model* m) noexcept nogil:
     """Move the preview point along the lane; the curvature of the metres between walks, as in driving along them."""
-    cdef double f[N * N], work[N * N]
+    cdef double f[N * N]
     cdef double noise = 0.5 * fabs(by_m) * m.walk_noise[KL] * quickness(v, m) ** 6
-    cdef int i, j, k
+    cdef int i
     memset(f, 0, N * N * sizeof(double))
     for i in range(N):
         f[i * N + i] = 1.0
@@ -155,19 +156,13 @@ cdef inline void move_along(double* x, double* p, double by_m, double v, double 
     x[EL] += by_m * (x[KL] + 0.5 * by_m * change)
     x[KL] += by_m * change
     p[KL * N + KL] += noise
-    multiply(f, p, work)
-    for i in range(N):
-        for j in range(i + 1):
-            p[i * N + j] = 0.0
-            for k in range(N):
-                p[i * N + j] += work[i * N + k] * f[j * N + k]
-            p[j * N + i] = p[i * N + j]
+    carry(p, f)
     p[KL * N + KL] += noise
 
 
 cdef inline int update(double* x, double* p, const double* h, double z, double r, double gate) noexcept nogil:
-    """One scalar measurement; 0 if it is gated (gate > 0)."""
-    cdef double ph[N]
+    """One scalar measurement, in Joseph form of the factors; 0 if it is gated (gate > 0)."""
+    cdef double ph[N], hl[N], low[N * N], parts[N * (N + 1)]
     cdef double s = r, innovation = z, gain
     cdef int i, j
     for i in range(N):
@@ -179,12 +174,19 @@ cdef inline int update(double* x, double* p, const double* h, double z, double r
         innovation -= h[i] * x[i]
     if gate > 0.0 and innovation * innovation > gate * gate * s:
         return 0
-    for i in range(N):
+    factor(p, N, N, low)
+    for j in range(N):
+        hl[j] = 0.0
+        for i in range(j, N):
+            hl[j] += h[i] * low[i * N + j]
+    for i in range(N):                          # [(I - k h') L, k sqrt(r)], L L' = P
         gain = ph[i] / s
         x[i] += gain * innovation
-        for j in range(i + 1):
-            p[i * N + j] -= gain * ph[j]
-            p[j * N + i] = p[i * N + j]
+        for j in range(N):
+            parts[i * (N + 1) + j] = low[i * N + j] - gain * hl[j]
+        parts[i * (N + 1) + N] = gain * sqrt(r)
+    memset(p, 0, N * N * sizeof(double))
+    add_square(parts, N, N + 1, N, p)
     return 1
 
 

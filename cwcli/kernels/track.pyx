@@ -8,7 +8,8 @@ from libc.math cimport INFINITY, NAN
 
 import numpy as np
 
-from cwcli.kernels.track_motion cimport Tuning, cholesky, congruence, predict
+from cwcli.kernels.positive cimport add_square, factor, times_lower
+from cwcli.kernels.track_motion cimport Tuning, predict
 from cwcli.kernels.track_sensors cimport Innovation, Row, is_gated, measure, start
 
 
@@ -39,11 +40,11 @@ cdef class Filtered:
     cdef readonly double log_likelihood
     # What the smoother needs: of each row, or of the last one alone.
     cdef double[:, ::1] predicted_state
-    cdef double[:, :, ::1] predicted_covariance, jacobian
+    cdef double[:, :, ::1] step_noise, jacobian
 
     def __init__(self, Py_ssize_t n, Py_ssize_t n_kept, int d):
         self.state, self.predicted_state = np.empty((n_kept, d)), np.empty((n_kept, d))
-        self.covariance, self.predicted_covariance = np.empty((n_kept, d, d)), np.empty((n_kept, d, d))
+        self.covariance, self.step_noise = np.empty((n_kept, d, d)), np.empty((n_kept, d, d))
         self.jacobian = np.empty((n_kept, d, d))
         self.innovation, self.nis = np.empty((n, 3)), np.empty(n)
         self.n_values, self.status = np.empty(n, np.int8), np.empty(n, np.int8)
@@ -66,12 +67,12 @@ def log_likelihood(Filter filter, const double[::1] dt_s, Rows rows):
 cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Filtered out, bint keep) except -1:
     """Filter one target's detections in time order; without `keep` only the last state stays."""
     cdef double[:, ::1] x = out.state, xp = out.predicted_state, innovation = out.innovation
-    cdef double[:, :, ::1] p = out.covariance, pp = out.predicted_covariance, f = out.jacobian
+    cdef double[:, :, ::1] p = out.covariance, q = out.step_noise, f = out.jacobian
     cdef double[::1] nis = out.nis
     cdef signed char[::1] n_values = out.n_values, status = out.status
     cdef int n = <int>dt.shape[0], d = t.d, i, j, k, m, n_rejected = 0
     cdef bint started = False
-    cdef double xs[6], ps[36], xn[6], pn[36], fn[36]
+    cdef double xs[6], ps[36], xn[6], pn[36], fn[36], qn[36]
     cdef double total = 0.0
     cdef Row row
     cdef Innovation found
@@ -92,10 +93,10 @@ cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Filtered 
                 for j in range(d):
                     xn[j] = xs[j] if started else NAN
                     for k in range(d):
-                        pn[j * d + k] = ps[j * d + k] if started else NAN
+                        qn[j * d + k] = 0.0
                         fn[j * d + k] = 0.0
             else:
-                predict(t, xs, ps, dt[i], xn, pn, fn)
+                predict(t, xs, ps, dt[i], xn, pn, fn, qn)
                 for j in range(d):
                     xs[j] = xn[j]
                 for j in range(d * d):
@@ -115,7 +116,6 @@ cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Filtered 
                                 start(t, &row, xs, ps)
                                 for j in range(d * d):
                                     fn[j] = 0.0
-                                    pn[j] = ps[j]
                                 for j in range(d):
                                     xn[j] = xs[j]
                                 n_rejected = 0
@@ -133,7 +133,7 @@ cdef int filter_rows(const Tuning* t, const double[::1] dt, Rows rows, Filtered 
                     xp[m, j] = xn[j]
                     for k in range(d):
                         p[m, j, k] = ps[j * d + k] if started else NAN
-                        pp[m, j, k] = pn[j * d + k]
+                        q[m, j, k] = qn[j * d + k]
                         f[m, j, k] = fn[j * d + k]
     out.log_likelihood = total
     return 0
@@ -143,17 +143,19 @@ cdef int smooth_rows(Filtered out) except -1:
     """Rauch-Tung-Striebel smoother, in place on state and covariance.
 
     With the statistical Jacobians of the unscented filter it is the unscented smoother. Rows with f = 0 are starts,
-    over which nothing flows back. The covariance is summed in Joseph form, so it stays positive.
+    over which nothing flows back. With the gain G and A = I - G F the covariance is A P A' + G (Q + P_next) G', put
+    together from factors, so it stays positive.
     """
     cdef double[:, ::1] x = out.state
     cdef double[:, :, ::1] p = out.covariance
     cdef const double[:, ::1] xp = out.predicted_state
-    cdef const double[:, :, ::1] pp = out.predicted_covariance, f = out.jacobian
+    cdef const double[:, :, ::1] q = out.step_noise, f = out.jacobian
     cdef int n = <int>x.shape[0], d = <int>x.shape[1], i, j, k, b
+    cdef double[36] low
     cdef double[36] l
     cdef double[36] g
     cdef double[36] a
-    cdef double[36] q
+    cdef double[36] part
     cdef double[36] s
     cdef double[6] y
     cdef double v
@@ -161,7 +163,13 @@ cdef int smooth_rows(Filtered out) except -1:
         for i in range(n - 2, -1, -1):
             if x[i, 0] != x[i, 0] or f[i + 1, 0, 0] == 0.0:
                 continue
-            if cholesky(&pp[i + 1, 0, 0], d, d, l) != 0:
+            factor(&p[i, 0, 0], d, d, low)
+            times_lower(&f[i + 1, 0, 0], low, d, d, part)
+            for j in range(d):                       # the predicted covariance
+                for k in range(d):
+                    s[j * d + k] = q[i + 1, j, k]
+            add_square(part, d, d, d, s)
+            if factor(s, d, d, l) != 0:
                 continue
             for j in range(d):                       # row j of P F^T, times the inverse of the predicted covariance
                 for k in range(d):
@@ -189,25 +197,29 @@ cdef int smooth_rows(Filtered out) except -1:
                     for b in range(d):
                         v -= g[j * d + b] * f[i + 1, b, k]
                     a[j * d + k] = v
-            congruence(&f[i + 1, 0, 0], &p[i, 0, 0], d, q)
+            times_lower(a, low, d, d, part)
+            for j in range(d * d):
+                s[j] = 0.0
+            add_square(part, d, d, d, s)
+            factor(&q[i + 1, 0, 0], d, d, low)
+            times_lower(g, low, d, d, part)
+            add_square(part, d, d, d, s)
+            factor(&p[i + 1, 0, 0], d, d, low)
+            times_lower(g, low, d, d, part)
+            add_square(part, d, d, d, s)
             for j in range(d):
                 for k in range(d):
-                    q[j * d + k] = pp[i + 1, j, k] - q[j * d + k] + p[i + 1, j, k]
-            congruence(g, q, d, s)
-            congruence(a, &p[i, 0, 0], d, q)
-            for j in range(d):
-                for k in range(d):
-                    p[i, j, k] = q[j * d + k] + s[j * d + k]
+                    p[i, j, k] = s[j * d + k]
     return 0
 
 
 def predict_many(Filter filter, double[:, ::1] x, double[:, :, ::1] p, double dt_s):
     cdef const Tuning* t = &filter.tuning
     cdef int i, j, k, d = t.d
-    cdef double xn[6], pn[36], fn[36]
+    cdef double xn[6], pn[36], fn[36], qn[36]
     with nogil:
         for i in range(x.shape[0]):
-            predict(t, &x[i, 0], &p[i, 0, 0], dt_s, xn, pn, fn)
+            predict(t, &x[i, 0], &p[i, 0, 0], dt_s, xn, pn, fn, qn)
             for j in range(d):
                 x[i, j] = xn[j]
                 for k in range(d):

@@ -5,11 +5,12 @@ State (xiang2019 eq. 15, extended): x, y, vx, vy in the tracking frame, then the
 ax, ay (CA). Matrices are row-major, packed by their own size.
 Both filters go through the same code: a filter is a way to linearise. The extended filter takes Jacobians; the
 unscented one takes the statistical linearisation by the sigma points, z = H (x - mean) + z_mean + e with the
-covariance of e, which is algebraically the unscented transform (xiang2019 eq. 7-13) and lets the Joseph form keep
-the covariance symmetric and positive (eq. 14 corrected).
+covariance of e, which is algebraically the unscented transform (xiang2019 eq. 7-13). Covariances are put together from
+their factors, so that they stay symmetric and positive (positive.pxd).
 """
 from libc.math cimport cos, fabs, sin, sqrt
 
+from cwcli.kernels.positive cimport add_square, factor, times_lower
 from cwcli.kernels.track cimport Model
 
 cdef struct Tuning:
@@ -31,24 +32,6 @@ cdef inline void zero(double* a, int n) noexcept nogil:
     cdef int i
     for i in range(n):
         a[i] = 0.0
-
-
-cdef inline int cholesky(const double* a, int n, int stride, double* l) noexcept nogil:
-    """Lower factor of the leading n x n block of `a` into `l` (packed n x n). 0 = done, -1 = not positive."""
-    cdef int i, j, k
-    cdef double s
-    for i in range(n):
-        for j in range(i + 1):
-            s = a[i * stride + j]
-            for k in range(j):
-                s -= l[i * n + k] * l[j * n + k]
-            if i == j:
-                if not (s > 0.0):
-                    return -1
-                l[i * n + i] = sqrt(s)
-            else:
-                l[i * n + j] = s / l[j * n + j]
-    return 0
 
 
 cdef inline void turn_terms(double w, double dt, double* s, double* c, double* ds, double* dc) noexcept nogil:
@@ -150,41 +133,31 @@ cdef inline void add_process_noise(const Tuning* t, double dt, double* p) noexce
         p[4 * d + 4] += t.turn_noise * dt
 
 
-cdef inline void congruence(const double* f, const double* p, int d, double* out) noexcept nogil:
-    """out = f p f^T, exactly symmetric."""
-    cdef double[36] fp
-    cdef int i, j, k
-    cdef double s
-    for i in range(d):
-        for j in range(d):
-            s = 0.0
-            for k in range(d):
-                s += f[i * d + k] * p[k * d + j]
-            fp[i * d + j] = s
-    for i in range(d):
-        for j in range(i + 1):
-            s = 0.0
-            for k in range(d):
-                s += fp[i * d + k] * f[j * d + k]
-            out[i * d + j] = s
-            out[j * d + i] = s
-
-
 cdef inline void predict(const Tuning* t, const double* x, const double* p, double dt,
-                         double* xp, double* pp, double* f) noexcept nogil:
-    """State and covariance after `dt`, and the (statistical) Jacobian `f` that the smoother needs.
+                         double* xp, double* pp, double* f, double* q) noexcept nogil:
+    """State and covariance after `dt`; and what the smoother needs: the (statistical) Jacobian `f`, and the covariance `q`
+    of what comes in beside it, the motion's noise and the spread that the line leaves out.
 
     CV and CA are linear, so both filters take the closed form; the sigma points are for CTRV.
     """
     cdef int i, j, k, d = t.d
     cdef double[36] l
+    cdef double[36] fl
     cdef double[36] e
     cdef double[6] at
     cdef double[6] up
     cdef double[6] down
     cdef double[6] centre
     cdef double spread, w, w0, s
-    if t.model == Model.CTRV and t.unscented and dt != 0.0 and cholesky(p, d, d, l) == 0:
+    zero(q, d * d)
+    if dt == 0.0:
+        motion_jacobian(t, x, dt, f)
+        for i in range(d):
+            xp[i] = x[i]
+        for i in range(d * d):
+            pp[i] = p[i]
+        return
+    if factor(p, d, d, l) == 0 and t.model == Model.CTRV and t.unscented:
         spread = sqrt(d + t.kappa)
         w = 0.5 / (d + t.kappa)
         w0 = t.kappa / (d + t.kappa)
@@ -193,32 +166,33 @@ cdef inline void predict(const Tuning* t, const double* x, const double* p, doub
             xp[i] = w0 * centre[i]
         for j in range(d):
             for i in range(d):
-                at[i] = x[i] + spread * (l[i * d + j] if i >= j else 0.0)
+                at[i] = x[i] + spread * l[i * d + j]
             motion(t, at, dt, up)
             for i in range(d):
-                at[i] = x[i] - spread * (l[i * d + j] if i >= j else 0.0)
+                at[i] = x[i] - spread * l[i * d + j]
             motion(t, at, dt, down)
             for i in range(d):
                 xp[i] += w * (up[i] + down[i])
-                f[i * d + j] = (up[i] - down[i]) / (2.0 * spread)     # f L for now
+                fl[i * d + j] = (up[i] - down[i]) / (2.0 * spread)
                 e[i * d + j] = 0.5 * (up[i] + down[i])
         for i in range(d):                                            # f = (f L) L^-1, row by row from the right
             for j in range(d - 1, -1, -1):
-                s = f[i * d + j]
+                s = fl[i * d + j]
                 for k in range(j + 1, d):
                     s -= f[i * d + k] * l[k * d + j]
                 f[i * d + j] = s / l[j * d + j]
-        congruence(f, p, d, pp)
         for i in range(d):
             for k in range(i + 1):
                 s = w0 * (centre[i] - xp[i]) * (centre[k] - xp[k])
                 for j in range(d):
                     s += 2.0 * w * (e[i * d + j] - xp[i]) * (e[k * d + j] - xp[k])
-                pp[i * d + k] += s
-                if k != i:
-                    pp[k * d + i] += s
+                q[i * d + k] = s
+                q[k * d + i] = s
     else:
         motion(t, x, dt, xp)
         motion_jacobian(t, x, dt, f)
-        congruence(f, p, d, pp)
-    add_process_noise(t, dt, pp)
+        times_lower(f, l, d, d, fl)
+    add_process_noise(t, dt, q)
+    for i in range(d * d):
+        pp[i] = q[i]
+    add_square(fl, d, d, d, pp)

@@ -5,8 +5,9 @@ A measurement depends on the first four states only, so its sigma points are tho
 """
 from libc.math cimport M_PI, atan2, cos, floor, log, sin, sqrt
 
+from cwcli.kernels.positive cimport add_square, factor
 from cwcli.kernels.track cimport RowKind
-from cwcli.kernels.track_motion cimport Tuning, cholesky, congruence, zero
+from cwcli.kernels.track_motion cimport Tuning, zero
 
 
 cdef struct Row:
@@ -61,7 +62,7 @@ cdef inline int linearise_radar(const Tuning* t, const double* x, const double* 
     cdef int i, j, k, bad
     zero(omega, 9)
     bad = radar(x, o, centre, &lx, &ly)
-    if not t.unscented or cholesky(p, 4, t.d, l) != 0:
+    if not t.unscented or factor(p, 4, t.d, l) != 0:
         if bad:
             return -1
         r = centre[0]
@@ -85,12 +86,10 @@ cdef inline int linearise_radar(const Tuning* t, const double* x, const double* 
     zero(z, 3)
     for j in range(4):
         for i in range(4):
-            s = spread * (l[i * 4 + j] if i >= j else 0.0)
-            at[i] = x[i] + s
+            at[i] = x[i] + spread * l[i * 4 + j]
         radar(at, o, up, &lx, &ly)
         for i in range(4):
-            s = spread * (l[i * 4 + j] if i >= j else 0.0)
-            at[i] = x[i] - s
+            at[i] = x[i] - spread * l[i * 4 + j]
         radar(at, o, down, &lx, &ly)
         up[1] = wrap(up[1] - centre[1])            # differences to the centre point, so that +-pi does no harm
         down[1] = wrap(down[1] - centre[1])
@@ -155,7 +154,7 @@ cdef inline int to_cartesian(const double* z, const double* r, const double* o, 
 
 cdef inline void correct(const Tuning* t, double* x, double* p, const double* h, const double* r, bint apply,
                          bint gated, Innovation* found) noexcept nogil:
-    """Kalman update in Joseph form, in place; fills in nis and loglik of the innovation.
+    """Kalman update in Joseph form of the factors, in place; fills in nis and loglik of the innovation.
 
     h: as many rows of 4 as there are values. r: 3 x 3. Without `apply`, or with `gated` outside the gate, the state stays.
     """
@@ -166,8 +165,9 @@ cdef inline void correct(const Tuning* t, double* x, double* p, const double* h,
     cdef double[9] s
     cdef double[9] l
     cdef double[3] y
-    cdef double[36] a
-    cdef double[36] q
+    cdef double[36] low
+    cdef double[18] hl
+    cdef double[54] parts
     cdef double v, logdet = 0.0
     for i in range(d):
         for j in range(m):
@@ -181,7 +181,7 @@ cdef inline void correct(const Tuning* t, double* x, double* p, const double* h,
             s[i * m + j] = v
     found.nis = -1.0
     found.loglik = 0.0
-    if cholesky(s, m, m, l) != 0:
+    if factor(s, m, m, l) != 0:
         return
     v = 0.0
     for i in range(m):
@@ -207,21 +207,28 @@ cdef inline void correct(const Tuning* t, double* x, double* p, const double* h,
             for j in range(m):
                 gain[i * 3 + j] = y[j]
                 x[i] += y[j] * nu[j]
-        for i in range(d):
+        factor(p, d, d, low)
+        factor(r, m, 3, l)
+        for i in range(m):
             for j in range(d):
-                a[i * d + j] = 1.0 if i == j else 0.0
-            for j in range(4):
+                v = 0.0
+                for k in range(j, 4):
+                    v += h[i * 4 + k] * low[k * d + j]
+                hl[i * d + j] = v
+        b = d + m
+        for i in range(d):                          # [(I - K H) L, K L_R], L L^T = P, L_R L_R^T = R
+            for j in range(d):
+                v = low[i * d + j]
                 for k in range(m):
-                    a[i * d + j] -= gain[i * 3 + k] * h[k * 4 + j]
-        congruence(a, p, d, q)
-        for i in range(d):                          # eq. 14 (corrected), Joseph form: A P A^T + K R K^T
-            for j in range(i + 1):
-                v = q[i * d + j]
-                for k in range(m):
-                    for b in range(m):
-                        v += gain[i * 3 + k] * r[k * 3 + b] * gain[j * 3 + b]
-                p[i * d + j] = v
-                p[j * d + i] = v
+                    v -= gain[i * 3 + k] * hl[k * d + j]
+                parts[i * b + j] = v
+            for j in range(m):
+                v = 0.0
+                for k in range(j, m):
+                    v += gain[i * 3 + k] * l[k * m + j]
+                parts[i * b + d + j] = v
+        zero(p, d * d)
+        add_square(parts, d, b, d, p)               # eq. 14 (corrected)
 
 
 cdef inline void measure(const Tuning* t, double* x, double* p, const Row* row, bint apply, bint gated,
