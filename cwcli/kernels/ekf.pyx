@@ -20,7 +20,7 @@ from libc.string cimport memset
 
 import numpy as np
 
-from cwcli.kernels.ekf_information cimport forget, restore, smooth_output
+from cwcli.kernels.ekf_information cimport forget, is_lossy, smooth_output, take_in
 from cwcli.kernels.ekf_motion cimport (
     NH,
     NMAX,
@@ -54,9 +54,6 @@ cdef double GATE_WIDENS_S = 2.0
 # A burst of messages that were held back can be long in rows and short in time: a source must stay elsewhere for this
 # long before it is used again. For the inertial sensors the rows alone count.
 cdef double PATIENCE_S = 2.0
-
-# A variance of the prediction so many times the measurement's costs what is left six digits.
-cdef double LOSSY = 1e6
 
 
 cdef class ProcessModel:
@@ -338,15 +335,19 @@ cdef int forward(
                     if axis == 0 and width == 2:          # the second innovation about the state after the first update
                         for j in range(m):
                             nu[1] -= hx[NH + j] * g[idx[j]] * inv * acc
-                    root = sqrt(inv)
                     for i in range(n):
                         x[i] += g[i] * inv * acc
-                        g[i] *= root
-                    for i in range(n):                        # symmetric to the last bit
-                        for j in range(n):
-                            p[i * NMAX + j] -= g[i] * g[j]
-                    if var > LOSSY * (r[0] if axis == 0 else r[2]):
-                        restore(p, g, sqrt(var), r[0] if axis == 0 else r[2], hx + axis * NH, idx, m, n)
+                    if is_lossy(var, r[0] if axis == 0 else r[2]):
+                        for i in range(n):
+                            g[i] *= inv
+                        take_in(p, g, r[0] if axis == 0 else r[2], hx + axis * NH, idx, m, n)
+                    else:
+                        root = sqrt(inv)
+                        for i in range(n):
+                            g[i] *= root
+                        for i in range(n):                    # symmetric to the last bit
+                            for j in range(n):
+                                p[i * NMAX + j] -= g[i] * g[j]
             if keep:
                 flip[k] = 0
                 for i in range(n):

@@ -4,30 +4,37 @@
 from libc.math cimport sqrt
 
 from cwcli.kernels.ekf_motion cimport NMAX
+from cwcli.kernels.positive cimport add_square, factor
 
 
-cdef inline void restore(double* p, const double* g, double root, double r, const double* hx, const int* idx, int m,
+cdef inline bint is_lossy(double all, double part) noexcept nogil:
+    """True where so much of a variance (or of an information) goes that a plain difference keeps less than ten digits."""
+    return all > 1e6 * part
+
+
+cdef inline void take_in(double* p, const double* k, double r, const double* hx, const int* idx, int m,
                          int n) noexcept nogil:
-    """After p <- p - g g' with the gain k = g / root: what Joseph's form (1968) has more.
+    """P <- (I - k h') P (I - k h')' + r k k', put together from the factor of P, so that it stays positive.
 
-    Exactly, p h' = r k. What rounding made of a large p differs from that by d, which goes out to second order:
-    p <- p - d k' - k d' + k (h d) k'.
+    With the gain k = P h / (h' P h + r) this is P - k k' (h' P h + r), of which rounding leaves few digits where h' P h is
+    far larger than r.
     """
     cdef int i, j
-    cdef double k[NMAX]
-    cdef double d[NMAX]
-    cdef double inner = 0.0
+    cdef double hl
+    cdef double low[NMAX * NMAX]
+    cdef double parts[NMAX * (NMAX + 1)]
+    factor(p, n, NMAX, low)
+    for j in range(n):
+        hl = 0.0
+        for i in range(m):
+            hl += hx[i] * low[idx[i] * n + j]
+        for i in range(n):
+            parts[i * (n + 1) + j] = low[i * n + j] - k[i] * hl
     for i in range(n):
-        k[i] = g[i] / root
-        d[i] = -r * k[i]
-        for j in range(m):
-            d[i] += p[i * NMAX + idx[j]] * hx[j]
-    for j in range(m):
-        inner += hx[j] * d[idx[j]]
-    for i in range(n):
-        for j in range(i + 1):
-            p[i * NMAX + j] += inner * k[i] * k[j] - (d[i] * k[j] + k[i] * d[j])
-            p[j * NMAX + i] = p[i * NMAX + j]
+        parts[i * (n + 1) + n] = k[i] * sqrt(r)
+        for j in range(n):
+            p[i * NMAX + j] = 0.0
+    add_square(parts, n, n + 1, NMAX, p)
 
 
 cdef inline void take_outer(double* a, const double* g, const double* w, int n) noexcept nogil:
@@ -53,6 +60,7 @@ cdef inline void forget(double* y, double* big, double* q, int n) noexcept nogil
     """
     cdef int i, j, k, count
     cdef double d, scale, inner
+    cdef bint is_small
     cdef double w[NMAX]
     cdef double g[NMAX]
     cdef int at[NMAX]
@@ -88,10 +96,18 @@ cdef inline void forget(double* y, double* big, double* q, int n) noexcept nogil
             scale += g[k] * w[at[k]]
         if scale <= 0.0:                                      # nothing is known along g
             continue
+        is_small = is_lossy(1.0 + d * scale, 1.0)
         scale = d / (1.0 + d * scale)
         inner *= scale
         for i in range(n):
             y[i] -= inner * w[i]
+        if is_small:
+            at[count] = j
+            g[count] = 1.0
+            for i in range(n):
+                w[i] *= scale
+            take_in(big, w, 1.0 / d, g, at, count + 1, n)
+            continue
         for i in range(n):
             g[i] = scale * w[i]
         take_outer(big, g, w, n)
