@@ -26,7 +26,7 @@ from cwcli.errors import EXIT_BAD_INPUT, EXIT_OUTPUT
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ROOT / "sample_logs"
-LONGEST_S = 120
+LONGEST_S = 600
 COMMANDS = (
     ("estimate", "log.mcap", "-o", "out/out.mcap", "--metrics", "out/out.csv", "--force", "--quiet"),
     ("run", "log.mcap", "-o", "out/out.mcap", "--metrics-dir", "out/tables", "--force", "--quiet"),

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from tests.cli.conftest import ROOT
+from tests.work import HANG_S
 
-MOST_CPU_S = 5.0
+MOST_CALLS = 2_000_000
+"""Of Python and built-in functions, with the imports of a command: a run makes 300,000 to 800,000."""
 MOST_MB = 1024
 LIMIT_BYTES = 8 << 30
 """Of address space: a test that fails must not take the machine with it."""
-KILLED_AFTER_S = 60
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,14 @@ class Ended:
         code: Its exit code.
         shown: Its standard error.
         printed: Its standard output.
-        cpu_s, peak_mb: Processor time, and most of the memory that it held.
+        n_calls: Calls of Python and of built-in functions, in all its threads.
+        peak_mb: Most of the memory that it held.
     """
 
     code: int
     shown: str
     printed: str
-    cpu_s: float
+    n_calls: int
     peak_mb: float
 
 
@@ -45,30 +47,46 @@ if not child:
     signal.alarm(int(sys.argv[3]))
     os.execv(sys.argv[4], sys.argv[4:])
 _, status, usage = os.wait4(child, 0)
-took = os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+took = os.waitstatus_to_exitcode(status), usage.ru_maxrss / 1024
 open(sys.argv[1], "w").write(json.dumps(took))
 """
 """A small process in between: a child's most memory begins with what its parent held when it was forked."""
 
+COUNTED = """
+import sys
+from pathlib import Path
+from cwcli.cli.main import run
+from tests.work import count_calls
+codes = []
+n_calls = count_calls(lambda: codes.append(run(sys.argv[2:])))
+Path(sys.argv[1]).write_text(str(n_calls))
+sys.stdout.flush()
+sys.exit(codes[0])
+"""
+"""`cwcli` with its calls counted."""
+
 
 def bounded(
-    folder: Path, *arguments: str | Path, most_mb: float = MOST_MB, most_cpu_s: float = MOST_CPU_S, **streams: Any
+    folder: Path, *arguments: str | Path, most_mb: float = MOST_MB, most_calls: int = MOST_CALLS, **streams: Any
 ) -> Ended:
     """Run `cwcli` in a folder; it must stay within its bounds, and show no traceback."""
-    took = folder / "took.json"
-    command = [sys.executable, "-S", "-c", LAUNCHER, took, str(LIMIT_BYTES), str(KILLED_AFTER_S), sys.executable]
+    took, calls = folder / "took.json", folder / "calls.txt"
+    command = [sys.executable, "-S", "-c", LAUNCHER, took, str(LIMIT_BYTES), str(round(HANG_S)), sys.executable]
     done = subprocess.run(
-        [*command, "-m", "cwcli", *map(str, arguments)],
+        [*command, "-c", COUNTED, calls, *map(str, arguments)],
         capture_output=True,
         check=True,
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         **streams,
     )
-    code, cpu_s, peak_mb = json.loads(took.read_text())
+    code, peak_mb = json.loads(took.read_text())
     took.unlink()
-    ended = Ended(code, done.stderr.decode(), done.stdout.decode(errors="replace"), cpu_s, peak_mb)
+    assert calls.exists(), f"killed, or ended early: {code}, {done.stderr.decode()}"
+    n_calls = int(calls.read_text())
+    calls.unlink()
+    ended = Ended(code, done.stderr.decode(), done.stdout.decode(errors="replace"), n_calls, peak_mb)
     assert "Traceback" not in ended.shown, ended.shown
-    assert ended.cpu_s < most_cpu_s, ended
+    assert ended.n_calls < most_calls, ended
     assert ended.peak_mb < most_mb, ended
     return ended

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-TIMEOUT_S = 120
+TIMEOUT_S = 600
 CONSOLE = re.compile(r":CONSOLE[:(]\d+\)?\]\s*(.*)")
 
 

@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
-TIMEOUT_S = 120
+TIMEOUT_S = 600
 
 Run = Callable[..., subprocess.CompletedProcess[bytes]]
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from cwcli.errors import EXIT_BAD_INPUT
 from cwcli.fleet.plan import Task
 from cwcli.fleet.worker import work
 from cwcli.input import InputFile
+from cwcli.output_stream import Output
 
 ROOT = Path(__file__).parents[2]
 SEED = 20
@@ -121,30 +120,48 @@ def test_a_change_at_a_read_is_exit_3_and_no_file(
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: str(change.__name__))
 def test_a_change_at_any_moment_gives_no_mixture(
-    intersection: Path, tmp_path: Path, change: Callable[[Path, bytes], None]
+    intersection: Path, tmp_path: Path, change: Callable[[Path, bytes], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Seeded moments of a run; what is written is what one of the two logs alone gives."""
+    """Before seeded steps of a run, reads and writes; what is written is what one of the two logs alone gives."""
     one, two = intersection.read_bytes(), (intersection.parent / "rear-end.mcap").read_bytes()
     log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
+    n_steps, change_at = 0, 0
+
+    def step(*_: object) -> None:
+        nonlocal n_steps
+        n_steps += 1
+        if n_steps == change_at:
+            change(log, two)
+
+    for owner, name in ((InputFile, "__getitem__"), (InputFile, "read_into"), (Output, "write")):
+        monkeypatch.setattr(owner, name, _after(step, getattr(owner, name)))
     whole = []
-    for content in (one, two):
+    for content in (two, one):
         log.write_bytes(content)
-        begin = time.perf_counter()
+        n_steps = 0
         assert run(["estimate", str(log), "-o", str(out), "--force", "--quiet"]) == 0
-        took_s = time.perf_counter() - begin
         whole.append(out.read_bytes())
     codes = []
-    for delay_s in np.random.default_rng(SEED).uniform(0.0, took_s, N_MOMENTS):
+    for moment in np.random.default_rng(SEED).integers(1, n_steps + 1, N_MOMENTS).tolist():
         log.write_bytes(one)
         out.unlink(missing_ok=True)
-        changing = threading.Timer(delay_s, change, (log, two))
-        changing.start()
+        n_steps, change_at = 0, moment
         codes.append(run(["estimate", str(log), "-o", str(out), "--quiet"]))
-        changing.join()
+        change_at = 0
         assert codes[-1] in (0, EXIT_BAD_INPUT)
         assert out.exists() == (codes[-1] == 0)
         assert codes[-1] or out.read_bytes() in whole
     assert EXIT_BAD_INPUT in codes
+
+
+def _after(step: Callable[..., None], method: Callable[..., object]) -> Callable[..., object]:
+    """A method before each call of which there is a step."""
+
+    def call(*arguments: object, **named: object) -> object:
+        step()
+        return method(*arguments, **named)
+
+    return call
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=lambda change: str(change.__name__))

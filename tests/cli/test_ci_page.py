@@ -18,7 +18,7 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "ci.md").read_text(encoding="utf-8")
-TIMEOUT_S = 300
+TIMEOUT_S = 600
 
 
 def block(name: str) -> str:

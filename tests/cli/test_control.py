@@ -98,7 +98,7 @@ def test_in_a_pipe(braked: Path, tmp_path: Path) -> None:
         capture_output=True,
         check=False,
         cwd=ROOT,
-        timeout=120,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr.decode()
     assert topics((tmp_path / "c.mcap").read_bytes()) >= OWN

@@ -64,7 +64,7 @@ def by_itself(folder: Path, *arguments: str | Path, **settings: Any) -> subproce
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **settings}
     environment = os.environ | {"PYTHONPATH": str(ROOT)} | streams.pop("env", {})
     command = [sys.executable, "-m", "cwcli", *map(str, arguments)]
-    return subprocess.run(command, check=False, cwd=folder, env=environment, timeout=120, **streams)
+    return subprocess.run(command, check=False, cwd=folder, env=environment, timeout=600, **streams)
 
 
 @pytest.mark.parametrize("name", COMMANDS)

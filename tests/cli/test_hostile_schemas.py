@@ -159,7 +159,7 @@ def test_short_messages_of_a_long_type_take_no_rows(messages: list[Logged], tmp_
     schema = (name, encoding, text.replace(b"float64[9] position_covariance", b"float64[8000] position_covariance"))
     whole = b"\0\1\0\0" + bytes(8 * 8000 + 200)
     many(tmp_path / "in.mcap", "/gps/fix", "cdr", schema, [*[b"\0\1\0\0" + bytes(60)] * 200_000, whole] * 2)
-    ended = bounded(tmp_path, "estimate", "in.mcap", "-o", "out.mcap", most_cpu_s=10)
+    ended = bounded(tmp_path, "estimate", "in.mcap", "-o", "out.mcap")
     assert ended.code == 5
     assert "400000 undecodable" in ended.shown or "400,000 undecodable" in ended.shown
     with Log.open(tmp_path / "in.mcap") as log:
@@ -180,7 +180,7 @@ def test_empty_messages_of_a_wide_type(tmp_path: Path) -> None:
     )
     schema = (STATE, "protobuf", descriptors.SerializeToString())
     many(tmp_path / "in.mcap", "/cwcli/ego/state", "protobuf", schema, [b""] * 100_000)
-    ended = bounded(tmp_path, "predict", "in.mcap", "-o", "out.mcap", most_cpu_s=20)
+    ended = bounded(tmp_path, "predict", "in.mcap", "-o", "out.mcap")
     assert ended.code == 3
     assert "GB with fields that they leave out" in ended.shown
 
@@ -191,7 +191,7 @@ def test_deeply_nested_json_as_a_table(messages: list[Logged], tmp_path: Path, t
         return replace(each, data=text)
 
     write(tmp_path / "in.mcap", map(of("/v2x/bsm", edit), messages))
-    ended = bounded(tmp_path, "run", "in.mcap", "-d", "out", "--tables", most_cpu_s=15)
+    ended = bounded(tmp_path, "run", "in.mcap", "-d", "out", "--tables")
     assert ended.code in (0, 5), ended.shown
 
 

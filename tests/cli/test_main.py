@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[2]
 
 def cwcli(*arguments: str, **settings: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [PYTHON, "-m", "cwcli", *arguments], capture_output=True, text=True, check=False, timeout=60, **settings
+        [PYTHON, "-m", "cwcli", *arguments], capture_output=True, text=True, check=False, timeout=600, **settings
     )
 
 

@@ -84,9 +84,7 @@ def test_children_that_outlive_the_browser_end_with_it(tmp_path: Path) -> None:
         echo '%PDF-' > "$target"
         """,
     )
-    start = time.monotonic()
-    assert printed(b"<p>x</p>", browser) == b"%PDF-\n"
-    assert time.monotonic() - start < 60
+    assert printed(b"<p>x</p>", browser) == b"%PDF-\n"  # a wait for the children would end with an error
     (tmp_path / "alive").unlink()
     time.sleep(0.3)
     assert not (tmp_path / "alive").exists()

@@ -89,7 +89,7 @@ def printed_on_a_terminal(n_columns: int) -> list[str]:
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, n_columns, 0, 0))
     code = f"from cwcli.cli.tables import table; print(table(('topic', 'what'), [('{TOPIC}', 'word ' * 20)]))"
     done = subprocess.Popen([sys.executable, "-c", code], stdout=slave, cwd=ROOT)
-    assert done.wait(timeout=60) == 0
+    assert done.wait(timeout=600) == 0
     os.close(slave)
     text = os.read(master, 100_000).decode()
     os.close(master)

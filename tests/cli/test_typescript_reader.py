@@ -41,7 +41,7 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def by_typescript(node: str, path: Path) -> dict[str, Any]:
-    done = subprocess.run([node, FOLDER / "read.mjs", path, STATES], capture_output=True, check=False, timeout=120)
+    done = subprocess.run([node, FOLDER / "read.mjs", path, STATES], capture_output=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr.decode()
     found: dict[str, Any] = json.loads(done.stdout)
     return found

@@ -26,7 +26,7 @@ from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
 from cwcli.logs.read.reader import Log
 
 ROOT = Path(__file__).parents[2]
-TIMEOUT_S = 120
+TIMEOUT_S = 600
 TIMELINE = "message_log_time"
 ATOL_DEG = 1e-12
 

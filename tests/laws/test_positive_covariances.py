@@ -1,7 +1,7 @@
-"""Covariances of the vehicle filter and of the observer stay symmetric and positive on any input, whatever the rounding.
+"""Covariances of the vehicle filter and of the observer stay symmetric and positive on any input.
 
 The rows make no sense: any place, any time step, noise that is stated from far too small to huge. Each seed rounds
-otherwise, so an update that loses digits fails on every processor.
+otherwise, so an update that loses digits fails on every processor, whatever its rounding.
 """
 
 from __future__ import annotations

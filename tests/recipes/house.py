@@ -18,7 +18,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "CONTRIBUTING.md"
 SAMPLES = ROOT / "sample_logs"
-TIMEOUT_S = 120
+TIMEOUT_S = 600
 COPIED = (
     "cwcli",
     "tools",

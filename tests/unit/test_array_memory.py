@@ -45,7 +45,7 @@ array_memory.bound_array_memory()
 before, mapped = anonymous_mb(), mapped_mb()
 held = [np.full(1 << 18, k, float) for k in range(200)]  # of 2 MB each
 assert all((each == k).all() for k, each in enumerate(held))
-end = time.monotonic() + 10.0  # the thread that lets pages go may not have had a processor for a while
+end = time.monotonic() + 600.0  # the thread that lets pages go may not have had a processor for a while
 while mapped_mb() - mapped >= 48.0 and time.monotonic() < end:
     time.sleep(0.02)
 print(anonymous_mb() - before, mapped_mb() - mapped, spill.counts()["in_file"] >> 20, os.listdir("."))

@@ -269,7 +269,7 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
     )
     target = tmp_path / "out.mcap"
     run = subprocess.run(
-        [sys.executable, "-c", code, str(source), str(target)], cwd=Path(__file__).parents[3], timeout=60, check=False
+        [sys.executable, "-c", code, str(source), str(target)], cwd=Path(__file__).parents[3], timeout=600, check=False
     )
     assert run.returncode == -signal.SIGKILL
     assert not target.exists()
@@ -287,7 +287,7 @@ def test_to_standard_output(tmp_path: Path) -> None:
     run = subprocess.run(
         [sys.executable, "-c", code, str(source)],
         cwd=Path(__file__).parents[3],
-        timeout=60,
+        timeout=600,
         check=True,
         capture_output=True,
     )

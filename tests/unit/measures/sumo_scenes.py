@@ -129,7 +129,7 @@ def _vehicle(name: str, car: Car) -> str:
 
 def _run(folder: Path, program: str, *options: str) -> None:
     subprocess.run(
-        [PROGRAMS / program, "--precision=6", *options], cwd=folder, check=True, capture_output=True, timeout=120
+        [PROGRAMS / program, "--precision=6", *options], cwd=folder, check=True, capture_output=True, timeout=600
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import tracemalloc
 
 import numpy as np
@@ -13,6 +12,7 @@ from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
 from cwcli.tracking.gospa import TargetMoments, score
 from cwcli.tracking.tracker import track_many, track_one
+from tests.work import count_calls
 
 S = 1_000_000_000
 CV = TrackerConfig(FilterConfig(model="cv", noise=0.5))
@@ -173,20 +173,20 @@ def test_noise_is_tuned_over_all_targets():
     assert len(result.tracks) == 3
 
 
-def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_time():
+def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_work():
     rng = np.random.default_rng(0)
     scans = [[walker(k)] for k in range(20)]
     for k in (10, 11, 12):
         scans[k] = [walker(k), *rng.uniform(-100, 100, (10_000, 2))]
     data = lidar(scans)
     tracemalloc.start()
-    start = time.perf_counter()
-    result = track_many([data], SENSOR, CAUSAL)
-    seconds = time.perf_counter() - start
+    results = []
+    n_calls = count_calls(lambda: results.append(track_many([data], SENSOR, CAUSAL)))
+    (result,) = results
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 300e6
-    assert seconds < 20.0
+    assert n_calls < 1_000_000
     assert any("refused" in note for note in result.notes)
     first = result.tracks[0]
     np.testing.assert_allclose(first.state[-1, :2], walker(19), atol=0.3)

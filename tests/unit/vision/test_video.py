@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -181,11 +180,15 @@ def test_what_the_messages_raise_is_handed_on() -> None:
 
 
 def test_decoding_may_be_left_off() -> None:
-    frames = decode_video((Message(data) for data in drive(100)), "h264", max_pixels=MAX_PIXELS)
+    taken = []
+    frames = decode_video(
+        (Message(data) for data in drive(400) if not taken.append(data)),  # type: ignore[func-returns-value]
+        "h264",
+        max_pixels=MAX_PIXELS,
+    )
     assert next(frames)[1] is not None
-    started = time.monotonic()
     frames.close()  # type: ignore[attr-defined]
-    assert time.monotonic() - started < 1.0
+    assert len(taken) <= 100  # as far as it reads ahead
 
 
 @pytest.mark.parametrize(
