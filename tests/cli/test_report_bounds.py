@@ -20,7 +20,7 @@ from tests.cli.browser import figures, visit
 from tests.cli.conftest import SAMPLES
 from tests.work import count_calls
 
-MOST_CALLS = 20_000_000
+MOST_CALLS = 5_000_000
 """Of Python and built-in functions, for the page of an hour with 500 vehicles."""
 
 
