@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.estimation.calibration import UNKNOWN, Calibration, Constant
+from cwcli.estimation.calibration import UNKNOWN, Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
@@ -182,6 +182,14 @@ def with_latencies(
             latencies.append(replace(latency, found_s=own_s) if is_found and not causal else latency)
             continue
         known = Latency(LatencyStatus.CALIBRATED, constant.value, constant.drive_sigma, latency.bound_s)
+        if not is_found and constant.status is ConstantStatus.REFERENCE:
+            latencies.append(Latency(LatencyStatus.REFERENCE))
+            continue
+        if not constant.is_clear_in_any_drive:
+            notes.append(_disagreement_note(s, constant, calibration))
+            unknown = Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=latency.bound_s)
+            latencies.append(replace(latency, found_s=own_s) if is_found and not causal else unknown)
+            continue
         if not is_found:
             latencies.append(known)
             continue
@@ -202,6 +210,14 @@ def with_latencies(
             fused_s = (weight * own_s + prior_weight * known.found_s) / (weight + prior_weight)
             latencies.append(replace(known, found_s=fused_s, sigma_s=(weight + prior_weight) ** -0.5))
     return latencies, notes
+
+
+def _disagreement_note(s: Series, constant: Constant, calibration: Calibration) -> str:
+    return (
+        f"{s.source}: the drives of the calibration {calibration.name} disagree on the latency of "
+        f"{s.kind.name.lower()} ({_ms(constant.value, constant.sigma)}, from drive to drive by "
+        f"{1e3 * constant.spread:.0f} ms), so it is not used"
+    )
 
 
 def bias_note(s: Series, bias: float, sigma: float, calibration: Calibration) -> list[str]:

@@ -26,6 +26,7 @@ from typing import Any
 from cwcli.errors import InputError, UsageError
 from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
+from cwcli.metrics.student import student_factor
 
 FORMAT_KEY, FORMAT = "cwcli_calibration", 1
 MOTION = "motion"
@@ -71,6 +72,8 @@ NAMES: Mapping[str, Name] = {
 }
 """Constant -> its range and the quantities that have it."""
 EVIDENCE = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
+CLEAR_SIGMAS = 3.0
+"""What drives disagree on is clear of zero by so many sigmas of their scatter."""
 FIELDS = ("status", "value", "sigma", "spread", "interval", "chi_square", "logs", "minutes")
 
 
@@ -78,11 +81,13 @@ class ConstantStatus(StrEnum):
     """What the logs say of a constant.
 
     Attributes:
+        REFERENCE: The latencies of the others are against this source; its own is zero by definition.
         FOUND: They agree.
         DISAGREE: They differ by more than their sigmas allow; `spread` says by how much.
         NOT_OBSERVABLE: No log shows it.
     """
 
+    REFERENCE = "reference"
     FOUND = "found"
     DISAGREE = "logs disagree"
     NOT_OBSERVABLE = "not observable"
@@ -99,6 +104,7 @@ class Constant:
         spread: One sigma by which a drive differs from the next, beyond what the sigmas of the drives explain.
         chi_square: Reduced, of the logs about the value; NaN with one log.
         n_logs, minutes: The evidence.
+        of_logs: Name, value and one sigma of each log; () where it was read from a file.
     """
 
     status: ConstantStatus = ConstantStatus.NOT_OBSERVABLE
@@ -108,6 +114,7 @@ class Constant:
     chi_square: float = math.nan
     n_logs: int = 0
     minutes: float = 0.0
+    of_logs: tuple[tuple[str, float, float], ...] = field(default=(), compare=False)
 
     @property
     def is_known(self) -> bool:
@@ -116,13 +123,32 @@ class Constant:
 
     @property
     def drive_sigma(self) -> float:
-        """One sigma of it in another drive."""
-        return math.hypot(self.sigma, self.spread)
+        """One sigma of it in another drive: 1.96 of them hold 95 %.
+
+        The mean's variance plus that between drives (Higgins, Thompson and Spiegelhalter, 2009). A spread that few
+        drives show is itself uncertain: Student's quantile of one degree of freedom less than drives counts.
+        """
+        both = math.hypot(self.sigma, self.spread)
+        return both * student_factor(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both
+
+    @property
+    def is_clear_in_any_drive(self) -> bool:
+        """Whether it may be taken as it is for a drive that does not show it: the drives agree on it, or it is clear of
+        zero by more than they scatter."""
+        if self.status is not ConstantStatus.DISAGREE:
+            return self.is_known
+        return abs(self.value) > CLEAR_SIGMAS * math.hypot(self.sigma, self.spread)
+
+    @property
+    def between_drives(self) -> float:
+        """I^2: the part of the scatter that is between the drives and not in their sigmas (Higgins and Thompson, 2002);
+        NaN with one log."""
+        return max(0.0, 1.0 - 1.0 / self.chi_square) if self.chi_square > 0.0 else self.chi_square
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % of the value."""
-        return self.value - 1.96 * self.sigma, self.value + 1.96 * self.sigma
+        """95 % of the value in another drive."""
+        return self.value - 1.96 * self.drive_sigma, self.value + 1.96 * self.drive_sigma
 
 
 UNKNOWN = Constant()
@@ -279,8 +305,8 @@ def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
 def calibration_text(calibration: Calibration) -> str:
     """The content of a calibration's file; `calibration_from_table` reads it back."""
     lines = [
-        "# Constants of a car's sensors, found by `cwcli calibrate`. `interval` holds 95 %; `spread` is how much",
-        "# a drive differs from the next beyond what each tells of itself, `chi_square` whether the logs agree.",
+        "# Constants of a car's sensors, found by `cwcli calibrate`. `interval` holds 95 % of drives; `spread` is how",
+        "# much a drive differs from the next beyond what each tells of itself, `chi_square` whether the logs agree.",
         f"{FORMAT_KEY} = {FORMAT}",
         f"logs = [{', '.join(map(_text, calibration.logs))}]",
         f"minutes = {_digits(calibration.minutes)}",

@@ -1,8 +1,9 @@
 """From what each of many logs of one car says to its calibration.
 
 Each constant is the mean of the logs, weighted by their inverse variances. Where they scatter by more than their sigmas
-allow (a chi-square test), the drives really differ: what is left of the scatter is a variance of its own, in the
-weights, too (DerSimonian and Laird, 1986), and is told.
+allow (Cochran's Q, a chi-square test), the drives really differ: what is left of the scatter is a variance of its own,
+in the weights, too (DerSimonian and Laird, 1986), and counts in another drive. A latency that drives disagree on is
+used as it is only where it is clear of zero by more than they scatter.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 AGREE = 0.99
-"""Logs whose chi-square lies within this part of its distribution agree."""
+"""Logs whose chi-square lies within this part of its distribution are not said to disagree."""
+SCATTER = 0.95
+"""Logs whose chi-square lies beyond this part of its distribution have a spread: Cochran's test has little power with
+few drives, and a spread that is not there costs less than one that is missed."""
 OBSERVABLE_S = 0.05
 FITTED = 0.1
 """Part to which a fitted sigma of the motion, or a usual interval, is known."""
@@ -55,11 +59,12 @@ class Drive:
 
 @dataclass(frozen=True)
 class Said:
-    """A constant as one log has it: its value, one sigma and the log's length."""
+    """A constant as one log has it: its value, one sigma, the log's length and name."""
 
     value: float
     sigma: float
     minutes: float
+    log: str = ""
 
 
 def pooled(said: Sequence[Said]) -> Constant:
@@ -73,14 +78,15 @@ def pooled(said: Sequence[Said]) -> Constant:
     mean, sigma, chi_square = _weighted(value, variance)
     dof, spread = len(said) - 1, 0.0
     status = ConstantStatus.FOUND
-    if dof and chi_square > chi_square_quantile(AGREE, dof):
+    if dof and chi_square > chi_square_quantile(SCATTER, dof):
         weight = 1.0 / variance
         left = (chi_square - dof) / float(weight.sum() - (weight**2).sum() / weight.sum())
         spread = math.sqrt(max(left, 0.0))
         mean, sigma, _ = _weighted(value, variance + spread**2)
-        status = ConstantStatus.DISAGREE
+        status = ConstantStatus.DISAGREE if chi_square > chi_square_quantile(AGREE, dof) else status
     reduced = chi_square / dof if dof else math.nan
-    return Constant(status, mean, sigma, spread, reduced, len(said), minutes)
+    of_logs = tuple((each.log, each.value, each.sigma) for each in said)
+    return Constant(status, mean, sigma, spread, reduced, len(said), minutes, of_logs)
 
 
 def _weighted(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
@@ -102,24 +108,26 @@ def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
     latencies = _latencies(keys, reports)
     sensors: dict[str, dict[str, dict[str, Constant]]] = {}
     for key in keys:
-        own = [(report, drive.minutes) for report, drive in reports if (report.source, report.kind) == key]
+        own = [(report, drive) for report, drive in reports if (report.source, report.kind) == key]
         constants = {"latency_s": latencies[key]}
         for constant, of in OF_REPORT.items():
-            said = [each for report, minutes in own for each in of(report, minutes)]
+            said = [replace(each, log=drive.log) for report, drive in own for each in of(report, drive.minutes)]
             if said:
                 constants[constant] = pooled(said)
         sensors.setdefault(key[0], {})[key[1].name.lower()] = constants
     for source, mounting in _mountings(drives).items():
         sensors[source]["imu"] = mounting
     for topic in dict.fromkeys(topic for drive in drives for topic in drive.camera_pitch_rad):
-        said = [Said(*d.camera_pitch_rad[topic], d.minutes) for d in drives if topic in d.camera_pitch_rad]
+        said = [Said(*d.camera_pitch_rad[topic], d.minutes, d.log) for d in drives if topic in d.camera_pitch_rad]
         sensors.setdefault(topic, {})["camera"] = {"pitch_rad": pooled(said)}
     total_s = sum(drive.minutes for drive in drives) * SECONDS_PER_MINUTE
     return Calibration(
         name=name,
         sensors=sensors,
         motion={
-            name: pooled([Said(d.track.manoeuvre[name], FITTED * d.track.manoeuvre[name], d.minutes) for d in drives])
+            name: pooled(
+                [Said(d.track.manoeuvre[name], FITTED * d.track.manoeuvre[name], d.minutes, d.log) for d in drives]
+            )
             for name in MANOEUVRE_SIGMAS
         },
         logs=tuple(drive.log for drive in drives),
@@ -192,20 +200,20 @@ def _latencies(
     found: dict[tuple[str, Kind], Constant] = {}
     told = []
     for key in keys:
-        own = [(r.compared, drive.minutes) for r, drive in reports if (r.source, r.kind) == key]
+        own = [(r.compared, drive) for r, drive in reports if (r.source, r.kind) == key]
         constant = pooled(
             [
-                Said(latency.found_s, latency.sigma_s, minutes)
-                for latency, minutes in own
+                Said(latency.found_s, latency.sigma_s, drive.minutes, drive.log)
+                for latency, drive in own
                 if latency.status is not LatencyStatus.DRIFTS  # no constant of the car
             ]
         )
-        if constant.is_known and constant.sigma > OBSERVABLE_S:
+        if constant.status is ConstantStatus.FOUND and constant.sigma > OBSERVABLE_S:
             constant = replace(constant, status=ConstantStatus.NOT_OBSERVABLE, value=math.nan)
         is_reference = any(latency.status is LatencyStatus.REFERENCE for latency, _ in own)
         if is_reference:
-            minutes = sum(minutes for _, minutes in own)
-            constant = Constant(ConstantStatus.FOUND, 0.0, 0.0, 0.0, math.nan, len(own), minutes)
+            minutes = sum(drive.minutes for _, drive in own)
+            constant = Constant(ConstantStatus.REFERENCE, 0.0, 0.0, 0.0, math.nan, len(own), minutes)
         found[key] = constant
         told.append(Told(*key, is_reference=is_reference, latency=_as_latency(constant, is_reference)))
     moved, _ = on_agreed_clock(told)
@@ -213,9 +221,11 @@ def _latencies(
         key = (each.source, each.kind)
         if latency == each.latency or not found[key].is_known:
             continue
-        value = 0.0 if latency.status is LatencyStatus.REFERENCE else latency.found_s
-        sigma = found[key].sigma if latency.status is LatencyStatus.REFERENCE else latency.sigma_s
-        found[key] = replace(found[key], value=value, sigma=sigma)
+        if latency.status is LatencyStatus.REFERENCE:
+            found[key] = replace(found[key], status=ConstantStatus.REFERENCE, value=0.0)
+            continue
+        status = ConstantStatus.FOUND if each.is_reference else found[key].status
+        found[key] = replace(found[key], status=status, value=latency.found_s, sigma=latency.sigma_s)
     return found
 
 
@@ -224,7 +234,7 @@ def _as_latency(constant: Constant, is_reference: bool) -> Latency:
         return Latency(LatencyStatus.REFERENCE)
     if not constant.is_known:
         return Latency(LatencyStatus.NOT_OBSERVABLE)
-    is_clear = abs(constant.value) > 3.0 * constant.sigma
+    is_clear = constant.is_clear_in_any_drive and abs(constant.value) > 3.0 * constant.sigma
     status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
     return Latency(status, constant.value, constant.sigma, constant.sigma)
 
@@ -236,8 +246,9 @@ def _mountings(drives: Sequence[Drive]) -> dict[str, dict[str, Constant]]:
         for report in drive.track.sources:
             if report.mounting is not None and report.kind is Kind.ACCEL and report.n_used:
                 mine = found.setdefault(report.source, {"nose_up_rad": [], "left_up_rad": []})
-                mine["nose_up_rad"].append(Said(report.mounting.nose_up_rad, report.mounting.sigma_rad, drive.minutes))
-                mine["left_up_rad"].append(Said(report.mounting.left_up_rad, report.mounting.sigma_rad, drive.minutes))
+                for name, angles in mine.items():
+                    value, sigma = getattr(report.mounting, name), report.mounting.sigma_rad
+                    angles.append(Said(value, sigma, drive.minutes, drive.log))
     return {source: {name: pooled(said) for name, said in angles.items()} for source, angles in found.items()}
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from cwcli.array_memory import bound_array_memory
 from cwcli.errors import DataError
 from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, known_mountings
+from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
 from cwcli.estimation.gaps import restarts_after_gaps
@@ -103,8 +104,17 @@ def estimate_both(
     known, known_stamp_ns = in_time or (measurements, output_stamp_ns)
     track = estimate_track(known, online, known_stamp_ns)
     if config.causal and in_time is None:
+        track = _with_notes_on_calibration(track, measurements, online)
         return track, track
-    return estimate_track(measurements, hindsight, output_stamp_ns), track
+    found = estimate_track(measurements, hindsight, output_stamp_ns)
+    return _with_notes_on_calibration(found, measurements, hindsight), track
+
+
+def _with_notes_on_calibration(track: Track, measurements: Sequence[Measurements], config: EstimatorConfig) -> Track:
+    """The track, with a note where its calibration predicts the log worse than what the log says of itself."""
+    if config.calibration is None:
+        return track
+    return replace(track, notes=(*track.notes, *notes_on_worse_prediction(measurements, config)))
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     elif config.blind:
         series, parameters = layout.series, layout.parameters
     else:
-        series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, prior)
+        series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, layout.prior)
     gated = tuple(s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
     unknown = (
         f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"

@@ -18,7 +18,7 @@ from cwcli.evaluation.knowledge import TRUTH, against, estimated
 from cwcli.evaluation.link import Link, add_link
 from cwcli.evaluation.records import sources_of
 from cwcli.evaluation.subject import AUTO, Ego, EgoTruth, Subject
-from cwcli.evaluation.truth import against_truth, nees_section, truth_rows, truth_section, truth_xy
+from cwcli.evaluation.truth import against_truth, mounting_notes, nees_section, truth_rows, truth_section, truth_xy
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.chi_square import mean_bounds
 from cwcli.metrics.headline import Headline, metric_of
@@ -86,7 +86,12 @@ def add_metrics(subject: Subject) -> None:
     headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
     _add_consistency(headline, reports)
     add_link(headline, json_entry(record, "link", dict))
+    subject.notes += [note for each in sources.get(Role.TRUTH, ()) if found is not None for note in _mounting(each)]
     subject.ego = Ego(states, found, _truth_notes(read))
+
+
+def _mounting(truth: Signal) -> tuple[str, ...]:
+    return mounting_notes(truth) if isinstance(truth, PoseSignal) else ()
 
 
 def driven_m(states: VehicleStates) -> float:
@@ -176,7 +181,7 @@ def _in_map(
     true_xy, _ = truth_xy(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
-    motion = (each[inside] for each in (signal.speed_mps, signal.yaw_rad, signal.yaw_rate_radps))
+    motion = (each[inside] for each in (signal.speed_mps, signal.travel_rad, signal.yaw_rate_radps))
     return EgoTruth(signal.source, stamp_ns, true_xy, *motion), signal, inside
 
 
@@ -215,7 +220,7 @@ def _add_truth(
 
 
 def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray) -> None:
-    heading = wrap_angle(state[:, 3] - signal.yaw_rad[inside])
+    heading = wrap_angle(state[:, 3] - signal.travel_rad[inside])
     headline.errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[inside])
     headline.errors("ego.heading_rmse_deg", np.degrees(heading))
     headline.errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[inside]))

@@ -45,7 +45,8 @@ def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, 
     at_ns = observed.track.stamp_ns
     xy_m = np.column_stack([truth.x_m, truth.y_m])
     at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_GAP_S)
-    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S)
+    left_rad = 0.0 if truth.mounting is None else truth.mounting.used_rad
+    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S) - left_rad
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]

@@ -40,7 +40,7 @@ class TruthErrors:
         rows: Per quantity: measured and estimated, as in song2016's table 1.
         nees: Of position, speed and heading, as far as the truth has them.
         n: Truth rows compared.
-        notes: How the frames were aligned.
+        notes: How the frames were aligned, and how the truth's device is mounted.
     """
 
     topic: str
@@ -126,9 +126,10 @@ def against_truth(
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
     measured: dict[str, FloatArray] = {"position": measured_xy}
     if isinstance(signal, PoseSignal):
+        notes = (*notes, *mounting_notes(signal))
         for name, values, kind, column in (
             ("speed", signal.speed_mps, Kind.SPEED, 2),
-            ("heading", np.unwrap(signal.yaw_rad), Kind.HEADING, 3),
+            ("heading", signal.travel_rad, Kind.HEADING, 3),
             ("accel", signal.accel_mps2, Kind.ACCEL, 4),
             ("yaw_rate", signal.yaw_rate_radps, Kind.YAW_RATE, 5),
         ):
@@ -146,6 +147,12 @@ def against_truth(
         _nees(name, estimated[name] - truth[name], covariance) for name in DOF if name in truth and name in estimated
     )
     return TruthErrors(signal.source, rows, consistency, int(known.sum()), notes)
+
+
+def mounting_notes(signal: PoseSignal) -> tuple[str, ...]:
+    """How the device of a truth is turned against the direction of travel, where that is clear."""
+    mounting = signal.mounting
+    return (mounting.note(signal.source),) if mounting is not None and mounting.is_significant else ()
 
 
 def _nees(name: str, error: FloatArray, covariance: FloatArray) -> Nees:

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
+from cwcli.signals.direction_of_travel import YawMounting
 from cwcli.signals.road_events import RoadEvents
 
 
@@ -64,14 +65,19 @@ class PoseSignal:
         source: Topic.
         frame_id: The frame that the message names.
         stamp_ns, log_time_ns: Shape (n,).
-        x_m, y_m, z_m, yaw_rad: Shape (n,); yaw_rad is NaN where no orientation is given.
-        speed_mps, yaw_rate_radps: Shape (n,), NaN where not given.
+        x_m, y_m, z_m, yaw_rad: Shape (n,); yaw_rad, of the device's x axis, is NaN where no orientation is given.
+        speed_mps, yaw_rate_radps: Shape (n,), horizontal, negative in reverse, and about the vertical; NaN where not
+            given.
         covariance_m2: Shape (n, 3): xx, xy, yy.
         latitude_deg, longitude_deg: Shape (n,): the same points, WGS84, where the message has them too; else None.
         accel_mps2: Shape (n,), longitudinal, where the message has it; else None.
         yaw_variance_rad2: Shape (n,), NaN where not given; None where no message of the schema has it.
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
         size_m: Length and width of the vehicle, None where not given.
+        velocity_mps: Shape (n, 2): horizontal, in the axes of the frame; NaN where not known, None where no message of
+            the schema has it.
+        heading_rad: Shape (n,): direction of travel, see `direction_of_travel`; None: `yaw_rad` is it.
+        mounting: How the device is turned against the direction of travel, None where that is not known.
     """
 
     source: str
@@ -91,6 +97,14 @@ class PoseSignal:
     yaw_variance_rad2: FloatArray | None = None
     is_exact: bool = False
     size_m: tuple[float | None, float | None] = (None, None)
+    velocity_mps: FloatArray | None = None
+    heading_rad: FloatArray | None = None
+    mounting: YawMounting | None = None
+
+    @property
+    def travel_rad(self) -> FloatArray:
+        """Direction of travel, shape (n,): the front of a car that reverses; NaN where not known."""
+        return self.yaw_rad if self.heading_rad is None else self.heading_rad
 
 
 @dataclass(frozen=True)

@@ -76,9 +76,8 @@ _ODOMETRY = ros(
     *xyz("pose.pose.position"),
     *quaternion("pose.pose.orientation"),
     "pose.covariance",
-    "twist.twist.linear.x",
-    "twist.twist.linear.y",
-    "twist.twist.angular.z",
+    *xyz("twist.twist.linear"),
+    *xyz("twist.twist.angular"),
     "twist.covariance",
 )
 _POSE_COVARIANCE = ros(*xyz("pose.pose.position"), *quaternion("pose.pose.orientation"), "pose.covariance")

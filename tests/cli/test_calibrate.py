@@ -53,6 +53,50 @@ def test_table_and_json(drives: list[str], capsys: pytest.CaptureFixture[str]) -
     assert document["sensors"]["/gps/fix"]["position"]["latency_s"]["n_logs"] == 1
 
 
+def test_reference_is_called_one_and_has_no_value_in_the_table(
+    drives: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["calibrate", drives[0], "--json", "-q"]) == 0
+    latency = json.loads(capsys.readouterr().out)["sensors"]["/imu/data"]["accel"]["latency_s"]
+    assert (latency["status"], latency["value"]) == ("reference", 0.0)
+    assert run(["calibrate", drives[0]]) == 0
+    shown = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["/imu/data", "accel", "latency_s", "-", "-", "1", "-"] in [line[:7] for line in shown]
+    assert any(line[-1:] == ["reference"] for line in shown)
+
+
+def test_drives_that_disagree_are_named_and_not_used_in_the_next_one(
+    drives: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    third, other, car = (str(tmp_path / name) for name in ("third.mcap", "in_time.mcap", "car.toml"))
+    for seed, log in ((3, third), (4, other)):
+        assert run(["simulate", "city", "--seed", str(seed), "-o", log, "-q"]) == 0
+    assert run(["calibrate", drives[0], other, "-o", car]) == 0
+    shown = capsys.readouterr()
+    told = " ".join(shown.err.split())
+    assert "/gps/fix: latency_s of position: the logs disagree (drive1.mcap 0.1" in told
+    assert ", in_time.mcap " in told
+    assert "it will not be used" in told
+    assert "logs disagree (I^2 " in shown.out
+    assert run(["estimate", third, "--calibration", car, "-o", str(tmp_path / "out.mcap")]) == 0
+    shown = capsys.readouterr()
+    assert "disagree on the latency of position" in " ".join(shown.err.split())
+    assert "jumped" not in shown.out
+
+
+def test_calibration_that_does_not_fit_a_log_is_told_on_it(
+    drives: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = str(tmp_path / "in_time.mcap")
+    assert run(["simulate", "city", "--seed", "4", "-o", other, "-q"]) == 0
+    assert run(["estimate", other, "--calibration", drives[-1], "-o", str(tmp_path / "out.mcap")]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "makes this log worse" in told
+    assert "latency of /gps/fix position found on it: " in told
+    assert run(["estimate", drives[0], "--calibration", drives[-1], "-o", str(tmp_path / "out2.mcap")]) == 0
+    assert "worse" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("command", "more"), [("estimate", ["--causal"]), ("run", ["--estimate-causal", "--stage", "estimate"])]
 )

@@ -6,7 +6,7 @@ Values differ from message to message, so that rows can't be mixed up.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import cos, pi, sin
+from math import cos, hypot, pi, sin
 from typing import Any
 
 from cwcli.signals.columns import Ragged
@@ -175,10 +175,15 @@ def _odometry(k: int) -> Sample:
         "pose": {"pose": _pose(k), "covariance": square(6, _00=0.5, _01=0.1, _11=0.7)},
         "twist": {"twist": _twist(k), "covariance": square(6, _00=0.2, _55=0.01)},
     }
-    means = _pose_means(k, speed_mps=3.0 + k, yaw_rate_radps=0.2, covariance_m2=[0.5, 0.1, 0.7])
-    velocity = {"vx_mps": (3.0 + k) * cos(1.0 + 0.1 * k), "vy_mps": (3.0 + k) * sin(1.0 + 0.1 * k)}
-    means[Role.TARGET_TRUTH] |= velocity
-    means[Role.EGO_SPEED] = {"speed_mps": 3.0 + k, "yaw_rate_radps": 0.2, "speed_variance_m2ps2": 0.2}
+    ahead, left, yaw_rad = 3.0 + k, -4.0, 1.0 + 0.1 * k
+    speed_mps = hypot(ahead, left)
+    means = _pose_means(k, speed_mps=speed_mps, yaw_rate_radps=0.2, covariance_m2=[0.5, 0.1, 0.7])
+    means[Role.TARGET_TRUTH] |= {
+        "vx_mps": ahead * cos(yaw_rad) - left * sin(yaw_rad),
+        "vy_mps": ahead * sin(yaw_rad) + left * cos(yaw_rad),
+    }
+    along = {"speed_variance_m2ps2": 0.2 * (ahead / speed_mps) ** 2}
+    means[Role.EGO_SPEED] = {"speed_mps": speed_mps, "yaw_rate_radps": 0.2, **along}
     return ros(k, message), means
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -18,7 +19,7 @@ from cwcli.cli.text import count, finite
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
 
 if TYPE_CHECKING:
-    from cwcli.estimation.calibration import Calibration
+    from cwcli.estimation.calibration import Calibration, Constant
     from cwcli.estimation.pooling import Drive
 
 EXAMPLES = (
@@ -29,6 +30,10 @@ COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2
 TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "stamp_sigma_s",
         "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """What the table shows; the file has some more."""
+CLOCK_ERROR_S = 0.01
+"""By how much synchronised clocks of one car may differ (chrony or NTP over a vehicle network: a few milliseconds)."""
+MOST_NAMED = 4
+"""Logs that a note names."""
 NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad", "left_up_rad",
          "pitch_rad")  # fmt: skip
 
@@ -133,10 +138,14 @@ def _rows(found: Calibration) -> list[tuple[Cell, ...]]:
             for name, constant in constants.items():
                 if name not in TOLD:
                     continue
+                is_reference = constant.status is ConstantStatus.REFERENCE
                 status = "" if constant.status is ConstantStatus.FOUND else constant.status.value
+                if constant.status is ConstantStatus.DISAGREE:
+                    status += f" (I^2 {100 * constant.between_drives:.0f} %)"
+                numbers = (constant.value, 1.96 * constant.drive_sigma)
                 rows.append(
-                    (source, quantity.replace("_", " "), name, constant.value, 1.96 * constant.sigma, constant.n_logs,
-                     constant.chi_square, status)
+                    (source, quantity.replace("_", " "), name, *((math.nan, math.nan) if is_reference else numbers),
+                     constant.n_logs, constant.chi_square, status)
                 )  # fmt: skip
     return rows
 
@@ -151,11 +160,32 @@ def _show(console: Console, found: Calibration) -> None:
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():
             for name, constant in constants.items():
-                if name in NOTED and constant.spread > 0.0:
-                    what = f"{source}: {name} of {quantity.replace('_', ' ')}"
-                    console.note(f"{what}: the logs disagree, one drive differs from the next by {constant.spread:.3g}")
+                if name in NOTED:
+                    for note in _notes(constant, name):
+                        console.note(f"{source}: {name} of {quantity.replace('_', ' ')}: {note}")
     if len(found.logs) == 1:
         console.note("one log: nothing tells how much the next drive will differ")
+
+
+def _notes(constant: Constant, name: str) -> list[str]:
+    """What a user should know of a constant: that logs disagree on it, or that a latency is below zero."""
+    from cwcli.estimation.calibration import ConstantStatus
+
+    notes = []
+    if constant.status is ConstantStatus.DISAGREE:
+        values = [f"{log} {value:.3g} +- {sigma:.2g}" for log, value, sigma in constant.of_logs]
+        more = f", and {len(values) - MOST_NAMED} more" if len(values) > MOST_NAMED else ""
+        used = "" if name != "latency_s" or constant.is_clear_in_any_drive else "; it will not be used"
+        notes.append(
+            f"the logs disagree ({', '.join(values[:MOST_NAMED])}{more}), one drive differs from the next by "
+            f"{constant.spread:.3g}{used}"
+        )
+    if name == "latency_s" and constant.value < -max(CLOCK_ERROR_S, 3.0 * constant.sigma):
+        notes.append(
+            "below zero: nothing is stamped before it is measured, so the reference is late by at least as much, "
+            "or the clocks differ"
+        )
+    return notes
 
 
 def _document(found: Calibration) -> dict[str, Any]:

@@ -71,4 +71,4 @@ def _motion(signal: PoseSignal | PositionSignal, xy_m: FloatArray) -> Motion:
     nothing = np.full(len(signal.stamp_ns), np.nan)
     if isinstance(signal, PositionSignal):
         return Motion(xy_m, nothing, nothing, nothing)
-    return Motion(xy_m, signal.yaw_rad, signal.speed_mps, signal.yaw_rate_radps)
+    return Motion(xy_m, signal.travel_rad, signal.speed_mps, signal.yaw_rate_radps)

@@ -22,7 +22,7 @@ from cwcli.signals.role import Role
 
 MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
-MAX_QUATERNION = 1e3
+MIN_QUATERNION, MAX_QUATERNION = 1e-3, 1e3
 NO_ORIENTATION = "orientation not given"
 
 
@@ -31,7 +31,7 @@ class BodyMotion:
     """How the body moves, as the messages say: shape (n,) each, NaN where not given.
 
     Attributes:
-        speed_mps: Along the body's x axis, negative in reverse.
+        speed_mps: In the direction of travel, negative in reverse.
         yaw_rate_radps: Counter-clockwise positive.
         speed_variance, yaw_rate_variance: In (m/s)^2 and (rad/s)^2, unchecked.
     """
@@ -113,12 +113,32 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
 
 def yaw_of(columns: Columns, base: str) -> FloatArray:
     """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
+    x, y, z, w = _quaternion(columns, base)
+    yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    return np.where(np.isfinite(x), yaw_rad, np.nan)
+
+
+def rotation_of(columns: Columns, base: str) -> FloatArray:
+    """Rotation matrices of the quaternion at `base`, from the child's axes to the parent's, shape (n, 3, 3).
+
+    NaN for one that is far from unit length.
+    """
+    x, y, z, w = _quaternion(columns, base)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _quaternion(columns: Columns, base: str) -> FloatArray:
+    """x, y, z, w of unit length, shape (4, n); NaN for one that is far from it."""
     quaternion = np.stack([numbers(columns, f"{base}.{name}") for name in "xyzw"])
     is_given = (np.abs(quaternion) < MAX_QUATERNION).all(axis=0)
-    x, y, z, w = np.where(is_given, quaternion, 0.0)
-    norm2 = x * x + y * y + z * z + w * w
-    yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return np.where(norm2 > 1e-6, yaw_rad, np.nan)
+    length = np.sqrt((np.where(is_given, quaternion, 0.0) ** 2).sum(axis=0))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(length > MIN_QUATERNION, quaternion / length, np.nan)
 
 
 def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:

@@ -2,56 +2,54 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.motion import BodyMotion, build_speed, filled, yaw_of
+from cwcli.signals.builders.motion import BodyMotion, build_speed, yaw_of
+from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import given_plane_covariance, given_variances
+from cwcli.signals.direction_of_travel import find_yaw_mounting, heading_and_speed, velocity_of_positions
 from cwcli.signals.leaf_fields import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
 from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
-
-ComplexArray = npt.NDArray[np.complex128]
-
-MIN_SPEED_FOR_AXES_MPS = 0.5
-MIN_ROWS_FOR_AXES = 10
-MAX_SLIP = 0.1
-"""A car's velocity points to the side by less than this part of what it points forward."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
     """Build poses. An orientation that is the identity in every message is taken as not given (yaw NaN).
 
-    Speed and yaw rate are those of the twist of an `Odometry`, see `_motion`; only a truth is compared with them.
+    Speed, direction of travel and yaw rate are those of the twist of an `Odometry`, see `odometry_twist`; only a truth
+    is compared with them. Without a twist the way from pose to pose tells how the device is mounted.
     """
     ledger = RowLedger(columns, reading.role)
     base = "pose.pose" if find(columns, "pose.pose.position.x") is not None else "pose"
     position_m = vector(columns, f"{base}.position")
     yaw_rad = _given_yaw(columns, ledger, f"{base}.orientation")
-    motion = _motion(columns, ledger, position_m, yaw_rad)
+    twist = read_twist(columns, ledger, position_m, yaw_rad)
     reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
     covariance = matrix(columns, "pose.covariance", 36)
     plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     heading_variance = given_variances(ledger, covariance[:, 35])
-    return _pose(
+    signal, quality = _pose(
         columns,
         reading,
         ledger,
         position_m,
         yaw_rad,
-        motion.speed_mps,
-        motion.yaw_rate_radps,
+        twist.speed_mps,
+        twist.yaw_rate_radps,
         plane_m2,
         *stamps(columns),
         yaw_variance_rad2=heading_variance,
+        velocity_mps=np.column_stack([twist.velocity.real, twist.velocity.imag]),
     )
+    return _with_direction_of_travel(signal), quality
 
 
 def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -71,10 +69,14 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
 
 
 def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-    """Build the speed from the twist of an `Odometry`, see `_motion`."""
+    """Build the speed from the twist of an `Odometry`, see `odometry_twist`.
+
+    A mounting of the device, which only the whole log would show, takes no part.
+    """
     ledger = RowLedger(columns, reading.role)
     yaw_rad = _given_yaw(columns, ledger, "pose.pose.orientation")
-    motion = _motion(columns, ledger, vector(columns, "pose.pose.position"), yaw_rad)
+    twist = read_twist(columns, ledger, vector(columns, "pose.pose.position"), yaw_rad)
+    motion = BodyMotion(twist.speed_mps, twist.yaw_rate_radps, twist.speed_variance, twist.yaw_rate_variance)
     return build_speed(columns, reading, ledger, motion)
 
 
@@ -112,6 +114,27 @@ def _pose(
     return signal, ledger.quality
 
 
+def _with_direction_of_travel(signal: PoseSignal) -> PoseSignal:
+    """The pose with the direction of travel, the speed along it, and how its device is mounted."""
+    assert signal.velocity_mps is not None
+    velocity = signal.velocity_mps[:, 0] + 1j * signal.velocity_mps[:, 1]
+    has_velocity = bool(np.isfinite(velocity).any())
+    xy_m = np.column_stack([signal.x_m, signal.y_m])
+    shown = velocity if has_velocity else velocity_of_positions(signal.stamp_ns, xy_m)
+    mounting = find_yaw_mounting(signal.stamp_ns, shown, signal.yaw_rad, signal.yaw_rate_radps)
+    left_rad = 0.0 if mounting is None else mounting.used_rad
+    if not has_velocity:
+        return replace(signal, heading_rad=wrap_angle(signal.yaw_rad - left_rad), mounting=mounting)
+    heading_rad, speed_mps = heading_and_speed(velocity, signal.yaw_rad, left_rad)
+    is_known = np.isfinite(velocity) & np.isfinite(signal.yaw_rad)
+    return replace(
+        signal,
+        heading_rad=np.where(is_known, heading_rad, wrap_angle(signal.yaw_rad - left_rad)),
+        speed_mps=np.where(is_known & np.isfinite(signal.speed_mps), speed_mps, signal.speed_mps),
+        mounting=mounting,
+    )
+
+
 def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
     yaw_rad = yaw_of(columns, base)
     w = numbers(columns, f"{base}.w")
@@ -119,51 +142,3 @@ def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
         ledger.note("orientation is the identity in every message, taken as not given")
         return np.full(len(columns), np.nan)
     return yaw_rad
-
-
-def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray) -> BodyMotion:
-    """Speed and yaw rate of the twist of an `Odometry`, NaN where the message has none.
-
-    It is in the child frame, so its x is the speed, whatever the frame of the pose is called. Some senders put it in
-    the axes of the pose; the way from pose to pose tells, and it is turned by the yaw. Where no orientation is given
-    and the twist points to the side, too, as no car drives, the speed is its magnitude.
-    """
-    n = len(columns)
-    if find(columns, "twist.twist.linear.x") is None:
-        return BodyMotion(*np.full((4, n), np.nan))
-    twist = numbers(columns, "twist.twist.linear.x") + 1j * numbers(columns, "twist.twist.linear.y")
-    forward = np.ones(n, np.complex128)
-    if np.isfinite(yaw_rad).any():
-        if _is_map_twist(columns, position_m, yaw_rad, twist):
-            ledger.note("the twist is in the axes of the pose, not of the child frame: turned by the yaw")
-            forward = np.exp(1j * yaw_rad)
-    elif np.nansum(np.abs(twist.imag)) > MAX_SLIP * np.nansum(np.abs(twist.real)):
-        ledger.note("the speed is the magnitude of the twist")
-        forward = np.exp(1j * np.angle(twist))
-    covariance = matrix(columns, "twist.covariance", 36)
-    variance, x, y = covariance[:, 0], forward.real, forward.imag
-    if y.any():
-        with np.errstate(invalid="ignore", over="ignore"):
-            variance = x * x * variance + 2.0 * x * y * covariance[:, 1] + y * y * covariance[:, 7]
-    return BodyMotion(
-        speed_mps=(twist * forward.conj()).real,
-        yaw_rate_radps=filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate"),
-        speed_variance=variance,
-        yaw_rate_variance=covariance[:, 35],
-    )
-
-
-def _is_map_twist(columns: Columns, position_m: FloatArray, yaw_rad: FloatArray, twist: ComplexArray) -> bool:
-    """Whether the way from pose to pose follows the twist as it stands, clearly better than turned by the yaw."""
-    stamp_ns, has_stamp = stamps(columns)
-    step_s = np.diff(stamp_ns) * 1e-9
-    with np.errstate(divide="ignore", invalid="ignore"):
-        driven = np.diff(position_m[:, 0] + 1j * position_m[:, 1]) / step_s
-    middle = 0.5 * (twist[:-1] + twist[1:])
-    use = has_stamp[:-1] & has_stamp[1:] & (step_s > 0.0) & np.isfinite(driven) & np.isfinite(middle * yaw_rad[:-1])
-    use &= np.abs(middle) > MIN_SPEED_FOR_AXES_MPS
-    if np.count_nonzero(use) < MIN_ROWS_FOR_AXES:
-        return False
-    as_map = np.mean(np.abs(driven - middle)[use])
-    as_child = np.mean(np.abs(driven - middle * np.exp(1j * yaw_rad[:-1]))[use])
-    return bool(as_map < 0.5 * as_child)

@@ -18,9 +18,11 @@ ONLY_TARGET = "1"
 
 
 def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
-    """Build the truth of one target from poses. The velocity is along the yaw; NaN where either is not given."""
+    """Build the truth of one target from poses, with the velocity of their twist; NaN where that is not known."""
     pose, quality = build_pose(columns, reading)
     n = len(pose.stamp_ns)
+    assert pose.velocity_mps is not None
+    velocity_mps = np.where(np.isfinite(pose.speed_mps)[:, None], pose.velocity_mps, np.nan)
     signal = TargetTruthSignal(
         source=pose.source,
         frame_id=pose.frame_id,
@@ -29,8 +31,8 @@ def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSig
         log_time_ns=pose.log_time_ns,
         x_m=pose.x_m,
         y_m=pose.y_m,
-        vx_mps=pose.speed_mps * np.cos(pose.yaw_rad),
-        vy_mps=pose.speed_mps * np.sin(pose.yaw_rad),
+        vx_mps=velocity_mps[:, 0],
+        vy_mps=velocity_mps[:, 1],
     )
     return signal, quality
 

@@ -44,7 +44,9 @@ def test_file_of_ones_own() -> None:
     latency = car.of("/gps/fix", Kind.POSITION, "latency_s")
     assert (latency.value, latency.sigma, latency.status) == (0.12, 0.01, ConstantStatus.FOUND)
     assert latency.drive_sigma == pytest.approx(math.hypot(0.01, 0.02))
-    assert latency.interval == pytest.approx((0.1004, 0.1396))
+    assert latency.interval == pytest.approx(
+        (0.12 - 1.96 * math.hypot(0.01, 0.02), 0.12 + 1.96 * math.hypot(0.01, 0.02))
+    )
     assert car.of("/imu", "imu", "nose_up_rad").sigma == 0.0  # as if exact
     assert not car.of("/imu", Kind.ACCEL, "bias").is_known
     assert not car.of("/other", Kind.SPEED, "scale").is_known
@@ -86,7 +88,7 @@ def test_what_is_written_is_read_back() -> None:
         pytest.param("sigma = 0.01", "sigme = 0.01", "latency_s.sigme is unknown; permitted: status", id="field"),
         pytest.param(".position]", ".place]", "/gps/fix.place is unknown; permitted: position", id="quantity"),
         pytest.param("minutes = 4.5", "hours = 4.5", "hours is unknown; permitted: cwcli_calibration", id="key"),
-        pytest.param('"not observable"', '"fine"', "bias.status is 'fine'; permitted: found", id="status"),
+        pytest.param('"not observable"', '"fine"', "bias.status is 'fine'; permitted: reference, found", id="status"),
         pytest.param('["a.mcap"]', "[1]", "logs is [1]; permitted: a list of names", id="logs"),
         pytest.param("latency_s =", "scale =", "/gps/fix.position.scale is unknown", id="a position has no scale"),
     ],

@@ -34,6 +34,48 @@ def test_logs_that_disagree_have_a_spread_and_are_weighted_alike() -> None:
     assert (found.value, found.spread, found.sigma) == pytest.approx((5.0, 7.0, 5.0))
 
 
+def test_a_new_drive_of_logs_that_disagree_is_known_by_their_scatter_alone() -> None:
+    """As above: mean +- 5, from drive to drive 7; Student's quantile of one degree of freedom is 12.706."""
+    found = pooled([Said(0.0, 1.0, 5.0, "monday"), Said(10.0, 1.0, 5.0, "tuesday")])
+    assert found.drive_sigma == pytest.approx(math.hypot(5.0, 7.0) * 12.706 / 1.96, rel=1e-3)
+    assert found.interval == pytest.approx(
+        (5.0 - 12.706 * math.hypot(5.0, 7.0), 5.0 + 12.706 * math.hypot(5.0, 7.0)), rel=1e-3
+    )
+    assert found.between_drives == pytest.approx(1.0 - 1.0 / 50.0)
+    assert found.of_logs == (("monday", 0.0, 1.0), ("tuesday", 10.0, 1.0))
+
+
+def test_intervals_of_new_drives_hold_what_they_say() -> None:
+    """4 drives that differ by five times their sigmas: 95 % of the next drives lie in the interval (400 cars)."""
+    rng = np.random.default_rng(0)
+    n_inside = 0
+    for _ in range(400):
+        values = 0.1 + rng.normal(0.0, 0.05, 5) + rng.normal(0.0, 0.01, 5)
+        low, high = pooled([Said(value, 0.01, 5.0) for value in values[:4]]).interval
+        n_inside += low <= values[4] - rng.normal(0.0, 0.01) <= high
+    assert n_inside / 400 > 0.9
+
+
+def test_drives_that_agree_are_pooled_as_sharply_as_their_number_allows() -> None:
+    """10 drives without a difference: the sigma falls by the root of 10, and the same one counts for the next drive."""
+    rng = np.random.default_rng(1)
+    sharp = 0
+    for _ in range(200):
+        found = pooled([Said(value, 0.01, 5.0) for value in rng.normal(0.1, 0.01, 10)])
+        sharp += found.drive_sigma == pytest.approx(0.01 / math.sqrt(10.0))
+    assert sharp >= 180  # one in twenty is taken for drives that differ
+
+
+@pytest.mark.parametrize(
+    ("values_s", "is_clear"),
+    [((-0.057, -0.127), False), ((0.02, 0.06), False), ((0.11, 0.12), True), ((0.1, 0.1), True)],
+)
+def test_latency_that_drives_disagree_on_counts_only_where_it_is_clear(
+    values_s: tuple[float, ...], is_clear: bool
+) -> None:
+    assert pooled([Said(value, 0.002, 5.0) for value in values_s]).is_clear_in_any_drive == is_clear
+
+
 def test_logs_that_say_nothing_do_not_count() -> None:
     found = pooled([Said(math.nan, 1.0, 5.0), Said(1.0, math.nan, 5.0), Said(2.0, 0.5, 5.0)])
     assert (found.value, found.sigma, found.n_logs) == (2.0, 0.5, 1)
@@ -164,3 +206,72 @@ def test_constant_that_no_log_shows_is_not_observable() -> None:
     car = calibrated([Drive("", estimate_track(parked, EstimatorConfig()))])
     assert car.of("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
     assert car.of("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
+
+
+OUTPUT_NS = EPOCH_NS + np.arange(1_000_000_000, DURATION_S * 1e9 - 1e9, 50_000_000).astype(np.int64)
+
+
+def car_of(*late_s: float) -> Calibration:
+    """From a drive each with fixes that are so late."""
+    drives = [measure(city_drive(seed, DURATION_S), seed, {"gnss": late}) for seed, late in enumerate(late_s)]
+    return calibrated([Drive(f"drive {k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car")
+
+
+@pytest.fixture(scope="module")
+def disagreeing() -> Calibration:
+    """Fixes 57 ms early in one drive and 127 ms in another: -92 +- 35 ms, pooled."""
+    return car_of(-0.057, -0.127)
+
+
+def test_drives_that_disagree_do_no_harm_to_a_third_one(disagreeing: Calibration) -> None:
+    latency = disagreeing.of("gnss", Kind.POSITION, "latency_s")
+    assert latency.status is ConstantStatus.DISAGREE
+    assert latency.value == pytest.approx(-0.092, abs=0.02)
+    third = measure(city_drive(7, DURATION_S), 7, {})
+    truth = city_drive(7, DURATION_S).at((OUTPUT_NS - EPOCH_NS) / 1e9)
+    true_xy = np.column_stack([truth["x_m"], truth["y_m"]])
+    without = estimate_track(third, EstimatorConfig(causal=True), OUTPUT_NS)
+    hindsight, online = estimate_both(third, EstimatorConfig(calibration=disagreeing), OUTPUT_NS, blind=True)
+    rmse_m = [float(np.sqrt(((t.state[:, :2] - true_xy) ** 2).sum(axis=1).mean())) for t in (without, online)]
+    assert rmse_m[1] < 1.1 * rmse_m[0]
+    for track in (hindsight, online):
+        position = next(each for each in track.sources if each.source == "gnss")
+        assert position.latency.applied_s == 0.0
+        assert position.n_resets == 0
+        assert any("disagree on the latency of position (-9" in note for note in track.notes)
+        assert not any("makes this log worse" in note for note in track.notes)
+
+
+def test_calibration_that_makes_a_log_worse_is_told_with_both_values(car: Calibration) -> None:
+    """The car's receiver is 120 ms late, and not late at all in this drive."""
+    other = measure(city_drive(7, DURATION_S), 7, {"speed": LATE["speed"]})
+    for causal in (False, True):
+        config = EstimatorConfig(calibration=car, causal=causal)
+        track, _ = estimate_both(other, config, OUTPUT_NS, blind=True)
+        (note,) = (note for note in track.notes if "makes this log worse" in note)
+        assert "predicts the position of gnss" in note
+        assert "latency of gnss position found on it: " in note
+        assert ", calibrated: 12" in note or ", calibrated: 11" in note
+
+
+def test_calibration_that_fits_is_not_called_worse(car: Calibration) -> None:
+    for seed in (20, 21, 22):
+        same = measure(city_drive(seed, DURATION_S), seed, LATE)
+        track, _ = estimate_both(same, EstimatorConfig(calibration=car), OUTPUT_NS, blind=True)
+        assert not any("makes this log worse" in note for note in track.notes)
+
+
+def test_calibrated_biases_do_not_make_the_noise_greater(car: Calibration) -> None:
+    """The noise of a log is found about the biases that it has, whatever is known of them before."""
+    same = measure(city_drive(9, DURATION_S), 9, LATE)
+    alone, both = (estimate_track(same, EstimatorConfig(calibration=each), OUTPUT_NS) for each in (None, car))
+    for own, calibrated_report in zip(alone.sources, both.sources, strict=True):
+        assert calibrated_report.sigma == pytest.approx(own.sigma, rel=0.1), own.kind
+        assert calibrated_report.nis_mean == pytest.approx(own.nis_mean, rel=0.1), own.kind
+
+
+def test_source_that_the_latencies_are_against_is_the_reference(car: Calibration) -> None:
+    constant = car.of("imu", Kind.ACCEL, "latency_s")
+    assert (constant.status, constant.value) == (ConstantStatus.REFERENCE, 0.0)
+    track = estimate_track(measure(city_drive(9, 60.0), 9, LATE), EstimatorConfig(calibration=car, causal=True))
+    assert next(r for r in track.sources if r.kind is Kind.ACCEL).latency.status is LatencyStatus.REFERENCE

@@ -1,0 +1,170 @@
+"""The twist of an `Odometry`: horizontal velocity in the axes of the pose, speed, and yaw rate about the vertical.
+
+By the message's definition the twist is in the child frame, whose axes the whole orientation turns into those of the
+pose: a device that is pitched sees a part of the speed in its z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cwcli.signals.builders.motion import filled, rotation_of
+from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.direction_of_travel import ComplexArray, heading_and_speed
+from cwcli.signals.leaf_fields import find, matrix, numbers, stamps
+from cwcli.signals.quality import RowLedger
+
+MIN_SPEED_FOR_AXES_MPS = 0.5
+"""Slower rows do not tell in which axes a twist is."""
+MIN_ROWS_FOR_AXES = 10
+MAX_SLIP = 0.1
+"""A car's velocity points to the side by less than this part of what it points forward."""
+MOVED_M = 2.0
+"""Positions that span more are of a car that moved: a twist of zeros throughout was then never filled."""
+UNMEASURED_M2PS2 = 1e3
+"""A component of a velocity with a greater variance, more than 30 m/s of sigma, is stated but not measured."""
+
+
+@dataclass(frozen=True)
+class Twist:
+    """What the messages say of the motion, shape (n,) each, NaN where not known.
+
+    Attributes:
+        velocity: Horizontal, x + iy in the axes of the pose, m/s; NaN where no orientation turns it there.
+        speed_mps: Horizontal, in the direction of travel, negative in reverse.
+        speed_variance: In (m/s)^2, unchecked.
+        yaw_rate_radps: About the vertical, counter-clockwise positive.
+        yaw_rate_variance: In (rad/s)^2, unchecked.
+    """
+
+    velocity: ComplexArray
+    speed_mps: FloatArray
+    speed_variance: FloatArray
+    yaw_rate_radps: FloatArray
+    yaw_rate_variance: FloatArray
+
+
+def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray) -> Twist:
+    """Read the twist of an `Odometry`.
+
+    Some senders put it in the axes of the pose; the way from pose to pose tells, and it is then taken as it stands.
+    Where no orientation is given and the twist points to the side, too, as no car drives, the speed is its magnitude.
+
+    Args:
+        columns: n messages.
+        ledger: Takes notes on what was assumed.
+        position_m: Shape (n, 3).
+        yaw_rad: Shape (n,), NaN where no orientation is given.
+    """
+    n = len(columns)
+    nothing = np.full(n, np.nan)
+    if find(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
+        return Twist(nothing + 0j, nothing, nothing, _yaw_rate(columns, ledger, None), nothing)
+    covariance = matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
+    linear, variance = _measured(_vector(columns, "linear"), covariance[:, :3, :3])
+    yaw_rate_variance = covariance[:, 5, 5]
+    if not np.isfinite(yaw_rad).any():
+        speed, towards = _speed_without_orientation(ledger, linear)
+        yaw_rate = _yaw_rate(columns, ledger, None)
+        return Twist(nothing + 0j, speed, _along(variance, towards), yaw_rate, yaw_rate_variance)
+    rotation = rotation_of(columns, "pose.pose.orientation")
+    in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _plane(rotation, linear)
+    if _is_map_twist(columns, position_m, in_map, in_child):
+        ledger.note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
+        velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
+        yaw_rate = _yaw_rate(columns, ledger, None)
+    else:
+        velocity, yaw_rate = in_child, _yaw_rate(columns, ledger, rotation)
+    heading, speed = heading_and_speed(velocity, yaw_rad, 0.0)
+    ahead = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(n)])
+    towards = np.einsum("nij,ni->nj", rotation, ahead)
+    is_turned = np.isfinite(velocity)
+    return Twist(
+        velocity,
+        np.where(is_turned, speed, linear[:, 0]),
+        np.where(is_turned, _along(variance, towards), variance[:, 0, 0]),
+        yaw_rate,
+        yaw_rate_variance,
+    )
+
+
+def _vector(columns: Columns, name: str) -> FloatArray:
+    """A vector of the twist, shape (n, 3); z is 0 where the message has none."""
+    vector = np.stack([numbers(columns, f"twist.twist.{name}.{axis}") for axis in "xyz"], axis=1)
+    vector[:, 2] = np.where(np.isfinite(vector[:, 2]), vector[:, 2], 0.0)
+    return vector
+
+
+def _is_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray) -> bool:
+    """Whether the velocity is exactly 0 in every message of a car that moved."""
+    if len(columns) < 2 or _vector(columns, "linear").any():
+        return False
+    known = position_m[np.isfinite(position_m[:, :2]).all(axis=1), :2]
+    if not len(known) or float(np.ptp(known, axis=0).max()) < MOVED_M:
+        return False
+    ledger.note("the twist is exactly 0 in every message though the position moves, taken as not measured")
+    return True
+
+
+def _measured(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Velocities (n, 3) and covariances (n, 3, 3) in which sideways and upward components are 0 where not measured."""
+    linear, variance = linear.copy(), variance.copy()
+    for axis in (1, 2):
+        is_unmeasured = variance[:, axis, axis] > UNMEASURED_M2PS2
+        linear[is_unmeasured, axis] = 0.0
+        variance[is_unmeasured, axis, :] = 0.0
+        variance[is_unmeasured, :, axis] = 0.0
+    return linear, variance
+
+
+def _speed_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The speed (n,) and the direction (n, 3) that it is taken in, where no orientation is given."""
+    towards = np.zeros_like(linear)
+    towards[:, 0] = 1.0
+    x, y = linear[:, 0], linear[:, 1]
+    if np.nansum(np.abs(y)) <= MAX_SLIP * np.nansum(np.abs(x)):
+        return x, towards
+    ledger.note("the speed is the magnitude of the twist")
+    angle = np.arctan2(y, x)
+    return np.hypot(x, y), np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(x))])
+
+
+def _plane(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
+    """The horizontal part of turned vectors, x + iy, shape (n,)."""
+    turned = np.einsum("nij,nj->ni", rotation[:, :2], vector)
+    return np.asarray(turned[:, 0] + 1j * turned[:, 1])
+
+
+def _along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
+    """The variance along unit vectors (n, 3) of covariances (n, 3, 3)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray(
+            np.einsum("ni,nij,nj->n", towards, np.where(towards[:, :, None] == 0.0, 0.0, covariance), towards)
+        )
+
+
+def _yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) -> FloatArray:
+    """About the vertical, (n,): the angular velocity turned by the orientation, or its z as it stands."""
+    about_z = filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate")
+    if rotation is None:
+        return about_z
+    angular = np.stack([numbers(columns, f"twist.twist.angular.{axis}") for axis in "xyz"], axis=1)
+    angular[:, :2] = np.where(np.isfinite(angular[:, :2]), angular[:, :2], 0.0)
+    vertical = np.einsum("nj,nj->n", rotation[:, 2], angular)
+    return np.where(np.isfinite(vertical) & np.isfinite(about_z), vertical, about_z)
+
+
+def _is_map_twist(columns: Columns, position_m: FloatArray, in_map: ComplexArray, in_child: ComplexArray) -> bool:
+    """Whether the way from pose to pose follows the twist clearly better as it stands than turned by the yaw."""
+    stamp_ns, has_stamp = stamps(columns)
+    step_s = np.diff(stamp_ns) * 1e-9
+    with np.errstate(divide="ignore", invalid="ignore"):
+        driven = np.diff(position_m[:, 0] + 1j * position_m[:, 1]) / step_s
+    as_map, as_child = (0.5 * (each[:-1] + each[1:]) for each in (in_map, in_child))
+    use = has_stamp[:-1] & has_stamp[1:] & (step_s > 0.0) & np.isfinite(driven)
+    use &= np.isfinite(as_map) & np.isfinite(as_child) & (np.abs(in_map[:-1]) > MIN_SPEED_FOR_AXES_MPS)
+    if np.count_nonzero(use) < MIN_ROWS_FOR_AXES:
+        return False
+    return bool(np.mean(np.abs(driven - as_map)[use]) < 0.5 * np.mean(np.abs(driven - as_child)[use]))
