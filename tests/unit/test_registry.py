@@ -72,9 +72,7 @@ def test_whatever_a_plugin_raises_is_an_error_that_names_it(raised: BaseExceptio
     def decide() -> None:
         raise raised
 
-    with pytest.raises(
-        PluginError, match="the warning rule 'near' of the package extra 1.2 raised in decide: "
-    ) as told:
+    with pytest.raises(PluginError, match=r"rule 'near' of the package extra 1\.2 raised in decide: ") as told:
         guarded(decide, "decide", None, PLUGIN)()
     assert type(raised).__name__ in str(told.value)
     assert told.value.exit_code == EXIT_USAGE

@@ -21,6 +21,7 @@ METADATA = "metadata.yaml"
 SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
 """What logs are called."""
 MAX_METADATA_BYTES = 16_000_000
+UNREAD_JOURNALS = "write-ahead logs that are not read, as the databases are not on this machine"
 MAX_METADATA_NODES = 100_000
 """Values in a metadata.yaml: a recording of 5,000 parts and 1,000 topics has fewer."""
 MAX_PATH_CHARS = 4096
@@ -97,9 +98,12 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
         deeper = None if is_remote(folder) else next(iter(sorted(Path(folder).glob(f"*/{METADATA}"))), None)
         hint = "name a log in it" if deeper is None else f"a recording lies deeper: {deeper.parent}"
         raise InputError("the folder holds no log", where=name, hint=hint)
+    unread = [each for each in everything if is_remote(folder) and each.removesuffix("-wal") != each]
     if METADATA not in everything:
         if len(names) == 1:
-            return opened(prefix + names[0])
+            file = opened(prefix + names[0])
+            _note(file.notes, UNREAD_JOURNALS, unread)
+            return file
         if not as_one:
             hint = "--as-one reads them as the parts of one log; else name one of them (`cwcli run -d` takes many)"
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA}", where=name, hint=hint)
@@ -115,6 +119,7 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
     _note(notes, f"parts missing that {METADATA} lists", [each for each in listing.files if each not in found])
     if listing.files:
         _note(notes, f"logs beside those of {METADATA}, not read", sorted(set(names) - set(found.values())))
+    _note(notes, UNREAD_JOURNALS, unread)
     file = open_parts([prefix + each for each in found.values()], name, opened)
     file.notes = {**notes, **file.notes}
     file.listing = {found.get(listed, listed): n for listed, n in listing.files.items()}
