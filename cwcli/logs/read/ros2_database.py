@@ -1,8 +1,8 @@
 """rosbag2's databases (`.db3`): their topics and messages, by SQLite; their types, by the library `rosbags`.
 
-Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sqlite_storage.cpp.
-Every row of `messages` is read, or counted: the table is gone through by its own rows and not by its index, which may be
-damaged, and a message whose topic is not in `topics` belongs to none.
+Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sqlite_storage.cpp. Every row of
+`messages` is read, or counted: the table is gone through by its own rows and not by its index, which may be damaged,
+and a message whose topic is not in `topics` belongs to none.
 """
 
 from __future__ import annotations

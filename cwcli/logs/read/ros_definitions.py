@@ -11,7 +11,7 @@ MAX_ID = 0xFFFF
 """Of a channel: the format has two octets for it."""
 
 
-def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Content]:
+def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
     """The schemas and channels; a type that nobody defines has none."""
     from rosbags.typesys import TypesysError
 
