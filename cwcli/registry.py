@@ -162,9 +162,9 @@ class Registry(Mapping[str, T]):
         if isinstance(found, str):
             entry: T = named(found)
             return entry
-        entry = found.load()
+        loaded = found.load()
         with found.blamed("can't be used"):
-            return self._accept(entry, found)
+            return self._accept(loaded, found)
 
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
