@@ -240,4 +240,4 @@ def _file_name(listed: object) -> str:
 
 def _count(value: object) -> int | None:
     is_number = isinstance(value, str) and len(value) <= MAX_DIGITS and value.isascii() and value.isdigit()
-    return int(value) if is_number else None  # type: ignore[call-overload, no-any-return]
+    return int(value) if is_number else None  # type: ignore[call-overload]
