@@ -54,6 +54,13 @@ class CwcliError(Exception):
         self.hint = hint
 
 
+class Terminated(SystemExit):
+    """The system asked the process to end (SIGTERM); the `finally` blocks run, and nothing may take it for an error."""
+
+    def __init__(self) -> None:
+        super().__init__(EXIT_TERMINATED)
+
+
 class UsageError(CwcliError):
     """The command line or a configuration file is wrong."""
 

@@ -15,9 +15,9 @@ from cwcli.errors import (
     EXIT_INTERRUPTED,
     EXIT_OUTPUT,
     EXIT_PIPE_CLOSED,
-    EXIT_TERMINATED,
     CwcliError,
     OutputError,
+    Terminated,
 )
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -47,7 +47,9 @@ def run(arguments: Sequence[str]) -> int:
         _say("interrupted")
     except BrokenPipeError:
         code = EXIT_PIPE_CLOSED
-    except Exception as error:
+    except SystemExit:
+        raise
+    except BaseException as error:  # one that is no Exception would end Python with 1, the code of a failed gate
         code = _report_unexpected(error)
     try:
         _flush()
@@ -64,7 +66,7 @@ def run(arguments: Sequence[str]) -> int:
 
 def _terminate(number: int, frame: object) -> NoReturn:
     """Leave through the `finally` blocks, so that temporary files go."""
-    raise SystemExit(EXIT_TERMINATED)
+    raise Terminated
 
 
 def _make_streams_robust() -> None:
@@ -109,7 +111,7 @@ def _say(text: str) -> None:
         print(text, file=sys.stderr)
 
 
-def _report_unexpected(error: Exception) -> int:
+def _report_unexpected(error: BaseException) -> int:
     if isinstance(error, OSError) and error.errno in DISK_FULL:  # on the way to standard output
         _report(_full(error))
         return EXIT_OUTPUT

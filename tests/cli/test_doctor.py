@@ -263,3 +263,21 @@ def test_drift_is_not_told_from_scatter() -> None:
         assert drift(stamp_ns, stamp_ns + late_ns) == 0.0
     drifting = (np.arange(600) * 2e4).astype(np.int64)  # 20 microseconds each 0.1 s: 12 ms a minute
     assert drift(stamp_ns, stamp_ns + late_ns + drifting) == pytest.approx(12.0, rel=0.1)
+
+
+@pytest.mark.parametrize("last_ns", [2**63 - 1, 2**63, 2**64 - 1])
+def test_log_times_of_all_64_bits_are_examined(tmp_path: Path, last_ns: int) -> None:
+    """40 sound messages, and a last one whose log time is none: the gap before it is told, nothing else changes."""
+    path = tmp_path / "late.mcap"
+    with path.open("wb") as stream:
+        writer = JsonWriter(stream)
+        writer.start()
+        channel_id = writer.register_channel("/a", "json", 0)
+        for log_ns in (*(T0_NS + 100_000_000 * k for k in range(40)), last_ns):
+            writer.add_message(channel_id, log_ns, b"{}", log_ns)
+        writer.finish()
+    with Log.open(path) as opened:
+        (found,) = examine(opened, ["/a"])
+    assert (found.messages, found.gaps, found.undecodable) == (41, 1, 0)
+    assert found.rate_hz == pytest.approx(10.0)
+    assert found.longest_gap_s == pytest.approx((last_ns - T0_NS) / 1e9 - 3.9)

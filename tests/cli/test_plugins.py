@@ -185,6 +185,13 @@ def broken(folder: Path, module: str, old: str, new: str) -> dict[str, str]:
             "raised in decide: ZeroDivisionError: division by zero (rule.py, line",
         ),
         ("rule", "near = ", "raise SystemExit(0); near = ", "raised in decide: SystemExit: 0 (rule.py, line"),
+        (
+            "rule",
+            "near = ",
+            "raise BaseException('stop'); near = ",
+            "raised in decide: BaseException: stop (rule.py, line",
+        ),
+        ("rule", "import numpy as np", "raise GeneratorExit", "can't be imported: GeneratorExit (rule.py, line"),
         ("rule", "persistence_s=0.0", "persistence_s='0'", "has persistence_s = '0', which is no float"),
         ("measure", "threshold=0.5", "threshold='0.5'", "has threshold = '0.5', which is no float | None"),
         ("measure", 'symbol="q"', "symbol=None", "has symbol = None, which is no str"),

@@ -89,12 +89,11 @@ def _found() -> str | None:
 
 
 def _load(path: str) -> dict[str, Any]:
-    import tomllib
-
     from cwcli.input import read_file
+    from cwcli.toml_text import parse_toml
 
     try:
-        return tomllib.loads(read_file(path).decode())
+        return parse_toml(read_file(path).decode())
     except OSError as error:
         raise UsageError(f"can't read the configuration: {error.strerror}", where=path) from error
     except (ValueError, RecursionError) as error:  # TOMLDecodeError and UnicodeDecodeError are ValueErrors

@@ -8,7 +8,13 @@ from typing import Any
 from cwcli.errors import InputError, UsageError
 
 FILE_SCHEME = "file://"
+MAX_SCHEME_CHARS = 40
+"""Of an unknown scheme that are shown."""
 COPY_BYTES = 4 << 20
+SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
+ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
+"""Schemes of URLs that are read, and other names of the same stores; `memory` is for tests. fsspec knows many more,
+which run other programs, hold files in files, or need options that a URL does not carry: each fails in its own way."""
 
 
 def is_remote(source: str) -> bool:
@@ -57,8 +63,15 @@ def file_system(url: str) -> tuple[Any, str]:
     """The store of a URL, and what it calls the file.
 
     Raises:
-        UsageError: It needs a package that is not installed.
+        UsageError: Its scheme is not read, it is no URL, or it needs a package that is not installed.
     """
+    scheme = url.partition("://")[0]
+    if scheme not in (*SCHEMES, *ALIASES):
+        known = ", ".join(f"{each}://" for each in SCHEMES)
+        raise UsageError(
+            f"logs can't be read from URLs that begin with '{scheme[:MAX_SCHEME_CHARS]}://'",
+            hint=f"copy the log to this machine, or to one of {known}",
+        )
     try:
         from fsspec.core import url_to_fs
     except ImportError as error:
@@ -67,10 +80,9 @@ def file_system(url: str) -> tuple[Any, str]:
         ) from error
     try:
         system, path = url_to_fs(url)
-    except (ImportError, ValueError) as error:  # the store's own package, or a scheme that nobody knows
-        raise UsageError(
-            str(error).splitlines()[0], where=url, hint="pip install 'cwcli[remote]' reads s3://"
-        ) from error
+    except Exception as error:  # the store's own package is missing, or it can't make sense of the URL
+        what = next(iter(str(error).splitlines()), "") or type(error).__name__
+        raise UsageError(what, where=url, hint="pip install 'cwcli[remote]' reads s3://") from error
     return system, str(path)
 
 
