@@ -186,8 +186,8 @@ def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: floa
     order = np.argsort(time_s, kind="stable")
     return Gated(
         epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
-        Strings(code[order], tuple(s.source for s in tuned.series)),
-        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)),
+        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal(),
+        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal(),
         nis[order],
         bound[order],
     )

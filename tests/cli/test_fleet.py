@@ -90,12 +90,27 @@ def reference(logs: Path) -> Path:
     return logs.parent / "one"
 
 
-@pytest.mark.parametrize("how", [("--jobs", "2"), ("--ray", "local", "--jobs", "2")], ids=["two jobs", "Ray"])
+@pytest.mark.parametrize(
+    "how",
+    [("--jobs", "2"), ("--jobs", "4"), ("--ray", "local", "--jobs", "2")],
+    ids=["two jobs", "four jobs", "Ray"],
+)
 def test_same_bytes_whoever_does_the_work(logs: Path, reference: Path, tmp_path: Path, how: tuple[str, ...]) -> None:
     process = start(logs.parent, "logs/*.mcap", "-d", str(tmp_path / "out"), "--tables", *how)
     _, error = process.communicate(timeout=180)
     assert process.returncode == 3, error.decode()
     assert tree(tmp_path / "out") == tree(reference)
+
+
+def test_rejected_measurements_are_the_same_bytes(cwcli: Run, tmp_path: Path) -> None:
+    """The sample of a straight road rejects speeds: its table names topics that several quantities share."""
+    tables = []
+    for jobs in ("1", "2", "4"):
+        samples = [ROOT / "sample_logs" / name for name in ("straight.mcap", "intersection.mcap")]
+        done = cwcli("run", *samples, "-d", f"out{jobs}", "--jobs", jobs, "--stage", "estimate", "--quiet")
+        assert done.returncode == 0, done.stderr
+        tables.append((tmp_path / f"out{jobs}/details/rejected/log=straight/rejected.parquet").read_bytes())
+    assert len(set(tables)) == 1
 
 
 def test_layout_and_manifest(reference: Path) -> None:

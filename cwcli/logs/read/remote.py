@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cwcli.errors import InputError, UsageError
+from cwcli.errors import UsageError
+from cwcli.logs.read.remote_errors import unreadable
+from cwcli.url import name_url, redact_urls
 
 FILE_SCHEME = "file://"
 COPY_BYTES = 4 << 20
@@ -57,27 +59,23 @@ def file_system(url: str) -> tuple[Any, str]:
     """The store of a URL, and what it calls the file.
 
     Raises:
+        InputError: The store does not answer.
         UsageError: It needs a package that is not installed.
     """
     try:
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(
-            "remote logs need a package that is not installed", where=url, hint="pip install 'cwcli[remote]'"
+            "remote logs need a package that is not installed", where=name_url(url), hint="pip install 'cwcli[remote]'"
         ) from error
     try:
         system, path = url_to_fs(url)
     except (ImportError, ValueError) as error:  # the store's own package, or a scheme that nobody knows
         raise UsageError(
-            str(error).splitlines()[0], where=url, hint="pip install 'cwcli[remote]' reads s3://"
+            redact_urls(str(error).splitlines()[0], url),
+            where=name_url(url),
+            hint="pip install 'cwcli[remote]' reads s3://",
         ) from error
+    except Exception as error:  # some stores connect at once
+        raise unreadable(url, error) from error
     return system, str(path)
-
-
-def unreadable(url: str, error: Exception) -> InputError:
-    """The error that a URL can't be read, for the store's reason."""
-    reason = " ".join(str(error).split()) or type(error).__name__
-    if isinstance(error, FileNotFoundError) and reason.rpartition("/")[2] == url.rstrip("/").rpartition("/")[2]:
-        why = " ".join(str(error.__cause__ or "").split())
-        reason = f"there is no such file{f' ({why})' if why else ''}"
-    return InputError(f"it can't be read: {reason}", where=url)
