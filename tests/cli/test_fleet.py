@@ -234,14 +234,17 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 def test_killed_run_is_taken_up_again(many: Path, tmp_path: Path, signal_number: signal.Signals) -> None:
     out = tmp_path / "out"
-    process = start(many, "logs/*.mcap", "-d", str(out), "--jobs", "2")
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    process = start(many, "logs/*.mcap", "-d", str(out), "--jobs", "2", TMPDIR=str(temporary))
     wait_until(lambda: len(entries(out)) >= 3)
     os.killpg(process.pid, signal_number)
     _, error = process.communicate(timeout=30)
     code = {signal.SIGKILL: -signal.SIGKILL, signal.SIGINT: 130, signal.SIGTERM: 143}[signal_number]
     assert process.returncode == code, error.decode()
     assert b"Traceback" not in error
-    wait_until(lambda: not family(process.pid), 10)
+    wait_until(lambda: not family(process.pid))
+    assert list(temporary.iterdir()) == []
     finished = {path.parent.name: path.stat().st_mtime_ns for path in entries(out)}
     assert 3 <= len(finished) < 12
     manifest = json.loads((out / "manifest.json").read_text())

@@ -61,6 +61,10 @@ def unreadable(url: str, error: BaseException) -> InputError:
         words = "the server does not send it"
         if status is None:
             reason, detail = "missing", _cause_in_brackets(error, url)
+    if reason == "missing":  # a store says so where the whole bucket is not there
+        said = (" ".join(str(each).split()) for each in chain)
+        bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
+        detail = f" ({redact_urls(bucket, url)})" if bucket else detail
     what, hint = (words, "") if reason is None else WORDS[reason]
     return InputError(f"it can't be read: {what}{detail}", where=name_url(url), hint=hint)
 
