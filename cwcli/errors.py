@@ -6,6 +6,8 @@ leaves with exit code 70 and a traceback (see `cwcli.cli.main`).
 
 from __future__ import annotations
 
+from cwcli.url import redact_urls
+
 EXIT_DONE = 0
 EXIT_GATE_FAILED = 1
 EXIT_USAGE = 2
@@ -35,7 +37,7 @@ EXIT_CODES = {
 
 
 class CwcliError(Exception):
-    """An error with a user-facing line.
+    """An error with a user-facing line. No secret of a URL stands in it, whoever wrote its words.
 
     Args:
         what: What is wrong, in one line, without a trailing full stop.
@@ -47,11 +49,12 @@ class CwcliError(Exception):
     exit_code = EXIT_BUG
 
     def __init__(self, what: str, *, where: str = "", found: tuple[str, ...] = (), hint: str = "") -> None:
+        what, where = redact_urls(what), redact_urls(where)
         super().__init__(f"{where}: {what}" if where else what)
         self.what = what
         self.where = where
-        self.found = found
-        self.hint = hint
+        self.found = tuple(redact_urls(entry) for entry in found)
+        self.hint = redact_urls(hint)
 
 
 class Terminated(SystemExit):

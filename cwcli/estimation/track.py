@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -44,6 +43,8 @@ MIN_NIS_ROWS = 20
 LONG_LEAD_IN_S = 3.0  # without a position
 MOST_STARTS = 6
 STARTS_AGREE_M = 0.5
+IS_WORKER = "_CWCLI_WORKER"
+"""Environment variable that is there in a worker of a run over many logs: the other processors are other workers'."""
 Group = TypeVar("Group")
 Result = TypeVar("Result")
 
@@ -196,8 +197,8 @@ def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: floa
     order = np.argsort(time_s, kind="stable")
     return Gated(
         epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
-        Strings(code[order], tuple(s.source for s in tuned.series)),
-        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)),
+        Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal(),
+        Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal(),
         nis[order],
         bound[order],
     )
@@ -351,7 +352,7 @@ def estimate_tracks(
 
 def each_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
     """`estimate` of each vehicle, in threads; a worker process uses one, as the other processors are other workers'."""
-    if len(groups) < 2 or multiprocessing.parent_process() is not None:
+    if len(groups) < 2 or IS_WORKER in os.environ:
         return [estimate(group) for group in groups]
     n_threads = min(len(groups), os.cpu_count() or 1)
     with ThreadPoolExecutor(n_threads, initializer=bound_array_memory) as pool:

@@ -253,6 +253,7 @@ class _Parser:
 
     def _error(self, expected: str, start: int) -> UsageError:
         found = self._text[start : start + 20].strip()
+        found = "a URL" if "://" in self._text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"
         return UsageError(
             f"can't read the gate `{self._text.strip()}`: expected {expected} at character {start + 1}, {what}",

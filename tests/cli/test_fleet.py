@@ -90,12 +90,27 @@ def reference(logs: Path) -> Path:
     return logs.parent / "one"
 
 
-@pytest.mark.parametrize("how", [("--jobs", "2"), ("--ray", "local", "--jobs", "2")], ids=["two jobs", "Ray"])
+@pytest.mark.parametrize(
+    "how",
+    [("--jobs", "2"), ("--jobs", "4"), ("--ray", "local", "--jobs", "2")],
+    ids=["two jobs", "four jobs", "Ray"],
+)
 def test_same_bytes_whoever_does_the_work(logs: Path, reference: Path, tmp_path: Path, how: tuple[str, ...]) -> None:
     process = start(logs.parent, "logs/*.mcap", "-d", str(tmp_path / "out"), "--tables", *how)
     _, error = process.communicate(timeout=600)
     assert process.returncode == 3, error.decode()
     assert tree(tmp_path / "out") == tree(reference)
+
+
+def test_rejected_measurements_are_the_same_bytes(cwcli: Run, tmp_path: Path) -> None:
+    """The sample of a straight road rejects speeds: its table names topics that several quantities share."""
+    tables = []
+    for jobs in ("1", "2", "4"):
+        samples = [ROOT / "sample_logs" / name for name in ("straight.mcap", "intersection.mcap")]
+        done = cwcli("run", *samples, "-d", f"out{jobs}", "--jobs", jobs, "--stage", "estimate", "--quiet")
+        assert done.returncode == 0, done.stderr
+        tables.append((tmp_path / f"out{jobs}/details/rejected/log=straight/rejected.parquet").read_bytes())
+    assert len(set(tables)) == 1
 
 
 def test_layout_and_manifest(reference: Path) -> None:
@@ -219,14 +234,17 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 def test_killed_run_is_taken_up_again(many: Path, tmp_path: Path, signal_number: signal.Signals) -> None:
     out = tmp_path / "out"
-    process = start(many, "logs/*.mcap", "-d", str(out), "--jobs", "2")
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    process = start(many, "logs/*.mcap", "-d", str(out), "--jobs", "2", TMPDIR=str(temporary))
     wait_until(lambda: len(entries(out)) >= 3)
     os.killpg(process.pid, signal_number)
     _, error = process.communicate(timeout=600)
     code = {signal.SIGKILL: -signal.SIGKILL, signal.SIGINT: 130, signal.SIGTERM: 143}[signal_number]
     assert process.returncode == code, error.decode()
     assert b"Traceback" not in error
-    wait_until(lambda: not family(process.pid), 10)
+    wait_until(lambda: not family(process.pid))
+    assert list(temporary.iterdir()) == []
     finished = {path.parent.name: path.stat().st_mtime_ns for path in entries(out)}
     assert 3 <= len(finished) < 12
     manifest = json.loads((out / "manifest.json").read_text())
