@@ -11,6 +11,7 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, LogArgument
 from cwcli.cli.report import print_written
+from cwcli.cli.targets import check_suffix
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli view annotated.mcap", "cwcli view annotated.mcap -o annotated.rrd")
@@ -37,8 +38,7 @@ def command(
 
     if output is not None:
         check_targets([output], force=force, inputs=log)
-        if Path(output).suffix.lower() != ".rrd":
-            raise UsageError(f"-o {output}: a recording ends in .rrd", hint=f"-o {Path(output).stem or 'log'}.rrd")
+        check_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
     if more or not Path(path).is_file():
         raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
