@@ -18,7 +18,7 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.targets import check_outputs
 from cwcli.cli.text import count, finite, interval, join_names, number, printable
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, names_hint
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
@@ -140,7 +140,7 @@ def command(
 def _check(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
     for verdict in fail_on:
         if verdict not in FAIL_ON:
-            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=f"one of: {', '.join(FAIL_ON)}")
+            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAIL_ON))
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance {tolerance:g} is not between 0 and 1")
     if seed < 0:

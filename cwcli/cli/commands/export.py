@@ -13,7 +13,7 @@ from cwcli.cli.console import Console, is_terminal, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.export.formats import TRACK_FORMATS
 from cwcli.text import join_names, printable
 
@@ -150,10 +150,10 @@ def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
     for name in names:
         if name not in CONTENTS:
             raise UsageError(
-                f"--what {name!r}: there is no such thing to export", hint=f"it is one of {', '.join(CONTENTS)}"
+                f"--what {name!r}: there is no such thing to export", hint=names_hint(name, CONTENTS, "it is one of")
             )
     if form not in FORMATS:
-        raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
+        raise UsageError(f"--format {form!r}: there is no such format", hint=names_hint(form, FORMATS, "it is one of"))
     if form == ROS_LOG and (names or vehicle is not None):
         option = "--what" if names else "--id"
         raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")

@@ -54,7 +54,7 @@ def test_parts_read_as_the_whole(whole: Path, tmp_path: Path, ids: str, layout: 
 
 
 def write_part(path: Path, channels: list[tuple[int, str, dict[str, str]]], first: int) -> Path:
-    """A part whose channels (topic by topic) have a schema record each, all of the same type, as rosbag2 splits them."""
+    """A part whose channels have a schema record each, all of the same type, as rosbag2 splits them."""
     stream = BytesIO()
     writer = Writer(stream)
     writer.start(profile="", library="test")
