@@ -6,6 +6,8 @@ leaves with exit code 70 and a traceback (see `cwcli.cli.main`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from cwcli.url import redact_urls
 
 EXIT_DONE = 0
@@ -34,6 +36,10 @@ EXIT_CODES = {
     EXIT_TERMINATED: ("terminated", ""),
 }
 """Every code with which `cwcli` ends -> what it means, and more of it or "". Help and docs are made from this."""
+
+
+SIMILAR_SHARE = 0.1
+"""Two names are suggested if their likeness (`SequenceMatcher.ratio`, 0 to 1) to what was given differs by no more."""
 
 
 class CwcliError(Exception):
@@ -98,3 +104,20 @@ class OutputError(CwcliError):
     """The output can't be written."""
 
     exit_code = EXIT_OUTPUT
+
+
+def names_hint(name: str, known: Iterable[str], label: str = "one of") -> str:
+    """A hint for a name that is none of a list: the closest names, else all of them.
+
+    Args:
+        name: What was given.
+        known: The names that there are.
+        label: What stands before all names.
+    """
+    from difflib import SequenceMatcher, get_close_matches
+
+    names = list(known)
+    near = get_close_matches(name, names, n=2)
+    shares = [SequenceMatcher(None, name, each).ratio() for each in near]
+    near = [each for each, share in zip(near, shares, strict=True) if share >= shares[0] - SIMILAR_SHARE]
+    return f"did you mean {' or '.join(near)}?" if near else f"{label}: {', '.join(names)}"

@@ -17,7 +17,7 @@ from functools import lru_cache, wraps
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
-from cwcli.errors import CwcliError, PluginError, Terminated, UsageError
+from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
 MAX_BYTES = 1 << 20
@@ -137,7 +137,7 @@ class Registry(Mapping[str, T]):
             UsageError: There is none.
         """
         if name not in self:
-            raise UsageError(f"there is no {self.what} '{name}'", hint=f"one of: {', '.join(self)}")
+            raise UsageError(f"there is no {self.what} '{name}'", hint=names_hint(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:

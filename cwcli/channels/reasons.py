@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from cwcli.channels.binding import TRUTH_ROLES, Bindings, ChannelLike, is_truth_topic
+from cwcli.channels.binding import MANY_TOPICS, TRUTH_ROLES, Bindings, ChannelLike, is_truth_topic
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.signals.input_rows import CAN_SCHEMAS
 from cwcli.signals.inputs import inputs_of, normalise
@@ -93,7 +93,9 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
         if role in bindings.undecided:
             topics = ",".join(each.topic for each in bindings.undecided[role])
             texts.append(f"one of several for {role}")
-            tries += [f"--topic {role}={channel.topic}", f"--topic {role}={topics}"]
+            tries.append(f"--topic {role}={channel.topic}")
+            if entry.role in MANY_TOPICS:
+                tries.append(f"--topic {role}={topics}")
         elif is_truth_topic(channel.topic) and role not in TRUTH_ROLES:
             continue
         elif others:

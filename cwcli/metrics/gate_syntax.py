@@ -17,7 +17,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 50
@@ -212,7 +212,7 @@ class _Parser:
             return Share(self._inside())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
-            raise UsageError(f"a gate has no function {text}", hint=f"known: {', '.join(known)}")
+            raise UsageError(f"a gate has no function {text}", hint=names_hint(text, known, "known"))
         self._need("(")
         kind, inner, start = self._next("a metric")
         if kind != "name" or self._peek()[1] == "(":

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli import __version__
-from cwcli.cli.commands.export import FORMATS, WHAT
+from cwcli.cli.commands.export import FORMATS, WHAT, known_suffixes
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
 from cwcli.export.content import CONTENTS
 from cwcli.export.formats import TRACK_FORMATS, track_format
@@ -25,6 +25,7 @@ from cwcli.export.formats.base import Track
 from tests.cli.conftest import SAMPLES, Run
 
 TOPICS = {"ego": "/cwcli/ego/state", "remote": "/cwcli/remote/state"}
+SUFFIXES = known_suffixes()
 
 
 @pytest.fixture(scope="module")
@@ -139,6 +140,53 @@ def test_the_name_of_the_file_tells_the_format(cwcli: Run, annotated: Path, tmp_
         "output": "ego.geojson", "rows": 201,
     }  # fmt: skip
     assert json.loads((tmp_path / "ego.geojson").read_text())["type"] == "FeatureCollection"
+
+
+@pytest.mark.parametrize(("suffix", "form"), sorted(SUFFIXES.items()))
+def test_every_format_is_written_for_its_suffix_alone(
+    cwcli: Run, annotated: Path, tmp_path: Path, suffix: str, form: str
+) -> None:
+    """The file is the one that --format gives, for each name of the registry and for tables and logs."""
+    by_suffix = cwcli("export", annotated, "-o", f"a{suffix.upper()}", "--json")
+    assert by_suffix.returncode == 0, by_suffix.stderr.decode()
+    assert json.loads(by_suffix.stdout)["format"] == form
+    by_option = cwcli("export", annotated, "--format", form, "-o", f"b{suffix}")
+    assert by_option.returncode == 0, by_option.stderr.decode()
+    assert (tmp_path / f"a{suffix.upper()}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
+
+
+def test_every_format_has_a_suffix_that_no_other_has() -> None:
+    assert set(SUFFIXES.values()) == set(FORMATS)
+    of_tracks = [suffix for name in TRACK_FORMATS for suffix in track_format(name).suffixes]
+    assert sorted(set(of_tracks)) == sorted(of_tracks)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("x.xyz", "no format ends in .xyz"),
+        ("x.kiti", "no format ends in .kiti"),
+        ("drive.2026-01-02", "no format ends in .2026-01-02"),
+        ("x.csv.gz", "no format ends in .gz"),
+        ("x.mcap", "osi and ros2 are both written as .mcap"),
+    ],
+)
+def test_a_suffix_that_names_no_format_is_refused(
+    cwcli: Run, annotated: Path, tmp_path: Path, name: str, said: str
+) -> None:
+    done = cwcli("export", annotated, "-o", name)
+    told = " ".join(done.stderr.decode().split())
+    assert (done.returncode, done.stdout, list(tmp_path.iterdir())) == (EXIT_USAGE, b"", [])
+    assert said in told
+    for suffix in SUFFIXES if ".mcap" not in name else (".osi.mcap", ".ros2.mcap"):
+        assert suffix in told
+    assert cwcli("export", annotated, "-o", name, "--format", "kitti").returncode == 0
+
+
+def test_a_name_without_a_suffix_is_a_table(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
+    """The default that the help tells; devices and pipes have such names."""
+    assert cwcli("export", annotated, "-o", "ego").returncode == 0
+    assert (tmp_path / "ego").read_bytes() == cwcli("export", annotated).stdout
 
 
 def test_help_names_everything() -> None:
