@@ -6,6 +6,10 @@ leaves with exit code 70 and a traceback (see `cwcli.cli.main`).
 
 from __future__ import annotations
 
+DISTRIBUTION = "cwcli-drive"
+"""Name of the package for pip, as in `pyproject.toml`. `cwcli` on the Python package index is a stranger's package (for
+the ConnectWise API), so no text tells anybody to install that."""
+
 EXIT_DONE = 0
 EXIT_GATE_FAILED = 1
 EXIT_USAGE = 2
@@ -32,6 +36,11 @@ EXIT_CODES = {
     EXIT_TERMINATED: ("terminated", ""),
 }
 """Every code with which `cwcli` ends -> what it means, and more of it or "". Help and docs are made from this."""
+
+
+def install_hint(extra: str) -> str:
+    """The command that installs the packages of an extra, for `CwcliError.hint`."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
 
 
 class CwcliError(Exception):

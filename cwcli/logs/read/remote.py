@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cwcli.errors import InputError, UsageError
+from cwcli.errors import InputError, UsageError, install_hint
 
 FILE_SCHEME = "file://"
 COPY_BYTES = 4 << 20
@@ -63,14 +63,12 @@ def file_system(url: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(
-            "remote logs need a package that is not installed", where=url, hint="pip install 'cwcli[remote]'"
+            "remote logs need a package that is not installed", where=url, hint=install_hint("remote")
         ) from error
     try:
         system, path = url_to_fs(url)
     except (ImportError, ValueError) as error:  # the store's own package, or a scheme that nobody knows
-        raise UsageError(
-            str(error).splitlines()[0], where=url, hint="pip install 'cwcli[remote]' reads s3://"
-        ) from error
+        raise UsageError(str(error).splitlines()[0], where=url, hint=f"{install_hint('remote')} reads s3://") from error
     return system, str(path)
 
 
