@@ -150,7 +150,9 @@ def measures_page() -> str:
         said = {
             "No value": measure.undefined,
             "Misleads": measure.misleads,
-            "Threshold": limit and f"{limit.rstrip()} ({measure.threshold_source})",
+            "Threshold": f"{limit.rstrip()} ({measure.threshold_source})"
+            if measure.threshold_source
+            else limit.rstrip(),
         }
         sections += "".join(f"{label}: {words}.\n" for label, words in said.items() if words)
     return MEASURES_PAGE.format(
