@@ -86,7 +86,7 @@ def test_the_page_lists_what_is_declared() -> None:
     assert sorted(name for (name,) in listed("At run time", 0)) == sorted(RUNTIME)
     extras: dict[str, set[str]] = {}
     for extra, name in listed("Extras", 1):
-        extras.setdefault(extra.strip("`").removeprefix("cwcli[").rstrip("]") or [*extras][-1], set()).add(name)
+        extras.setdefault(extra.strip("`").removeprefix("cwcli-drive[").rstrip("]") or [*extras][-1], set()).add(name)
     assert extras == EXTRAS
     developer = {name for (name,) in listed("To develop", 0)}
     shared = set().union(*(EXTRAS[extra] for extra in ("bags", "plots", "report", "can", "ray", "remote")))

@@ -1,6 +1,6 @@
 """CAN frames (`can_msgs/Frame`) as signals, by the DBC files that describe the bus.
 
-cantools reads the files (an extra, `cwcli[can]`); the bits are taken out of all frames at once.
+cantools reads the files (an extra, `cwcli-drive[can]`); the bits are taken out of all frames at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.signals.columns import Columns, FloatArray, Ragged
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.mapping import MAPPED, UNITS, FieldMapping, Term
@@ -124,7 +124,7 @@ def _database(file: str) -> Any:
         from cantools import database
         from cantools.database.errors import Error
     except ImportError as error:
-        raise UsageError("CAN frames need cantools", hint="pip install 'cwcli[can]'") from error
+        raise UsageError("CAN frames need cantools", hint=install_hint("can")) from error
     try:
         data = read_file(file)
         try:

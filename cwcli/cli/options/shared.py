@@ -126,7 +126,7 @@ class ReadingOptions:
             "--dbc",
             metavar="FILE",
             show_default=False,
-            help="What the CAN frames of --map mean (needs the extra cwcli[can]). Repeatable.",
+            help="What the CAN frames of --map mean (needs the extra cwcli-drive[can]). Repeatable.",
         ),
     ] = field(default_factory=list)
     start: Annotated[
