@@ -16,9 +16,11 @@ from cwcli.errors import DataError
 from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, known_mountings
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.gaps import restarts_after_gaps
 from cwcli.estimation.latency import CORRECTED
 from cwcli.estimation.lever_arms import at_antenna, placed
+from cwcli.estimation.limit_check import beyond_limits
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
@@ -30,6 +32,7 @@ from cwcli.estimation.result import Gated, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundModel
 from cwcli.estimation.song2016 import estimate_song2016
+from cwcli.estimation.source_vote import vote
 from cwcli.estimation.start import hold_before_start, start_with_parameters, within_reach
 from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
@@ -109,12 +112,16 @@ def estimate_both(
 
 @dataclass(frozen=True)
 class _Settled:
-    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes."""
+    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes.
+
+    `contradictions` are those that the sources show before anything is estimated.
+    """
 
     epoch_ns: int
     prepared: list[PreparedSeries]
     tuned: TunedSeries
     notes: tuple[str, ...]
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _Settled:
@@ -129,7 +136,12 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
     epoch = epoch_ns(positions if config.blind else measurements)  # a row that comes later may be of an earlier time
     prepared, notes = _prepared(measurements, epoch, config)
     prepared = placed(prepared, config.lever_arms)
-    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes))
+    contradictions: tuple[Contradiction, ...] = ()
+    if config.compares_sources and not config.blind and not (config.causal and config.calibration is not None):
+        voted = vote(prepared)
+        prepared, contradictions = voted.prepared, voted.contradictions
+        notes = [*(f"{each.sentence}; {each.consequence}" for each in contradictions), *notes]
+    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes), contradictions)
 
 
 def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64Array) -> Track:
@@ -172,6 +184,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
         _gated(tuned, result, settled.epoch_ns, config.gate_probability),
+        (*settled.contradictions, *beyond_limits(reports)),
     )
 
 
