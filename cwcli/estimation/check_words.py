@@ -13,6 +13,10 @@ UNIT_TOLERANCE = 0.04
 """Part by which a ratio may differ from that of a unit, so that the unit is guessed: worn tyres and noise."""
 
 
+LEAST_RATIO = 0.05
+"""A ratio below this is told as none."""
+
+
 class Check(StrEnum):
     """What is compared of two sources.
 
@@ -48,7 +52,7 @@ class Check(StrEnum):
         if self is Check.WAY:
             return _way_words(who, against, number)
         if self is Check.TURN:
-            return "it turns the other way" if -1.6 < number < -0.6 else f"it turns {number:.2f} times as far"
+            return _turn_words(number)
         if self is Check.YAW_RATE_BIAS:
             return f"its yaw rate is {number:+.2f} rad/s off"
         if self is Check.COURSE:
@@ -58,6 +62,14 @@ class Check(StrEnum):
             axis = "its forward axis shows" if who is Kind.ACCEL else "it shows"
             return f"{axis} {number:.2f} times the change of speed"
         return f"its forward acceleration is {number:+.2f} m/s^2 off"
+
+
+def _turn_words(number: float) -> str:
+    if abs(number) < LEAST_RATIO or not math.isfinite(number):
+        return f"it {'turns' if number else 'does not turn'} where the other one does{' not' * bool(number)}"
+    if -1.6 < number < -0.6:
+        return "it turns the other way"
+    return f"it turns {number:.2f} times as far"
 
 
 def _way_words(who: Kind, against: Kind, number: float) -> str:

@@ -45,18 +45,18 @@ class Contradiction:
         against: The other one, or `GRAVITY`.
         what: What shows it, in words, with a number.
         allies: Further sources that contradict `who` and agree with each other.
-        is_left_out: `who` was not used for the estimate.
+        left_out: The sources that were not used for the estimate: `who`, both, or neither.
     """
 
     who: Quantity
     against: Quantity | str
     what: str
     allies: tuple[Quantity, ...] = ()
-    is_left_out: bool = False
+    left_out: tuple[Quantity, ...] = ()
 
-    def left_out(self) -> Contradiction:
-        """The same, with `who` left out of the estimate."""
-        return replace(self, is_left_out=True)
+    def without(self, *sources: Quantity) -> Contradiction:
+        """The same, with some sources left out of the estimate."""
+        return replace(self, left_out=sources)
 
     @property
     def sentence(self) -> str:
@@ -73,5 +73,8 @@ class Contradiction:
             done = ""
         else:
             done = "no third source tells which of them is wrong"
-        left_out = f"{self.who} is left out of the estimate" if self.is_left_out else "both are used"
+        if len(self.left_out) > 1:
+            left_out = "both are left out of the estimate"
+        else:
+            left_out = f"{self.who} is left out of the estimate" if self.left_out else "both are used"
         return "; ".join(part for part in (done, left_out) if part)

@@ -160,7 +160,8 @@ def prepare_blind(
         ):
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
             series = _with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
-            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting))
+            force = m.values[rows, :3].mean(axis=0) if len(rows) else None
+            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting, mean_force_mps2=force))
     return prepared
 
 

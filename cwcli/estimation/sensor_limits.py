@@ -84,3 +84,10 @@ WHITE_NOISE: Mapping[Kind, Limit] = {
     Kind.YAW_RATE: Limit(0.0, 0.3, "rad/s", "as much as a car turns at a street corner"),
 }
 """One sigma by kind."""
+
+
+def limit_of_error(name: str, kind: Kind) -> Limit:
+    """The range of an error of the sensor model (`sensor_model.Part`) of a source of this kind."""
+    if name == "slow":
+        return GRADE_SIGMA if kind is Kind.ACCEL else SLOW_POSITION_SIGMA
+    return {"scale": SPEED_SCALE, "lever": SPEED_LEVER_ARM, "ahead": AHEAD}[name]

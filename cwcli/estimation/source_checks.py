@@ -9,9 +9,10 @@ long ones differently, a wrong unit does not. Only what contradicts in every len
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from itertools import combinations
 
 import numpy as np
 
@@ -21,15 +22,25 @@ from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
 from cwcli.estimation.passes import Series
 from cwcli.estimation.sensor_limits import ACCEL_BIAS, SPEED_SCALE, YAW_RATE_BIAS, Limit
-from cwcli.estimation.step_motion import LEAST_CHORD_M, StepMotion, motion_in_steps, step_edges
+from cwcli.estimation.step_motion import (
+    LEAST_CHORD_M,
+    MEDIAN_ABSOLUTE_TO_SIGMA,
+    StepMotion,
+    motion_in_steps,
+    step_edges,
+)
 from cwcli.signals.columns import FloatArray
 
-STEPS_S = (2.0, 4.0, 8.0)
+STEPS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
-MIN_STEPS = 8
-"""Fewer tell nothing: the 99 % interval of a median needs eight."""
-CONFIDENCE_SIGMAS = 2.58
-"""Half the width of the median's interval, in sigma of the binomial distribution: 99 %."""
+MIN_STEPS = 4
+"""Fewer clear steps of one length tell nothing: three agree by chance."""
+ENOUGH_STEPS = 8
+"""With fewer clear steps of one length those of another length have to tell the same."""
+STUDENT_99: Mapping[int, float] = {4: 5.84, 5: 4.60, 6: 4.03, 7: 3.71, 8: 3.50, 9: 3.36, 10: 3.25, 15: 2.98, 20: 2.86}
+"""Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
+MEDIAN_EFFICIENCY = 1.2533
+"""Sigma of a median of normal values over that of their mean."""
 LEAST_ROWS = 20
 """A source with fewer rows takes no part."""
 TURN_RATIO = Limit(
@@ -44,7 +55,9 @@ HEADING_OFFSET = Limit(
 LEAST_TURN_RAD = 0.25
 """Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
 LEAST_COURSE_TURN_RAD = 0.5
-"""The same of a course by fixes, whose own noise is up to 0.1 rad in each step."""
+"""The same beside a course by fixes, rad: the chord of a step in which the car brakes and turns is off by up to 0.2."""
+CLEAR_SIGMAS = 4.0
+"""And it is so many sigma of what the noise of the fixes makes of it; a change of speed, too."""
 LEAST_SPEED_CHANGE_MPS = 2.0
 """Change of mean speed from one step to the next that is braking or accelerating and not a slope, m/s."""
 MOST_TURN_RAD = 2.5
@@ -52,6 +65,8 @@ MOST_TURN_RAD = 2.5
 LEAST_COURSE_SPEED_MPS = 4.0
 """Slower, a car may drive backwards for long, m/s; 14 km/h."""
 FIXES = (Kind.POSITION, Kind.VELOCITY)
+BIASES = (Check.YAW_RATE_BIAS, Check.ACCEL_BIAS)
+"""What can only contradict: that two agree where nothing happens does not tell that their units and signs do."""
 
 
 class Judgement(StrEnum):
@@ -106,12 +121,14 @@ class MedianInterval:
 
     Attributes:
         value: The median; NaN with too few values.
-        low, high: Its 99 % interval, by order statistics.
+        low, high: Its 99 % interval, by the median of the absolute deviations.
+        n: How many values it is of.
     """
 
     value: float = math.nan
     low: float = math.nan
     high: float = math.nan
+    n: int = 0
 
     @classmethod
     def of(cls, values: FloatArray) -> MedianInterval:
@@ -119,29 +136,53 @@ class MedianInterval:
         n = len(values)
         if n < MIN_STEPS:
             return cls()
-        ordered = np.sort(values)
-        k = max(0, math.floor(0.5 * (n - CONFIDENCE_SIGMAS * math.sqrt(n))))
-        return cls(median(values), float(ordered[k]), float(ordered[n - 1 - k]))
+        middle = median(values)
+        spread = MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_EFFICIENCY * median(np.abs(values - middle))
+        half = STUDENT_99[max(size for size in STUDENT_99 if size <= n)] * spread / math.sqrt(n)
+        return cls(middle, middle - half, middle + half, n)
 
     def judged(self, limit: Limit) -> Judgement:
-        """Against a range: all of the interval outside, or the median inside."""
+        """Against a range: the whole interval lies inside or outside."""
         if math.isnan(self.value):
             return Judgement.UNKNOWN
         if self.low > limit.high or self.high < limit.low:
             return Judgement.CONTRADICT
-        return Judgement.AGREE if limit.holds(self.value) else Judgement.UNKNOWN
+        return Judgement.AGREE if limit.holds(self.low) and limit.holds(self.high) else Judgement.UNKNOWN
 
 
-Measured = tuple[Judgement, float]
-"""What steps of one length say of a pair, and the number that shows it."""
-NOTHING: Measured = (Judgement.UNKNOWN, math.nan)
+@dataclass(frozen=True)
+class Measured:
+    """What steps of one length say of a pair.
+
+    Attributes:
+        judgement: UNKNOWN with a number: it may be either.
+        number: The ratio or difference that they show; NaN with too few steps.
+        n: In how many steps.
+        half: Half the width of its interval.
+        is_possible: The number lies in the range of what such sensors can differ by.
+    """
+
+    judgement: Judgement = Judgement.UNKNOWN
+    number: float = math.nan
+    n: int = 0
+    half: float = math.inf
+    is_possible: bool = False
+
+    @classmethod
+    def of(cls, interval: MedianInterval, limit: Limit) -> Measured:
+        """A median against a range."""
+        half = 0.5 * (interval.high - interval.low)
+        return cls(interval.judged(limit), interval.value, interval.n, half, limit.holds(interval.value))
+
+
+NOTHING = Measured()
 
 
 def compare_sources(series: Sequence[Series]) -> list[Comparison]:
     """Compare each pair of sources in everything that both tell.
 
     Args:
-        series: With at least one position, positions first; stamps as they are, accelerations levelled.
+        series: With at least one position, positions first; stamps as they are.
     """
     usable = [s for s in series if len(s) >= LEAST_ROWS and not s.is_exact]
     if len(usable) < 2 or not any(s.kind is Kind.POSITION for s in usable):
@@ -149,22 +190,38 @@ def compare_sources(series: Sequence[Series]) -> list[Comparison]:
     by_length = []
     for step_s in STEPS_S:
         edges_s = step_edges(usable, step_s)
-        if len(edges_s) > MIN_STEPS:
+        if len(edges_s) > MIN_STEPS + 1:
             motions = [motion_in_steps(s, edges_s) for s in usable]
             by_length.append((step_s, with_reversing(motions)))
     found = []
-    for i, j in ((i, j) for i in range(len(usable)) for j in range(i)):
+    for j, i in combinations(range(len(usable)), 2):
         one, other = (Quantity(usable[k].source, usable[k].kind) for k in (i, j))
         for check, measure in _MEASURES.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
-            known = [each for each in measured if each[0] is not Judgement.UNKNOWN]
-            if not known:
+            judgement, number = joint_judgement(measured)
+            if judgement is Judgement.UNKNOWN or (check in BIASES and judgement is Judgement.AGREE):
                 continue
-            judgement = known[0][0] if len({each[0] for each in known}) == 1 else Judgement.UNKNOWN
-            found.append(Comparison(check, one, other, judgement, known[0][1]))
+            found.append(Comparison(check, one, other, judgement, number))
             if judgement is Judgement.CONTRADICT and check in (Check.TURN, Check.SPEED_CHANGE):
                 break  # what differs by a factor differs by a constant, too
     return found
+
+
+def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
+    """What steps of all lengths say together, and the number that is known best.
+
+    They contradict where steps of two lengths say so, or enough of one, and those of every other length show a number
+    that is as impossible. They agree where one length says so and none contradicts.
+    """
+    known = [each for each in measured if not math.isnan(each.number)]
+    if not known:
+        return Judgement.UNKNOWN, math.nan
+    contrary = [each for each in known if each.judgement is Judgement.CONTRADICT]
+    is_sure = len(contrary) > 1 or any(each.n >= ENOUGH_STEPS for each in contrary)
+    if is_sure and not any(each.is_possible for each in known):
+        return Judgement.CONTRADICT, min(contrary, key=lambda each: each.half).number
+    agrees = any(each.judgement is Judgement.AGREE for each in known) and not contrary
+    return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
 
 
 def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
@@ -192,16 +249,15 @@ def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
     return found
 
 
-def _ratio(one: FloatArray, other: FloatArray, least: float, most: float, limit: Limit) -> Measured:
+def _ratio(one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: Limit) -> Measured:
     """The median of one / other where the other lies clearly apart from zero."""
     with np.errstate(invalid="ignore"):
         rows = (np.abs(other) > least) & (np.abs(other) < most) & np.isfinite(one)
-    interval = MedianInterval.of(one[rows] / other[rows])
-    return interval.judged(limit), interval.value
+    return Measured.of(MedianInterval.of(one[rows] / other[rows]), limit)
 
 
 def _ratio_both_ways(
-    one: FloatArray, other: FloatArray, least: tuple[float, float], most: float, limit: Limit
+    one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: Limit
 ) -> Measured:
     """The ratio one / other, from where the other clearly moves and from where the one does.
 
@@ -209,11 +265,11 @@ def _ratio_both_ways(
     """
     forth = _ratio(one, other, least[1], most, limit)
     back = _ratio(other, one, least[0], most, Limit(1.0 / limit.high, 1.0 / limit.low, "", ""))
-    if forth[0] is back[0] or back[0] is Judgement.UNKNOWN:
+    if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth
-    if forth[0] is Judgement.UNKNOWN:
-        return back[0], Check.TURN.inverse(back[1])
-    return NOTHING
+    if math.isnan(forth.number):
+        return replace(back, number=Check.TURN.inverse(back.number))
+    return replace(forth, judgement=Judgement.UNKNOWN, is_possible=forth.is_possible or back.is_possible)
 
 
 def _way(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
@@ -227,8 +283,10 @@ def _way(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
 
 
 def _turn(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
-    least = tuple(LEAST_COURSE_TURN_RAD if m.kind in FIXES else LEAST_TURN_RAD for m in (one, other))
-    return _ratio_both_ways(one.turn_rad, other.turn_rad, (least[0], least[1]), MOST_TURN_RAD, TURN_RATIO)
+    by_course = one.kind in FIXES or other.kind in FIXES
+    least_rad = LEAST_COURSE_TURN_RAD if by_course else LEAST_TURN_RAD
+    least = [np.fmax(least_rad, CLEAR_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
+    return _ratio_both_ways(one.turn_rad, other.turn_rad, least, MOST_TURN_RAD, TURN_RATIO)
 
 
 def _yaw_rate_bias(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
@@ -236,8 +294,7 @@ def _yaw_rate_bias(one: StepMotion, other: StepMotion, step_s: float) -> Measure
         return NOTHING
     difference = one.turn_rad - other.turn_rad
     small = np.abs(other.turn_rad if one.kind is Kind.YAW_RATE else one.turn_rad) < LEAST_TURN_RAD
-    interval = MedianInterval.of(difference[small & np.isfinite(difference)] / step_s)
-    return interval.judged(YAW_RATE_BIAS), interval.value
+    return Measured.of(MedianInterval.of(difference[small & np.isfinite(difference)] / step_s), YAW_RATE_BIAS)
 
 
 def _course(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
@@ -252,11 +309,12 @@ def _course(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
     middle = float(np.angle(np.exp(1j * difference[rows]).mean()))
     interval = MedianInterval.of((difference[rows] - middle + np.pi) % (2.0 * np.pi) - np.pi)
     # About the mean direction the median is small; the range moves with it.
-    moved = MedianInterval(*(middle + each for each in (interval.value, interval.low, interval.high)))
-    if not -np.pi < moved.value <= np.pi:
-        turn = 2.0 * np.pi * round(moved.value / (2.0 * np.pi)) if math.isfinite(moved.value) else 0.0
-        moved = MedianInterval(moved.value - turn, moved.low - turn, moved.high - turn)
-    return moved.judged(HEADING_OFFSET), moved.value
+    if math.isnan(interval.value):
+        return NOTHING
+    moved = middle - 2.0 * np.pi * round((middle + interval.value) / (2.0 * np.pi))
+    return Measured.of(
+        MedianInterval(moved + interval.value, moved + interval.low, moved + interval.high, interval.n), HEADING_OFFSET
+    )
 
 
 def _speed_changes(m: StepMotion) -> FloatArray:
@@ -269,7 +327,7 @@ def _speed_changes(m: StepMotion) -> FloatArray:
 def _speed_change(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
     if Kind.ACCEL not in (one.kind, other.kind):
         return NOTHING
-    least = (LEAST_SPEED_CHANGE_MPS, LEAST_SPEED_CHANGE_MPS)
+    least = [max(LEAST_SPEED_CHANGE_MPS, CLEAR_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
     return _ratio_both_ways(_speed_changes(one), _speed_changes(other), least, math.inf, SPEED_CHANGE_RATIO)
 
 
@@ -277,8 +335,7 @@ def _accel_bias(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
     if (one.kind is Kind.ACCEL) == (other.kind is Kind.ACCEL):
         return NOTHING
     difference = one.speed_change_mps - other.speed_change_mps
-    interval = MedianInterval.of(difference[np.isfinite(difference)] / step_s)
-    return interval.judged(ACCEL_BIAS), interval.value
+    return Measured.of(MedianInterval.of(difference[np.isfinite(difference)] / step_s), ACCEL_BIAS)
 
 
 _MEASURES: dict[Check, Callable[[StepMotion, StepMotion, float], Measured]] = {

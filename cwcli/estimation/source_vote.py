@@ -1,8 +1,8 @@
 """Which source is wrong where two contradict each other: the others vote before anything is estimated.
 
-A source that two others contradict, while fewer agree with it, is outvoted and left out. Where two contradict each other
-and no third tells which of them is wrong, the positions count, since without them there is no estimate, and the other
-one is left out. Two sources of which neither is a position are then both used. Every case is told first.
+A source that two others contradict, while fewer agree with it, is outvoted and left out. Where two contradict each
+other and no third tells which of them is wrong, the positions count, since without them there is no estimate, and the
+other one is left out. Of two sources of which neither is a position both are left out then. Every case is told first.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cwcli.estimation.check_words import Check
 from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
 from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.passes import Series
@@ -47,12 +48,16 @@ def vote(prepared: Sequence[PreparedSeries]) -> Vote:
         prepared: Of one vehicle, positions first.
     """
     tilted = _tilted(prepared)
-    upright = [p for p in prepared if not any(_quantity(p) == each.who for each in tilted)]
-    voted = judge_comparisons(compare_sources([_levelled(p) for p in upright]))
-    found = (*tilted, *voted)
-    out = {each.who for each in found if each.is_left_out}
+    out = {Quantity(each.who.source, kind) for each in tilted for kind in RATES}
+    upright = [p for p in prepared if _quantity(p) not in out]
+    compared = compare_sources([p.series for p in upright])
+    # Where gravity shows how the IMU is mounted, a bias is mostly gravity, and no fault.
+    level = {_quantity(p) for p in prepared if p.mounting is not None}
+    compared = [c for c in compared if not (c.check is Check.ACCEL_BIAS and {c.one, c.other} & level)]
+    voted = judge_comparisons(compared)
+    out |= {quantity for each in voted for quantity in each.left_out}
     kept = [replace(p, series=without_rows(p.series)) if _quantity(p) in out else p for p in prepared]
-    return Vote(kept, _one_per_source(found))
+    return Vote(kept, (*tilted, *voted))
 
 
 def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
@@ -65,18 +70,27 @@ def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
     found = []
     while contrary := [each for each in left if each.judgement is Judgement.CONTRADICT]:
         suspects = dict.fromkeys(who for each in contrary for who in (each.one, each.other))
-        # Of equals a position is blamed last, since without it there is no estimate; then what comes first in the log.
-        who = max(suspects, key=lambda each: (_votes_against(left, each), each.kind is not Kind.POSITION))
-        against = [each for each in contrary if each.has(who)]
-        against.sort(key=lambda each: each.opposite(who).kind is not Kind.POSITION)
-        main = against[0]
-        allies = _allies(left, who, main.opposite(who), against)
-        outvoted = _votes_against(left, who) > 0 and bool(allies)
-        named = replace(main.contradiction(who), allies=allies if outvoted else ())
-        undecided = not outvoted and main.opposite(who).kind is Kind.POSITION
-        found.append(named.left_out() if (outvoted or undecided) and who.kind is not Kind.POSITION else named)
-        left = [each for each in left if not each.has(who)]
+        accused = [_accusation(left, who) for who in suspects]
+        # A position is blamed only where it is outvoted, since without it there is no estimate.
+        worst = max(accused, key=lambda each: (bool(each[0].allies), each[0].who.kind is not Kind.POSITION, each[1]))[0]
+        by_position = isinstance(worst.against, Quantity) and worst.against.kind is Kind.POSITION
+        out: tuple[Quantity, ...] = (worst.who,)
+        if worst.who.kind is Kind.POSITION:
+            out = ()
+        elif not worst.allies and not by_position and isinstance(worst.against, Quantity):
+            out = (worst.who, worst.against)  # either may be wrong, and the positions are left
+        found.append(worst.without(*out))
+        left = [each for each in left if not any(each.has(quantity) for quantity in (worst.who, *out))]
     return found
+
+
+def _accusation(comparisons: Sequence[Comparison], who: Quantity) -> tuple[Contradiction, int]:
+    """What contradicts a source, with the allies where it is outvoted, and how many more do than agree with it."""
+    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.has(who)]
+    main = min(contrary, key=lambda each: each.opposite(who).kind is not Kind.POSITION)
+    votes = _votes_against(comparisons, who)
+    allies = _allies(comparisons, who, main.opposite(who), contrary) if votes > 0 else ()
+    return replace(main.contradiction(who), allies=allies), votes
 
 
 def without_rows(s: Series) -> Series:
@@ -111,7 +125,7 @@ def _tilted(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
     """IMUs whose vertical axis is not vertical: neither their forward axis nor their yaw rate is what it should be."""
     found = []
     for p in prepared:
-        if p.mean_force_mps2 is None or not len(p.series):
+        if p.mean_force_mps2 is None or p.series.kind is not Kind.ACCEL or not len(p.series):
             continue
         norm = float(np.linalg.norm(p.mean_force_mps2))
         if norm < LEAST_GRAVITY_PART * STANDARD_GRAVITY_MPS2 or p.mean_force_mps2[2] > MOST_TILT_PART * norm:
@@ -122,27 +136,10 @@ def _tilted(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
             + (f" and {p.mean_force_mps2[2]:.1f} along its vertical one" if axis != 2 else ", downward")
             + ": it is not mounted with x forward and z up"
         )
-        found.append(Contradiction(_quantity(p), GRAVITY, what, is_left_out=True))
+        imu = Quantity(p.series.source, Kind.IMU)
+        found.append(Contradiction(imu, GRAVITY, what).without(imu))
     return found
-
-
-def _levelled(p: PreparedSeries) -> Series:
-    """The series; an accelerometer's without gravity through the pitch at which it is mounted."""
-    if p.series.kind is not Kind.ACCEL or p.mounting is None or not len(p.series):
-        return p.series
-    values = p.series.values.copy()
-    values[:, 0] -= STANDARD_GRAVITY_MPS2 * np.sin(p.mounting.nose_up_rad)
-    return replace(p.series, values=values)
 
 
 def _quantity(p: PreparedSeries) -> Quantity:
     return Quantity(p.series.source, p.series.kind)
-
-
-def _one_per_source(found: Sequence[Contradiction]) -> tuple[Contradiction, ...]:
-    """An IMU that contradicts gravity does so with both its quantities: told once."""
-    first: dict[tuple[str, str], Contradiction] = {}
-    for each in found:
-        is_imu = each.against == GRAVITY and each.who.kind in RATES
-        first.setdefault((each.who.source, GRAVITY if is_imu else str(each.who)), each)
-    return tuple(first.values())

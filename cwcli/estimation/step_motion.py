@@ -24,8 +24,12 @@ GAP_INTERVALS = 2.5
 """Pauses of a slow source up to so many of its usual intervals are crossed, too."""
 LEAST_POSITION_SIGMA_M = 0.05
 """Positions are not taken for better than this, m: the floor of a position's noise in `measurements.QUANTITIES`."""
-CLEAR_CHORD_SIGMAS = 10.0
-"""A way between two fixes tells a course where it is so many sigma of its own noise long: within 0.1 rad."""
+CLEAR_CHORD_SIGMAS = 6.0
+"""A way between two fixes tells a speed and a course where it is so many sigma of its own noise long."""
+SHARED_FIX = 1.5**0.5
+"""The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
+VELOCITY_COURSE_SIGMA_RAD = 0.05
+"""One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
 LEAST_CHORD_M = 5.0
 """And at least this long, m: about a car's length, so that a car that manoeuvres in a parking space tells nothing."""
 MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
@@ -41,6 +45,8 @@ class StepMotion:
         distance_m: Shape (n,): way in each step; of a speed with its sign.
         speed_mps: Shape (n,): mean speed in each step. An accelerometer tells it up to a constant and a drift.
         angle_rad: Shape (n,): mean heading or course in each step. A gyroscope tells it up to a constant.
+        speed_sigma_mps: One sigma of the speed by the white noise of fixes; 0 for other sources.
+        angle_sigma_rad: Shape (n,): the same of the angle.
         has_zero_angle: The angle counts from east.
     """
 
@@ -48,6 +54,8 @@ class StepMotion:
     distance_m: FloatArray
     speed_mps: FloatArray
     angle_rad: FloatArray
+    speed_sigma_mps: float
+    angle_sigma_rad: FloatArray
     has_zero_angle: bool
 
     @property
@@ -67,9 +75,19 @@ class StepMotion:
         return change if self.kind is Kind.YAW_RATE else np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi)
 
     @property
+    def turn_sigma_rad(self) -> FloatArray:
+        """One sigma of `turn_rad` by the noise of fixes, (n - 1,)."""
+        return np.asarray(SHARED_FIX * np.hypot(self.angle_sigma_rad[:-1], self.angle_sigma_rad[1:]))
+
+    @property
     def speed_change_mps(self) -> FloatArray:
         """Change of the mean speed from each step to the next, (n - 1,)."""
         return np.diff(self.speed_mps)
+
+    @property
+    def speed_change_sigma_mps(self) -> float:
+        """One sigma of `speed_change_mps` by the noise of fixes."""
+        return SHARED_FIX * 2.0**0.5 * self.speed_sigma_mps
 
 
 def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
@@ -81,19 +99,21 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
     """
     n = len(edges_s) - 1
     step_s = float(edges_s[1] - edges_s[0])
-    nothing = np.full(n, np.nan)
+    nothing, exact = np.full(n, np.nan), np.zeros(n)
     known = _is_covered(s.time_s, edges_s)
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            least_m = max(LEAST_CHORD_M, CLEAR_CHORD_SIGMAS * 2.0**0.5 * _white_sigma(s))
+            chord_sigma_m = 2.0**0.5 * _white_sigma(s)
+            least_m = max(LEAST_CHORD_M, CLEAR_CHORD_SIGMAS * chord_sigma_m)
         else:
             moved = np.column_stack([_means(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
-            least_m = LEAST_CHORD_M
+            chord_sigma_m, least_m = 0.0, LEAST_CHORD_M
         distance = np.where(known, np.hypot(*moved.T), np.nan)
-        course = np.where(distance > least_m, np.arctan2(moved[:, 1], moved[:, 0]), np.nan)
         clear = np.where(distance > least_m, distance, np.nan)
-        return StepMotion(s, clear, clear / step_s, course, True)
+        course = np.where(distance > least_m, np.arctan2(moved[:, 1], moved[:, 0]), np.nan)
+        sigma = chord_sigma_m / clear if s.kind is Kind.POSITION else np.full(n, VELOCITY_COURSE_SIGMA_RAD)
+        return StepMotion(s, clear, clear / step_s, course, chord_sigma_m / step_s, sigma, True)
     values = s.values[:, 0]
     if s.kind is Kind.HEADING:
         values = np.unwrap(values)
@@ -101,10 +121,10 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
         values = _integral(s.time_s, values)
     mean = np.where(known, _means(s.time_s, values, edges_s), np.nan)
     if s.kind is Kind.SPEED:
-        return StepMotion(s, mean * step_s, mean, nothing, False)
+        return StepMotion(s, mean * step_s, mean, nothing, 0.0, exact, False)
     if s.kind is Kind.ACCEL:
-        return StepMotion(s, nothing, mean, nothing, False)
-    return StepMotion(s, nothing, nothing, mean, s.kind is Kind.HEADING)
+        return StepMotion(s, nothing, mean, nothing, 0.0, exact, False)
+    return StepMotion(s, nothing, nothing, mean, 0.0, exact, s.kind is Kind.HEADING)
 
 
 def step_edges(series: Sequence[Series], step_s: float) -> FloatArray:

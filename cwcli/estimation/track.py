@@ -137,9 +137,14 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
     prepared, notes = _prepared(measurements, epoch, config)
     prepared = placed(prepared, config.lever_arms)
     contradictions: tuple[Contradiction, ...] = ()
-    if config.compares_sources and not config.blind and not (config.causal and config.calibration is not None):
+    if config.compares_sources:
         voted = vote(prepared)
-        prepared, contradictions = voted.prepared, voted.contradictions
+        contradictions = voted.contradictions
+        if config.blind or (config.causal and config.calibration is not None):
+            # No state may depend on what the whole log shows: it is told, and nothing is left out.
+            contradictions = tuple(each.without() for each in contradictions)
+        else:
+            prepared = voted.prepared
         notes = [*(f"{each.sentence}; {each.consequence}" for each in contradictions), *notes]
     return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes), contradictions)
 
@@ -184,7 +189,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
         _gated(tuned, result, settled.epoch_ns, config.gate_probability),
-        (*settled.contradictions, *beyond_limits(reports)),
+        (*settled.contradictions, *([] if config.blind else beyond_limits(reports, settled.contradictions))),
     )
 
 
@@ -321,7 +326,7 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         lever_arm_m=_parameter(found, (i, "lever"), s.lever_state, result, 0.0),
         ahead_m=_parameter(found, (i, "ahead"), s.ahead_state, result, 0.0),
         slow_error=SlowError(
-            float("nan") if slow is None else slow.sigma,
+            found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
         ),
@@ -339,7 +344,7 @@ def _parameter(found: FoundModel, part: Part, state: int, result: PassResult, of
     """A constant of a source, as it is at the end; `offset` is what its state 0 stands for."""
     status = found.status.get(part, ParameterStatus.OFF)
     if state < 0:
-        return Parameter(status=status)
+        return Parameter(found.beyond.get(part, float("nan")), status=status)
     sigma = float(np.sqrt(max(result.last_covariance[state, state], 0.0)))
     return Parameter(offset + float(result.last_state[state]), sigma, status)
 

@@ -47,8 +47,9 @@ def verdict(
 ) -> str:
     """Whether the estimate is as good as it says.
 
-    The worst comes first: sources of which one must be wrong, states that err by more than they say, sources that contradict the others, states that hang
-    in the air, sources that are noisier than taken for, and what is better than it says.
+    The worst comes first: sources of which one must be wrong, states that err by more than they say, sources that
+    contradict the others, states that hang in the air, sources that are noisier than taken for, and what is better than
+    it says.
 
     Args:
         sources: Of one vehicle.

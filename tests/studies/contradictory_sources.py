@@ -1,4 +1,4 @@
-"""Are wrong sensors named, and right ones never? `python -m tests.studies.contradictory_sources [--seeds N] [--quiet-only]`.
+"""Are wrong sensors named, and right ones never? `python -m tests.studies.contradictory_sources [--seeds N]`.
 
 Every scenario is simulated with several seeds and compared without a fault, full (all sensors) and lean (fixes and an
 IMU): no contradiction may be found. Then each fault of the list is put into a drive, and the table tells which source
@@ -154,7 +154,7 @@ def check_faults(scenarios: Sequence[str], seeds: Sequence[int]) -> bool:
                         continue
                     n += 1
                     error_m, track = estimated(drive, [fault(m) for m in right])
-                    kinds = {Kind.IMU: (Kind.ACCEL, Kind.YAW_RATE)}.get(kind, (kind,))
+                    kinds = {Kind.IMU: (Kind.IMU, Kind.ACCEL, Kind.YAW_RATE)}.get(kind, (kind,))
                     named = any(each.who.kind in kinds for each in track.contradictions)
                     told = "; ".join(each.sentence for each in track.contradictions)
                     is_missed = not named and error_m > HARMLESS * least_m
