@@ -6,6 +6,7 @@ its speed and its heading changed. `source_checks` compares these with each othe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -87,7 +88,7 @@ class StepMotion:
     @property
     def speed_change_sigma_mps(self) -> float:
         """One sigma of `speed_change_mps` by the noise of fixes."""
-        return SHARED_FIX * 2.0**0.5 * self.speed_sigma_mps
+        return SHARED_FIX * math.sqrt(2.0) * self.speed_sigma_mps
 
 
 def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
@@ -104,7 +105,7 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            chord_sigma_m = 2.0**0.5 * _white_sigma(s)
+            chord_sigma_m = math.sqrt(2.0) * _white_sigma(s)
             least_m = max(LEAST_CHORD_M, CLEAR_CHORD_SIGMAS * chord_sigma_m)
         else:
             moved = np.column_stack([_means(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
@@ -161,4 +162,4 @@ def _white_sigma(s: Series) -> float:
     if len(s) < 3:
         return LEAST_POSITION_SIGMA_M
     rough = s.values[2:] - 2.0 * s.values[1:-1] + s.values[:-2]
-    return max(LEAST_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / 6.0**0.5)
+    return max(LEAST_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / math.sqrt(6.0))
