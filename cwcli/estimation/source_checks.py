@@ -36,7 +36,7 @@ STEPS_S = (1.0, 2.0, 4.0, 8.0)
 MIN_STEPS = 4
 """Fewer clear steps of one length tell nothing: three agree by chance."""
 ENOUGH_STEPS = 8
-"""With fewer clear steps of one length those of another length have to tell the same."""
+"""So many clear steps of all lengths together have to tell the same: a car turns five times in four minutes of town."""
 STUDENT_99: Mapping[int, float] = {4: 5.84, 5: 4.60, 6: 4.03, 7: 3.71, 8: 3.50, 9: 3.36, 10: 3.25, 15: 2.98, 20: 2.86}
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
 MEDIAN_EFFICIENCY = 1.2533
@@ -210,15 +210,15 @@ def compare_sources(series: Sequence[Series]) -> list[Comparison]:
 def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
     """What steps of all lengths say together, and the number that is known best.
 
-    They contradict where steps of two lengths say so, or enough of one, and those of every other length show a number
-    that is as impossible. They agree where one length says so and none contradicts.
+    They contradict where steps of one length say so, those of every other length show a number that is impossible, too,
+    and there are enough of them together. They agree where one length says so and none contradicts.
     """
     known = [each for each in measured if not math.isnan(each.number)]
     if not known:
         return Judgement.UNKNOWN, math.nan
     contrary = [each for each in known if each.judgement is Judgement.CONTRADICT]
-    is_sure = len(contrary) > 1 or any(each.n >= ENOUGH_STEPS for each in contrary)
-    if is_sure and not any(each.is_possible for each in known):
+    is_enough = sum(each.n for each in known) >= ENOUGH_STEPS
+    if contrary and is_enough and not any(each.is_possible for each in known):
         return Judgement.CONTRADICT, min(contrary, key=lambda each: each.half).number
     agrees = any(each.judgement is Judgement.AGREE for each in known) and not contrary
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number

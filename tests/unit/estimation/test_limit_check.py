@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from cwcli.estimation import sensor_limits
+from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
 from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import Latency, LatencyStatus, within_limits
@@ -17,6 +17,10 @@ from cwcli.estimation.limit_check import CAR, beyond_limits
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
+from cwcli.estimation.summary import summarise, verdict_of
+from cwcli.simulation.drive import simulate
+from cwcli.simulation.scenario import load_scenario
+from tests.studies.sensor_model import measurements_of
 
 USED, BEYOND = ParameterStatus.USED, ParameterStatus.CONTRADICTS
 FIX = SourceReport("/fix", Kind.POSITION, n_read=500, n_used=500, sigma=0.6)
@@ -121,3 +125,24 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
         name: re.sub(r"\s+", " ", f"{limit.low:g} to {limit.high:g} {limit.unit}").strip()
         for name, limit in limits.items()
     }
+
+
+def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> None:
+    """The bounds are a second net: without the comparison of the sources nothing beyond them is used either."""
+    drive = simulate(load_scenario("city"), 9301)
+    in_kmh = [
+        replace(m, values=3.6 * m.values) if m.kind is Kind.SPEED else m
+        for m in measurements_of(drive)
+        if m.kind is not Kind.HEADING
+    ]
+    track = estimate_track(in_kmh, EstimatorConfig(compares_sources=False), drive.truth_stamp_ns[::50])
+    for report in track.sources:
+        for part, parameter in (("scale", report.scale), ("ahead", report.ahead_m)):
+            if parameter.status is USED:
+                assert sensor_limits.limit_of_error(part, report.kind).holds(parameter.value)
+        if report.slow_error.status is USED:
+            assert sensor_limits.limit_of_error("slow", report.kind).holds(report.slow_error.sigma)
+        if report.latency.status is LatencyStatus.APPLIED:
+            assert sensor_limits.LATENCY.holds(report.latency.found_s)
+    assert {report.scale.status for report in track.sources} & {BEYOND}
+    assert verdict_of(summarise(track)).startswith("not consistent: ego_position (gnss) contradicts ego_speed (speed)")

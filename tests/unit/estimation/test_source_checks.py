@@ -175,6 +175,8 @@ def test_the_interval_of_a_median_holds_student_s_width() -> None:
         ([Measured(Judgement.CONTRADICT, 3.6, 4)], Judgement.UNKNOWN),  # four steps of one length
         ([Measured(Judgement.CONTRADICT, 3.6, 8)], Judgement.CONTRADICT),
         ([Measured(Judgement.CONTRADICT, 3.6, 4), Measured(Judgement.CONTRADICT, 3.5, 4)], Judgement.CONTRADICT),
+        ([Measured(Judgement.CONTRADICT, 0.5, 4), Measured(Judgement.UNKNOWN, 0.53, 5)], Judgement.CONTRADICT),
+        ([Measured(Judgement.UNKNOWN, 0.5, 9), Measured(Judgement.UNKNOWN, 0.53, 5)], Judgement.UNKNOWN),
         ([Measured(Judgement.CONTRADICT, 0.2, 30), Measured(Judgement.UNKNOWN, 0.9, 9, 1.0, True)], Judgement.UNKNOWN),
         ([Measured(Judgement.CONTRADICT, 0.2, 30), Measured(Judgement.UNKNOWN, 0.5, 9)], Judgement.CONTRADICT),
         ([Measured(Judgement.AGREE, 1.0, 9, 0.1, True), Measured()], Judgement.AGREE),
