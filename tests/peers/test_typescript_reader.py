@@ -1,6 +1,6 @@
 """The official TypeScript reader, with which Foxglove opens logs: it finds what the official Python reader finds.
 
-It comes from npm, not from a Python index: `npm ci --prefix tests/typescript`.
+It comes from npm (`@mcap/core`), not from a Python index: `npm ci --prefix tests/peers/typescript`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,14 @@ from mcap.reader import make_reader
 from cwcli.cli.main import run
 from tests.cli.conftest import ROOT, SAMPLES, Run
 
-FOLDER = ROOT / "tests" / "typescript"
+FOLDER = ROOT / "tests" / "peers" / "typescript"
 STATES = "/cwcli/ego/state"
 
 
 @pytest.fixture(scope="module")
 def node() -> str:
     found = shutil.which("node")
-    if found is None or not (FOLDER / "node_modules" / "@mcap" / "core").is_dir():
-        pytest.skip("the official TypeScript reader is not here: Node.js, and `npm ci --prefix tests/typescript`")
+    assert found is not None
     return found
 
 
