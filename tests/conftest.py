@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.requirements import FOLDER, describe_left_out, find_missing, is_available, is_long
+from tests.requirements import FOLDER, describe_left_out, find_missing, is_available, is_long, needs_more
 
 BEGIN_S = pytest.StashKey[float]()
 CPU = "processor_s"
@@ -37,9 +37,8 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Deselect what this run does not want, or can't run."""
-    wanted, others = [], []
-    for item in items:
-        (wanted if is_wanted(config, item) else others).append(item)
+    wanted = [item for item in items if is_wanted(config, item)]
+    others = [item for item in items if not is_wanted(config, item)]
     if others:
         config.hook.pytest_deselected(items=others)
         items[:] = wanted
@@ -52,7 +51,7 @@ def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
         return False
     takes_long = item.get_closest_marker("long") is not None or is_long(item.path)
     if config.getoption("--rest"):
-        return takes_long or marker is not None or item.path.is_relative_to(FOLDER / "peers")
+        return takes_long or marker is not None or needs_more(item.path)
     return not takes_long or bool(config.getoption("--long")) or is_named(config, item)
 
 

@@ -25,6 +25,7 @@ NEEDED: dict[str, tuple[str, ...]] = {
     "peers/test_sumo_scenes.py": ("sumo",),
     "peers/test_typescript_reader.py": ("node", "@mcap/core"),
     "peers/test_viewers.py": ("rerun",),
+    "unit/logs_write/test_schemas.py": ("grpc_tools",),
 }
 """File below `tests/` -> the modules, programs and npm packages (they begin with `@`) that it needs."""
 
@@ -60,6 +61,11 @@ def is_available(name: str) -> bool:
     if name in PROGRAMS:
         return shutil.which(name) is not None
     return find_spec(name) is not None
+
+
+def needs_more(path: Path) -> bool:
+    """Whether a test file needs more than `[test]`, installed or not."""
+    return path.is_relative_to(FOLDER) and path.relative_to(FOLDER).as_posix() in NEEDED
 
 
 def find_missing(path: Path) -> tuple[str, ...]:

@@ -23,6 +23,8 @@ from tests.requirements import (
 )
 
 ROOT = FOLDER.parent
+FOUND_OTHERWISE = {"grpc_tools", "s3fs", "valgrind"}
+"""Needs that a file has through a tool, fsspec or the counter."""
 PEER_FILES = {path.relative_to(FOLDER).as_posix() for path in (FOLDER / "peers").glob("test_*.py")}
 
 
@@ -50,7 +52,7 @@ def test_every_peer_has_a_row_and_every_row_a_file() -> None:
 def test_a_row_names_what_its_file_imports_or_runs(name: str) -> None:
     text, imported = text_and_imports(FOLDER / name)
     for need in NEEDED[name]:
-        assert need in imported or need in text or need in {"s3fs", "valgrind"}  # found by fsspec, run by the counter
+        assert need in imported or need in text or need in FOUND_OTHERWISE
 
 
 def test_what_is_not_installed_is_not_collected_and_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,7 +96,7 @@ def test_in_another_environment_the_commit_of_the_figures_is_counted_too(
     monkeypatch.setattr(tool, "build_commit", lambda commit, folder: folder.mkdir())
 
     def count(tree: Path, names: set[str], counter: object) -> dict[str, int]:
-        return dict.fromkeys(names, n if tree == tool.ROOT else 1000)
+        return dict.fromkeys(names, n if tree == baseline.ROOT else 1000)
 
     monkeypatch.setattr(tool, "count_cases", count)
     assert tool.main(["--case", "info"]) == code
