@@ -105,7 +105,7 @@ within 0.01 m/s^2.
 
 SUMO's device `ssm` (1.28) measures along lanes, between bumpers. Where two follow each other in one lane TTC, DRAC and
 MDRAC agree (within 0.02 s, 0.01 and 0.01 m/s^2 in five scenes, which a test drives); where ways cross at a right angle,
-TTC, PET and PPET do (within 0.02, 0.1 and 0.1 s in four scenes; `tests/unit/measures/test_sumo_scenes.py`). The rest is
+TTC, PET and PPET do (within 0.02, 0.1 and 0.1 s in four scenes; `tests/peers/test_sumo_scenes.py`). The rest is
 defined otherwise:
 
 | measure | SUMO's |
