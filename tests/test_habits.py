@@ -75,7 +75,7 @@ def test_every_research_script_has_its_line(folder: str) -> None:
 def test_the_release_has_a_dry_run_that_changes_nothing() -> None:
     before = subprocess.run(["git", "status", "--porcelain"], check=False, cwd=ROOT, capture_output=True).stdout
     command = [sys.executable, "-m", "tools.release", "0.0.0", "--check"]
-    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, check=False, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1
     assert "error: CHANGELOG.md does not begin with `## 0.0.0 (unreleased)`" in done.stderr.splitlines()
     after = subprocess.run(["git", "status", "--porcelain"], check=False, cwd=ROOT, capture_output=True).stdout

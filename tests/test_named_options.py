@@ -31,6 +31,7 @@ SCRIPT = re.compile(r"\b((?:tests|tools)(?:[./]\w+)+)")
 OF_OTHER_TOOLS = {
     *("--prefix", "--tool", "--cache-sim"),  # npm, valgrind
     "--head",  # ray
+    *("--long", "--cpu", "--rest"),  # pytest with tests/conftest.py
     *("--headless", "--disable-gpu", "--no-sandbox", "--no-first-run", "--disable-background-networking"),  # Chromium
     *("--no-pdf-header-footer", "--user-data-dir", "--virtual-time-budget", "--print-to-pdf"),  # Chromium
 }

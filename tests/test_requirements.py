@@ -123,7 +123,7 @@ def test_a_run_collects_what_its_options_ask_for(tmp_path: Path, options: list[s
     environment.pop("PYTEST_XDIST_WORKER", None)
     done = subprocess.run(
         [*command, "-q", "--rootdir", tmp_path, tmp_path, *options],
-        check=False, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=120,
+        check=False, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=600,
     )  # fmt: skip
     assert {line.rpartition("::")[2] for line in done.stdout.splitlines() if "::" in line} == collected, done.stdout
 
@@ -133,7 +133,7 @@ def test_a_folder_that_is_named_is_collected_although_it_is_long() -> None:
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     file = "tests/cli/test_leftovers.py"
     done = subprocess.run(
-        [*command, file], check=False, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=120
+        [*command, file], check=False, capture_output=True, text=True, cwd=ROOT, env=environment, timeout=600
     )
     assert file in done.stdout
 
@@ -145,7 +145,7 @@ def test_processor_seconds_of_each_file_are_printed(tmp_path: Path) -> None:
     environment["PYTHONPATH"] = str(ROOT)
     done = subprocess.run(
         [*command, "--rootdir", tmp_path, tmp_path],
-        check=False, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=120,
+        check=False, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=600,
     )  # fmt: skip
     [line] = [line for line in done.stdout.splitlines() if line.endswith("  test_busy.py")]
     assert float(line.split()[0]) > 0.0, done.stdout

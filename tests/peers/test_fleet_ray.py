@@ -16,7 +16,7 @@ __all__ = ["logs", "reference"]  # fixtures
 def test_a_cluster_writes_the_same_bytes_as_one_process(logs: Path, reference: Path, tmp_path: Path) -> None:
     target = str(tmp_path / "out")
     process = start(logs.parent, "logs/*.mcap", "-d", target, "--tables", "--ray", "local", "--jobs", "2")
-    _, error = process.communicate(timeout=180)
+    _, error = process.communicate(timeout=600)
     assert process.returncode == 3, error.decode()
     assert tree(tmp_path / "out") == tree(reference)
 

@@ -57,10 +57,10 @@ for name in ("b", "a"):
 s3.pipe_file("bucket/drives/broken.mcap", b"no log")
 """
     environment = {**os.environ, **bucket, "PYTHONPATH": str(sample.parents[1])}
-    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=120)
+    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=600)
     done = subprocess.run(
         [sys.executable, "-m", "cwcli", "run", "s3://bucket/drives/*.mcap", "-d", "out", "--stage", "estimate"],
-        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
     )  # fmt: skip
     assert done.returncode == 3, done.stderr
     assert "s3://bucket/drives/broken.mcap: " in " ".join(done.stderr.split())
@@ -70,7 +70,7 @@ s3.pipe_file("bucket/drives/broken.mcap", b"no log")
     assert not (tmp_path / "out/.scratch").exists()
     missing = subprocess.run(
         [sys.executable, "-m", "cwcli", "run", "s3://nobucket/*.mcap", "-d", "out2"],
-        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+        check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
     )  # fmt: skip
     assert missing.returncode in (2, 3)
     assert missing.stderr.startswith("error: s3://nobucket/*.mcap: ")
@@ -90,12 +90,12 @@ listing = "{{rosbag2_bagfile_information: {{relative_file_paths: [drive_0.mcap, 
 s3.pipe_file("cars/drive/metadata.yaml", listing.encode())
 """
     environment = {**os.environ, **bucket, "PYTHONPATH": str(sample.parents[1])}
-    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=120)
+    subprocess.run([sys.executable, "-c", script], check=True, env=environment, timeout=600)
 
     def cwcli(*arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "cwcli", *arguments],
-            check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=120,
+            check=False, capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=600,
         )  # fmt: skip
 
     expected = json.loads(cwcli("info", str(sample), "--json").stdout)
