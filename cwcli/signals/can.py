@@ -117,6 +117,20 @@ def _message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
     raise _wrong(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
+def list_signals(files: Sequence[str]) -> list[str]:
+    """The signals of DBC files as `MESSAGE.SIGNAL`, in the order of the files.
+
+    Raises:
+        UsageError: A file can't be read, or cantools is not installed.
+    """
+    return [
+        f"{message.name}.{signal.name}"
+        for file in files
+        for message in _database(file).messages
+        for signal in message.signals
+    ]
+
+
 def _database(file: str) -> Any:
     from cwcli.input import read_file
 
