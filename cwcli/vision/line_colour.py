@@ -11,17 +11,22 @@ from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import HORIZON, WIDTH, columns_of_lane
 
 LEAST_DEPTH_PX = 22.0
-"""Rows in which a stripe of 12 cm, 1.3 m below the camera, is at least two pixels wide."""
+"""Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
+two pixels wide."""
 ROAD_BESIDE = 0.4
-"""Over the camera's height, towards the lane's middle: there the road is looked at, half a metre beside the line."""
+"""Distance from a line towards the lane's middle at which the road is read, over the camera's height: half a metre.
+Chosen by hand; not fitted."""
 PAINTED = 0.3
-"""Evidence from which a row counts as painted."""
+"""Evidence above which a row counts as painted. Chosen by hand; not fitted."""
 LEAST_ROWS = 3
+"""Least number of painted rows from which a colour follows. Chosen by hand; not fitted."""
 LEAST_CONTRAST = 8.0
-"""Grey levels by which paint must be brighter than the road, in the mean of red and green."""
+"""Least brightness of paint above the road, in grey levels, in the mean of red and green. Chosen by hand; not
+fitted."""
 YELLOW_BELOW, WHITE_ABOVE = 0.6, 0.75
-"""By how much paint is brighter than the road in blue, over the same in red and green, each over that of the road. It
-is 1 for white however much road a pixel shows beside the paint, about 0 for yellow. Between both nothing is told."""
+"""Limits of the ratio of paint's extra brightness in blue to that in red and green, each over the road's: yellow below,
+white above, unknown between. The ratio is 1 for white however much road a pixel shows beside the paint, about 0 for
+yellow. Chosen by hand; not fitted."""
 
 
 def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[LineColour, LineColour]:
@@ -50,7 +55,7 @@ def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[
 
 
 def _colour(paint: FloatArray, road: FloatArray) -> LineColour:
-    """The colour of paint beside that of the road, shape (n, 3) each."""
+    """The colour that pixels of paint have relative to pixels of the road, shape (n, 3) each."""
     if len(paint) < LEAST_ROWS or not np.ptp(np.concatenate([paint, road]), axis=1).any():
         return LineColour.UNKNOWN  # grey pictures have no colour
     blue, others = _parts(paint)
@@ -64,6 +69,6 @@ def _colour(paint: FloatArray, road: FloatArray) -> LineColour:
 
 
 def _parts(pixels: FloatArray) -> tuple[float, float]:
-    """Blue, and the mean of red and green; no less than a grey level."""
+    """Mean of blue, and mean of red and green, each at least one grey level."""
     blue, green, red = pixels.mean(axis=0).tolist()
     return max(blue, 1.0), max(0.5 * (green + red), 1.0)
