@@ -25,7 +25,7 @@ class LineKind(IntEnum):
 
 
 class LineColour(IntEnum):
-    """Its colour: `cwcli.v1.LaneBoundary.Colour`."""
+    """Colour of the paint along a boundary: `cwcli.v1.LaneBoundary.Colour`."""
 
     UNKNOWN = 0
     WHITE = 1
@@ -34,7 +34,7 @@ class LineColour(IntEnum):
 
 @dataclass(frozen=True)
 class Boundary:
-    """x = a y^2 + b y + c in the pixels of the search image (eq. 1).
+    """One boundary as x = a y^2 + b y + c in the pixels of the search image (eq. 1).
 
     Attributes:
         a: 1/pixel; positive bends to the right.
@@ -58,8 +58,9 @@ class Boundary:
     colour: LineColour = LineColour.UNKNOWN
 
     def x_px(self, y_px: FloatArray) -> FloatArray:
-        """x at the given y, both in pixels as above."""
+        """Columns x of the boundary at heights y, both in the pixels of the search image."""
         return (self.a * y_px + self.b) * y_px + self.c
 
 
 NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
+"""The boundary of a frame in which none was found: its numbers are NaN."""
