@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 QUEUED_PER_THREAD = 3
+"""Greatest number of waiting jobs for each thread. Chosen by hand: it bounds the memory."""
 
 Result = TypeVar("Result")
 
@@ -58,7 +59,7 @@ class _Task(Generic[Result]):
 
 
 def _next_result(waiting: deque[_Task[Result]]) -> Result:
-    """The oldest task's result; while it is not there, younger tasks are done here."""
+    """Wait for the oldest task's result and take it out; meanwhile do younger tasks in this thread."""
     oldest = waiting[0]
     for task in waiting:
         if oldest.future.done():

@@ -21,18 +21,27 @@ from cwcli.vision.encoded import Image
 BoolArray = npt.NDArray[np.bool_]
 
 N_POINTS = 32
+"""Number of points of a drawn line. Chosen by hand; not fitted."""
 LINES = ("centre", "left", "right", "band_left", "band_right")
+"""Names of the lines of a drawn path."""
 MIN_NEAR_M = 1.0
+"""Least distance ahead of the camera at which a drawn path begins, in metres. Chosen by hand; not fitted."""
 DEFAULT_NEAR_M = 3.0
-"""Where the lowest row looks above the horizon."""
+"""Distance at which a drawn path begins where the image's lowest row looks above the horizon, in metres. Chosen by
+hand; not fitted."""
 Z_90 = 1.6448536269514722
+"""Half width of the central 90 % of a normal distribution, in sigmas."""
 
 PATH_RGB = (0.1, 0.75, 1.0)
+"""Colour of the path: red, green, blue, 0 to 1. Chosen by hand."""
 FILL_ALPHA = 0.35
+"""Opacity of the 90 % band, 0 to 1. Chosen by hand."""
 SHIFT = 4
-"""Fraction bits of what is drawn."""
+"""Number of fraction bits in the coordinates that OpenCV draws."""
 FARTHEST_PX = 20_000.0
+"""Greatest coordinate that is drawn, in pixels: larger ones overflow OpenCV's fixed-point numbers."""
 MIN_STEP_M = 1e-3
+"""Least length of a path that is drawn, in metres. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,7 @@ class PathLines:
     is_in: BoolArray
 
     def line(self, name: str) -> FloatArray:
-        """The points of one of `LINES` that lie in the image, shape (m, 2)."""
+        """The points of a line, named as in `LINES`, that lie in the image, shape (m, 2)."""
         at = LINES.index(name)
         kept: FloatArray = self.points[at][self.is_in[at]]
         return kept
@@ -77,6 +86,7 @@ class PathLines:
 
 
 NOTHING = PathLines(np.full((len(LINES), N_POINTS, 2), np.nan), np.zeros((len(LINES), N_POINTS), np.bool_))
+"""The lines of a path that is too short to draw: all points are NaN."""
 
 
 def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward_m: float = 0.0) -> PathLines:
@@ -108,7 +118,7 @@ def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward
 
 
 def ground_near_m(camera: Camera) -> float:
-    """How far ahead of the camera the middle of the image's lowest row shows the road."""
+    """Distance ahead of the camera at which the middle of the image's lowest row shows the road, in metres."""
     x_m, _ = camera.ground_from_image(np.array([(camera.width_px - 1) / 2]), np.array([camera.height_px - 0.5]))
     near_m = float(x_m[0])
     return max(near_m, MIN_NEAR_M) if math.isfinite(near_m) else DEFAULT_NEAR_M
@@ -117,7 +127,8 @@ def ground_near_m(camera: Camera) -> float:
 def _sampled(
     path: BodyPath, camera: Camera, camera_forward_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """x, y, heading and 90 % half width of the band at `N_POINTS` places along the path; empty if it is too short."""
+    """Sample a path: x, y, heading and 90 % half width of the band at `N_POINTS` places; empty if the path is too
+    short."""
     nothing = np.zeros(0)
     known = np.isfinite(path.x_m + path.y_m + path.heading_rad)
     if not known.all():
@@ -138,7 +149,7 @@ def _sampled(
 
 
 def paint_path(image: Image, lines: PathLines) -> Image:
-    """The image with the path on it: the car's corridor as thin lines, the band filled lightly, the middle as a line.
+    """The image with the path drawn on it: the car's corridor, the 90 % band and the middle.
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
@@ -163,5 +174,6 @@ def paint_path(image: Image, lines: PathLines) -> Image:
 
 
 def _fixed(points: FloatArray) -> npt.NDArray[np.int32]:
+    """Points as OpenCV's fixed-point coordinates."""
     near = np.clip(points, -FARTHEST_PX, FARTHEST_PX)
     return np.round(near * (1 << SHIFT)).astype(np.int32).reshape(-1, 1, 2)
