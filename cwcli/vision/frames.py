@@ -98,8 +98,8 @@ def decode_frames(
         frames: Still encoded.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
-        n_threads: Of decoding, the calling one included; None: as many as there are processors, at most `MAX_THREADS`.
-        colour_every_ns: Of log time: a frame in so long comes in colour, too (`DecodedFrame.colour`); None: none does.
+        n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.
+        colour_every_ns: Log time between frames that also come in colour (`DecodedFrame.colour`); None: none does.
         where: File and topic, for messages.
 
     Raises:
@@ -118,7 +118,7 @@ def decode_frames(
 
 
 def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[DecodingJob]]:
-    """Jobs grouped into batches of at most `n_most` jobs, and of `BATCH_BYTES` at most if there is more than one."""
+    """Jobs grouped into batches of at most `n_most` jobs, and of limited size if there is more than one."""
     batch: list[DecodingJob] = []
     n_bytes = 0
     for job in jobs:

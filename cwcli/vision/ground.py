@@ -72,7 +72,7 @@ class GeometrySigmas:
     """Sigmas of the error propagation where a method gives no covariance of its own.
 
     Attributes:
-        pixel_px: Sigma of a boundary's place in the search image, at each of `N_INDEPENDENT` heights.
+        pixel_px: Sigma of a boundary's place in the search image, at each of ten independent heights.
         pitch_rad, yaw_rad, height_m: Sigmas of the mounting; that of the pitch includes the car's own pitching.
     """
 
@@ -91,7 +91,7 @@ class LaneGeometry:
             the body frame: y = y0 + s x + k x^2 / 2, left positive.
         lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L in the paper's signs.
         lateral_deviation_sigma_m, heading_deviation_sigma_rad, curvature_sigma_1pm: Shape (n,).
-        lane_width_m: Shape (n,), at `WIDTH_AT_M`, across the lane.
+        lane_width_m: Shape (n,), 10 m ahead, across the lane.
         curvature_change_1pm2: Shape (n,): how the curvature changes in a metre ahead, right positive as K_L; 0 where
             the method knows none.
     """
@@ -179,7 +179,7 @@ def pinholes(camera: Camera, n: int) -> FloatArray:
 def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
     """Row from the image's top at which the boundaries of each frame end, shape (n,).
 
-    Where the method found the horizon they end with the road at `FAR_M`, but below the rows in which evidence is looked
+    Where the method found the horizon they end with the road 60 m ahead, but below the rows in which evidence is looked
     for. Else nothing is known of what lies above the paper's rows.
 
     Args:
@@ -202,13 +202,13 @@ def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
 
 
 def _top_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
-    """Height in the image up to which boundaries are sampled: the road at `FAR_M`, at most `HIGHEST` of the image;
-    distortion left out."""
+    """Height in the image up to which boundaries are sampled: the road 60 m ahead, at most the paper's rows; distortion
+    left out."""
     return np.asarray(np.clip(_far_y_px(camera, pitch_rad), LOWEST_TOP_PX, HIGHEST * camera.height_px))
 
 
 def _far_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
-    """Height in the image of the road at `FAR_M`, distortion left out."""
+    """Height in the image of the road 60 m ahead, distortion left out."""
     below_rad = np.arctan(camera.mounting.height_m / FAR_M) - pitch_rad
     return np.asarray(camera.height_px - (camera.cy + camera.fy * np.tan(below_rad)))
 
@@ -278,7 +278,7 @@ def _change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArr
 
 
 def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
-    """Offset of the method's own road from its parabola at each sample, shape (n, 2, `N_SAMPLES`); 0 without a road."""
+    """Offset of the method's own road from its parabola at each sample, shape (n, 2, samples); 0 without a road."""
     y_px = _sampled_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
     h = (camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None])[:, None]
     far, near, bend = np.moveaxis(fits.roads[..., :3, None], 2, 0)  # the spiral is added on the ground
@@ -296,8 +296,8 @@ def _body(
         parabolas: Shape (n, 2, 3): a, b, c.
         mount: Shape (n, 3): pitch, yaw, height.
         camera: The camera in the pixels of the search image.
-        beside_px: Shape (n, 2, `N_SAMPLES`): offset of the road from the parabolas, see `_beside_parabola_px`.
-        use: Shape (n, 2, `N_SAMPLES`): the samples to use; None: those in the image and at a fair distance.
+        beside_px: Shape (n, 2, samples): offset of the road from the parabolas.
+        use: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
     y_px = _sampled_px(camera, mount[:, 0])
@@ -322,7 +322,7 @@ def _body(
 
 
 def _sampled_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
-    """Heights in the image at which boundaries are sampled, shape (n, `N_SAMPLES`)."""
+    """Heights in the image at which boundaries are sampled, shape (n, samples)."""
     return 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * _top_y_px(camera, pitch_rad)[:, None]
 
 
@@ -352,8 +352,8 @@ def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
 
 
 def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
-    """Place, slope and curvature of the road whose best parabola goes through the points, shape (n, 2, 3); NaN with
-    fewer than `MIN_SAMPLES`.
+    """Place, slope and curvature of the road whose best parabola goes through the points, shape (n, 2, 3); NaN with too
+    few samples.
 
     Args:
         x_m, y_m: Shape (n, 2, k): points of the parabola on the ground.
@@ -376,7 +376,7 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
 
 
 def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
-    """Solutions of the normal equations, shape (n, 2, 3); NaN where fewer than `MIN_SAMPLES` samples are used."""
+    """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
     enough = use.sum(axis=-1, keepdims=True) >= MIN_SAMPLES
     normal = np.where(enough[..., None], normal, np.eye(3))
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
@@ -396,8 +396,7 @@ def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, pre
 
 
 def _width(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
-    """Lane width at `WIDTH_AT_M`, square to the lane; beside the camera where a boundary has turned back; shape
-    (n,)."""
+    """Lane width 10 m ahead, square to the lane; beside the camera where a boundary has turned back; shape (n,)."""
     y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_AT_M) * WIDTH_AT_M
     slope = (body[..., 1] + body[..., 2] * WIDTH_AT_M).mean(axis=1)
     curves_m = arc_places_m(body, np.array(WIDTH_AT_M), change_1pm2[:, None])

@@ -52,7 +52,7 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     """The features from which the probability of each boundary follows.
 
     Args:
-        evidence, lane: The lane (6,) and where the frame shows stripes.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
         value: The lane's objective in this frame.
 
     Returns:
@@ -64,7 +64,7 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
 def _features(
     evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
 ) -> list[tuple[float, float, float, float]]:
-    """As `features`, for each side; the objective that counts for a carried side is at most twice its own support."""
+    """The features for each side; the objective that counts for a carried side is at most twice its own support."""
     by_chance = math.sqrt(crowd(evidence, lane))
     made = []
     for side, own in enumerate(supports(evidence, lane).tolist()):
@@ -79,10 +79,10 @@ def boundary_probabilities(
     """Probability of each boundary that it lies where the lane has it.
 
     Args:
-        evidence, lane, value: `features`.
-        carried: The boundary that has its place from the other one (`lane_sides`), if there is one. The lane's
-            objective is that of the other one's paint; its own is that of a lane both of whose lines show as much
-            as it does: twice its support.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
+        value: The lane's objective in this frame.
+        carried: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
+            objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = COEFFICIENTS.tolist()
     left, right = (

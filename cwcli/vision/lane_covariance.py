@@ -5,7 +5,7 @@ more exactly the frame shows them: covariance = SCALE x inverse of the negative 
 differences over steps of half a marking's width, because on a smaller scale the objective is as rough as the pixels.
 They are taken in places that the image shows (both boundaries near the car, the middle and the bend far away, the
 horizon), in which the five depend little on each other. What no step makes worse is not seen: its sigma is the greatest
-that is published, `MOST` steps.
+that is published, one step.
 
 A road does not bend evenly, and by how much its bend changes up to the far rows the objective hardly shows: the fit is
 exact near by and far away, and between them the road is beside it. So there is a second part: of the bend with those
@@ -56,9 +56,9 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
     """The covariance of a lane's first five numbers, shape (5, 5).
 
     Args:
-        evidence, lane: The lane (6,) at its optimum, and where the frame shows stripes.
-        table: Of the prior, shape (6, 4), under which it was found.
-        camera: In the pixels of the image that was searched.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,), at its optimum.
+        table: Table of the prior, shape (6, 4), under which it was found.
+        camera: The camera in the pixels of the image that was searched.
     """
     places, steps = _places(float(lane[HORIZON]), camera.height_px, evidence.pinhole.stretch)
     places = places * steps
@@ -110,8 +110,8 @@ def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> 
     """The covariance of a published fit, shape (7, 7): a, b, c of both sides, and the pitch.
 
     Args:
-        lane, covariance: Shape (6,) and (5, 5).
-        camera: In the pixels of the image that was searched.
+        lane, covariance: The lane, shape (6,), and its covariance, shape (5, 5).
+        camera: The camera in the pixels of the image that was searched.
     """
     sigma = np.sqrt(np.diagonal(covariance))
     steps = np.eye(N, len(lane)) * sigma[:, None]

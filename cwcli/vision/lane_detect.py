@@ -123,8 +123,7 @@ class Evidence:
     pinhole: Pinhole
 
     def scoring(self, *, beside: float = BESIDE) -> lane_ridge.Scoring:
-        """Settings with which the kernel judges lanes on this evidence; `beside` is the weight of neighbouring
-        lanes."""
+        """Settings with which the kernel judges lanes on this evidence, with a weight for neighbouring lanes."""
         segment = len(self.rows) // N_SEGMENTS
         return {
             "prior_weight": PRIOR_WEIGHT,
@@ -163,7 +162,7 @@ class Look(Protocol):
 
 
 def reaches(width_px: int) -> tuple[int, int]:
-    """Columns to each side from which `Evidence.wide` and `broad` take the greatest value."""
+    """Columns to each side over which the two widened evidences take the greatest value."""
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
 
@@ -360,7 +359,7 @@ def acquire(
     Args:
         grey: The frame, of the camera's size.
         camera: The camera in the pixels of the frame.
-        prior: The prior, with a narrow horizon (`with_vanishing_point`).
+        prior: The prior, with a narrow horizon.
         look: Measures the evidence.
 
     Returns:

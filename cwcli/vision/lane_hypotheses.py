@@ -40,7 +40,7 @@ class Hypothesis:
         start: Objective that the stricter prior of a first frame took off when the lane was found, at most 0; it stays
             a reason against the lane.
         better_s: Time for which it has been better than the published one.
-        change: The lane change in this frame (`lane_following.crossed`).
+        change: The lane change in this frame: 1 to the left, -1 to the right, else 0.
         sides: State of its two lines, if it is the published one.
         is_tight: The log has no speed, and the lane is followed as a tight bend.
     """
@@ -56,7 +56,7 @@ class Hypothesis:
 
     @property
     def carried(self) -> int:
-        """The boundary whose place follows from the other line (`Sides.carried`), or `NO_LINE`."""
+        """The boundary whose place follows from the other line (`lane_sides`), or `NO_LINE`."""
         return NO_LINE if self.sides is None else self.sides.carried
 
 
@@ -107,7 +107,7 @@ def tight_or_gentle(
     """A tight bend, its objective and True; or a gentle one and False, if that is as good and nothing jumps.
 
     Args:
-        evidence, lane, size, dt_s, sideways_mps: As in `improved`.
+        evidence, lane, size, dt_s, sideways_mps: As for the refinement of a predicted lane.
         found: The tight bend, shape (6,), and its objective.
         prior: The prior of gentle bends.
     """
@@ -139,7 +139,7 @@ def doubted(
 ) -> tuple[float, float]:
     """The probabilities of a lane's boundaries after its rivals have taken their share.
 
-    Of several lanes that a frame may show, each has a share of exp(objective / `SCALE`), as in the mean of a first
+    Of several lanes that a frame may show, each has a share of exp(objective / 0.015), as in the mean of a first
     frame. A rival that has a line where a boundary lies, as the next lane has, takes nothing from that boundary.
 
     Args:

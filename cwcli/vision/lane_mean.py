@@ -2,7 +2,7 @@
 
 Where two or three dots or one dash are all that shows of a boundary, the objective is flat: lanes half a metre apart
 differ by less than any prior's sigma counts, and the best of them is best by chance. Their mean, each weighed by
-exp(objective / `SCALE`), has the least squared error, and is moved by what little there is all along: a joint, a
+exp(objective / 0.015), has the least squared error, and is moved by what little there is all along: a joint, a
 neighbour's line. It is taken over points of a normal distribution that is fitted to the weights in a few rounds
 (adaptive importance sampling; O. Cappé et al., Population Monte Carlo, J. Comput. Graph. Statist. 13 (2004) 907). The
 points are those of a low-discrepancy sequence (the powers of the root of x^6 = x + 1), so nothing is random.

@@ -168,7 +168,7 @@ def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
 
 
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
-    """Whether the boundaries of two lanes lie on the same pixels, within `SAME_SHARE` of the width, near and far."""
+    """Whether the boundaries of two lanes lie on the same pixels, near and far."""
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
@@ -186,7 +186,8 @@ def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int)
 
 
 def top_row_px(lane: FloatArray, camera: Camera) -> float:
-    """Height above the image's bottom up to which the lane's parabolas are fitted: the road at 60 m, or `HIGHEST`."""
+    """Height above the image's bottom up to which parabolas are fitted: the road 60 m ahead, at most the paper's
+    rows."""
     below_rad = math.atan(camera.mounting.height_m / FAR_M) - pitch_of(lane, camera)
     y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
     return min(max(y_px, LOWEST_TOP_PX), HIGHEST * camera.height_px)

@@ -227,7 +227,7 @@ def kept(
 
 
 def _compared(sides: Sides, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float) -> Sides:
-    """The state after both lines were seen: `lanes` (2, 6) is the lane by each, `apart_m` (2,) their distance ahead."""
+    """The state after both lines were seen: the lanes by each, shape (2, 6), and their distance ahead, shape (2,)."""
     swift, slow = 1.0 - math.exp(-dt_s / MEMORY_S), 1.0 - math.exp(-dt_s / BEND_S)
     if math.isfinite(sides.driven):
         driven = sides.driven + swift * (driven - sides.driven)

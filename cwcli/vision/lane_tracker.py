@@ -105,8 +105,8 @@ BELIEF_S = 0.3
 GREATEST_ODDS = 4.0
 """Greatest absolute log-odds that one frame contributes to a boundary's probability. Chosen by hand; not fitted."""
 SWITCH_S = 0.4
-"""Time in seconds for which another hypothesis must be better by `SWITCH_GAIN` before it is published. Chosen by hand;
-not fitted."""
+"""Time in seconds for which another hypothesis must be clearly better before it is published. Chosen by hand; not
+fitted."""
 HORIZON_GAIN = 0.05
 """Share by which the prior's horizon follows that of a found lane in each frame, where the mounting is not known.
 Chosen by hand; not fitted."""
@@ -176,8 +176,7 @@ class LaneTracker:
         return self._lines.named(fit, frame, self._evidence, lane)
 
     def _covariance_of(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
-        """The covariance of a fit, measured in this frame or, for the same lane, at most `MEASURED_EVERY_NS`
-        earlier.
+        """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
         """
@@ -398,7 +397,7 @@ class LaneTracker:
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
-    """Width and height of the search image: the camera's, halved until it has at most `MAX_PIXELS`."""
+    """Width and height of the search image: the camera's, halved until it has few enough pixels."""
     while width_px * height_px > MAX_PIXELS:
         width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
     return width_px, height_px

@@ -3,7 +3,7 @@
 It is measured along the line, after the search: where its rows show paint, how long the painted stretches and the gaps
 are on the ground, and whether a second stripe runs beside it. Lengths are in lane widths, so that neither the camera's
 height nor its focal length has to be known well. One frame sees a few dashes at most, so frames vote
-(`line_watch.LineWatch`).
+(`line_watch`).
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine
     """Kinds of the left and of the right boundary as one frame shows them.
 
     Args:
-        evidence: Of the frame.
-        lane: Shape (6,), see `lane_model`.
+        evidence: The stripes of the frame.
+        lane: The lane, shape (6,), see `lane_model`.
     """
     _, middle, width, _, horizon, _ = lane.tolist()
     rows = evidence.rows[::-1]
@@ -114,7 +114,7 @@ def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
 
     Args:
         painted: Whether each row shows paint.
-        lengths: Of each row on the ground, in lane widths; they grow.
+        lengths: Length of each row on the ground, in lane widths; they grow.
     """
     total = sum(lengths)
     if total < LEAST_SEEN:
@@ -148,7 +148,7 @@ def stretches(painted: Sequence[bool], lengths: Sequence[float]) -> list[Stretch
 
 
 def without_holes(line: Sequence[Stretch]) -> list[Stretch]:
-    """The stretches with bare ones of up to `HOLE` between painted ones taken as painted."""
+    """The stretches, with short bare ones between painted ones taken as painted."""
     made: list[Stretch] = []
     for k, each in enumerate(line):
         is_hole = not each.is_painted and each.length <= HOLE and 0 < k < len(line) - 1

@@ -39,7 +39,7 @@ def matroska_start(codec: str) -> bytes:
     """The bytes of a Matroska file before its first block.
 
     Args:
-        codec: A key of `CODECS`.
+        codec: `h264`, `h265`, `vp9` or `av1`.
     """
     video = _element(_PIXEL_WIDTH, _number(ANY_SIZE_PX)) + _element(_PIXEL_HEIGHT, _number(ANY_SIZE_PX))
     track = (

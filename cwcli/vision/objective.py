@@ -5,7 +5,7 @@ The paper leaves three things open, its fig. 2 being lost in the text; the choic
 - T_j is the magnitude of the difference between the two parts of the block, each of three pixels; the line between them
   is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative. The print
   has neither bars nor a direction of the difference.
-- The mean road grey is the mean of a patch in front of the car (`ROAD_ROWS`, `ROAD_COLUMNS`).
+- The mean road grey is the mean of a patch in front of the car: 60 rows, columns 100 to 219.
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
 """
 
@@ -79,7 +79,7 @@ def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool)
     """Objectives F (eq. 2 or 3) of many parabolas.
 
     Args:
-        responses: One array of `block_responses`.
+        responses: The block responses of one side.
         parabolas: Shape (n, 3): a, b, c.
         is_left: Which boundary.
 

@@ -55,8 +55,8 @@ def line_points(
             the corners that the camera sees and the search image does not.
 
     Returns:
-        Points of shape (n, 2, `N_POINTS`, 2): u and v from the bottom up, (0, 0) being the centre of the top left
-        pixel; and which of them belong to the line, shape (n, 2, `N_POINTS`): found, in the image, and not ended.
+        Points of shape (n, 2, points, 2): u and v from the bottom up, (0, 0) being the centre of the top left
+        pixel; and which of them belong to the line, shape (n, 2, points): found, in the image, and not ended.
     """
     width_px, height_px = search_size
     scale = np.array([image_size[0] / width_px, image_size[1] / height_px])

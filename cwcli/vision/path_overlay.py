@@ -64,16 +64,15 @@ class PathLines:
     """The path in the pixels of the camera's image: (0, 0) is the centre of the top left pixel.
 
     Attributes:
-        points: Shape (5, `N_POINTS`, 2): u and v of each of `LINES`, from near to far; NaN where a point is behind the
-            camera.
-        is_in: Shape (5, `N_POINTS`): the point lies in the image.
+        points: Shape (5, points, 2): u and v of each of the five lines, from near to far; NaN behind the camera.
+        is_in: Shape (5, points): the point lies in the image.
     """
 
     points: FloatArray
     is_in: BoolArray
 
     def line(self, name: str) -> FloatArray:
-        """The points of a line, named as in `LINES`, that lie in the image, shape (m, 2)."""
+        """The points of the line of this name that lie in the image, shape (m, 2)."""
         at = LINES.index(name)
         kept: FloatArray = self.points[at][self.is_in[at]]
         return kept
@@ -127,7 +126,7 @@ def ground_near_m(camera: Camera) -> float:
 def _sampled(
     path: BodyPath, camera: Camera, camera_forward_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Sample a path: x, y, heading and 90 % half width of the band at `N_POINTS` places; empty if the path is too
+    """Sample a path evenly in the image: x, y, heading and 90 % half width of the band; empty if the path is too
     short."""
     nothing = np.zeros(0)
     known = np.isfinite(path.x_m + path.y_m + path.heading_rad)

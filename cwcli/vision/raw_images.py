@@ -69,7 +69,7 @@ def raw_colour(frame: FrameLike) -> Image:
     """Decode a raw image to blue, green, red, shape (height, width, 3), uint8.
 
     Raises:
-        RawImageError: As `raw_grey`.
+        RawImageError: Unknown encoding, or fewer bytes than its size needs.
     """
     import cv2
 

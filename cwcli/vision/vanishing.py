@@ -131,7 +131,7 @@ def _votes(
     lowest = np.maximum(segments[:, 1], segments[:, 3])
     du = (u - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
     dv = (v - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
-    # as far beside a segment as `ANGLE_RAD` and a pixel at its ends allow, a quarter of its votes is left
+    # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
     beside = 1.0 / (length * (ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]

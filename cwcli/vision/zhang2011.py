@@ -125,11 +125,11 @@ def search_boundary(
     """Search one boundary of one frame.
 
     Args:
-        responses: Of this side (`block_responses`).
+        responses: The block responses of this side.
         phase: Bits, generations and region.
-        previous: Of the frame before; not used in the first phase.
-        is_left: Which side.
-        seed, stream: Of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
+        previous: The boundary in the frame before; not used in the first phase.
+        is_left: Whether the left boundary is searched.
+        seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
     if phase.reach is None:
         region = np.array(FIRST_LEFT if is_left else FIRST_RIGHT)
