@@ -110,8 +110,8 @@ class Camera:
     def body_from_optical(self) -> FloatArray:
         """Rotation from the optical to the body frame, Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
         mounting = self.mounting
-        turned: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
-        return turned
+        body_axes: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        return body_axes
 
     def matrix(self) -> FloatArray:
         """The matrix K of the intrinsics, shape (3, 3)."""
@@ -182,10 +182,12 @@ class Camera:
             ideal = np.where(rays[:, 2:] > MIN_DEPTH, rays[:, :2] / rays[:, 2:], np.nan)
         if not self.has_distortion():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
-        at = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
+        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
         pixels = np.full_like(ideal, np.nan)
-        if at.any():
-            pixels[at] = _distorted(ideal[at], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye())
+        if is_projected.any():
+            pixels[is_projected] = _distorted(
+                ideal[is_projected], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye()
+            )
         return pixels[:, 0], pixels[:, 1]
 
     @property
@@ -315,9 +317,9 @@ def coefficients_of(model: str, values: FloatArray | Sequence[float]) -> tuple[f
 
     Empty if there is no distortion: all are zero, and the model is no fisheye.
     """
-    given = [float(value) for value in values]
-    if not any(given) and model not in FISHEYE_MODELS:
+    coefficients = [float(value) for value in values]
+    if not any(coefficients) and model not in FISHEYE_MODELS:
         return ()
     lengths = (4,) if model in FISHEYE_MODELS else (4, 5, 8, 12, 14)
-    length = next((n for n in lengths if n >= len(given)), lengths[-1])
-    return tuple((given + [0.0] * length)[:length])
+    length = next((n for n in lengths if n >= len(coefficients)), lengths[-1])
+    return tuple((coefficients + [0.0] * length)[:length])

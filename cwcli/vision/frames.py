@@ -207,18 +207,18 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
         reason = "cut short"
     if reason:
         return _rejected(index, frame, reason)
-    wanted = size_of(width_px, height_px) if size_of else None
+    wanted_size = size_of(width_px, height_px) if size_of else None
     try:
         if header is None:
             image = raw_grey(frame) if size_of else raw_colour(frame)
         elif is_depth:
             image = _as_wanted(depth_picture(frame.format, frame.data), is_grey=size_of is not None)
         else:
-            image = _decoded(frame.data, header, wanted)
+            image = _decoded(frame.data, header, wanted_size)
     except (RawImageError, DepthImageError) as error:
         return _rejected(index, frame, str(error))
-    made = _finished(index, frame, image, (width_px, height_px), wanted)
-    return replace(made, colour=_colour(frame, header, made)) if in_colour and not is_depth else made
+    decoded = _finished(index, frame, image, (width_px, height_px), wanted_size)
+    return replace(decoded, colour=_colour(frame, header, decoded)) if in_colour and not is_depth else decoded
 
 
 def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame) -> Image | None:
@@ -301,9 +301,9 @@ def _video_frame(
         return _rejected(index, frame, reason)
     if size_of is None:
         return _finished(index, frame, image, size, None)
-    wanted = size_of(*size)
-    made = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted)
-    return replace(made, colour=_scaled(image, wanted)) if in_colour else made
+    wanted_size = size_of(*size)
+    decoded = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted_size)
+    return replace(decoded, colour=_scaled(image, wanted_size)) if in_colour else decoded
 
 
 def _finished(

@@ -120,8 +120,8 @@ def lane_geometry(
         sigmas: Sigmas of the error propagation; None: the default ones.
     """
     blocks = [fits[slice(i, i + BLOCK_FRAMES)] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
-    made = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
-    return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in made]) for f in fields(LaneGeometry)))
+    geometries = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
+    return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
 def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
@@ -139,13 +139,13 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
         Shape (n, 2, 4): far (px), near, bend (px^2), spiral (px^3) of each boundary; NaN where none was found, or where
         the method found no horizon (`fits.pitch_rad` is NaN). The spiral is 0 where the method has no road.
     """
-    is_told = np.isfinite(fits.roads)
-    rest = np.flatnonzero(~is_told.all(axis=(1, 2)))
+    has_road = np.isfinite(fits.roads)
+    rest = np.flatnonzero(~has_road.all(axis=(1, 2)))
     if not len(rest):
         return fits.roads
-    made = fits.roads.copy()
-    made[rest] = np.where(is_told[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
-    return made
+    roads = fits.roads.copy()
+    roads[rest] = np.where(has_road[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
+    return roads
 
 
 def _sought_roads(fits: FitColumns, camera: Camera) -> FloatArray:
@@ -237,8 +237,8 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
             jacobian[:, :, k] = (_preview(one_moved, change, is_curve, preview_m) - values) / PARABOLA_STEPS[k]
-        given = fits.covariance[:, side]
-        covariance = np.where(np.isnan(given), assumed, given)
+        own_covariance = fits.covariance[:, side]
+        covariance = np.where(np.isnan(own_covariance), assumed, own_covariance)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
         variance += np.where(np.isnan(parabolas[:, side, :1]), 0.0, part)
         of_fit[:, :, 3 * side : 3 * side + 3] = jacobian
@@ -272,9 +272,9 @@ def _change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArr
     """Change of the lane's curvature per metre ahead, on the car's centre line, left positive, shape (n,); 0 without a
     road."""
     own = -6.0 * fits.roads[..., 3] / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2)
-    told = own / changes_beside(body)
-    is_told = np.isfinite(told)
-    return np.asarray(np.where(is_told, told, 0.0).sum(axis=1) / np.maximum(is_told.sum(axis=1), 1))
+    change = own / changes_beside(body)
+    is_known = np.isfinite(change)
+    return np.asarray(np.where(is_known, change, 0.0).sum(axis=1) / np.maximum(is_known.sum(axis=1), 1))
 
 
 def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
@@ -344,11 +344,11 @@ def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
     axes = rotation(0.0, 0.0, mounting.roll_rad) @ old.T @ camera.body_from_optical()
     cosine, sine = np.cos(pitch_and_yaw)[..., None], np.sin(pitch_and_yaw)[..., None]
     ahead = cosine[:, 0] * axes[0] + sine[:, 0] * axes[2]
-    made = np.empty((len(pitch_and_yaw), 3, 3))
-    made[:, 0] = cosine[:, 1] * ahead - sine[:, 1] * axes[1]
-    made[:, 1] = sine[:, 1] * ahead + cosine[:, 1] * axes[1]
-    made[:, 2] = cosine[:, 0] * axes[2] - sine[:, 0] * axes[0]
-    return made
+    rotations = np.empty((len(pitch_and_yaw), 3, 3))
+    rotations[:, 0] = cosine[:, 1] * ahead - sine[:, 1] * axes[1]
+    rotations[:, 1] = sine[:, 1] * ahead + cosine[:, 1] * axes[1]
+    rotations[:, 2] = cosine[:, 0] * axes[2] - sine[:, 0] * axes[0]
+    return rotations
 
 
 def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:

@@ -66,11 +66,11 @@ def _features(
 ) -> list[tuple[float, float, float, float]]:
     """The features for each side; the objective that counts for a carried side is at most twice its own support."""
     by_chance = math.sqrt(crowd(evidence, lane))
-    made = []
+    rows = []
     for side, own in enumerate(supports(evidence, lane).tolist()):
-        told = min(value, 2.0 * own) if side == carried else value
-        made.append((1.0, math.sqrt(own), math.log(min(max(told, 0.0), 1.0) + LEAST_VALUE), by_chance))
-    return made
+        counted_value = min(value, 2.0 * own) if side == carried else value
+        rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + LEAST_VALUE), by_chance))
+    return rows
 
 
 def boundary_probabilities(

@@ -73,12 +73,12 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
     information[_I, _J] = information[_J, _I] = 0.5 * (pairs - fall[_I] - fall[_J])
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
-    made: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
+    covariance: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
     far_m = camera.fy * camera.mounting.height_m / _depths(float(lane[HORIZON]), camera.height_px)[1]
     bend = places[:, 3] * (bend_unit(camera) * BEND_RATE_1PM2 * far_m / places[BEND, 3])
     turn = places[:, 2] * (camera.fx * BEND_RATE_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
-    made += bend[:, None] * bend + turn[:, None] * turn
-    return made
+    covariance += bend[:, None] * bend + turn[:, None] * turn
+    return covariance
 
 
 def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
@@ -117,8 +117,8 @@ def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> 
     steps = np.eye(N, len(lane)) * sigma[:, None]
     published = np.array([_published(each, camera) for each in (lane, *(lane + steps))])
     jacobian = (published[1:] - published[0]).T / sigma
-    made: FloatArray = jacobian @ covariance @ jacobian.T
-    return made
+    propagated: FloatArray = jacobian @ covariance @ jacobian.T
+    return propagated
 
 
 def _published(lane: FloatArray, camera: Camera) -> list[float]:

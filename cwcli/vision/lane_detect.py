@@ -285,8 +285,8 @@ def refined(
         beside: Weight of the neighbouring lanes' boundaries.
     """
     width_px, height_px = size
-    made = np.array(lanes, np.float64, ndmin=2)
-    horizon = float(made[0, HORIZON]) if len(made) == 1 else float(made[:, HORIZON].mean())
+    refined_lanes = np.array(lanes, np.float64, ndmin=2)
+    horizon = float(refined_lanes[0, HORIZON]) if len(refined_lanes) == 1 else float(refined_lanes[:, HORIZON].mean())
     depth = height_px - horizon
     near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
     spiral = far if table[SPIRAL, LOW] < table[SPIRAL, HIGH] else 0.0
@@ -295,7 +295,7 @@ def refined(
         evidence.wide if wide else evidence.sharp,
         evidence.broad,
         evidence.rows,
-        made,
+        refined_lanes,
         table,
         evidence.scoring(beside=beside),
         near_v=horizon + 0.6 * depth,
@@ -303,7 +303,7 @@ def refined(
         steps=steps,
         halvings=4 if wide else 6,
     )
-    return made, value
+    return refined_lanes, value
 
 
 def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
@@ -320,13 +320,13 @@ def widely_best(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> Flo
 
 def distinct(lanes: FloatArray, n: int) -> FloatArray:
     """The first n lanes that differ from all lanes before them; fewer if there are not so many."""
-    taken: list[FloatArray] = []
+    chosen: list[FloatArray] = []
     for lane in lanes:
-        if not any(is_same(lane, other) for other in taken):
-            taken.append(lane)
-            if len(taken) == n:
+        if not any(is_same(lane, other) for other in chosen):
+            chosen.append(lane)
+            if len(chosen) == n:
                 break
-    return np.array(taken)
+    return np.array(chosen)
 
 
 def is_same(lane: FloatArray, other: FloatArray) -> bool:
@@ -421,8 +421,8 @@ def _unknown(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
     shifts = INNER_SHIFTS * prior.pinhole.stretch
-    made = np.array(lanes)
-    for lane in made:
+    moved_lanes = np.array(lanes)
+    for lane in moved_lanes:
         for sign in (1.0, -1.0):
             own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
             values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.scoring())
@@ -432,5 +432,5 @@ def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tup
                 lane[MIDDLE] += 0.5 * sign * shifts[k]
                 lane[WIDTH] -= shifts[k]
         # (the following search has short steps: it can't jump back)
-    made, _ = refined(evidence, made, prior.table, size, wide=False, scale=0.12)
-    return made
+    moved_lanes, _ = refined(evidence, moved_lanes, prior.table, size, wide=False, scale=0.12)
+    return moved_lanes

@@ -150,11 +150,11 @@ def pitched(lane: FloatArray, prior: LanePrior, table: FloatArray, dt_s: float) 
         table: The prior's table around the prediction; candidates stay within its limits.
         dt_s: Time since the frame before.
     """
-    made = np.empty((len(PITCHES), len(lane)))
-    made[:] = lane
+    candidates = np.empty((len(PITCHES), len(lane)))
+    candidates[:] = lane
     moved = lane[HORIZON] + PITCHES * (prior.drift[HORIZON] * math.sqrt(max(dt_s, LEAST_DT_S)))
-    made[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
-    return made
+    candidates[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
+    return candidates
 
 
 def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
@@ -173,14 +173,14 @@ def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int
     """
     t, sigma = 1.0 / (PIVOT_AT * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
     spirals, bends = sigma * SPIRALS, sigma * t * BENDS
-    made = np.empty((len(bends), len(lane)))
-    made[:] = lane
+    candidates = np.empty((len(bends), len(lane)))
+    candidates[:] = lane
     dq = spirals - lane[SPIRAL]
-    made[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
-    made[:, MIDDLE] += (bends - dq * t) * t * t
-    made[:, BEND] += bends - 3.0 * dq * t
-    made[:, SPIRAL] = spirals
-    return np.minimum(np.maximum(made, table[:, LOW]), table[:, HIGH])
+    candidates[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
+    candidates[:, MIDDLE] += (bends - dq * t) * t * t
+    candidates[:, BEND] += bends - 3.0 * dq * t
+    candidates[:, SPIRAL] = spirals
+    return np.minimum(np.maximum(candidates, table[:, LOW]), table[:, HIGH])
 
 
 def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
@@ -228,19 +228,21 @@ def predicted(
         dt_s: Time to the next frame.
         prior: The prior, which knows the camera's mounting.
     """
-    made = np.array(lane)
+    next_lane = np.array(lane)
     height_m = camera.mounting.height_m
     if math.isfinite(speed_mps):
-        way_m = speed_mps * dt_s
+        distance_m = speed_mps * dt_s
         bend_1pm, change_1pm2 = lane[BEND] / bend_unit(camera), lane[SPIRAL] / spiral_unit(camera)
         if math.isfinite(yaw_rate_radps):
-            turned_rad = (bend_1pm + 0.5 * change_1pm2 * way_m) * way_m + yaw_rate_radps * dt_s
-            made[VANISHING] += camera.fx * turned_rad
-        made[BEND] += bend_unit(camera) * change_1pm2 * way_m
+            turned_rad = (bend_1pm + 0.5 * change_1pm2 * distance_m) * distance_m + yaw_rate_radps * dt_s
+            next_lane[VANISHING] += camera.fx * turned_rad
+        next_lane[BEND] += bend_unit(camera) * change_1pm2 * distance_m
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
-            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.pinhole.stretch / height_m
-    return made
+            next_lane[MIDDLE] += (
+                (lane[VANISHING] - straight) / camera.fx * distance_m * prior.pinhole.stretch / height_m
+            )
+    return next_lane
 
 
 def crossed(lane: FloatArray) -> int:
@@ -252,9 +254,9 @@ def crossed(lane: FloatArray) -> int:
 
 def beside(lane: FloatArray, change: int) -> FloatArray:
     """The adjacent lane on the left (1) or on the right (-1), or the same lane (0); shape (6,)."""
-    made = np.array(lane)
-    made[MIDDLE] -= change * made[WIDTH]
-    return made
+    adjacent = np.array(lane)
+    adjacent[MIDDLE] -= change * adjacent[WIDTH]
+    return adjacent
 
 
 def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: float = UNTOLD_SIDEWAYS_MPS) -> FloatArray:

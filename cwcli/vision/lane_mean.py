@@ -97,10 +97,10 @@ def _lanes(places: FloatArray, near_px: float, far_px: float, spiral: float) -> 
     left, right, far, share, horizon = np.moveaxis(places, -1, 0)
     near_h, far_h = np.maximum(near_px - horizon, 2.0), np.maximum(far_px - horizon, 1.0)
     centre, bend = 0.5 * (left + right), share * far_h
-    made = np.empty((*places.shape[:-1], 6))
-    made[..., MIDDLE] = (centre - far - bend * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
-    made[..., VANISHING] = centre - made[..., MIDDLE] * near_h - bend / near_h
-    made[..., WIDTH] = (right - left) / near_h
-    made[..., BEND] = bend
-    made[..., HORIZON], made[..., SPIRAL] = horizon, spiral
-    return made
+    lanes = np.empty((*places.shape[:-1], 6))
+    lanes[..., MIDDLE] = (centre - far - bend * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
+    lanes[..., VANISHING] = centre - lanes[..., MIDDLE] * near_h - bend / near_h
+    lanes[..., WIDTH] = (right - left) / near_h
+    lanes[..., BEND] = bend
+    lanes[..., HORIZON], lanes[..., SPIRAL] = horizon, spiral
+    return lanes

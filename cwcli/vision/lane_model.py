@@ -162,9 +162,9 @@ def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3) (`arcs.arc_columns`), columns
     counted from 1."""
     u0, middle, width, bend, _, spiral = lane.tolist()
-    made = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
-    made[:, 0] += 1.0
-    return made
+    curves = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
+    curves[:, 0] += 1.0
+    return curves
 
 
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:

@@ -154,10 +154,10 @@ def by_one_line(
     lane = np.clip(lane, table[:, LOW], table[:, HIGH])  # from a lane that can't be, no search comes back
     lanes, _ = refined(evidence, lane, table, size, wide=True, beside=0.0)
     lanes, _ = refined(evidence, lanes[0], table, size, wide=False, scale=0.5, beside=0.0)
-    made = lanes[0]
-    made[MIDDLE] += 0.5 * sign * (width - made[WIDTH])
-    made[WIDTH] = width
-    return made, float(supports(evidence, made)[side])
+    best = lanes[0]
+    best[MIDDLE] += 0.5 * sign * (width - best[WIDTH])
+    best[WIDTH] = width
+    return best, float(supports(evidence, best)[side])
 
 
 def places_m(lane: FloatArray, prior: LanePrior) -> FloatArray:
@@ -203,13 +203,13 @@ def kept(
         sides = _compared(sides, lanes, places_m(lanes[LEFT], prior) - places_m(lanes[RIGHT], prior), driven, dt_s)
         if sides.leaving == NO_LINE:
             sides = sides.learned(float(found[WIDTH]), dt_s)
-    by = NO_LINE
+    kept_side = NO_LINE
     if sides.leaving != NO_LINE:
-        by = 1 - sides.leaving
+        kept_side = 1 - sides.leaving
     elif min(shares) < LEAST_SUPPORT <= max(shares) and sides.is_settled:
-        by = int(np.argmax(shares))
-    if by != NO_LINE:
-        found = np.clip(lanes[by], prior.table[:, LOW], prior.table[:, HIGH])
+        kept_side = int(np.argmax(shares))
+    if kept_side != NO_LINE:
+        found = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
     is_away = abs(float(sides.apart[0])) > AWAY_M
     for side in (LEFT, RIGHT):
         if shares[side] < LEAST_SUPPORT or (side == sides.leaving and is_away):
@@ -217,8 +217,8 @@ def kept(
             sides = replace(
                 sides, bends=np.full(2, found[BEND]), apart=np.zeros(2), doubt=0.0, verdict=0.0, leaving=NO_LINE
             )
-    if by != NO_LINE:
-        sides = replace(sides, alone_s=sides.alone_s + dt_s, carried=1 - by)
+    if kept_side != NO_LINE:
+        sides = replace(sides, alone_s=sides.alone_s + dt_s, carried=1 - kept_side)
     elif min(shares) >= LEAST_SUPPORT:
         sides = replace(sides, alone_s=0.0, carried=NO_LINE)
     if sides.alone_s > LONGEST_S:

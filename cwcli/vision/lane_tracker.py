@@ -200,10 +200,10 @@ class LaneTracker:
         evidence = self._look(frame.grey, rows, horizon_px, self._prior.pinhole, self._room)
         self._evidence = evidence
         prior = opened(self._prior, camera, frame.speed_mps)
-        is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)
-        sideways_mps = SIDEWAYS_MPS if is_told else UNTOLD_SIDEWAYS_MPS
+        is_motion_known = self._prior.is_mounted and math.isfinite(frame.speed_mps)
+        sideways_mps = SIDEWAYS_MPS if is_motion_known else UNTOLD_SIDEWAYS_MPS
         memory = math.exp(-dt_s / MEMORY_S)
-        made: list[Hypothesis] = []
+        hypotheses: list[Hypothesis] = []
         tight = opened(self._prior, camera, BENDS_MPS) if math.isnan(frame.speed_mps) else None
         for each in self._hypotheses:
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
@@ -224,24 +224,28 @@ class LaneTracker:
                 gentle = at_horizon(prior, lane, camera)
                 found, last, is_tight = tight_or_gentle(evidence, lane, (found, last), gentle, size, dt_s, sideways_mps)
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size)
-        lead = made[0]
-        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in made):
-            add_bent(made, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
+            add_merged(
+                hypotheses, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size
+            )
+        lead = hypotheses[0]
+        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in hypotheses):
+            add_bent(hypotheses, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             own = tight if tight is not None and lead.is_tight else prior
-            made += [replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, made, own)]
+            hypotheses += [
+                replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, hypotheses, own)
+            ]
         if not self._prior.is_mounted and self._followed_s >= self._look_s:
             self._look_s += min(self._look_s, RARE_LOOK_S)
             for new in self._second_look(frame, camera, prior):
-                add_merged(made, new, size)
-        lead_value = made[0].value + SWITCH_GAIN
-        for k, each in enumerate(made):
+                add_merged(hypotheses, new, size)
+        lead_value = hypotheses[0].value + SWITCH_GAIN
+        for k, each in enumerate(hypotheses):
             better_s = each.better_s + dt_s if each.value > lead_value else 0.0
             if better_s != each.better_s:
-                made[k] = replace(each, better_s=better_s)
-        return made
+                hypotheses[k] = replace(each, better_s=better_s)
+        return hypotheses
 
     def _sides(
         self, each: Hypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
@@ -249,8 +253,8 @@ class LaneTracker:
         """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
         no motion of a fast car."""
         assert self._prior is not None
-        is_told = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
-        if each is not self._hypotheses[0] or not is_told:
+        is_fast = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
+        if each is not self._hypotheses[0] or not is_fast:
             return None
         if each.sides is None or change:
             return sides_of(lane)
@@ -291,9 +295,9 @@ class LaneTracker:
         assert self._prior is not None
         followed, prior = self._evidence, with_vanishing_point(frame.grey, self._prior)
         lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
-        made = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
+        hypotheses = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
         self._evidence = followed
-        return made
+        return hypotheses
 
     def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
         """New hypotheses from lanes (k, 6) and their objectives (k,) under the prior of a first frame."""
@@ -351,8 +355,10 @@ class LaneTracker:
         best, now, change = self._chosen(camera, dt_s)
         odds = [min(max(math.log(chance / (1.0 - chance)), -GREATEST_ODDS), GREATEST_ODDS) for chance in now]
         if self._odds is not None:
-            kept = math.exp(-dt_s / BELIEF_S)
-            odds = [kept * before + (1.0 - kept) * own for before, own in zip(self._odds, odds, strict=True)]
+            kept_share = math.exp(-dt_s / BELIEF_S)
+            odds = [
+                kept_share * before + (1.0 - kept_share) * own for before, own in zip(self._odds, odds, strict=True)
+            ]
         self._odds = odds
         chances = [1.0 / (1.0 + math.exp(-own)) for own in odds]
         parabolas = parabolas_of_lane(best.lane, camera).tolist()

@@ -42,16 +42,16 @@ def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[
     inner = np.array(lane)
     inner[WIDTH] -= 2.0 * ROAD_BESIDE * pinhole.stretch
     lines = zip(*(columns_of_lane(each, rows.astype(np.float64), pinhole) for each in (lane, inner)), strict=True)
-    made = []
+    colours = []
     for paint_px, road_px in lines:
         both = np.stack([paint_px, road_px])
         with np.errstate(invalid="ignore"):
-            at = np.flatnonzero(((both >= 0.0) & (both <= picture.shape[1] - 1.0)).all(axis=0))
-        paint_u, road_u = np.rint(both[:, at]).astype(np.intp)
-        is_painted = sharp[at, paint_u] > PAINTED
-        paint, road = (picture[rows[at], u][is_painted] for u in (paint_u, road_u))
-        made.append(_colour(paint.astype(np.float64), road.astype(np.float64)))
-    return made[0], made[1]
+            in_image = np.flatnonzero(((both >= 0.0) & (both <= picture.shape[1] - 1.0)).all(axis=0))
+        paint_u, road_u = np.rint(both[:, in_image]).astype(np.intp)
+        is_painted = sharp[in_image, paint_u] > PAINTED
+        paint, road = (picture[rows[in_image], u][is_painted] for u in (paint_u, road_u))
+        colours.append(_colour(paint.astype(np.float64), road.astype(np.float64)))
+    return colours[0], colours[1]
 
 
 def _colour(paint: FloatArray, road: FloatArray) -> LineColour:

@@ -98,15 +98,15 @@ def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine
     n = int(lengths.searchsorted(ROW_LENGTH))
     sides = [middle - 0.5 * width, middle + 0.5 * width]
     along = lane_ridge.along(evidence.wide, evidence.rows, lane, np.array(sides), evidence.scoring())[:, ::-1][:, :n]
-    made = []
+    lines = []
     for values, place in zip(along, sides, strict=True):
         kind = LineKind.UNKNOWN
         if n >= BEST_ROW:
             least = max(PAINTED * float(np.partition(values, -BEST_ROW)[-BEST_ROW]), LEAST_PAINTED)
             is_seen = values >= 0.0
             kind = kind_of((values[is_seen] > least).tolist(), lengths[:n][is_seen].tolist())
-        made.append(SeenLine(kind, _is_double(evidence, lane, place)))
-    return made[0], made[1]
+        lines.append(SeenLine(kind, _is_double(evidence, lane, place)))
+    return lines[0], lines[1]
 
 
 def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
@@ -138,26 +138,26 @@ def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
 
 def stretches(painted: Sequence[bool], lengths: Sequence[float]) -> list[Stretch]:
     """The painted and the bare stretches of a line in turn, the nearest first."""
-    made: list[Stretch] = []
-    at = 0
+    found: list[Stretch] = []
+    first = 0
     for is_painted, group in groupby(painted):
         n = sum(1 for _ in group)
-        made.append(Stretch(is_painted, sum(lengths[at : at + n]), n))
-        at += n
-    return made
+        found.append(Stretch(is_painted, sum(lengths[first : first + n]), n))
+        first += n
+    return found
 
 
 def without_holes(line: Sequence[Stretch]) -> list[Stretch]:
     """The stretches, with short bare ones between painted ones taken as painted."""
-    made: list[Stretch] = []
+    filled: list[Stretch] = []
     for k, each in enumerate(line):
         is_hole = not each.is_painted and each.length <= HOLE and 0 < k < len(line) - 1
-        if is_hole or (made and made[-1].is_painted and each.is_painted):
-            before = made.pop()
-            made.append(Stretch(True, before.length + each.length, before.n_rows + each.n_rows))
+        if is_hole or (filled and filled[-1].is_painted and each.is_painted):
+            before = filled.pop()
+            filled.append(Stretch(True, before.length + each.length, before.n_rows + each.n_rows))
         else:
-            made.append(each)
-    return made
+            filled.append(each)
+    return filled
 
 
 def _n_dots(line: Sequence[Stretch]) -> int:

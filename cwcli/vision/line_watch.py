@@ -45,11 +45,11 @@ class _Votes:
 
     def forget(self, dt_s: float) -> None:
         """Let the votes so far fade for a time step."""
-        kept = math.exp(-dt_s / MEMORY_S)
-        self.kinds = {kind: kept * votes for kind, votes in self.kinds.items()}
-        self.doubles = {is_double: kept * votes for is_double, votes in self.doubles.items()}
-        kept = math.exp(-dt_s / COLOUR_MEMORY_S)
-        self.colours = {colour: kept * votes for colour, votes in self.colours.items()}
+        kept_share = math.exp(-dt_s / MEMORY_S)
+        self.kinds = {kind: kept_share * votes for kind, votes in self.kinds.items()}
+        self.doubles = {is_double: kept_share * votes for is_double, votes in self.doubles.items()}
+        kept_share = math.exp(-dt_s / COLOUR_MEMORY_S)
+        self.colours = {colour: kept_share * votes for colour, votes in self.colours.items()}
 
     def add(self, seen: SeenLine, colour: LineColour) -> None:
         """Add the votes of a frame."""

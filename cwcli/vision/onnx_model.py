@@ -121,10 +121,12 @@ class LaneNet:
         self.described = path.with_suffix(".toml")
         self.shape = described(self.described)
         data = _read(path)
-        wanted = 1, len(self.shape.mean), self.shape.height_px, self.shape.width_px
-        taken = input_shape(data)
-        if len(taken) == len(wanted) and any(n not in (None, told) for n, told in zip(taken, wanted, strict=True)):
-            what = f"the net expects {_times(taken)}, but {self.described.name} describes {_times(wanted)}"
+        described_shape = 1, len(self.shape.mean), self.shape.height_px, self.shape.width_px
+        net_shape = input_shape(data)
+        if len(net_shape) == len(described_shape) and any(
+            n not in (None, own) for n, own in zip(net_shape, described_shape, strict=True)
+        ):
+            what = f"the net expects {_times(net_shape)}, but {self.described.name} describes {_times(described_shape)}"
             raise InputError(what, where=str(path), hint=f"correct {self.described}")
         try:
             self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
@@ -148,12 +150,12 @@ class LaneNet:
         blob = (seen[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
         self._net.setInput(np.ascontiguousarray(blob[None], np.float32))
         try:
-            made = self._net.forward(shape.output) if shape.output else self._net.forward()
+            raw_output = self._net.forward(shape.output) if shape.output else self._net.forward()
         except cv2.error as error:
             size = _times((1, len(shape.mean), shape.height_px, shape.width_px))
             what = f"the net does not run on an input of {size}"
             raise InputError(what, where=str(self.path), found=(_last_line(error),)) from None
-        output = np.asarray(made, np.float32)
+        output = np.asarray(raw_output, np.float32)
         if len(output.shape) != 4 or any(
             length not in (None, found) for length, found in zip(shape.expected(), output.shape, strict=True)
         ):
@@ -309,22 +311,22 @@ def input_shape(data: bytes) -> tuple[int | None, ...]:
 
 def _fields(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
     """Values of one field of a protobuf message: whole numbers (wire type 0) or bytes (2)."""
-    made: list[Any] = []
-    at = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
+    values: list[Any] = []
+    position = 0
+    while position < len(data):
+        tag, position = _varint(data, position)
         value: int | bytes
         match tag & 7:
             case 0:
-                value, at = _varint(data, at)
+                value, position = _varint(data, position)
             case 1 | 2 | 5 as kind:
-                n, at = _varint(data, at) if kind == 2 else (8 if kind == 1 else 4, at)
-                value, at = data[at : at + n], at + n
+                n, position = _varint(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
+                value, position = data[position : position + n], position + n
             case _:
                 raise ValueError("no protobuf")
         if tag == number << 3 | wire_type:
-            made.append(value)
-    return made
+            values.append(value)
+    return values
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:

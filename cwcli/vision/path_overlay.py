@@ -73,9 +73,9 @@ class PathLines:
 
     def line(self, name: str) -> FloatArray:
         """The points of the line of this name that lie in the image, shape (m, 2)."""
-        at = LINES.index(name)
-        kept: FloatArray = self.points[at][self.is_in[at]]
-        return kept
+        index = LINES.index(name)
+        points: FloatArray = self.points[index][self.is_in[index]]
+        return points
 
     def band(self) -> FloatArray:
         """The 90 % band as one polygon in the image, shape (m, 2): up its left side, down its right one."""
@@ -138,11 +138,12 @@ def _sampled(
     if end <= start + MIN_STEP_M:
         return nothing, nothing, nothing, nothing
     # A step in 1 / distance is a step in image rows.
-    at = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
+    distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
     across = Z_90 * np.sqrt(np.maximum(turned(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0))
     x_m, y_m, heading_rad, across_m = (
-        np.interp(at, driven[moving], values[moving]) for values in (path.x_m, path.y_m, path.heading_rad, across)
+        np.interp(distances_m, driven[moving], values[moving])
+        for values in (path.x_m, path.y_m, path.heading_rad, across)
     )
     return x_m, y_m, heading_rad, across_m
 

@@ -122,10 +122,12 @@ def fixed_map(camera: Camera) -> tuple[Image, Image]:
     import cv2
 
     u_px = np.arange(float(camera.width_px))
-    made = np.empty((camera.height_px, camera.width_px, 2), np.float32)
+    points_px = np.empty((camera.height_px, camera.width_px, 2), np.float32)
     for top in range(0, camera.height_px, BLOCK_ROWS):
         rows = np.arange(float(top), min(top + BLOCK_ROWS, camera.height_px))
         points = camera_points(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
-        made[top : top + BLOCK_ROWS] = np.clip(np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX)
-    first, second = cv2.convertMaps(made[..., 0], made[..., 1], cv2.CV_16SC2)
+        points_px[top : top + BLOCK_ROWS] = np.clip(
+            np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX
+        )
+    first, second = cv2.convertMaps(points_px[..., 0], points_px[..., 1], cv2.CV_16SC2)
     return np.asarray(first), np.asarray(second)

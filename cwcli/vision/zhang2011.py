@@ -170,7 +170,7 @@ class Zhang2011Search:
         prepared = frame.prepared
         both = prepared if isinstance(prepared, BlockResponses) else block_responses(frame.grey)
         for side, responses in enumerate((both.left, both.right)):
-            made = search_boundary(
+            boundary = search_boundary(
                 responses,
                 phase_of(self._n_before[side]),
                 self._last[side],
@@ -178,8 +178,8 @@ class Zhang2011Search:
                 seed=self._seed,
                 stream=2 * frame.number + side,
             )
-            self._last[side] = made
-            self._n_before[side] = self._n_before[side] + 1 if made.found else 0
+            self._last[side] = boundary
+            self._n_before[side] = self._n_before[side] + 1 if boundary.found else 0
         return LaneFit(self._last[0], self._last[1])
 
 
