@@ -15,7 +15,7 @@ from cwcli.signals.columns import FloatArray
 
 
 class LineKind(IntEnum):
-    """What is painted along a boundary: `cwcli.v1.LaneBoundary.Kind`."""
+    """Kind of the paint along a boundary: `cwcli.v1.LaneBoundary.Kind`."""
 
     UNKNOWN = 0
     SOLID = 1
@@ -44,7 +44,7 @@ class Boundary:
         probability: That this is a boundary, 0 to 1; NaN if the method makes no such statement.
         found: Whether the method says that there is a boundary.
         covariance: Shape (3, 3) of (a, b, c); None if the method gives none: then the camera geometry assumes one.
-        kind, colour: What is painted along it, as far as the frames tell.
+        kind, colour: Kind and colour of the paint, as far as the frames show them.
     """
 
     a: float

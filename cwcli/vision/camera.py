@@ -43,7 +43,7 @@ _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 
 @dataclass(frozen=True)
 class Mounting:
-    """Where the camera is on the car.
+    """Position and orientation of a camera on the car.
 
     Attributes:
         height_m: Height above the road.
@@ -70,7 +70,7 @@ class Camera:
         distortion_model: As in the message: "" or a polynomial model (`plumb_bob`, `rational_polynomial`) or a fisheye
             one (`equidistant`).
         distortion: Its coefficients. A fisheye without any is one whose coefficients are zero, not a pinhole.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         is_default: There was no calibration; the intrinsics are assumed.
     """
 
@@ -204,7 +204,7 @@ class Camera:
         """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
 
         Args:
-            pitch_rad: Any shape, instead of the mounting's.
+            pitch_rad: Pitches of any shape to use instead of the mounting's.
         """
         pitch = np.array(self.mounting.pitch_rad) if pitch_rad is None else pitch_rad
         return np.asarray(self.cy - self.fy * np.tan(pitch))
@@ -262,7 +262,7 @@ def default_camera(
 
     Args:
         width_px, height_px: Image size.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         field_of_view_rad: Horizontal, over the whole width.
     """
     focal_px = width_px / 2.0 / math.tan(field_of_view_rad / 2.0)
@@ -283,7 +283,7 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
 
     Args:
         info: The message.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         is_rectified: The images are rectified already: P holds their intrinsics, and there is no distortion. (The
             rectifying rotation of a stereo camera is left out: the mounting is that of the rectified image.)
 

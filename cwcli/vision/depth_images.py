@@ -34,7 +34,7 @@ def depth_picture(name: str, data: bytes | memoryview) -> Image:
 
     Args:
         name: Its format, e.g. `32FC1; compressedDepth png`.
-        data: With the header.
+        data: The bytes of the message, with the header.
 
     Raises:
         DepthImageError: It is of another compression, or damaged.

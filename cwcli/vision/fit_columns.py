@@ -47,9 +47,9 @@ class FitColumns:
         covariance: Shape (n, 2, 3, 3): of each boundary's parabola; NaN where the method gives none.
         joint: Shape (n, 7, 7): `LaneFit.covariance`; NaN where the method gives none, or a boundary is not found.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
-        roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not told.
+        roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not known.
         state: Shape (n,): values of `LaneState`.
-        steady_s: Shape (n,): since the lane's last jump; NaN where it is lost, or not told.
+        steady_s: Shape (n,): time since the lane's last jump; NaN where it is lost, or not known.
         lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
     """
 

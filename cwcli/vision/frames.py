@@ -51,11 +51,11 @@ class DecodedFrame:
     Attributes:
         index: 0, 1, 2, ... of the frame in its channel.
         log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none that is a time.
-        width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
+        width_px, height_px: Size of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
         rejected: The reason, else "".
         has_stamp: The message has a stamp that is a time.
-        prepared: What `prepare` made of the frame.
+        prepared: The result of `prepare` for the frame.
         colour: Of some frames of a camera in colour, beside the grey image and of its size: shape (height, width, 3),
             blue, green, red; else None.
     """
@@ -95,7 +95,7 @@ def decode_frames(
     """Decode frames in threads; they come out in the order in which they went in.
 
     Args:
-        frames: Still encoded.
+        frames: The encoded frames.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
         n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.

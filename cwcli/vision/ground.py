@@ -115,7 +115,7 @@ def lane_geometry(
 
     Args:
         fits: n fits; their pitch and yaw replace the mounting's where they are not NaN.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
         preview_m: Distance of the preview point ahead of the camera.
         sigmas: Sigmas of the error propagation; None: the default ones.
     """
@@ -133,7 +133,7 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
 
     Args:
         fits: n fits.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
 
     Returns:
         Shape (n, 2, 4): far (px), near, bend (px^2), spiral (px^3) of each boundary; NaN where none was found, or where
@@ -184,7 +184,7 @@ def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> Float
 
     Args:
         fits: n fits.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
         horizon_px: Shape (n,): row of the horizon; NaN where it is not known.
     """
     is_found = np.isfinite(fits.pitch_rad)

@@ -83,7 +83,9 @@ def improved(
     """
     table = narrowed(prior, lane, dt_s, sideways_mps)
     lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-    if not prior.is_mounted:  # else the mounting tells the horizon, and the search's own steps reach what bumps do
+    if (
+        not prior.is_mounted
+    ):  # else the horizon is known from the mounting, and the search's own steps reach what bumps do
         lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
     starts = lane[None]
     if is_slow:

@@ -74,7 +74,7 @@ curvature (1/m), pitch (rad), change of curvature (1/m^2). Chosen by hand; not f
 
 @dataclass(frozen=True)
 class LanePrior:
-    """What is known of a lane before the frame is seen.
+    """Prior of a lane: its numbers before the frame is seen.
 
     Attributes:
         table: Shape (6, 4): mean, sigma, lowest and highest of the six numbers.

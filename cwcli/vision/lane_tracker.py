@@ -417,3 +417,4 @@ METHOD = Method(
     is_rectified=True,
     uses_colour=True,
 )
+"""The registered default lane method."""

@@ -34,7 +34,7 @@ def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[
 
     Args:
         picture: Shape (height, width, 3): blue, green, red, of the size of the frame that was searched.
-        evidence, lane: Where the frame shows stripes, and the lane (6,).
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
     """
     pinhole = evidence.pinhole
     first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + LEAST_DEPTH_PX / pinhole.stretch))

@@ -161,7 +161,7 @@ def without_holes(line: Sequence[Stretch]) -> list[Stretch]:
 
 
 def _n_dots(line: Sequence[Stretch]) -> int:
-    """How many blobs with bare road on both sides a line shows; 0 if it shows anything else."""
+    """Number of blobs with bare road on both sides that a line shows; 0 if it shows anything else."""
     if any(each.is_painted and each.least > BLOB for each in line):
         return 0
     return sum(

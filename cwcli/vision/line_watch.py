@@ -116,6 +116,7 @@ class LineWatch:
         return replace(fit, left=_named(fit.left, *left), right=_named(fit.right, *right))
 
     def _ask(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence, lane: FloatArray, since_s: float) -> None:
+        """Let a frame vote on both boundaries."""
         seen = seen_lines(evidence, lane)
         colours = (LineColour.UNKNOWN, LineColour.UNKNOWN)
         if frame.colour is not None:
@@ -128,11 +129,13 @@ class LineWatch:
         self._name()
 
     def _name(self) -> None:
+        """Update the kinds and colours of both boundaries from their votes."""
         left, right = self._votes
         self._names = (left.kind(), left.colour()), (right.kind(), right.colour())
 
 
 def _named(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
+    """The boundary with a kind and a colour, if it is found."""
     if not side.found:
         return side
     return Boundary(side.a, side.b, side.c, side.score, side.probability, True, side.covariance, kind, colour)

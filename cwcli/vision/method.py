@@ -35,7 +35,7 @@ class LaneFrame:
         stamp_ns: Time of the frame.
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
         speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not hold it.
-        prepared: What the method's `prepare` made of `grey`; None if it was not called.
+        prepared: The result of the method's `prepare` for `grey`; None if it was not called.
         colour: Shape (height, width, 3), blue, green, red, of some frames of a camera in colour, for a method that
             wants them (`Method.uses_colour`), else None.
     """
@@ -64,7 +64,7 @@ class LaneFit:
     """Both boundaries of one frame.
 
     Attributes:
-        left, right: In the pixels of the search image.
+        left, right: The boundaries in the pixels of the search image.
         pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
             mounting's.
         yaw_rad: The camera's yaw as the method estimates it, counter-clockwise positive; NaN: keep the mounting's.

@@ -81,7 +81,7 @@ def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool)
     Args:
         responses: The block responses of one side.
         parabolas: Shape (n, 3): a, b, c.
-        is_left: Which boundary.
+        is_left: Whether the responses are those of the left boundary.
 
     Returns:
         Grey levels, shape (n,), -inf where no block lies on the image; and the numbers of blocks, shape (n,).

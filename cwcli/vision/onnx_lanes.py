@@ -96,3 +96,4 @@ METHOD = Method(
     is_rectified=True,
     with_model=with_model,
 )
+"""The registered lane method of a user's own net, without a net so far."""

@@ -1,6 +1,6 @@
 """A user's own lane net: an ONNX file, and beside it a small TOML file that describes its input and output.
 
-`net.onnx` is described by `net.toml`. Of a net that marks lane pixels:
+`net.onnx` is described by `net.toml`. A net that marks lane pixels:
 
     kind = "segmentation"
     size = [640, 360]             # width and height of its input, pixels
@@ -12,7 +12,7 @@
     lanes = [1]                   # those that are lane markings
     activation = "softmax"        # "sigmoid", or "none" where the net gives probabilities
 
-Of a net that gives columns at fixed rows (row anchors; Ultra-Fast-Lane-Detection and its kind):
+A net that gives columns at fixed rows (row anchors; Ultra-Fast-Lane-Detection and its kind):
 
     kind = "row-anchor"
     axes = ["cell", "row", "lane"]  # of the output behind the first axis of length one
@@ -68,12 +68,12 @@ class NetShape:
 
     Attributes:
         kind: `SEGMENTATION` or `ROW_ANCHOR`.
-        width_px, height_px: Of the input.
+        width_px, height_px: Size of the input.
         mean, std: Shape (channels,): the input is (grey / 255 - mean) / std.
         top: Share of the image's height that is cut off at its top.
         output: Name of the output, "" for the only one.
-        classes, lane_classes, activation: Of a segmentation.
-        axes, rows, cells, n_lanes: Of row anchors.
+        classes, lane_classes, activation: Output of a segmentation.
+        axes, rows, cells, n_lanes: Output of row anchors.
     """
 
     kind: str

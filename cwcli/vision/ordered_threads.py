@@ -24,7 +24,7 @@ def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[R
         n_threads: The calling one included; at least one other works beside it.
 
     Raises:
-        Exception: What a job raised, when its result is due.
+        Exception: A job raised it; it comes when the job's result is due.
     """
     waiting: deque[_Task[Result]] = deque()
     with ThreadPoolExecutor(max(n_threads - 1, 1), thread_name_prefix="decode") as pool:

@@ -49,7 +49,7 @@ def line_points(
     """Points of the boundaries of n frames in the camera's images, and a mask of those to draw.
 
     Args:
-        lines: In the pixels of the search image.
+        lines: The boundaries in the pixels of the search image.
         search_size, image_size: (width, height) in pixels.
         camera: Of images of `image_size`, if the search image is the rectified one. The lines are then followed into
             the corners that the camera sees and the search image does not.

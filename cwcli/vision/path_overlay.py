@@ -96,9 +96,9 @@ def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward
 
     Args:
         path: The path.
-        camera: In the pixels of the image, with the pitch and yaw of this frame.
-        width_m: Of the car.
-        camera_forward_m: Of the camera ahead of the centre of gravity.
+        camera: The camera in the pixels of the image, with the pitch and yaw of this frame.
+        width_m: Width of the car.
+        camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
     x_m, y_m, heading_rad, across_m = _sampled(path, camera, camera_forward_m)
     if not len(x_m):
@@ -153,7 +153,7 @@ def paint_path(image: Image, lines: PathLines) -> Image:
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
-        lines: In its pixels.
+        lines: The path in the image's pixels.
     """
     import cv2
 

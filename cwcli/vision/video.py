@@ -51,7 +51,7 @@ def decode_video(
 
     Args:
         messages: Each holds one picture, or parameters only.
-        video_format: As the messages say.
+        video_format: The format that the messages name.
         max_pixels: Larger pictures are not converted.
         where: File and topic, for messages.
 
@@ -158,7 +158,7 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
     Attributes:
         waiting: Number and message of those whose picture has not come.
         is_done: There are no more messages.
-        error: What the messages' iterator raised.
+        error: The error that the messages' iterator raised, if any.
     """
 
     def __init__(self, messages: Iterator[Message], codec: str) -> None:

@@ -157,7 +157,7 @@ class Zhang2011Search:
     frame's number and the side alone.
 
     Args:
-        seed: Of all random numbers.
+        seed: Seed of all random numbers.
     """
 
     def __init__(self, seed: int) -> None:
@@ -194,3 +194,4 @@ METHOD = Method(
     make=Zhang2011Search,
     prepare=block_responses,
 )
+"""The registered lane method of zhang2011."""
