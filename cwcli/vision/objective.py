@@ -5,7 +5,7 @@ The paper leaves three things open, its fig. 2 being lost in the text; the choic
 - T_j is the magnitude of the difference between the two parts of the block, each of three pixels; the line between them
   is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative. The print
   has neither bars nor a direction of the difference.
-- The mean road grey is the mean of a patch in front of the car: 60 rows, columns 100 to 219.
+- The mean road grey is the mean of a patch in front of the car: the lowest 60 rows, columns 101 to 220.
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
 """
 

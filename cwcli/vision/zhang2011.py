@@ -23,7 +23,7 @@ MUTATION_RATE = 0.05
 """Probability with which a chromosome is mutated (zhang2011)."""
 WHEEL_SHIFT = 50.0
 """Grey levels that are added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't.
-Chosen by hand; not fitted."""
+Chosen by hand (docs/papers/zhang2011-lanes.md)."""
 MIN_BLOCKS = 25
 """Least number of its 50 blocks that a candidate must show: the mean of a few blocks on a bright spot beats any road.
 Chosen by hand; not fitted."""
