@@ -41,13 +41,14 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 TURNED = 0.97
-"""Sine of the direction at which lines end."""
+"""The sine of the direction (1) at which a drawn line ends, because it turns back there; chosen by hand."""
 LEAST_REST = 0.2
-"""Of the radius, inside a boundary: farther in there is no lane."""
+"""The least radius of a parallel line inside a bend, as a share (1) of the bend's radius; a tighter line is no lane.
+Chosen by hand."""
 
 
 class Pinhole(NamedTuple):
-    """What of a camera the shape of a road takes: column of the principal point, fx, and fx / fy."""
+    """The parts of a camera that the shape of a road needs: column of the principal point, fx, and fx / fy."""
 
     centre_px: float
     focal_px: float
@@ -57,7 +58,7 @@ class Pinhole(NamedTuple):
 def own_arc(
     far_px: float, near: float, bend_px2: float, spiral_px3: float, pinhole: Pinhole
 ) -> tuple[float, float, float, float]:
-    """far, near, bend and spiral of the line at a place, from u_0, k and q of the one through the camera's foot.
+    """Return far, near, bend and spiral of the parallel line with this `near`, from those of the line through y = 0.
 
     Args:
         far_px, bend_px2, spiral_px3: u_0, k and q of that line, columns counted as those of `pinhole`.
@@ -76,7 +77,7 @@ def own_arc(
 
 
 def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
-    """Columns of lines, each told by the polynomial that touches it beside the camera.
+    """Return the image columns (px) of arcs, each given by the polynomial that touches it beside the camera.
 
     Args:
         roads: Shape (..., 4): far, near, bend, spiral of x = far + near h + bend / h + spiral / h^2.
@@ -102,7 +103,7 @@ def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: Flo
 
 
 def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = TURNED) -> FloatArray:
-    """The smallest positive t at which start + rate t + growth t^2 is `sine`, to either side; inf: none."""
+    """Return the smallest positive t at which start + rate t + growth t^2 is `sine` or -`sine`, else inf."""
     end = np.where(np.abs(start) < sine, np.inf, 0.0)
     for limit in (-sine, sine):
         root = np.sqrt(rate * rate - 4.0 * growth * (start - limit))
@@ -113,7 +114,8 @@ def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: f
 
 
 def arc_places_m(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0) -> FloatArray:
-    """Where lines lie on the road, each told by the polynomial that touches it beside the camera.
+    """Return the lateral positions (m) of arcs on the road, each given by the polynomial that touches it beside the
+    camera.
 
     Args:
         touching: Shape (..., 3): y0 (m), slope, curvature (1/m) of
@@ -134,7 +136,7 @@ def arc_places_m(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray 
 
 
 def changes_beside(touching: FloatArray) -> FloatArray:
-    """Shape (...): how many times a line's change of curvature is that of the parallel line through y = 0.
+    """Return the ratios (...) of each line's change of curvature to that of the parallel line through y = 0.
 
     Both as x^3 / 6 counts them; the other way round than `own_arc`, from K y = K_own y / (1 + K_own y).
 
@@ -149,7 +151,7 @@ def changes_beside(touching: FloatArray) -> FloatArray:
 
 
 def middle_arc(touching: FloatArray) -> FloatArray:
-    """Shape (n, 3): the line in the middle between parallel ones, told as they are.
+    """Return the lines (n, 3) in the middle between parallel ones, with the same coefficients.
 
     Args:
         touching: Shape (n, k, 3), as for `arc_places_m`.
@@ -165,8 +167,9 @@ def middle_arc(touching: FloatArray) -> FloatArray:
 
 
 def arc_ahead(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (..., 3): y (m), direction (rad) and curvature (1/m) of lines at a distance; NaN where they have turned
-    back, and behind the camera.
+    """Return y (m), direction (rad) and curvature (1/m) of arcs at a distance ahead, shape (..., 3).
+
+    NaN behind the camera, and where an arc has turned back.
 
     Args:
         touching, x_m, change_1pm2: As for `arc_places_m`.
@@ -181,7 +184,7 @@ def arc_ahead(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) ->
 
 
 def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (n, 3): y (m), direction (rad) and curvature (1/m) of the middle between both lines of each lane.
+    """Return y (m), direction (rad) and curvature (1/m) of each lane's centre at a distance ahead, shape (n, 3).
 
     Where one line alone is known, direction and curvature are its own, and y is NaN; so are all three where the lane
     has turned back.
@@ -196,13 +199,14 @@ def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> F
 
 
 def lane_middle(lines: FloatArray) -> FloatArray:
-    """Shape (n, 3): the middle between both lines, or the only one that is known; `lines` as for `lane_ahead`."""
+    """Return the line (n, 3) in the middle between both lines of each lane, or the only known one; `lines` as for
+    `lane_ahead`."""
     centre, only = middle_arc(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
     return np.where(np.isnan(centre[:, :1]), only, centre)
 
 
 def turned_at_m(touching: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (n,): how far ahead the sine of each line's direction first reaches `sine`, to either side; inf: nowhere.
+    """Return how far ahead (m) the sine of each line's direction first reaches `sine` to either side, (n,), else inf.
 
     Args:
         touching, change_1pm2: As for `arc_places_m`; shapes (n, 3) and (n,).
@@ -213,7 +217,7 @@ def turned_at_m(touching: FloatArray, sine: float, change_1pm2: FloatArray) -> F
 
 
 def _sines(touching: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """s_0, K and K' / 2 of each line: the sine of its direction x ahead is s_0 + K x + K' x^2 / 2; shape (...) each."""
+    """Return s_0, K and K' / 2 of each line, shape (...) each: its direction's sine is s_0 + K x + K' x^2 / 2."""
     _, slope, curvature = np.moveaxis(touching, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     change = change_1pm2 * changes_beside(touching) * cosine**3

@@ -43,7 +43,7 @@ def build(
     mapping: FieldMapping | None = None,
     parts: Sequence[tuple[Columns, FieldMapping]] = (),
 ) -> tuple[Signal, Quality]:
-    """Make the canonical signal of a role out of a channel.
+    """Build the canonical signal of a role from a channel.
 
     The kind of signal follows from role and schema, except: a twist becomes a `VelocitySignal` or a `SpeedSignal` by
     its frame_id, and EGO_POSITION and TRUTH give a `PositionSignal` (WGS84) or a `PoseSignal` (Cartesian).

@@ -60,7 +60,7 @@ def constant_strings(value: str, n: int) -> Strings:
 
 
 def strings_from(rows: Iterable[str]) -> Strings:
-    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1). Each is held once."""
+    """Dictionary-code n strings in order of first appearance; an empty one is absent (code -1)."""
     index: dict[str, int] = {}
     codes = np.fromiter((index.setdefault(row, len(index)) if row else -1 for row in rows), np.int32)
     return Strings(codes=codes, values=tuple(index))

@@ -95,7 +95,7 @@ class LocalMap:
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
-    """`LAT,LON,ALT` in degrees and metres.
+    """Parse `LAT,LON,ALT` in degrees and metres.
 
     Raises:
         UsageError: It is not three numbers in range.

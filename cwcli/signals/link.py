@@ -17,13 +17,16 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 COUNT_MODULUS = 128
+"""The number of values of a sender's message count (SAE J2735, msgCnt)."""
 MIN_GAP_S = 1.0
+"""The shortest pause that counts as a gap, in seconds. Chosen by hand; not fitted."""
 GAP_PERIODS = 5.0
-"""A gap is a pause of so many periods, and of `MIN_GAP_S` at least."""
+"""The shortest pause that counts as a gap, in sending periods. Chosen by hand; not fitted."""
 CLOCK_STEP_S = 0.002
-"""Two steps of the messages' clock: a median latency below minus this says that the clocks disagree."""
+"""The time by which a median latency may be negative, in seconds: two steps of the message clock. Below, the clocks
+disagree."""
 BIN_M = 50.0
-"""Of the reception by distance."""
+"""The width of a bin of distance, in metres; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ class Reception:
 
 
 def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[StationLink], Reception]:
-    """The link from each station.
+    """Measure the radio link from each station.
 
     Args:
         signal: Messages of one channel, n rows.
@@ -102,7 +105,7 @@ def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[Station
 
 
 def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
-    """The age that the newest message stays below for a share of the time.
+    """Return the information age (s) that the newest message stays below for a share of the time.
 
     Args:
         ages: Pieces of time, shape (p, 2): the age grows from the first to the second value, s.
@@ -123,7 +126,7 @@ def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
 
 
 def _losses(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
-    """Messages lost between each two received ones, where that is an absence, and the sending period.
+    """Count the messages lost between each two received ones, find absences, and measure the sending period.
 
     Args:
         sent_s: Shape (n,), increasing.
@@ -186,7 +189,7 @@ def _link(
 
 
 def _places_of_lost(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
-    """How far away the lost messages were sent: evenly between the received ones before and behind."""
+    """Return the distances (m) at which lost messages were sent, spaced evenly between their received neighbours."""
     n = n_lost.astype(np.int64)
     gap = np.repeat(np.arange(len(n)), n)
     place = np.arange(len(gap)) - np.repeat(np.cumsum(n) - n, n) + 1

@@ -33,15 +33,16 @@ UNITS: dict[str, dict[str, float]] = {
     "place": {"deg": 1.0, "rad": 180.0 / math.pi},
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
-"""What is measured -> its units, in that of cwcli (m/s, rad, rad/s, m/s^2, degrees, m)."""
+"""The factor of each unit to cwcli's unit (m/s, rad, rad/s, m/s^2, degrees, m), by kind of quantity."""
 NEXT = "|"
-"""Between two mappings of a role."""
+"""The character between two mappings of a role."""
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+"""The nanoseconds of each unit of time."""
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """What a mapping of a role gives.
+    """The message and the quantities that a mapping of a role gives.
 
     Attributes:
         schema: The message as which it is then built.
@@ -73,17 +74,25 @@ MAPPED: dict[str, Quantities] = {
         6,
     ),
 }
+"""The quantities that can be mapped, by role."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+"""The pattern of a number without a sign."""
 _NAME = r"[A-Za-z_]\w*"
+"""The pattern of a field's name."""
 _PATH = rf"{_NAME}(?:\.{_NAME})*"
+"""The pattern of a dotted path."""
 # compiled when they are first used: binding imports this at every start
 _TERM = (
     rf"(?P<sign>-?)(?P<path>{_PATH})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER}|{_NAME}))*)"
     rf"(?P<offset>[+-]{_NUMBER})?(?P<unit>(?<=[\d.]){_NAME})?"
 )
+"""The pattern of one quantity: sign, path, index, scales, offset and unit."""
 _STAMP = rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?"
+"""The pattern of the time's field and its unit."""
 _SCALE = rf"([*/])({_NUMBER}|{_NAME})"
+"""The pattern of one scale: a sign, and a number or unit."""
 _STAMPED = (*HEADER_STAMP, *PROTOBUF_STAMP, *JSON_STAMPS)
+"""The leaf fields of a message's usual time."""
 
 
 @dataclass(frozen=True)
@@ -131,24 +140,24 @@ class FieldMapping:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The fields of the message that its terms become."""
+        """Return the fields of the message that the terms become."""
         return tuple(MAPPED[self.role].fields)[self.first : self.first + len(self.terms)]
 
     @property
     def n_given(self) -> int:
-        """As many of the role's quantities as it and its parts give."""
+        """Return how many of the role's quantities the mapping and its parts give."""
         return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Leaf fields to load."""
+        """Return the leaf fields to load."""
         times = ("sec", "nanosec", "secs", "nsecs", "nsec")
         own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _STAMPED
         return (*own, *(term.path for term in self.terms))
 
 
 def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
-    """The `ROLE=/topic:field` of each role, with the files that describe CAN messages behind it.
+    """Return the `ROLE=/topic:field` of each role, followed by the files that describe CAN messages.
 
     Several options of one role become one, with a | between them.
 
@@ -170,12 +179,12 @@ def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str
 
 
 def is_mapping(text: str) -> bool:
-    """Whether the text behind a role names fields, too."""
+    """Return whether the text behind a role names fields as well."""
     return ":" in text
 
 
 def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
-    """Read what stands behind a role's `=`: each source, with its parts.
+    """Parse the text behind a role's `=`: each source, with its parts.
 
     Raises:
         UsageError: It is malformed, has too few or too many quantities, or a unit that does not measure them.
@@ -212,7 +221,7 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
 
 
 def _one(role: str, text: str, quantities: Quantities, first: int) -> FieldMapping:
-    """The mapping of one channel, whose terms are the role's quantities from `first` on."""
+    """Parse the mapping of one channel, whose terms are the role's quantities from `first` on."""
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
     said, at, stamp_text = rest.partition("@")
@@ -248,7 +257,7 @@ def _term(role: str, text: str, part: str, kind: str) -> Term:
 
 
 def _value(role: str, text: str, word: str, kind: str) -> float:
-    """A number, or a unit of this kind."""
+    """Return a number, or the factor of a unit of this kind."""
     if word[0].isdigit() or word[0] == ".":
         return float(word)
     if word not in UNITS[kind]:

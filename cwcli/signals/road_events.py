@@ -13,15 +13,15 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings, strings_from
 from cwcli.signals.units import NS_PER_S
 
 HARD_BRAKING = "hard braking"
-"""What a rule may use: who notifies it brakes hard."""
+"""The kind of an event whose sender reports that it brakes hard; warning rules use it."""
 BELIEVED_NS = 5 * NS_PER_S
-"""How long after its stamp such a notification is believed: at 0.4 g a car has lost 20 m/s by then, and one that
-brakes on says so again; a DENM's usual validity (600 s) is that of obstacles."""
+"""The time after its stamp for which a report of hard braking is believed, in ns. Chosen: at 0.4 g a car loses 20 m/s
+within 5 s, and one that brakes on reports it again; a DENM's usual validity (600 s) is meant for obstacles."""
 
 
 @dataclass(frozen=True)
 class RoadEvents:
-    """One row a notification and event, by stamp.
+    """Events that stations notified, one row per event, by stamp.
 
     Attributes:
         station: Who notifies it.
@@ -49,7 +49,7 @@ class RoadEvents:
         return len(self.stamp_ns)
 
     def rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
-        """Some of them, in the given order."""
+        """Return some of the events, in the given order."""
         made: dict[str, Any] = {}
         for name in (entry.name for entry in fields(self)):
             each = getattr(self, name)
@@ -58,13 +58,13 @@ class RoadEvents:
 
 
 def no_events() -> RoadEvents:
-    """None."""
+    """Return a table without events."""
     times, nothing = np.zeros(0, np.int64), np.zeros(0)
     return RoadEvents(strings_from([]), strings_from([]), times, times, times, *(nothing,) * 5)
 
 
 def joined_events(parts: Sequence[RoadEvents]) -> RoadEvents:
-    """Several as one, by stamp."""
+    """Join several tables into one, by stamp."""
     if not parts:
         return no_events()
     made: dict[str, Any] = {}
@@ -83,7 +83,8 @@ def _texts(parts: Sequence[Strings]) -> Strings:
 def says_hard_braking(
     events: RoadEvents, station: str, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> npt.NDArray[np.bool_] | None:
-    """At which states (m,) of a station it has said that it brakes hard, as far as was known; None: it never does.
+    """Return at which states (m,) a station had reported that it brakes hard, as far as was known; None where it never
+    does.
 
     Args:
         events: Of all stations.

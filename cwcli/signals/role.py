@@ -22,7 +22,7 @@ class Role(StrEnum):
     hint: str
 
     def __new__(cls, name: str, words: str, signals: tuple[str, ...] = (), hint: str = "") -> Role:
-        """A role from its line."""
+        """Make a role from its line."""
         role = str.__new__(cls, name)
         role._value_ = name
         role.words, role.signals, role.hint = words, signals, hint

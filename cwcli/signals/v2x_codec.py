@@ -13,7 +13,7 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents, no_events
 
 OTHER_STATION = "sent by another station"
-"""Why a message tells nothing of the ego."""
+"""The reason for setting aside a message that another station than the ego sent."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class RemoteRows(RemoteQuantities):
 
 
 def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
-    """Rows (n,) of messages that tell nothing but `told`; stamps of 0."""
+    """Return rows (n,) in which only the given quantities are known and all stamps are 0."""
     nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
     nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
     return RemoteRows(**(nothing | told), stamp_ns=np.zeros(n, np.int64))

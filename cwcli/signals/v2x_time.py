@@ -13,19 +13,26 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
 ITS_EPOCH_UNIX_S = 1_072_915_200
-"""2004-01-01T00:00:00 UTC."""
+"""The start of ITS time, 2004-01-01T00:00:00 UTC, in seconds since 1970."""
 LEAP_SECONDS_SINCE_2004_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_800, 1_483_228_800)
-"""First instants after each: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01, 2017-01-01 (IERS Bulletin C)."""
+"""The first instants after each leap second, in seconds since 1970: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01,
+2017-01-01 (IERS Bulletin C)."""
 ITS_MODULUS_MS = 65_536
+"""The period after which a generationDeltaTime repeats, in ms (EN 302 637-2)."""
 ITS_MS_MAX = 1 << 42
-"""Of TimestampIts."""
+"""The number of values of a TimestampIts, in ms (TS 102 894-2)."""
 MS_PER_MINUTE = 60_000
+"""The milliseconds in a minute."""
 LAST_DSECOND_MS = 60_999
-"""60,000 to 60,999 is a leap second; 61,000 to 65,534 is reserved; 65,535 is unavailable."""
+"""The largest valid DE_DSecond, in ms: 60,000 to 60,999 is a leap second, 61,000 to 65,534 reserved, 65,535 unavailable
+(SAE J2735)."""
 MAX_DISAGREEMENT_S = 5.0
+"""The largest difference between message time and log time that is believed, in seconds. Chosen by hand; not fitted."""
 
 NO_TIME = "no message time, log time used"
+"""The reason for a repair: a message without a time takes its log time."""
 DISAGREES = "message clock disagrees with log time, log time used"
+"""The reason for a repair: a message whose clock disagrees with the log time takes its log time."""
 
 
 def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
@@ -86,7 +93,7 @@ def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
 
 
 def or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
-    """The message times (n,) where they can be used, else the log times, counted; int64 ns.
+    """Return the message times (n,) in ns where they can be used, else the log times, which are counted.
 
     A message clock that is more than `MAX_DISAGREEMENT_S` from the log time is not used: the age that it would say is
     beyond what a V2X link has, and beyond what the wrapped time can tell.

@@ -27,7 +27,7 @@ def build_mapped(
     *,
     build: Build,
 ) -> tuple[Signal, Quality]:
-    """Build what the mapping makes of a channel.
+    """Build the signal of a channel whose fields the user has mapped.
 
     Args:
         columns: With the fields of the mapping, or those of CAN frames.
@@ -58,7 +58,7 @@ def build_mapped(
 
 
 def _decoded(columns: Columns, mapping: FieldMapping) -> tuple[Columns, FieldMapping, Decoded | None]:
-    """The columns and the mapping; of CAN frames the signals that it names, and what became of the frames."""
+    """Return columns and mapping; CAN frames are decoded first, with a record of what became of them."""
     if normalise(columns.schema_name) not in CAN_SCHEMAS:
         return columns, mapping, None
     from cwcli.signals.can import decoded

@@ -21,9 +21,13 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
 MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
+"""The frame ids that mean east-north axes; collected from common drivers."""
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
+"""The frame ids that mean the vehicle's axes; collected from common drivers."""
 MAX_QUATERNION = 1e3
+"""The largest component (1) of a quaternion that is used; chosen by hand to keep its square finite."""
 NO_ORIENTATION = "orientation not given"
+"""The reason for rejecting a message without a usable orientation."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,7 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
 
 
 def yaw_of(columns: Columns, base: str) -> FloatArray:
-    """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
+    """Return the yaw (n,) of the quaternion at `base`, in rad in (-pi, pi]; NaN where it is far from unit length."""
     quaternion = np.stack([numbers(columns, f"{base}.{name}") for name in "xyzw"])
     is_given = (np.abs(quaternion) < MAX_QUATERNION).all(axis=0)
     x, y, z, w = np.where(is_given, quaternion, 0.0)
@@ -122,7 +126,7 @@ def yaw_of(columns: Columns, base: str) -> FloatArray:
 
 
 def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
-    """The values (n,), or NaN throughout when every one of them is exactly 0: a field that the sender never fills.
+    """Return the values (n,), or all NaN when every one is exactly 0, because the sender never fills the field.
 
     Args:
         ledger: Takes a note if so.
@@ -161,7 +165,7 @@ def _velocity(
 def build_speed(
     columns: Columns, reading: Reading, ledger: RowLedger, motion: BodyMotion
 ) -> tuple[SpeedSignal, Quality]:
-    """The speed signal of a channel whose messages say how the body moves; rows without a usable speed are rejected."""
+    """Build the speed signal from the body's motion; rows without a usable speed are rejected."""
     reject_unusable(ledger, motion.speed_mps, MAX_SPEED_MPS)
     yaw_rate_radps = within(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     variances = given_variances(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))

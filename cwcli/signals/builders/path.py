@@ -16,7 +16,9 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 TOO_SHORT = "fewer than two points"
+"""The reason for rejecting a path with fewer than two points."""
 S_PER_NS = 1.0 / NS_PER_S
+"""One nanosecond in seconds."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def _signal(
 
 
 def _increasing(offsets: Int64Array, time_s: FloatArray) -> FloatArray:
-    """The times of the points, NaN in paths in which they do not increase."""
+    """Return the times of the points, NaN in paths in which they do not increase."""
     owner = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     with np.errstate(invalid="ignore"):
         is_back = (np.diff(owner) == 0) & ~(np.diff(time_s) > 0.0)

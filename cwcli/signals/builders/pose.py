@@ -21,9 +21,11 @@ from cwcli.signals.quality import BoolArray, Quality, RowLedger
 ComplexArray = npt.NDArray[np.complex128]
 
 MIN_SPEED_FOR_AXES_MPS = 0.5
+"""The speed in m/s above which a row helps to tell in which axes a twist is. Chosen by hand; not fitted."""
 MIN_ROWS_FOR_AXES = 10
+"""The number of such rows that are needed to tell. Chosen by hand; not fitted."""
 MAX_SLIP = 0.1
-"""A car's velocity points to the side by less than this part of what it points forward."""
+"""The largest ratio (1) of sideways to forward speed that a car drives with; chosen by hand."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
@@ -122,7 +124,7 @@ def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
 
 
 def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad: FloatArray) -> BodyMotion:
-    """Speed and yaw rate of the twist of an `Odometry`, NaN where the message has none.
+    """Return speed and yaw rate from the twist of an `Odometry`, NaN where the message has none.
 
     It is in the child frame, so its x is the speed, whatever the frame of the pose is called. Some senders put it in
     the axes of the pose; the way from pose to pose tells, and it is turned by the yaw. Where no orientation is given
@@ -154,7 +156,8 @@ def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad
 
 
 def _is_map_twist(columns: Columns, position_m: FloatArray, yaw_rad: FloatArray, twist: ComplexArray) -> bool:
-    """Whether the way from pose to pose follows the twist as it stands, clearly better than turned by the yaw."""
+    """Return whether the path from pose to pose fits the twist as it is clearly better than the twist turned by the
+    yaw."""
     stamp_ns, has_stamp = stamps(columns)
     step_s = np.diff(stamp_ns) * 1e-9
     with np.errstate(divide="ignore", invalid="ignore"):

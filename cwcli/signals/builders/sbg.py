@@ -30,12 +30,15 @@ from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unu
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 NO_AXES = "the frame's name tells neither north-east-down (ned) nor east-north-up (enu)"
+"""The reason for rejecting messages whose frame name does not say which axes they use."""
 NO_IMU_AXES = "the frame's name does not tell north-east-down (ned)"
+"""The reason for rejecting inertial messages whose axes are not known."""
 DRIVERS_ENU = "imu_link"
+"""The frame id that the driver gives to its east-north-up messages."""
 
 
 def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgGpsPos` says. Without known axes its accuracy is taken as the larger one, in every direction."""
+    """Read positions of `SbgGpsPos`; without known axes, the larger accuracy counts in every direction."""
     accuracy = _horizontal(columns, "position_accuracy")
     return GnssFix(
         *stamps(columns),
@@ -48,13 +51,13 @@ def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_gps_vel(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgGpsVel` says."""
+    """Read velocities of `SbgGpsVel`."""
     is_solved = (numbers(columns, "status.vel_status") == 0) & (numbers(columns, "status.vel_type") > 0)
     return _velocity(columns, ledger, is_solved)
 
 
 def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfNav` says: the position of the filter. Older drivers put its three parts into a vector."""
+    """Read the filter's position from `SbgEkfNav`; older drivers have it as a vector."""
     accuracy = _horizontal(columns, "position_accuracy")
     return GnssFix(
         *stamps(columns),
@@ -67,12 +70,12 @@ def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_ekf_velocity(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfNav` says: the velocity of the filter."""
+    """Read the filter's velocity from `SbgEkfNav`."""
     return _velocity(columns, ledger, numbers(columns, "status.velocity_valid") == 1)
 
 
 def read_ekf_euler(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfEuler` says: the heading of the filter, radians."""
+    """Read the filter's heading (rad) from `SbgEkfEuler`."""
     axes = _axes(columns)
     if not axes:
         ledger.reject(np.ones(len(columns), np.bool_), NO_AXES)
@@ -86,7 +89,7 @@ def read_ekf_euler(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
-    """What `SbgImuData` says, in the axes of the car: forward, left, up."""
+    """Build inertial measurements from `SbgImuData`, in the vehicle's axes: forward, left, up."""
     ledger = RowLedger(columns, reading.role)
     if _axes(columns) != "ned":
         ledger.reject(np.ones(len(columns), np.bool_), NO_IMU_AXES)
@@ -117,7 +120,7 @@ build_heading = heading_builder(read_ekf_euler)
 
 
 def _axes(columns: Columns) -> str:
-    """`ned`, `enu`, or "" where the name of the frame does not tell."""
+    """Return `ned`, `enu`, or "" where the frame name does not say which axes are used."""
     frame = frame_id(columns).lower()
     parts = set(re.split(r"[^a-z]+", frame))
     found = parts & {"ned", "enu"}
@@ -125,7 +128,7 @@ def _axes(columns: Columns) -> str:
 
 
 def _horizontal(columns: Columns, name: str) -> FloatArray:
-    """East and north of a vector, (n, 2), as far as the axes are known."""
+    """Read east and north of a vector, (n, 2), as far as the axes are known."""
     x, y = numbers(columns, f"{name}.x"), numbers(columns, f"{name}.y")
     return np.stack([y, x] if _axes(columns) == "ned" else [x, y], axis=1)
 

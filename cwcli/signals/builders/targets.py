@@ -15,6 +15,7 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME
 
 ONLY_TARGET = "1"
+"""The id of a target whose messages give none."""
 
 
 def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:

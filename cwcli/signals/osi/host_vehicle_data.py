@@ -28,11 +28,13 @@ from cwcli.signals.osi.world import OSI_FRAME, world_times
 from cwcli.signals.quality import Quality, RowLedger
 
 GLOBE = "vehicle_localization.geodetic_position"
+"""The path of the vehicle's WGS84 position."""
 PLACES = ("vehicle_localization", "location", "vehicle_motion")
+"""The parts of the message that can hold the pose, best first."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
-    """The host's pose, from the first of `PLACES` that the channel has; else its place on the globe."""
+    """Build the host's poses from the first of `PLACES` that the channel has, else fixes from its WGS84 position."""
     ledger = RowLedger(columns, reading.role)
     part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), None)
     if part is None and np.isfinite(numbers(columns, f"{GLOBE}.latitude")).any():
@@ -86,7 +88,7 @@ def _on_globe(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[Po
 
 
 def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-    """The host's speed and yaw rate: of `vehicle_motion`, else the velocity of `location` along its yaw."""
+    """Build the host's speed and yaw rate from `vehicle_motion`, else the velocity of `location` along its yaw."""
     ledger = RowLedger(columns, reading.role)
     speed_mps, yaw_rate = numbers(columns, "vehicle_motion.velocity.x"), "vehicle_motion.orientation_rate.yaw"
     if not np.isfinite(speed_mps).any():
@@ -112,6 +114,6 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
 
 
 def _variance(rmse: FloatArray) -> FloatArray:
-    """Of a root mean squared error; NaN where it is not given."""
+    """Return the variance of a root mean squared error; NaN where it is not given."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.where((rmse > 0.0) & (rmse < MAX_POSITION_M), rmse * rmse, np.nan)

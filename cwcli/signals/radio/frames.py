@@ -24,20 +24,21 @@ FORMATS: dict[str, int] = {
     "btp": radio_frames.FORMAT_BTP,
     "its": radio_frames.FORMAT_ITS,
 }
+"""The kernel's code of each format of received octets."""
 CONTENTS = ("content", "data", "payload", "message", "msg", "buffer", "bytes", "packet")
-"""Fields that hold a radio's octets, the first that is there."""
+"""The fields that can hold a radio's octets, in order of preference."""
 FAULTS: dict[int, str] = {
     radio_frames.FRAME_SHORT: "truncated frame",
     radio_frames.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
     radio_frames.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
     radio_frames.FRAME_UNKNOWN: "not a frame of the format",
 }
-"""Why there is no message in what was handed over."""
+"""The reason why octets hold no message, by status code."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """What was found in n rows.
+    """The messages that were found in n rows.
 
     Attributes:
         octets: The messages.
@@ -59,7 +60,7 @@ class Frames:
 
 
 def unwrap(columns: Columns, form: str) -> Frames:
-    """Find the messages of a channel.
+    """Find the messages in the octets of a channel.
 
     Args:
         columns: With one of `CONTENTS`; rows without octets are truncated.
@@ -86,7 +87,7 @@ def unwrap(columns: Columns, form: str) -> Frames:
 
 
 def _octets(field: Field | None, n: int) -> Octets:
-    """The rows of a sequence of octets; one with a number that is none has no octets."""
+    """Return the octets of each row; a row with a number that is no octet has none."""
     if isinstance(field, np.ndarray) and field.ndim == 2:
         field = Ragged(field.reshape(-1), np.arange(n + 1, dtype=np.int64) * field.shape[1])
     if not isinstance(field, Ragged):

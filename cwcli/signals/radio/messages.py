@@ -13,13 +13,14 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.radio.program import Program
 
 MISSING = int(np.iinfo(np.int64).min)
+"""The code of a component that a message does not have."""
 FAULTS: dict[int, str] = {
     uper.UPER_SHORT: "truncated message",
     uper.UPER_RANGE: "code outside its range",
     uper.UPER_LENGTH: "length disagrees with the contents",
     uper.UPER_FRAGMENTED: "length beyond 16,383",
 }
-"""Why a message can't be decoded."""
+"""The reason why a message can't be decoded, by status code."""
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -36,13 +37,13 @@ class Octets:
         return len(self.starts)
 
     def take(self, rows: npt.NDArray[np.intp]) -> Octets:
-        """Some of the messages."""
+        """Return some of the messages."""
         return Octets(self.data, self.starts[rows], self.ends[rows])
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """Decoded messages; of one that can't be decoded every component is absent.
+    """The components of decoded messages; a message that can't be decoded has none.
 
     Attributes:
         status: Shape (n,): 0, or why not: a key of `FAULTS`, or as it was given.
@@ -55,11 +56,11 @@ class Decoded:
     rows: Mapping[str, Int64Array]
 
     def codes(self, path: str) -> Int64Array:
-        """A component as the message codes it, `MISSING` where it is absent."""
+        """Return a component as the message codes it, `MISSING` where it is absent."""
         return self.components[path]
 
     def numbers(self, path: str) -> FloatArray:
-        """A component as numbers, NaN where it is absent."""
+        """Return a component as numbers, NaN where it is absent."""
         codes = self.components[path]
         return np.where(codes == MISSING, np.nan, codes.astype(np.float64))
 
