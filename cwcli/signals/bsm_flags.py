@@ -144,7 +144,7 @@ def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
         notes.append(f"{len(rows)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
     if is_unread.any():
         n_unread = np.count_nonzero(is_unread)
-        notes.append(f"the event flags of {n_unread} messages are null or none that can be read: left out")
+        notes.append(f"the event flags of {n_unread} messages can't be read and are left out")
     return tuple(notes)
 
 

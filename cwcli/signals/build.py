@@ -93,5 +93,5 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
         raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
     nothing = "there is none between --start and --end" if is_cut else "the channel is empty"
     reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or nothing
-    hint = "--ego-station ID tells which station is the ego" if OTHER_STATION in quality.set_aside else ""
-    raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix, hint=hint)
+    hint = "name the ego's station with --ego-station ID" if OTHER_STATION in quality.set_aside else ""
+    raise MissingSignalError(f"the channel has no message for {quality.role} ({reasons})", where=prefix, hint=hint)

@@ -24,7 +24,7 @@ MOST_BYTES = 64
 Octets = npt.NDArray[np.uint8]
 OTHER_FRAME = "frame of another message"
 """The reason for setting aside a frame of another message."""
-TOO_SHORT = "frame shorter than the DBC says"
+TOO_SHORT = "frame shorter than in the DBC file"
 """The reason for rejecting a frame that is shorter than its message."""
 NOT_AVAILABLE = "signal not available"
 """The reason for rejecting a frame whose signal says that it has no value."""
@@ -71,7 +71,7 @@ def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapp
     """
     names = {term.path.partition(".")[0] for term in mapping.terms}
     if len(names) > 1:
-        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are messages of their own: one --map each")
+        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are different CAN messages: one --map for each")
     message = _message(columns, mapping, names.pop())
     signals = [_signal(columns, mapping, message, term) for term in mapping.terms]
     taken = [*signals, *(_selector(message, signal) for signal in signals if signal.multiplexer_ids)]

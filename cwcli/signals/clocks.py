@@ -186,7 +186,7 @@ def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX
         return ()
     usual_s = float(np.sort(delays)[(len(delays) - 1) // 2])
     return tuple(
-        f"{quality.source}: stamps are {usual_s - quality.delay_s:+.1f} s against the other channels' (try --clock log)"
+        f"{quality.source}: stamps are {usual_s - quality.delay_s:+.1f} s from other channels' stamps (try --clock log)"
         for quality in qualities
         if np.isfinite(quality.delay_s) and abs(quality.delay_s - usual_s) > tolerance_s
     )

@@ -183,7 +183,7 @@ def _set_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     said = told(events_of(raw, columns.log_time_ns))
     if said:
         ledger.note(said)
-    ledger.set_aside(np.ones(len(columns), np.bool_), "DENM, an event")
+    ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")
     return nothing_told(len(columns))
 
 

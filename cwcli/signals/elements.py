@@ -9,7 +9,7 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import find
 from cwcli.signals.quality import RowLedger
 
-LENGTHS_DIFFER = "its elements differ in their fields"
+LENGTHS_DIFFER = "its elements do not all have the same fields"
 """The reason for rejecting a message whose elements do not all have the required fields."""
 
 

@@ -198,8 +198,8 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
         n_left_out = len(found.group(1)) if (found := re.search(r":\s*(,+)", one)) else 0
         if n_left_out and (not sources or n_left_out != n_before):
             raise UsageError(
-                f"--map {role}={one}: it begins with the quantity {n_left_out + 1}",
-                hint=f"the {n_left_out} before it stand in a mapping before this one",
+                f"--map {role}={one}: it starts with quantity {n_left_out + 1}",
+                hint=f"the {n_left_out} before it must be given in an earlier mapping",
             )
         if n_before < quantities.n_needed or n_left_out:
             part = _one(role, one.strip(), quantities, n_before)

@@ -24,7 +24,7 @@ EQUATOR_M = 6_378_137.0
 """The radius of the WGS84 ellipsoid at the equator, in metres."""
 FLATTENING = 1.0 / 298.257223563
 """The flattening (1) of the WGS84 ellipsoid."""
-NO_NUMBER = "object without a number"
+NO_NUMBER = "object without an id"
 """The reason for setting aside an object without an id."""
 OBJECT_ID = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
@@ -133,7 +133,7 @@ def object_rows(
         delta_time_ms: Shape (m,): from there to the objects' own.
         quantities: Of `RemoteQuantities`.
     """
-    ledger.repair(np.isnan(delta_time_ms), "no measurement time, that of the message used")
+    ledger.repair(np.isnan(delta_time_ms), "no measurement time, message time used")
     own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
     return replace(nothing_told(len(stamp_ns), **quantities), stamp_ns=own_ns)
 
@@ -153,7 +153,7 @@ def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
     """
 
     def set_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
-        ledger.set_aside(np.ones(len(columns), np.bool_), f"{name}, whose objects count for themselves")
+        ledger.set_aside(np.ones(len(columns), np.bool_), f"{name} (objects counted separately)")
         return nothing_told(len(columns))
 
     return V2xCodec(nobody, set_messages_aside, find)

@@ -12,7 +12,7 @@ from cwcli.signals.quality import Quality, RowLedger
 
 CHANGED = "calibration differs from the first one, not used"
 """The reason for rejecting a message whose calibration differs from the first."""
-NO_LENS = "calibration that no lens has"
+NO_LENS = "implausible calibration"
 """The reason for rejecting a calibration that no lens can have."""
 MAX_SIDE_PX = 100_000
 """The largest width or height of an image that is plausible, in pixels; chosen by hand."""

@@ -32,7 +32,7 @@ NAMES = {
     "twist.twist.angular.z": ("state.heading_rate_rps",),
 }
 """The fields of this message, by the `Odometry` field that each of them fills."""
-IN_CAR = "its frame moves with the car: it holds no position"
+IN_CAR = "its frame moves with the vehicle, so it has no position"
 """The note for a channel whose frame moves with the vehicle."""
 
 

@@ -58,7 +58,7 @@ def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | Sp
     east_or_forward, north_or_left = numbers(columns, f"{base}.linear.x"), numbers(columns, f"{base}.linear.y")
     if is_map:
         if frame in BODY_FRAMES:
-            ledger.note(f"frame_id {frame} names body axes, read as east and north because the role says so")
+            ledger.note(f"frame_id {frame} names body axes; they are read as east and north, as the role requires")
         return _velocity(columns, reading, ledger, east_or_forward, north_or_left, covariance)
     yaw_rate = filled(ledger, numbers(columns, f"{base}.angular.z"), "yaw rate")
     speed = east_or_forward

@@ -40,7 +40,7 @@ BAD_CHECKSUM = "NMEA checksum wrong"
 """The reason for rejecting a sentence whose checksum does not match."""
 TOO_SHORT = "NMEA sentence too short"
 """The reason for rejecting a sentence with too few fields."""
-OTHER = "another sentence"
+OTHER = "other NMEA sentence"
 """The reason for setting aside a sentence of a type that is not needed."""
 POSITIONS, VELOCITIES, HEADINGS = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
 """The sentence types that give position, velocity and heading, best first."""

@@ -137,7 +137,7 @@ def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad
     forward = np.ones(n, np.complex128)
     if np.isfinite(yaw_rad).any():
         if _is_map_twist(columns, position_m, yaw_rad, twist):
-            ledger.note("the twist is in the axes of the pose, not of the child frame: turned by the yaw")
+            ledger.note("the twist is in the axes of the pose, not of the child frame: it is rotated by the yaw")
             forward = np.exp(1j * yaw_rad)
     elif np.nansum(np.abs(twist.imag)) > MAX_SLIP * np.nansum(np.abs(twist.real)):
         ledger.note("the speed is the magnitude of the twist")

@@ -29,9 +29,9 @@ from cwcli.signals.leaf_fields import frame_id, numbers, stamps, vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
-NO_AXES = "the frame's name tells neither north-east-down (ned) nor east-north-up (enu)"
+NO_AXES = "the frame name contains neither ned (north-east-down) nor enu (east-north-up)"
 """The reason for rejecting messages whose frame name does not say which axes they use."""
-NO_IMU_AXES = "the frame's name does not tell north-east-down (ned)"
+NO_IMU_AXES = "the frame name does not contain ned (north-east-down)"
 """The reason for rejecting inertial messages whose axes are not known."""
 DRIVERS_ENU = "imu_link"
 """The frame id that the driver gives to its east-north-up messages."""

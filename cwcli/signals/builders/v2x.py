@@ -203,7 +203,7 @@ def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, time
     if len(intervals_ns):
         n_bursts = int(np.count_nonzero(intervals_ns < 0.25 * np.median(intervals_ns)))
         if n_bursts:
-            ledger.note(f"{n_bursts} messages come in bursts, less than a quarter of the usual interval apart")
+            ledger.note(f"{n_bursts} messages come in bursts (less than a quarter of the usual interval apart)")
 
 
 def _only_used(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:

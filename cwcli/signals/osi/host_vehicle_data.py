@@ -42,7 +42,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     part = part or PLACES[0]
     place = np.stack([numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
     if part == "vehicle_motion":
-        ledger.note("the position is the middle of the rear axle, not of the car: outlines are shifted by that")
+        ledger.note("the position is the middle of the rear axle, not of the vehicle: outlines are shifted accordingly")
     reject_unusable(ledger, place, MAX_POSITION_M)
     yaw_rad = wrap_angle(numbers(columns, f"{part}.orientation.yaw"))
     nothing = np.full(len(columns), np.nan)

@@ -53,14 +53,14 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
     still = ragged(columns, DETECTED_STATIONARY)
     if still is not None and len(still.values):
-        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are what moves")
+        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are moving objects")
     rear_x_m = _rear_axle(columns, reading)
     if np.isfinite(rear_x_m):
         values[:, 0] += rear_x_m
     else:
         ledger.note(
-            "nothing tells where the rear axle is, about which detections are: they are taken about the centre of the "
-            "car (--sensor TOPIC:x=-1.4 shifts them)"
+            "the position of the rear axle, which detections refer to, is not given: they are taken relative to the "
+            "centre of the vehicle (--sensor TOPIC:x=-1.4 shifts them)"
         )
     stamp_ns, has_stamp = times(columns, "last_measurement_time")
     if not has_stamp.any():

@@ -123,10 +123,10 @@ def _note_unused(columns: Columns, ledger: RowLedger, prefix: str) -> None:
     if still is not None and len(still.values):
         n_messages = int(np.count_nonzero(np.diff(still.offsets)))
         n = len(np.unique(still.values))
-        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are what moves")
+        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are moving objects")
     projection = find(columns, f"{prefix}{PROJECTION}")
     if isinstance(projection, Strings) and (projection.codes >= 0).any():
-        ledger.note("where the world lies on the globe (proj_string) is not used: it stays a plane of its own")
+        ledger.note("the map projection (proj_string) is not used: positions stay in the simulated plane")
 
 
 def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
@@ -242,7 +242,7 @@ def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: Bo
     drives[inverse[is_vehicle]] = True
     for chosen, why in (
         (moves & drives, "the smallest id of a vehicle that moves"),
-        (moves, "the smallest id of what moves"),
+        (moves, "the smallest id of a moving object"),
         (drives, "the smallest id of a vehicle (none moves)"),
     ):
         if chosen.any():

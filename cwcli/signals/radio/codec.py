@@ -23,7 +23,7 @@ from cwcli.signals.radio.program import Program
 from cwcli.signals.road_events import RoadEvents, joined_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
 
-SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
+SIGNED_NOTE = "are signed (IEEE 1609.2): their signatures are not verified"
 """The note on signed messages."""
 
 J2735_NAMES: dict[int, str] = {
@@ -73,8 +73,8 @@ OTHER_MESSAGE, OTHER_VERSION = 254, 255
 """The status codes of a message that is not what its port says, and of a protocol version that is not read."""
 FAULTS: dict[int, str] = {
     **messages.FAULTS,
-    OTHER_MESSAGE: "another message than its port says",
-    OTHER_VERSION: "protocol version that is packed otherwise",
+    OTHER_MESSAGE: "message type does not match its port",
+    OTHER_VERSION: "unsupported protocol version",
 }
 """The reason for rejecting a message, by status code."""
 KINDS: dict[str, Kind] = {
@@ -229,8 +229,8 @@ def _set_aside(ledger: RowLedger, found: frames.Frames, is_known: BoolArray, for
     others = ~is_known & (found.status == 0)
     for number in np.unique(found.message[others]):
         name = NAMES[form].get(int(number), f"message {number}")
-        what = "whose objects count for themselves" if name in PERCEIVED else "not of a vehicle itself"
-        ledger.set_aside(others & (found.message == number), f"{name}, {what}")
+        what = "objects counted separately" if name in PERCEIVED else "not about its sender"
+        ledger.set_aside(others & (found.message == number), f"{name} ({what})")
 
 
 J2735 = radio_codec("j2735")
