@@ -170,7 +170,7 @@ def _settled(ledger: RowLedger, fix: GnssFix, reading: Reading, values: Sequence
     delay_s = ledger.quality.delay_s
     if not MOST_AHEAD_S <= delay_s <= MOST_BEHIND_S and np.isfinite(delay_s):
         ledger.note(
-            f"its stamps are {delay_s:.1f} s before the log times; if its clock differs from the others, use --clock log"
+            f"its stamps are {delay_s:.1f} s before the log times; if its clock differs from others, use --clock log"
         )
     return timeline
 

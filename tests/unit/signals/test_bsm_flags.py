@@ -152,7 +152,7 @@ def test_one_odd_message_leaves_the_flags_of_the_others(
     braking = {stamp for _, kind, stamp in told(signal.events) if kind == HARD_BRAKING}
     assert braking >= {stamp_of(0), stamp_of(2), stamp_of(3)}
     assert len(told(signal.events)) == len(braking)  # no other flag
-    said = [note for note in quality.notes if note.endswith("none that can be read: left out")]
+    said = [note for note in quality.notes if note.endswith("can't be read and are left out")]
     if n_unread is not None and not (usual is BY_NAME and len(odd) == 2):  # lists of texts alone are no column
         assert said == ["the event flags of 1 messages can't be read and are left out"] * n_unread
 
