@@ -1,4 +1,4 @@
-"""What SAE J2945/1 has a sender of BSMs do to its motion before it sends it, and what a receiver can take back of it.
+"""How a sender of BSMs filters its motion before sending it (SAE J2945/1), and how a receiver can undo that.
 
 The acceleration goes through a low pass (Butterworth, second order, 1 Hz), so that it comes 0.225 s late; the heading
 is latched at standstill: the last one from above 0.5556 m/s is sent until the car is faster than 0.6944 m/s.

@@ -1,4 +1,4 @@
-"""From a channel's columns to the canonical signal of its role."""
+"""Building the canonical signal of a role from a channel's columns."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cwcli.signals.v2x_codec import OTHER_STATION
 
 
 def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
-    """Leaf fields that a role needs of a schema.
+    """Return the leaf fields that a role needs of a schema.
 
     Args:
         role: The role.

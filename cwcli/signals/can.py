@@ -1,4 +1,4 @@
-"""CAN frames (`can_msgs/Frame`) as signals, by the DBC files that describe the bus.
+"""CAN frames (`can_msgs/Frame`) as signals, decoded by the DBC files that describe the bus.
 
 cantools reads the files (an extra, `cwcli[can]`); the bits are taken out of all frames at once.
 """

@@ -20,7 +20,7 @@ from cwcli.signals.road_events import RoadEvents
 
 
 class Signal(Protocol):
-    """What every signal is: from messages of one topic."""
+    """The protocol of every signal: it comes from messages of one topic."""
 
     @property
     def source(self) -> str: ...
@@ -191,7 +191,7 @@ class SteerSignal:
 
 @dataclass(frozen=True)
 class RemoteQuantities:
-    """What messages of V2X (BSM, CAM) say of their senders, n rows.
+    """The quantities that V2X messages (BSM, CAM) report about their senders, n rows.
 
     Attributes:
         latitude_deg, longitude_deg, altitude_m: Shape (n,).
@@ -226,7 +226,7 @@ class RemoteQuantities:
 
 @dataclass(frozen=True)
 class RemoteSignal(RemoteQuantities):
-    """What other vehicles say of themselves over V2X, one row a message.
+    """The reports of other vehicles over V2X, one row a message.
 
     Attributes:
         source: Topic.
@@ -257,7 +257,7 @@ DetectionKind = Literal["position", "radar", "radar_track"]
 
 @dataclass(frozen=True)
 class DetectionSignal:
-    """What one sensor detected of other road users, scan by scan, in the sensor's own axes.
+    """The detections of other road users by one sensor, scan by scan, in the sensor's own axes.
 
     Unlike the other signals it is checked message by message only: what is wrong with a single detection (not a number,
     a negative range, an impossible rate) is found and counted where detections are used.
@@ -286,7 +286,7 @@ class DetectionSignal:
 
 @dataclass(frozen=True)
 class TargetTruthSignal:
-    """Where other road users really were: one row per target and time, by stamp.
+    """The true positions of other road users: one row per target and time, by stamp.
 
     Attributes:
         source: Topic.

@@ -55,7 +55,7 @@ class Strings:
 
 
 def constant_strings(value: str, n: int) -> Strings:
-    """`n` rows of one string."""
+    """Return `n` rows of one string."""
     return Strings(np.zeros(n, np.int32), (value,))
 
 
@@ -139,7 +139,7 @@ OutputField = Field | Repeated
 
 
 def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
-    """Rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
+    """Return rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
     if isinstance(column, Strings):
         return Strings(column.codes[start:stop], column.values)
     if isinstance(column, Ragged):
@@ -189,7 +189,7 @@ class OutputChannel:
 
 @dataclass(frozen=True)
 class StreamedChannel(OutputChannel):
-    """A channel whose columns are made a few rows at a time, when they are written: for what never fits memory.
+    """A channel whose columns are made a few rows at a time while they are written, because they may not fit memory.
 
     `fields` is empty; whoever reads the channel in the same run has its columns made.
 

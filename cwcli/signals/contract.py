@@ -1,4 +1,4 @@
-"""What a builder of an input owes: a signal of its role, sound as a table, and a count of every message."""
+"""The check of a builder's result: a signal of its role, consistent columns, and a count of every message."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Covariances that messages carry: what counts as given, and ellipses turned into east-north."""
+"""Covariances in messages: which count as given, and error ellipses converted to east-north."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""ETSI collective perception (TS 103 324): `etsi_its_cpm_ts_msgs/CollectivePerceptionMessage`, and off the radio.
+"""ETSI collective perception (TS 103 324): `etsi_its_cpm_ts_msgs/CollectivePerceptionMessage`, and as received by
+radio.
 
 Codes after TS 102 894-2. Offsets, velocities and accelerations are east and north of the reference position, angles
 counter-clockwise from east: the axes of cwcli. docs/v2x.md shows the table; a test compares the two.

@@ -1,4 +1,4 @@
-"""ETSI decentralized notifications: `etsi_its_denm_msgs/DENM` (EN 302 637-3) and the same off the radio.
+"""ETSI decentralized notifications (EN 302 637-3): `etsi_its_denm_msgs/DENM`, and as received by radio.
 
 Codes after TS 102 894-2.
 """

@@ -1,4 +1,4 @@
-"""The messages of sensors that see others, and of what draws them: a part of the table in `inputs`."""
+"""The registry rows of messages with detections, and of drawn cubes: a part of the table in `inputs`."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class Elements:
         return int(self.offsets[-1])
 
     def numbers(self, *paths: str, width: int = 1) -> FloatArray:
-        """A leaf, shape (n,), or (n, width) where each element holds `width` values.
+        """Read a leaf, shape (n,), or (n, width) where each element holds `width` values.
 
         NaN in the messages in which it is there more or less often than it should be: then its values can't be given to
         elements.

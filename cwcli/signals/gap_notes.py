@@ -1,4 +1,4 @@
-"""Where signals have gaps, in words."""
+"""Notes on where signals have gaps."""
 
 from __future__ import annotations
 

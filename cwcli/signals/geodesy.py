@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class LocalMap:
-    """Plane tangent to the WGS84 ellipsoid at an origin: x east, y north, z up, in metres.
+    """A plane tangent to the WGS84 ellipsoid at an origin: x east, y north, z up, in metres.
 
     Attributes:
         origin_lat_deg, origin_lon_deg: WGS84, degrees.

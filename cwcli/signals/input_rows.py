@@ -1,4 +1,4 @@
-"""What the tables of inputs are made of: leaf fields of ROS and foxglove messages, builders imported when used."""
+"""The parts of the tables of inputs: leaf fields of ROS and foxglove messages, and builders imported when used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading leaf fields out of decoded columns, whatever the message encoding made of them.
+"""Reading leaf fields from decoded columns of any message encoding.
 
 Each reader is lenient: what is not there, or no such thing, is NaN or absent. With `required` it is an error instead:
 so are read the channels that cwcli itself has published.

@@ -1,4 +1,4 @@
-"""What no road vehicle's sensor can have measured.
+"""Limits beyond which no sensor of a road vehicle can have measured.
 
 Far beyond anything real, so that no sound value is lost; within them every square and sum stays finite.
 """

@@ -1,4 +1,4 @@
-"""How good the radio link was: what arrived of what remote vehicles sent, how late, how old, and from how far.
+"""Quality of the radio link: loss, latency, information age and range of remote vehicles' messages.
 
 A sender counts its messages modulo 128 (SAE J2735, msgCnt): a gap in the count is a loss. A pause in which the count
 may have gone round is an absence (out of range, switched off), no loss.
@@ -61,13 +61,13 @@ class StationLink:
 
     @property
     def loss_share(self) -> float:
-        """Share of the sent messages that did not arrive."""
+        """The share (1) of the sent messages that did not arrive."""
         return 1.0 - self.n_received / self.n_sent if self.n_sent > 0 else float("nan")
 
 
 @dataclass(frozen=True)
 class Reception:
-    """Reception by distance, over all stations that count their messages.
+    """The reception by distance, over all stations that count their messages.
 
     Attributes:
         edges_m: Shape (b + 1,).

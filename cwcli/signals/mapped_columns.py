@@ -1,4 +1,4 @@
-"""From a channel and a user's mapping to the columns of a message that cwcli knows."""
+"""Converting a channel by a user's mapping to the columns of a message that cwcli knows."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def _upper(k: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class PackedCovariances:
-    """n covariances of k states. Read like an array of shape (n, k, k): any index gives doubles.
+    """n covariances of k states, which read like an array of shape (n, k, k): any index gives doubles.
 
     Attributes:
         sigma: Shape (n, k), float32. NaN: the covariance is not known, or was not positive definite.

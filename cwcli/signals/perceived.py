@@ -1,4 +1,4 @@
-"""What a station perceived of others (CPM, SDSM), as road users of their own.
+"""Objects that a station perceived (CPM, SDSM), as road users of their own.
 
 An object is named after its sender and its number there, `1201:7`. Its place is the sender's reference position plus an
 offset in the plane there; both are uncertain, and so is where the sender thinks it is: their covariances add up. Its

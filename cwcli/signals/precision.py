@@ -1,4 +1,4 @@
-"""Numbers to a stated precision: so many binary digits, and zeros behind them.
+"""Rounding numbers to a stated number of binary digits.
 
 What is published is known to centimetres at best, while a double has digits down to picometres: noise that no
 compressor makes smaller. A number that ends in zeros is still a double, with the same name, unit and field.

@@ -1,4 +1,4 @@
-"""What happened to a channel's messages: read, used, rejected by reason, repaired by reason.
+"""Counts of a channel's messages: read, used, rejected by reason, repaired by reason.
 
 Nothing is dropped uncounted: `read == used + rejected + set aside` holds for every channel.
 """
@@ -115,7 +115,7 @@ class RowLedger:
 
     @property
     def rows(self) -> npt.NDArray[np.intp]:
-        """Indices of the rows that are still kept, in file order."""
+        """The indices of the rows that are still kept, in file order."""
         return np.flatnonzero(self.keep)
 
     def reject(self, is_faulty: BoolArray, reason: str) -> None:

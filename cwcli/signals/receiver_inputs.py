@@ -1,4 +1,4 @@
-"""The messages of GNSS receivers and of inertial units with one: a part of the table in `inputs`."""
+"""The registry rows of messages of GNSS receivers and inertial units: a part of the table in `inputs`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several signals of remote vehicles as one."""
+"""Joining and selecting signals of remote vehicles."""
 
 from __future__ import annotations
 

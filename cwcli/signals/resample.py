@@ -1,4 +1,4 @@
-"""Values of a signal at other times, without inventing any across a gap: what is not covered is NaN."""
+"""Values of a signal at other times; times in a gap get NaN."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stations notify beside their motion: the flags of a BSM, the events of DENMs."""
+"""Events that stations notify besides their motion: the flags of BSMs, and DENMs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The roles of input channels."""
+"""The roles that input channels can have."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Role(StrEnum):
-    """What an input channel is for: its name in `--topic NAME=/topic`, and what else is said of it.
+    """The role of an input channel: its name in `--topic NAME=/topic`, and its texts for the user.
 
     The roles of the channels that cwcli itself publishes stand with them (`cwcli.channels.published`).
 

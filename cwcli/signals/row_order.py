@@ -1,4 +1,4 @@
-"""Rows of a channel by vehicle and by time."""
+"""Ordering the rows of a channel by vehicle and by time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""SAE J3224 sensor data sharing: `j3224_v2x_msgs` and `carma_v2x_msgs/SensorDataSharingMessage`, and off the radio.
+"""SAE J3224 sensor data sharing: `j3224_v2x_msgs` and `carma_v2x_msgs/SensorDataSharingMessage`, and as received by
+radio.
 
 Offsets are north and east of the reference position (J3224's axes are north, east, down); the rest has the codes, units
 and signs of a BSM. Confidences are bounds for 95 %. docs/v2x.md shows the table; a test compares the two.

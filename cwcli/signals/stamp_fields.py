@@ -1,4 +1,4 @@
-"""Names of the leaf fields that hold a message's time."""
+"""The names of the leaf fields that hold a message's time."""
 
 HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """The leaf fields of a ROS 2 header's time; those of JSON and ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in

@@ -1,4 +1,4 @@
-"""Vehicles that change their ids stay one: pseudonyms joined by motion.
+"""Joining the ids of remote vehicles that change them, by their motion.
 
 A V2X station takes a new random id every few minutes (SAE J2945/1, ETSI TS 102 867). An id that ends and one that
 begins soon after belong to one vehicle where the first one's motion leads to the second one's first message, where both

@@ -1,4 +1,4 @@
-"""Frames of reference that a log describes: who stands how on whom, and how a camera stands on the car."""
+"""Frames of reference in a log: the pose of each frame in its parent, and of a camera on the vehicle."""
 
 from __future__ import annotations
 

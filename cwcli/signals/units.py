@@ -1,4 +1,4 @@
-"""Constants between units."""
+"""Factors between units."""
 
 NS_PER_S = 1_000_000_000
 """The nanoseconds in a second."""

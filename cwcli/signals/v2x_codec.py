@@ -1,4 +1,5 @@
-"""What a V2X codec is and returns: one row a message, SI units, cwcli's signs, before clocks are settled."""
+"""The interface of a V2X codec: it returns one row a message, in SI units and cwcli's signs, before clocks are
+repaired."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ OTHER_STATION = "sent by another station"
 
 @dataclass(frozen=True)
 class Senders:
-    """Who sent the messages of a channel; every array has n rows.
+    """The senders of a channel's messages; every array has n rows.
 
     Attributes:
         station: Station id as text; code -1 where there is none.
@@ -51,7 +52,7 @@ def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
 
 @dataclass(frozen=True)
 class V2xCodec:
-    """How to read a V2X channel.
+    """The functions that read a V2X channel.
 
     Attributes:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.

@@ -1,4 +1,5 @@
-"""How a V2X standard codes a quantity as an integer, and back. The tables are `j2735.ELEMENTS` and `etsi.ELEMENTS`."""
+"""Converting between a quantity and its integer code in a V2X standard. The tables are the `ELEMENTS` of each
+standard."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Absolute time of V2X messages, which carry only the end of it.
+"""Absolute times of V2X messages, which carry only the last part of a time.
 
 A BSM has the milliseconds of the UTC minute (SAE J2735, DE_DSecond), a CAM the milliseconds of TAI since 2004 modulo
 65,536 (ETSI EN 302 637-2, generationDeltaTime). The log time says which minute, which 65.536 s.
@@ -36,7 +36,8 @@ DISAGREES = "message clock disagrees with log time, log time used"
 
 
 def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log time.
+    """Return the absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log
+    time.
 
     A leap second (60,000 and up) counts into the next minute, as UTC clocks without leap seconds do.
 
@@ -54,7 +55,7 @@ def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple
 
 
 def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
+    """Return the absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
 
     Args:
         delta_ms: Shape (n,), 0 to 65,535, NaN where absent.
@@ -71,8 +72,7 @@ def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Arr
 
 
 def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a CPM: milliseconds of TAI since 2004 (TimestampIts), which need no log time but for the leap
-    seconds so far.
+    """Return the absolute time of milliseconds of TAI since 2004 (TimestampIts); the log time gives the leap seconds.
 
     Args:
         its_ms: Shape (n,), NaN where absent.
@@ -87,7 +87,7 @@ def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tup
 
 
 def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
-    """Milliseconds of TAI since 2004-01-01T00:00:00 UTC (TimestampIts), shape (n,)."""
+    """Return the milliseconds of TAI since 2004-01-01T00:00:00 UTC (TimestampIts), shape (n,)."""
     leap_s = np.searchsorted(np.array(LEAP_SECONDS_SINCE_2004_UNIX_S) * NS_PER_S, unix_ns, side="right")
     return (unix_ns - ITS_EPOCH_UNIX_S * NS_PER_S) // NS_PER_MS + 1000 * leap_s.astype(np.int64)
 

@@ -1,4 +1,4 @@
-"""A vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`; its flags; the names of the ego and its frames."""
+"""A vehicle's state (n, 8) in the order of `cwcli.v1.VehicleState`, its flags, and the names of ego and frames."""
 
 from enum import IntFlag
 
@@ -27,7 +27,7 @@ MAP_FRAME, BODY_FRAME = "map", "base_link"
 
 
 class StateFlag(IntFlag):
-    """Why a state is to be trusted less; `schemas/cwcli/v1/vehicle_state.proto` says when."""
+    """The reasons to trust a state less; `schemas/cwcli/v1/vehicle_state.proto` defines them."""
 
     STARTING = 1
     AFTER_RESET = 2

@@ -1,4 +1,4 @@
-"""What a builder is given and what the registry knows of it."""
+"""The arguments of a builder, and a builder's row in the registry of inputs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # binding channels to roles takes no numpy
 
 @dataclass(frozen=True)
 class Reading:
-    """How a channel is to be read.
+    """The settings with which a channel is read.
 
     Attributes:
         role: The role it is bound to.

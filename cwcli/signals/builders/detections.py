@@ -155,7 +155,7 @@ def _frames(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp
 
 
 def _first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
-    """Stamps in ns of each message's first entity, and whether it has one."""
+    """Return the stamps (ns) of each message's first entity, and whether it has one."""
     seconds = ragged(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
     nanoseconds = ragged(columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec")
     n = len(columns)

@@ -1,4 +1,4 @@
-"""From what a receiver says to the position, the velocity over ground and the heading: shared by every receiver's file.
+"""Positions, velocities over ground and headings from the data of a receiver, shared by all receivers' files.
 
 A file of a family of messages says what its fields mean, as a `GnssFix`; here it becomes a signal, message by message.
 """
@@ -30,7 +30,7 @@ latencies are searched."""
 
 @dataclass(frozen=True)
 class GnssFix:
-    """What n messages of a receiver say; None where their type says nothing of it, NaN where a message does not.
+    """The data of n messages of a receiver; None where their type has no such data, NaN where a message has none.
 
     Attributes:
         stamp_ns, has_stamp: Shape (n,).

@@ -1,4 +1,4 @@
-"""The signal of a channel whose fields the user has named."""
+"""Building the signal of a channel whose fields the user has mapped."""
 
 from __future__ import annotations
 

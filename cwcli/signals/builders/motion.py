@@ -32,7 +32,7 @@ NO_ORIENTATION = "orientation not given"
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """How the body moves, as the messages say: shape (n,) each, NaN where not given.
+    """The motion of the body, shape (n,) each, NaN where not given.
 
     Attributes:
         speed_mps: Along the body's x axis, negative in reverse.

@@ -1,4 +1,4 @@
-"""The truth of targets: one target's poses, or the states of many by their ids."""
+"""The true motion of targets: one target's poses, or the states of many by their ids."""
 
 from __future__ import annotations
 

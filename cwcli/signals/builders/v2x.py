@@ -1,4 +1,4 @@
-"""Remote vehicles, and the ego vehicle from its own messages, out of one V2X channel."""
+"""Remote vehicles, and the ego vehicle from its own messages, from one V2X channel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`osi3.HostVehicleData`: what the host vehicle knows of its own place and motion.
+"""`osi3.HostVehicleData`: the host vehicle's own position and motion.
 
 `vehicle_localization` and `location` (up to OSI 3.4) are about the centre of the box, in the axes of the world;
 `vehicle_motion` is about the middle of the rear axle: its velocity is in the axes of the vehicle, and its position only

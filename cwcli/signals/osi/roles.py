@@ -1,4 +1,4 @@
-"""The signals that an OSI GroundTruth fills, wherever in a message it lies."""
+"""Building signals from an OSI GroundTruth, wherever in a message it lies."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`osi3.SensorData`: what a sensor detected, and the GroundTruth of its SensorView where the trace keeps a copy.
+"""`osi3.SensorData`: a sensor's detections, and the GroundTruth of its SensorView where the trace keeps a copy.
 
 Positions are in the axes of the sensor, whose place in the car is in the message; the car's origin is the middle of its
 rear axle. They are brought into the body frame of cwcli's states, which is about the centre of the car's box.

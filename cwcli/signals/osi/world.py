@@ -1,4 +1,4 @@
-"""The moving objects of an OSI GroundTruth: which one is the host, and what each says of its motion.
+"""The moving objects of an OSI GroundTruth: which one is the host, and how each one moves.
 
 `base.position` is the centre of the bounding box, `base.velocity` and `base.acceleration` are in the axes of the world,
 not of the object. A field that a simulator leaves out is 0, which is no value: an object that moves without a velocity,

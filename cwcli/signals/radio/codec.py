@@ -1,4 +1,4 @@
-"""V2X channels that hold what a radio received, octet by octet: what each message is, and whose.
+"""V2X channels of octets that a radio received: which message each row is, and who sent it.
 
 A channel may mix messages. Those that tell of their sender (BSM, CAM, VAM) are remote vehicles, and so are the objects
 of those that tell of what their sender perceived (CPM, SDSM); the others are set aside by name.

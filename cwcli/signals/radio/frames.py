@@ -1,4 +1,4 @@
-"""From the octets that a radio handed over to the messages inside: which is what, and where it begins.
+"""Finding the messages inside the octets that a radio handed over: the type and start of each.
 
 Formats: `j2735` (a MessageFrame of SAE J2735, bare or inside IEEE 1609.2, 1609.3 or both), `btp` (ETSI's basic
 transport: the port in the first two octets, the message from the fifth on) and `its` (ETSI's message by itself). What
@@ -54,7 +54,7 @@ class Frames:
 
     @property
     def is_signed(self) -> BoolArray:
-        """Where a signature was stepped over, shape (n,)."""
+        """Where a signature was skipped, shape (n,)."""
         signed: BoolArray = self.security == radio_frames.SECURITY_SIGNED
         return signed
 

@@ -1,4 +1,4 @@
-"""Many messages of one type at once: from octets to columns."""
+"""Decoding many messages of one type at once, from octets to columns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a type to the operations of the kernel `uper`."""
+"""Compiling an ASN.1 type into the operations of the kernel `uper`."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class ListOf:
 
 @dataclass(frozen=True)
 class Open:
-    """An open type whose contents the number right before it says; others are skipped."""
+    """An open type whose contents depend on the number right before it; unknown contents are skipped."""
 
     cases: Mapping[int, Type] = field(default_factory=dict)
 

@@ -1,4 +1,4 @@
-"""WAVE short messages (IEEE 1609.3-2016, WSMP version 3) around what a radio handed over: where their payloads are.
+"""WAVE short messages (IEEE 1609.3-2016, WSMP version 3): finding their payloads in received octets.
 
 Network header: version in the low three bits, a flag for extensions above them, the subtype in the high four (0).
 Transport header: what addresses it (0: a PSID; 1: one with extensions), the PSID, a length. Extensions are skipped.
@@ -74,8 +74,7 @@ class _Walk:
         return value
 
     def skip_psid(self) -> None:
-        """Skip an identifier of one to four octets, whose first octet begins with as many ones as more octets
-        follow."""
+        """Skip an identifier of one to four octets: its first octet begins with as many ones as more follow."""
         first = self.take()
         self.at += (first >= 0x80).astype(np.int64) + (first >= 0xC0) + (first >= 0xE0)
         self.is_short |= (first >= 0xF0) | (self.at > self.octets.ends)
