@@ -4,7 +4,7 @@
 - `"0000000100000"` or `"0100"`: bits or octets as text, the first flag first, bare or as `value` of an object (JER);
 - a number of 13 bits, the first flag the highest: what `signals.radio.bsm` decodes;
 - `j2735_v2x_msgs/VehicleEventFlags`: a sum of the message's own constants, which begin at the second flag: hazard
-  lights are 0 there, and can't be told.
+  lights are 0 there and can't be recognised.
 
 Part II is a list of extensions, of which one at most has flags.
 """
@@ -133,7 +133,7 @@ def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
     """Return notes on how many messages of how many stations flag hard braking, and how many flags can't be read.
 
     Args:
-        events: Flags of BSMs, and what DENMs notify, which is told elsewhere.
+        events: Flags of BSMs; events of DENMs are ignored here.
         is_unread: Which messages have flags that can't be read.
     """
     names = np.array([*(name == HARD_BRAKING for name in events.kind.values), False])

@@ -22,7 +22,7 @@ def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str
 
     Args:
         role: The role.
-        schema_name: In any spelling.
+        schema_name: The schema's name in any spelling.
         message_encoding: `cdr`, `protobuf` or `json`.
 
     Returns:
@@ -49,12 +49,12 @@ def build(
     its frame_id, and EGO_POSITION and TRUTH give a `PositionSignal` (WGS84) or a `PoseSignal` (Cartesian).
 
     Args:
-        role: What the channel is bound to.
+        role: The role that the channel is bound to.
         columns: The channel, with at least the fields of `fields_for` that the file has.
         clock: Take a row's time from its message (`stamp`) or from the log (`log`).
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.
-        mapping: Which of its fields are the role's quantities, where the user has said so.
+        mapping: The user's mapping of its fields to the role's quantities, or None.
         parts: Channels that hold the quantities behind these, and which of their fields they are.
 
     Returns:
@@ -77,7 +77,7 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
     """Raise when a channel that the command needs has no row left.
 
     Args:
-        quality: Of the channel in its role.
+        quality: The counts of the channel in its role.
         where: Log name for the message.
         is_cut: The user asked for a part of the log only.
 

@@ -53,7 +53,7 @@ class Decoded:
         columns: Those whose signals can be used, with a field for each.
         set_aside: Reason -> sound frames that are none of them.
         rejected: Reason -> frames of the message that can't be used.
-        notes: For the user.
+        notes: Notes for the user.
     """
 
     columns: Columns

@@ -237,7 +237,7 @@ class RemoteSignal(RemoteQuantities):
         x_m, y_m: Shape (n,): Cartesian positions; then latitudes and longitudes are NaN. Else None.
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
         is_perceived: Shape (n,): the row is of an object that a station perceived, not of a sender; None: none is.
-        events: What stations notified beside their motion; None: nothing.
+        events: The events that stations notified; None where there are none.
     """
 
     source: str
@@ -264,7 +264,7 @@ class DetectionSignal:
 
     Attributes:
         source: Topic.
-        kind: What a row of `values` holds. `position`: x, y in m. `radar`: range in m, azimuth in rad
+        kind: The contents of a row of `values`. `position`: x, y in m. `radar`: range in m, azimuth in rad
             (counter-clockwise from the sensor's x axis), range rate in m/s (positive: moving away). `radar_track`: x, y
             in m, and velocity relative to the sensor, m/s. What is not measured is NaN.
         stamp_ns, log_time_ns: Shape (s,), one per scan, empty ones included.

@@ -175,7 +175,7 @@ def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX
     UTC).
 
     Args:
-        qualities: Of the channels to be used together.
+        qualities: The counts of the channels to be used together.
         tolerance_s: Largest difference of the median delays.
 
     Returns:

@@ -171,7 +171,7 @@ class OutputChannel:
     """A channel that a stage publishes, as columns named like the fields of its protobuf message.
 
     Attributes:
-        topic: Where it is published, e.g. `/cwcli/ego/state`.
+        topic: The topic on which it is published, e.g. `/cwcli/ego/state`.
         schema_name: A message of `schemas/`, e.g. `cwcli.v1.VehicleState`, or a standard `foxglove.*` one.
         log_time_ns: Shape (n,), int64, non-decreasing.
         fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated

@@ -178,7 +178,7 @@ def ros_objects(columns: Columns) -> Objects:
 def decode_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode perceived objects, one a row, from the codes of `SENDER_PATHS` and `OBJECT_PATHS`.
 
-    The heading is that of the object's box where it is told, else the direction of its velocity; the speed is negative
+    The heading is that of the object's box where it is given, else the direction of its velocity; the speed is negative
     where the velocity points backward. The acceleration along it is the vector's part in that direction.
     A confidence of "out of range" takes its value away, and that of a position the object.
     """

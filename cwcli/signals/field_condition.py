@@ -54,8 +54,8 @@ class Condition:
     Attributes:
         path: Names, numbers of elements, and conditions that choose an element.
         sign: A key of `COMPARE`.
-        value: What the field is compared with.
-        text: As it was written.
+        value: The value that the field is compared with.
+        text: The condition as it was written.
     """
 
     path: tuple[str | int | Condition, ...]

@@ -93,7 +93,7 @@ def unrolled(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArray) -> Int
     """Return the stamps (n,) in ns, moved by whole rollovers of the GPS week towards the log time; moved ones are
     counted.
 
-    A round is moved only where the log time then agrees: a recorder whose clock was never set tells nothing.
+    A stamp is moved only where the log time then agrees: a recorder whose clock was never set is no reference.
     """
     round_ns = WEEKS_A_ROUND * WEEK_S * NS_PER_S
     behind_ns = ledger.columns.log_time_ns - stamp_ns

@@ -168,7 +168,7 @@ def matrix(columns: Columns, path: str, width: int | None = None, *, required: b
     Args:
         columns: n messages.
         path: Name of the field.
-        width: Of a row; None: that of the first.
+        width: The length of a row; None: that of the first row.
         required: Every row must have it.
 
     Raises:

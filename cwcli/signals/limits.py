@@ -51,7 +51,7 @@ def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> Fl
         ledger: Counts them, row by row.
         values: Shape (n,), in the unit of `limit`.
         limit: Largest size that is accepted.
-        name: Of the quantity, for the reason.
+        name: The quantity's name, for the reason.
     """
     with np.errstate(invalid="ignore"):
         is_beyond = np.isfinite(values) & (np.abs(values) > limit)

@@ -36,11 +36,11 @@ class StationLink:
     Attributes:
         station: Its id.
         n_received: Messages received.
-        present_s: From the first to the last of them, without absences.
+        present_s: The time from the first to the last of them, without absences.
         rate_hz: Messages sent per second where the sender counts them, else received.
         n_sent: Messages sent while it was present, NaN where the sender does not count them.
-        latency_median_s, latency_p95_s: From generation to reception; NaN where the clocks don't allow it.
-        age: Of the newest message known, pieces in time: shape (p, 2), from and to, s; it grows with the time.
+        latency_median_s, latency_p95_s: The time from generation to reception; NaN where the clocks disagree.
+        age: The information age as pieces in which it grows with time: shape (p, 2), from and to, s.
         n_gaps, longest_gap_s: Pauses while it was present.
         n_absences: Pauses in which the count may have gone round.
         range_m: Greatest distance of reception, NaN where none is known.
@@ -109,7 +109,7 @@ def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
 
     Args:
         ages: Pieces of time, shape (p, 2): the age grows from the first to the second value, s.
-        share: In (0, 1).
+        share: A share of the time, in (0, 1).
 
     Returns:
         In s, NaN without any piece.

@@ -29,7 +29,7 @@ def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
 
     Args:
         columns: The channel, with the fields of the mapping that it has.
-        mapping: What the user said.
+        mapping: The user's mapping.
 
     Returns:
         The columns, and whether the messages have a time.

@@ -45,9 +45,9 @@ class Quantities:
     """The message and the quantities that a mapping of a role gives.
 
     Attributes:
-        schema: The message as which it is then built.
-        fields: Of that message, in order -> what each measures.
-        n_needed: As many of them at least.
+        schema: The message that the mapped channel is converted to.
+        fields: The kind of quantity of each of its fields, in order.
+        n_needed: The least number of them.
     """
 
     schema: str
@@ -101,8 +101,8 @@ class Term:
 
     Attributes:
         path: The field, or message and signal of a CAN frame.
-        index: Of a sequence, or None.
-        factor, offset: In the unit of the role.
+        index: The index in a sequence, or None.
+        factor, offset: The scale and offset to the role's unit.
         has_scale: The user gave a unit or a factor.
     """
 
@@ -118,13 +118,13 @@ class FieldMapping:
     """A parsed mapping.
 
     Attributes:
-        role, topic: What for, and of which channel.
+        role, topic: The role and the channel.
         terms: The role's quantities, in order.
         stamp, stamp_unit_ns: The field of the time ("" for the header's) and its unit; a field with `sec` and `nanosec`
             below needs none.
-        files: That describe the messages of a CAN bus.
-        text: As it was given, behind the role.
-        first: Which of the role's quantities its first term is.
+        files: The DBC files that describe the messages of a CAN bus.
+        text: The text behind the role, as it was given.
+        first: The index of its first term among the role's quantities.
         parts: The mappings of further channels that give the quantities behind its own.
     """
 

@@ -128,10 +128,10 @@ def object_rows(
     """Build the rows of objects (m,); what is not given is NaN.
 
     Args:
-        ledger: Of the objects; one without an own time keeps that of its message, counted.
+        ledger: The objects' ledger; an object without its own time gets its message's, which is counted.
         stamp_ns: Shape (m,): the messages' reference times.
         delta_time_ms: Shape (m,): from there to the objects' own.
-        quantities: Of `RemoteQuantities`.
+        quantities: Fields of `RemoteQuantities`.
     """
     ledger.repair(np.isnan(delta_time_ms), "no measurement time, message time used")
     own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
@@ -148,7 +148,7 @@ def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
     """Return the codec of a channel whose messages describe only other objects.
 
     Args:
-        name: Of the message.
+        name: The message's name.
         find: Its objects.
     """
 

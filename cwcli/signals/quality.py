@@ -49,7 +49,7 @@ class Quality:
         notes: One line each, for the user.
         delay_s: Median of log time minus stamp over the used rows, NaN when there are none.
         gaps: Stretches without used rows, see `signals.clocks.find_gaps`.
-        objects: What became of the objects that its messages tell of, likewise; None where they tell of none.
+        objects: The counts of the objects in its messages; None where they hold none.
     """
 
     source: str

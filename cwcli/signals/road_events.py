@@ -24,14 +24,14 @@ class RoadEvents:
     """Events that stations notified, one row per event, by stamp.
 
     Attributes:
-        station: Who notifies it.
-        kind: What it is, in words.
+        station: The station that notifies it.
+        kind: The kind of event, as text.
         stamp_ns, log_time_ns: Shape (n,): when the message was made, and received.
         until_ns: Shape (n,): how long it holds; a BSM's flag for its own moment, a cancelled event till its stamp, one
             that a later message takes the place of till that was received.
         cause, sub_cause: Shape (n,): CauseCodeType and sub-cause of a DENM, NaN of a flag.
-        latitude_deg, longitude_deg: Shape (n,): where; NaN where it is not told.
-        relevance_m: Shape (n,): how far off it matters, NaN where it is not told.
+        latitude_deg, longitude_deg: Shape (n,): the place; NaN where not given.
+        relevance_m: Shape (n,): the distance within which it matters; NaN where not given.
     """
 
     station: Strings
@@ -87,8 +87,8 @@ def says_hard_braking(
     does.
 
     Args:
-        events: Of all stations.
-        station: Which one.
+        events: The events of all stations.
+        station: The station's id.
         stamp_ns, log_time_ns: Shape (m,): of its states, and when each was known.
     """
     if station not in events.station.values or HARD_BRAKING not in events.kind.values:

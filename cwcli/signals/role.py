@@ -11,10 +11,10 @@ class Role(StrEnum):
     The roles of the channels that cwcli itself publishes stand with them (`cwcli.channels.published`).
 
     Attributes:
-        words: What such a channel holds, as messages say it.
-        signals: Where the signals are that can fill it: `module:Class` of this package. A twist's `frame_id` decides
+        words: The contents of such a channel, in messages to the user.
+        signals: The classes of signals that can fill it: `module:Class` of this package. A twist's `frame_id` decides
             between speed and velocity. None: a stage reads the channel itself.
-        hint: What can fill it, for who has nothing that does; or "".
+        hint: The hint on what can fill it, for a user without such a channel; or "".
     """
 
     words: str

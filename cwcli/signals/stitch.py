@@ -110,7 +110,7 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
 
     Args:
         signal: Messages of all vehicles.
-        local_map: Where they drive; None where the signal is Cartesian.
+        local_map: The map for WGS84 positions; None where the signal is Cartesian.
 
     Raises:
         UsageError: There are more than `MOST_PAIRS`.

@@ -74,7 +74,7 @@ def carried_by_body(tree: Mapping[str, Transform], frame: str) -> tuple[str, Flo
     """Find the vehicle's frame among a frame's ancestors: its name and (4, 4) body from frame; None where there is
     none.
 
-    `base_link` itself tells nothing: many drivers stamp it on whatever they send.
+    `base_link` itself does not count: many drivers stamp it on every message.
     """
     up = _to_root(tree, frame)
     for body in BODY_FRAMES if frame not in BODY_FRAMES else ():

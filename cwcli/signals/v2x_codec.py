@@ -57,8 +57,8 @@ class V2xCodec:
     Attributes:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
         decode: The quantities.
-        objects: What the senders tell of others: columns with one row an object, and how to read them.
-        events: What they notify beside their motion, and which messages (n,) have something of it that can't be read.
+        objects: The objects that the senders report: columns with one row an object, and their codec.
+        events: The events that they notify, and which messages (n,) have event data that can't be read.
     """
 
     identify: Callable[[Columns], Senders]

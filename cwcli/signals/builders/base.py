@@ -49,8 +49,8 @@ class Input:
             one. None: only when the user names it.
         needs_ego_station: Bound by itself only when the user says which station is the ego.
         fits: Whether a topic's name suits the role; asked only where the user names no channel.
-        is_beside: It tells of others or of events, and is bound beside the channel chosen, whatever its rank.
-        says_what_it_is: The schema tells truth and measurement apart; that a topic is called a truth does not count.
+        is_beside: It holds other objects or events, and is bound in addition to the chosen channel, whatever its rank.
+        says_what_it_is: The schema alone distinguishes truth from measurement; the topic's name does not count.
     """
 
     role: Role

@@ -120,8 +120,8 @@ def detection_signal(
     """Build the detection signal of a channel, scan by scan, from the values of its detections.
 
     Args:
-        columns, reading, ledger: As of every builder, s messages.
-        kind: What a row of `values` holds, see `DetectionSignal`.
+        columns, reading, ledger: The channel of s messages, its settings and its ledger.
+        kind: The contents of a row of `values`, see `DetectionSignal`.
         elements: The detections in each message, n together.
         values: Shape (n, k).
         covariance: Shape (n, k, k), or None where no message gives any.

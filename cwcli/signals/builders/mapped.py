@@ -30,11 +30,11 @@ def build_mapped(
     """Build the signal of a channel whose fields the user has mapped.
 
     Args:
-        columns: With the fields of the mapping, or those of CAN frames.
-        reading: How it is read.
-        mapping: What the user said.
-        parts: Further channels, with what the user said of them.
-        build: The builder of the message that it becomes.
+        columns: The channel, with the fields of the mapping or those of CAN frames.
+        reading: The settings for reading it.
+        mapping: The user's mapping.
+        parts: Further channels with the user's mappings of them.
+        build: The builder of the message that the channel is converted to.
 
     Raises:
         UsageError: The mapping, or a DBC file, does not fit the messages.

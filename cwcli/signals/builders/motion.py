@@ -37,7 +37,7 @@ class BodyMotion:
     Attributes:
         speed_mps: Along the body's x axis, negative in reverse.
         yaw_rate_radps: Counter-clockwise positive.
-        speed_variance, yaw_rate_variance: In (m/s)^2 and (rad/s)^2, unchecked.
+        speed_variance, yaw_rate_variance: Variances in (m/s)^2 and (rad/s)^2, unchecked.
     """
 
     speed_mps: FloatArray
@@ -131,7 +131,7 @@ def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
     Args:
         ledger: Takes a note if so.
         values: Shape (n,), any unit; what is not finite becomes NaN.
-        name: Of the field, for the note.
+        name: The field's name, for the note.
     """
     if len(values) > 1 and not np.any(values):
         ledger.note(f"{name} is exactly 0 in every message, taken as not measured")

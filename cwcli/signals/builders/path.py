@@ -31,8 +31,8 @@ class PathSignal:
         stamp_ns, log_time_ns: Shape (n,).
         offsets: Shape (n + 1,): path k has the points `offsets[k]:offsets[k + 1]`, two at least.
         time_s: One value a point: from the stamp of its path; NaN in all points of a path whose times do not increase.
-        x_m, y_m: Likewise, in `frame_id`.
-        speed_mps: Likewise; NaN where not given.
+        x_m, y_m: One value a point, in `frame_id`.
+        speed_mps: One value a point; NaN where not given.
     """
 
     source: str

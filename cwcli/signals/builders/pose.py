@@ -127,8 +127,8 @@ def _motion(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_rad
     """Return speed and yaw rate from the twist of an `Odometry`, NaN where the message has none.
 
     It is in the child frame, so its x is the speed, whatever the frame of the pose is called. Some senders put it in
-    the axes of the pose; the way from pose to pose tells, and it is turned by the yaw. Where no orientation is given
-    and the twist points to the side, too, as no car drives, the speed is its magnitude.
+    the axes of the pose; the path from pose to pose shows that, and it is rotated by the yaw. Where no orientation is
+    given and the twist points to the side, too, as no car drives, the speed is its magnitude.
     """
     n = len(columns)
     if find(columns, "twist.twist.linear.x") is None:

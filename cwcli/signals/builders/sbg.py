@@ -1,6 +1,6 @@
 """SBG Systems' `SbgGpsPos`, `SbgGpsVel`, `SbgEkfNav`, `SbgEkfEuler` and `SbgImuData` (package `sbg_driver`).
 
-Their axes are north-east-down or east-north-up, as the driver was set; only the name of the frame tells: the driver
+Their axes are north-east-down or east-north-up by the driver's settings; only the frame name shows which: the driver
 calls it `imu_link_ned` or `imu_link`. Messages of a frame whose name says neither are not used, but positions are:
 latitude and longitude have names of their own. What the driver calls east-north-up in `SbgImuData` are other axes of
 the device from one of its versions to the next, so that it counts in north-east-down alone: forward, right, down.

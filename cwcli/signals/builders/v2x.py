@@ -116,7 +116,7 @@ def _own_builder(
     """Return a builder of a signal of the ego.
 
     Args:
-        codec: How to read the channel.
+        codec: The channel's codec.
         make: Decoded messages, the rows in use, and source and times of these -> the signal.
         needs: A message without this quantity is set aside.
     """

@@ -33,7 +33,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
 
     Args:
         columns: The channel.
-        reading: How to read it.
+        reading: The settings for reading it.
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     ledger = RowLedger(columns, reading.role)

@@ -85,7 +85,7 @@ def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: st
     Args:
         columns: The channel.
         reading: `ego_station` names the host vehicle.
-        ledger: Of the channel.
+        ledger: The channel's ledger.
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     base = f"{prefix}moving_object.base"

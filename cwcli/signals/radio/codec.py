@@ -45,8 +45,8 @@ class Packed:
     """A message in the packed encoding that is decoded.
 
     Attributes:
-        program: Of its components.
-        message_id, versions: What ETSI's header must say, for ETSI's messages.
+        program: The program that decodes its components.
+        message_id, versions: The required values of the header, for ETSI's messages.
     """
 
     program: Callable[[], Program]
@@ -60,7 +60,7 @@ class Kind(Packed):
 
     Attributes:
         fields: Decoded messages -> the leaf fields that `codec` reads.
-        codec: Of the same message in a form with named fields.
+        codec: The codec of the same message in a form with named fields.
         rows: The list whose elements are the road users; "": the message's sender is the one.
     """
 

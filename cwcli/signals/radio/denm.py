@@ -1,6 +1,6 @@
 """ETSI Decentralized Environmental Notification Message in the packed encoding (EN 302 637-3 V1.3.1, BTP port 2002).
 
-It tells of an event on the road, not of its sender. Release 2 (TS 103 831) packs what is read here alike.
+It describes an event on the road, not its sender. Release 2 (TS 103 831) packs what is read here alike.
 """
 
 from __future__ import annotations

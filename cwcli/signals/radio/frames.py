@@ -63,7 +63,7 @@ def unwrap(columns: Columns, form: str) -> Frames:
     """Find the messages in the octets of a channel.
 
     Args:
-        columns: With one of `CONTENTS`; rows without octets are truncated.
+        columns: The channel with one of `CONTENTS`; rows without octets count as truncated.
         form: One of `FORMATS`.
     """
     octets = _octets(find(columns, *CONTENTS), len(columns))

@@ -69,7 +69,7 @@ def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -
     """Decode messages of one type.
 
     Args:
-        program: Of the type.
+        program: The program of the type.
         octets: The messages.
         status: Shape (n,): what is wrong with messages that are not to be decoded, else 0.
 
