@@ -129,7 +129,7 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": "object_dimension_y.value.value",
     "length_m": "object_dimension_x.value.value",
 }
-"""The leaf fields of an object in the ROS message, behind `OBJECTS`, by quantity."""
+"""The leaf fields of an object in the ROS message, behind the prefix of the objects, by quantity."""
 PRESENCE: dict[str, str] = {
     "object_id_is_present": "object",
     "angles_is_present": "heading_deg",
@@ -176,7 +176,7 @@ def ros_objects(columns: Columns) -> Objects:
 
 
 def decode_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode perceived objects, one a row, from the codes of `SENDER_PATHS` and `OBJECT_PATHS`.
+    """Decode perceived objects, one a row, from the codes of senders and objects.
 
     The heading is that of the object's box where it is given, else the direction of its velocity; the speed is negative
     where the velocity points backward. The acceleration along it is the vector's part in that direction.

@@ -105,7 +105,7 @@ def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
 
 
 def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
-    """Return the codes of `PATHS`, NaN where absent or not in the standard; the ledger counts the latter."""
+    """Return the codes of the ROS fields, NaN where absent or not in the standard; the ledger counts the latter."""
     raw = {name: numbers(columns, path) for name, path in PATHS.items()}
     for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
         for name in names:

@@ -53,7 +53,7 @@ class Condition:
 
     Attributes:
         path: Names, numbers of elements, and conditions that choose an element.
-        sign: A key of `COMPARE`.
+        sign: The comparison sign.
         value: The value that the field is compared with.
         text: The condition as it was written.
     """
@@ -103,7 +103,7 @@ def value_at(message: object, path: tuple[str | int | Condition, ...]) -> object
     """Return the value at a path of a message: a dictionary, list, number, truth value, text or None.
 
     Returns:
-        The value, or what is `Missing`.
+        The value, or why it is missing.
     """
     at = message
     for step in path:

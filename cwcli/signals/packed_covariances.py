@@ -58,7 +58,7 @@ class PackedCovariances:
 
     @classmethod
     def empty(cls, n: int, k: int) -> Self:
-        """Return room for n covariances of k states, to be filled by `put`."""
+        """Return room for n covariances of k states, to be filled later."""
         return cls(np.empty((n, k), np.float32), np.empty((n, k * (k - 1) // 2), np.float32))
 
     @classmethod
@@ -169,7 +169,7 @@ def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
-    """Return the number of binary digits of each matrix's step, at least `CORRELATION_BITS`; all must be finite."""
+    """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
     least = np.linalg.eigvalsh(_dense(np.ones((len(correlation), k)), correlation))[:, 0]
     step = np.clip(STEP_OF_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
     return np.asarray(np.ceil(-np.log2(step)), np.intp)

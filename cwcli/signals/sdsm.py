@@ -75,7 +75,7 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": _VEHICLE + "size.vehicle_width",
     "length_m": _VEHICLE + "size.vehicle_length",
 }
-"""The leaf fields of an object in the ROS messages, behind `OBJECTS`, by quantity."""
+"""The leaf fields of an object in the ROS messages, behind the prefix of the objects, by quantity."""
 _ACCELERATION = ("accel_mps2", "lateral_accel_mps2")
 """The quantities of an acceleration."""
 PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (

@@ -159,7 +159,7 @@ def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) ->
 
 
 def _candidates(last: _Ends, first: _Ends) -> _Candidates:
-    """Find all pairs whose pause and motion fit; only ids that begin within `MAX_PAUSE_S` of an end are compared.
+    """Find all pairs whose pause and motion fit; only ids that begin soon enough after an end are compared.
 
     Raises:
         UsageError: There are more than `MOST_PAIRS` of those.
@@ -254,7 +254,7 @@ def _decided(found: _Candidates, n: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
-    pair counts where the likeliest pairing without it is less likely by `LEAST_ODDS`.
+    pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
     follower = np.full(n, -1, np.int64)
     is_good = found.distance <= MOST_DISTANCE

@@ -164,7 +164,7 @@ def _settled(ledger: RowLedger, fix: GnssFix, reading: Reading, values: Sequence
     """Order the rows in time, and add a note where the receiver's clock and the recorder's are far apart.
 
     A receiver keeps its own time where no driver stamps it. What lies between the latencies that the estimator looks
-    for and the steps that `settle` repairs would place it wrong beside the other sensors.
+    for and the steps that the clock repair covers would place it wrong beside the other sensors.
     """
     timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
     delay_s = ledger.quality.delay_s

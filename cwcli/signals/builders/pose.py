@@ -31,7 +31,7 @@ MAX_SLIP = 0.1
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
     """Build poses. An orientation that is the identity in every message is taken as not given (yaw NaN).
 
-    Speed and yaw rate are those of the twist of an `Odometry`, see `_motion`; only a truth is compared with them.
+    Speed and yaw rate are those of the twist of an `Odometry`; only a truth is compared with them.
     """
     ledger = RowLedger(columns, reading.role)
     base = "pose.pose" if find(columns, "pose.pose.position.x") is not None else "pose"
@@ -73,7 +73,7 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
 
 
 def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-    """Build the speed from the twist of an `Odometry`, see `_motion`."""
+    """Build the speed from the twist of an `Odometry`."""
     ledger = RowLedger(columns, reading.role)
     yaw_rad = _given_yaw(columns, ledger, "pose.pose.orientation")
     motion = _motion(columns, ledger, vector(columns, "pose.pose.position"), yaw_rad)

@@ -34,7 +34,7 @@ PLACES = ("vehicle_localization", "location", "vehicle_motion")
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
-    """Build the host's poses from the first of `PLACES` that the channel has, else fixes from its WGS84 position."""
+    """Build the host's poses from the first part that holds one, else fixes from its WGS84 position."""
     ledger = RowLedger(columns, reading.role)
     part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), None)
     if part is None and np.isfinite(numbers(columns, f"{GLOBE}.latitude")).any():

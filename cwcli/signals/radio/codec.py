@@ -100,7 +100,7 @@ DENM = Packed(denm.program, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS)
 
 
 def radio_codec(form: str) -> V2xCodec:
-    """Return the codec of a channel whose octets are in one of `frames.FORMATS`."""
+    """Return the codec of a channel whose octets are in a format: `j2735`, `btp` or `its`."""
 
     def identify(columns: Columns) -> Senders:
         n = len(columns)

@@ -44,7 +44,7 @@ class Frames:
         octets: The messages.
         message: Shape (n,): J2735's message id, the BTP port or ETSI's message id, by format.
         security: Shape (n,): `radio_frames.SECURITY_*`.
-        status: Shape (n,): 0, or a key of `FAULTS`.
+        status: Shape (n,): 0, or the code of a fault.
     """
 
     octets: Octets
@@ -63,8 +63,8 @@ def unwrap(columns: Columns, form: str) -> Frames:
     """Find the messages in the octets of a channel.
 
     Args:
-        columns: The channel with one of `CONTENTS`; rows without octets count as truncated.
-        form: One of `FORMATS`.
+        columns: The channel with a field of octets; rows without octets count as truncated.
+        form: The format: `j2735`, `btp` or `its`.
     """
     octets = _octets(find(columns, *CONTENTS), len(columns))
     if form == "j2735":

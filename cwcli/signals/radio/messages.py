@@ -46,7 +46,7 @@ class Decoded:
     """The components of decoded messages; a message that can't be decoded has none.
 
     Attributes:
-        status: Shape (n,): 0, or why not: a key of `FAULTS`, or as it was given.
+        status: Shape (n,): 0, or the code of a fault, or as it was given.
         components: Path -> shape (n,), or for a component of a list's elements (e,), as the message codes them.
         rows: Path of each list -> shape (e,): the message that each element is in.
     """
@@ -56,7 +56,7 @@ class Decoded:
     rows: Mapping[str, Int64Array]
 
     def codes(self, path: str) -> Int64Array:
-        """Return a component as the message codes it, `MISSING` where it is absent."""
+        """Return a component as the message codes it, the code for missing where it is absent."""
         return self.components[path]
 
     def numbers(self, path: str) -> FloatArray:

@@ -194,7 +194,7 @@ OBJECT_PATHS: dict[str, str] = {
 
 @cache
 def program() -> Program:
-    """Compile the program that decodes the components of `SENDER_PATHS` and `OBJECT_PATHS`."""
+    """Compile the program that decodes the components of sender and objects."""
     of_objects = (f"{OBJECTS}.{path}" for path in OBJECT_PATHS.values())
     return compile_type(SDSM, (*SENDER_PATHS.values(), *of_objects), (OBJECTS,))
 
