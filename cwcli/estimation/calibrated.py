@@ -138,7 +138,7 @@ def calibrated_model(series: Sequence[Series], calibration: Calibration) -> Foun
 
 
 def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibration) -> tuple[FloatArray, FloatArray]:
-    """Return prior means and variances (n,) of the parameter states: biases, scales and lever arms of the calibration."""
+    """Return prior means and variances (n,) of parameter states: biases, scales and lever arms of the calibration."""
     mean, prior = np.zeros_like(prior), prior.copy()
     for s in series:
         for name, state, none in (
@@ -155,7 +155,7 @@ def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibr
 def with_latencies(
     series: Sequence[Series], found: Sequence[Latency], calibration: Calibration, *, causal: bool
 ) -> tuple[list[Latency], list[str]]:
-    """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes on contradictions.
+    """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes.
 
     Args:
         series: All series.

@@ -133,7 +133,7 @@ class Constant:
         """One sigma of the constant in another drive: 1.96 of them hold 95 %.
 
         The variance is that of the mean plus that between drives (Higgins, Thompson and Spiegelhalter, 2009). With few
-        drives the spread is itself uncertain, so Student's quantile with one degree of freedom less than drives is used.
+        drives the spread is uncertain, so Student's quantile with one degree of freedom less than drives is used.
         """
         both = math.hypot(self.sigma, self.spread)
         return both * student_factor(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both

@@ -25,8 +25,8 @@ from cwcli.signals.columns import FloatArray
 MIN_LOSS = 0.02
 """Loss of log-likelihood per row of a source from which a note reports it.
 
-Chosen by tests.studies.city_drive: fixes with 0.6 m of noise that are corrected by 100 ms too much lose 0.04, those with
-the right calibration less than 0.002; noise that is wrong by 14 % costs as much."""
+Chosen by tests.studies.city_drive: fixes with 0.6 m of noise that are corrected by 100 ms too much lose 0.04, those
+with the right calibration less than 0.002; noise that is wrong by 14 % costs as much."""
 MAX_TOLD = 2
 """Greatest number of contradictions that a note lists; chosen for short notes."""
 NOISE_RATIO = 1.25
@@ -104,7 +104,7 @@ def _predicted(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _
 
 
 def _gains(own: _Prediction, calibrated: _Prediction) -> dict[tuple[str, Kind], FloatArray]:
-    """Return the log-likelihood that the log's own constants gain per row, by source and kind, where both predict it."""
+    """Return the log-likelihood that the log's own constants gain per row, by source and kind."""
     gains = {}
     for key, score in own.scores.items():
         other = calibrated.scores.get(key)

@@ -172,5 +172,5 @@ class EstimatorConfig:
 
     @property
     def is_blind_online(self) -> bool:
-        """Whether online states take no parameter from the log, because of a calibration or because `latency` is "none"."""
+        """Whether online states take no parameter from the log, due to a calibration or to `latency` being "none"."""
         return self.calibration is not None or self.latency == "none"

@@ -112,7 +112,7 @@ def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> 
 def placed_remotes(
     signals: Sequence[Signal], position: Signal, local_map: LocalMap | None, *, is_stitched: bool = False
 ) -> tuple[RemoteSignal | None, tuple[str, ...]]:
-    """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes on the others.
+    """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes.
 
     Args:
         signals: Signals; those of remote vehicles are used.
@@ -180,7 +180,7 @@ def remote_measurements(
 
 
 def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
-    """Return position and heading. The twist of an odometry has another role (the ego speed), so that it counts once."""
+    """Return position and heading. The twist of an odometry has another role (ego speed), so that it counts once."""
     values = np.column_stack([pose.x_m, pose.y_m])
     variance = pose.yaw_variance_rad2
     if variance is None:

@@ -16,7 +16,7 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 SLACK_NS = 1_000
-"""A state may use a row that is later than it by at most this, ns, because the filter rounds times to seconds (float)."""
+"""A state may use a row that is later than it by at most this, ns, because the filter computes in float seconds."""
 NEVER_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
 LONG_AGO_NS = np.iinfo(np.int64).min

@@ -41,8 +41,8 @@ class ModelParameters:
         reverse_mps: Faster reversing means that the heading is wrong by half a turn.
         accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
         yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
-        time_constant_s: Index of a parameter state -> time constant with which it fades to zero (Gauss-Markov); the other
-            parameter states are random walks.
+        time_constant_s: Index of a parameter state -> time constant with which it fades to zero (Gauss-Markov); the
+            other parameter states are random walks.
         turn_noise: Index of a parameter state -> additional white noise, variance per radian turned.
     """
 

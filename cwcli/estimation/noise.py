@@ -1,4 +1,4 @@
-"""Estimate noise that the log does not state: of measurements by innovation matching, of motion by maximum likelihood."""
+"""Estimate unstated noise: of measurements by innovation matching, of the motion by maximum likelihood."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ MAX_UPDATES = 30_000
 MAX_UPDATES_SLOW = 1_500
 """Greatest number of rows in the window without an IMU. Chosen for speed, as a log may hold many remote vehicles."""
 ENOUGH_ROWS = 300
-"""With this many rows in the window the whole log is not needed for the noise. Chosen by hand; not fitted."""
+"""Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
 SCALE_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
 MANOEUVRE_SIGMAS: dict[str, tuple[float, float]] = {
     "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
     "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
 }
-"""Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a car and driver can do."""
+"""Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a driver can do."""
 ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
 SETTLED = 1.05
@@ -61,8 +61,8 @@ def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> flo
     from one innovation to the next, and are there all the same. Where they have a state of their own (`slow_state`)
     the noise is what is left of the message's, the white part, and free.
 
-    White noise that was fitted together with an error of the stamps stays as it is: there the log is predicted best, and
-    the innovations along the path, which depend little on it, would outweigh those across.
+    White noise that was fitted together with an error of the stamps stays as it is: there the log is predicted best,
+    and the innovations along the path, which depend little on it, would outweigh those across.
 
     Args:
         s: The series with its present noise.

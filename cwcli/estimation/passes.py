@@ -29,7 +29,7 @@ RATE_PATIENCE = 2
 PATIENCE_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_GAP_S = 0.2
-"""In a longer gap of a gyroscope the pitch rate is taken as zero, s. Chosen by hand; not fitted."""
+"""The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
 BEFORE_START = -1
 """Status of a row that is earlier than the start of the filter."""
 IntArray = npt.NDArray[np.int32]
@@ -76,8 +76,8 @@ class Series:
         pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
-        interval_s: Usual time between two rows from other drives; NaN: take it from the rows; infinite: unknown, because
-            later rows must not be used.
+        interval_s: Usual time between two rows from other drives; NaN: take it from the rows; infinite: unknown,
+            because later rows must not be used.
         is_exact: See `Measurements`.
     """
 
@@ -337,8 +337,8 @@ def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
 def _patience(s: Series, reset_after: int) -> int:
     """Return the number of rejections in a row after which a source is used again.
 
-    It is at most `reset_after`, and at most `PATIENCE_S` of a slow source. Where the rate of the rows is unknown it is two,
-    and the kernel's own limit in seconds applies.
+    It is at most `reset_after`, and at most `PATIENCE_S` of a slow source. Where the rate of the rows is unknown it is
+    two, and the kernel's own limit in seconds applies.
     """
     if s.kind in RATES:
         return RATE_PATIENCE
