@@ -3,9 +3,9 @@
 Two cars cannot be in one place. An object is a sender where that is a thousand times likelier than the nearest place of
 another car beside the sender, by the uncertainties that both messages state. So precise positions decide, and with
 vague ones both stay. The errors of a receiver last, so that many moments tell no more than one; the mean of the last
-moments is used. An object's number may pass to another car: at a moment that disagrees the object is kept and the run of
-moments begins anew. An object is left out only while the sender's message is as recent as its own: not after the sender has
-fallen silent, and only in part if the sender is heard less often than it is seen.
+moments is used. An object's number may pass to another car: at a moment that disagrees the object is kept and the run
+of moments begins anew. An object is left out only while the sender's message is as recent as its own: not after the
+sender has fallen silent, and only in part if the sender is heard less often than it is seen.
 """
 
 from __future__ import annotations
