@@ -7,19 +7,24 @@ called, is a `PluginError` that names its package.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import fields, replace
 from functools import lru_cache, wraps
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
-from cwcli.errors import CwcliError, PluginError, UsageError
+from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
 MAX_BYTES = 1 << 20
+MAX_SHOWN = 300
+"""Characters of a plug-in's error that are shown."""
 PLAIN: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "bool": (bool,),
@@ -27,6 +32,8 @@ PLAIN: dict[str, tuple[type, ...]] = {
     "float | None": (float, int, type(None)),
 }
 """Annotation of a field -> what its value may be, where that can be said in a word."""
+_plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
+"""Whether the registries hold their built-in entries alone, whatever is installed."""
 Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
@@ -50,10 +57,30 @@ class Plugin(NamedTuple):
         Raises:
             PluginError: It can't be imported.
         """
-        try:
+        with self.blamed("can't be imported"):
             return named(self.target)
-        except (Exception, SystemExit) as error:
-            raise self.error(f"can't be imported: {_said(error)}") from error
+
+    @contextlib.contextmanager
+    def blamed(self, problem: str) -> Iterator[None]:
+        """Whatever is raised inside the block is this plug-in's fault, also what is no `Exception`.
+
+        A known error of cwcli passes, and so does what the user or the system ends the run with: what Python raises on
+        Ctrl-C (`KeyboardInterrupt` itself, none of its subclasses), and `Terminated`.
+
+        Args:
+            problem: What the plug-in could not do, in words.
+
+        Raises:
+            PluginError: Something else was raised.
+        """
+        try:
+            yield
+        except (CwcliError, Terminated):
+            raise
+        except BaseException as raised:
+            if type(raised) is KeyboardInterrupt:
+                raise
+            raise self.error(f"{problem}: {_description(raised)}") from raised
 
     def error(self, problem: str) -> PluginError:
         """What is wrong with it, as an error."""
@@ -114,7 +141,7 @@ class Registry(Mapping[str, T]):
             UsageError: There is none.
         """
         if name not in self:
-            raise UsageError(f"there is no {self.what} '{name}'", hint=f"one of: {', '.join(self)}")
+            raise UsageError(f"there is no {self.what} '{name}'", hint=names_hint(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
@@ -139,10 +166,14 @@ class Registry(Mapping[str, T]):
         if isinstance(found, str):
             entry: T = named(found)
             return entry
-        return self._accept(found.load(), found)
+        loaded = found.load()
+        with found.blamed("can't be used"):
+            return self._accept(loaded, found)
 
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
+        if _plugins_hidden.get():
+            return out
         for found in _installed(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)
             if name in self._builtin or name in self._taken:
@@ -151,6 +182,16 @@ class Registry(Mapping[str, T]):
                 raise plugin.error(f"has the name of one of the package {out[name].package}")
             out[name] = plugin
         return out
+
+
+@contextmanager
+def hide_plugins() -> Iterator[None]:
+    """Leave the entries of other packages out of every registry: for documents about cwcli alone."""
+    token = _plugins_hidden.set(True)
+    try:
+        yield
+    finally:
+        _plugins_hidden.reset(token)
 
 
 def named(target: str) -> Any:
@@ -188,31 +229,32 @@ def guarded(function: Callable[..., Any], name: str, check: Check | None, plugin
 
     @wraps(function)
     def call(*arguments: Any, **named_arguments: Any) -> Any:
-        try:
+        with plugin.blamed(f"raised in {name}"):
             result = function(*arguments, **named_arguments)
-        except CwcliError:
-            raise
-        except (Exception, SystemExit) as raised:
-            raise plugin.error(f"raised in {name}: {_said(raised)}") from raised
         if check is None:
             return result
-        try:
-            return check(result, *arguments, **named_arguments)
-        except (TypeError, ValueError) as wrong:
-            raise plugin.error(f"returned from {name} what it must not: {wrong}") from wrong
+        with plugin.blamed(f"returned from {name} what it must not"):
+            try:
+                return check(result, *arguments, **named_arguments)
+            except (TypeError, ValueError) as wrong:
+                raise plugin.error(f"returned from {name} what it must not: {wrong}") from wrong
 
     return call
 
 
-def _said(error: BaseException) -> str:
+def _description(error: BaseException) -> str:
     """`ZeroDivisionError: division by zero (rule.py, line 7)`."""
     import traceback
     from pathlib import Path
 
-    ours = (__file__, importlib.__file__)
+    ours = (__file__, importlib.__file__, contextlib.__file__)
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if frame.filename not in ours]
     places = [f" ({Path(frame.filename).name}, line {frame.lineno})" for frame in frames if frame.filename[0] != "<"]
-    return f"{type(error).__name__}: {' '.join(str(error).split())}{places[-1] if places else ''}"
+    try:
+        text = " ".join(str(error).split())[:MAX_SHOWN]
+    except Exception:  # the plug-in's own exception can't be printed
+        text = ""
+    return f"{type(error).__name__}{': ' if text else ''}{text}{places[-1] if places else ''}"
 
 
 @lru_cache(maxsize=8)

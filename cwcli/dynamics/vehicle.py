@@ -6,7 +6,6 @@ wrong, what is permitted.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
@@ -15,6 +14,7 @@ from typing import Any
 
 from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
+from cwcli.toml_text import parse_toml
 
 SUFFIX = ".toml"
 DEFAULT_VEHICLE = "zhang2011"
@@ -96,7 +96,7 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
     """
     text, where = _text_of(source)
     try:
-        table = tomllib.loads(text)
+        table = parse_toml(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=where) from None
     vehicle = vehicle_from_table(table, where)

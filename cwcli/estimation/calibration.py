@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -26,6 +25,7 @@ from cwcli.errors import InputError, UsageError
 from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
 from cwcli.metrics.student import student_factor
+from cwcli.toml_text import parse_toml
 
 FORMAT_KEY, FORMAT = "cwcli_calibration", 1
 """Key of the format version in a calibration file, and the version that this code reads and writes."""
@@ -211,7 +211,7 @@ def load_calibration(source: str | Path) -> Calibration:
         reason = "not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", str(error))
         raise InputError(f"can't be read: {reason}", where=where) from None
     try:
-        table = tomllib.loads(text)
+        table = parse_toml(text)
     except (ValueError, RecursionError) as error:
         raise UsageError(f"not TOML: {error}", where=where) from None
     return calibration_from_table(table, where)

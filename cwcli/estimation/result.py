@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
@@ -124,6 +125,7 @@ class Track:
         notes: One-line remarks for the user (resets, what could not be observed).
         manoeuvre: Name of a manoeuvre sigma of `model.ModelParameters` -> value that was found or given.
         gated: Rows that the gate rejected; empty for the paper's filter, which has no gate.
+        contradictions: Sources that contradict each other, the most important first.
     """
 
     stamp_ns: Int64Array
@@ -135,3 +137,4 @@ class Track:
     notes: tuple[str, ...] = field(default=())
     manoeuvre: Mapping[str, float] = field(default_factory=dict)
     gated: Gated = NOTHING_GATED
+    contradictions: tuple[Contradiction, ...] = ()

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
-from cwcli.signals.clocks import find_gaps
+from cwcli.signals.clocks import MAX_STAMP_NS, find_gaps
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.leaf_fields import stamps
 from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
@@ -81,11 +81,13 @@ def health(columns: Columns, start_ns: int, end_ns: int) -> Health:
     """How one topic was recorded, in a log from `start_ns` to `end_ns`."""
     stamp_ns, has_stamp = stamps(columns)
     log_ns = columns.log_time_ns
+    is_time = (log_ns >= 0) & (log_ns <= MAX_STAMP_NS)  # an unsigned number beyond 2^63 is negative here
+    has_stamp &= is_time
     given, logged = stamp_ns[has_stamp], log_ns[has_stamp]
-    time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns)
+    time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns[is_time])
     steps = np.diff(time_ns)
     median_ns = float(np.median(steps)) if len(steps) else 0.0
-    gaps = find_gaps(np.sort(log_ns), start_ns=start_ns, end_ns=end_ns)
+    gaps = find_gaps(np.sort(log_ns.view(np.uint64)), start_ns=start_ns, end_ns=end_ns)
     return Health(
         columns.topic,
         len(columns),

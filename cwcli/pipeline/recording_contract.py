@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 import sys
-import tomllib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from cwcli.errors import UsageError
 from cwcli.input import read_file
+from cwcli.toml_text import parse_toml
 
 OF_LOG = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
 OF_TOPIC = {
@@ -69,7 +69,7 @@ class RecordingContract:
             UsageError: The file can't be read, is no TOML, or says what no log can be checked for.
         """
         try:
-            document = tomllib.loads(read_file(path).decode())
+            document = parse_toml(read_file(path).decode())
         except OSError as error:
             raise UsageError(f"can't read the contract: {error.strerror}", where=path) from error
         except (ValueError, RecursionError) as error:

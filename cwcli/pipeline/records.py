@@ -160,6 +160,6 @@ def vehicle_of(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
         return vehicle, (note,)
     try:
         return Vehicle(**json.loads(entry)), ()
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         what = f"the car in the record {PREFIX}observe can't be read: {error}"
         raise DataError(what, where=log.name, hint="observe again") from None

@@ -135,12 +135,16 @@ def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
 
 
 def find_gaps(
-    stamp_ns: Int64Array, *, start_ns: int | None = None, end_ns: int | None = None, min_gap_s: float | None = None
+    stamp_ns: Int64Array | npt.NDArray[np.uint64],
+    *,
+    start_ns: int | None = None,
+    end_ns: int | None = None,
+    min_gap_s: float | None = None,
 ) -> tuple[Gap, ...]:
     """List the stretches without data.
 
     Args:
-        stamp_ns: Shape (n,), non-decreasing.
+        stamp_ns: Shape (n,), non-decreasing; log times may need all 64 bits of an unsigned number.
         start_ns, end_ns: The log's first and last time: a channel that starts late or dies early then has a gap there.
         min_gap_s: Shortest gap to list; None means five median intervals, but at least one second.
 
@@ -152,11 +156,12 @@ def find_gaps(
     if min_gap_s is None:
         median_s = float(np.median(np.diff(stamp_ns))) * S_PER_NS if len(stamp_ns) > 1 else 0.0
         min_gap_s = max(1.0, 5.0 * median_s)
-    before = [] if start_ns is None else [min(start_ns, int(stamp_ns[0]))]
-    after = [] if end_ns is None else [max(end_ns, int(stamp_ns[-1]))]
-    edges = np.concatenate([np.array(before, dtype=np.int64), stamp_ns, np.array(after, dtype=np.int64)])
-    is_gap = np.diff(edges) * S_PER_NS > min_gap_s
-    return tuple(Gap(int(edges[i]), int(edges[i + 1])) for i in np.flatnonzero(is_gap))
+    long_steps = np.flatnonzero(np.diff(stamp_ns) * S_PER_NS > min_gap_s)
+    gaps = [Gap(int(stamp_ns[i]), int(stamp_ns[i + 1])) for i in long_steps]
+    first_ns, last_ns = int(stamp_ns[0]), int(stamp_ns[-1])
+    before = Gap(first_ns if start_ns is None else min(start_ns, first_ns), first_ns)
+    after = Gap(last_ns, last_ns if end_ns is None else max(end_ns, last_ns))
+    return tuple(gap for gap in (before, *gaps, after) if gap.duration_s > min_gap_s)
 
 
 def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S) -> tuple[str, ...]:

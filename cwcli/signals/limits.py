@@ -16,6 +16,10 @@ MAX_TURN_RATE_RADPS = 1e3
 MAX_ALTITUDE_M = 1e6
 MAX_STEER_RAD = 1.6
 MAX_POSITION_M = 1e8
+MAX_ANGLE_RAD = 1e6
+"""Angles that are counted on through every turn stay below; beyond, doubles lose the small digits of the angle."""
+MAX_SIZE_M = 1e3
+"""Length, width, and distance of the axle from the middle of a road user."""
 
 NOT_FINITE = "value not a number"
 OUT_OF_RANGE = "value out of range"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 import zlib
 from collections.abc import Mapping
 from contextlib import suppress
@@ -31,6 +30,7 @@ from cwcli.simulation.spec import (
     read_table,
 )
 from cwcli.simulation.truth import TrueMotion, check_possible
+from cwcli.toml_text import parse_toml
 
 __all__ = [
     "HOST",
@@ -129,7 +129,7 @@ def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
             )
         source, text = path.name, _read_text(path)
     try:
-        return source.removesuffix(".toml"), tomllib.loads(text)
+        return source.removesuffix(".toml"), parse_toml(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=source) from error
 
@@ -304,6 +304,6 @@ def _index(place: list[Any], key: str, text: str) -> int:
 
 def _toml_value(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        return parse_toml(f"value = {text}")["value"]
     except (ValueError, RecursionError):
         return text

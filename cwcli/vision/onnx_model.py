@@ -25,7 +25,6 @@ Of a net that tells columns at fixed rows (row anchors; Ultra-Fast-Lane-Detectio
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,6 +36,7 @@ import numpy.typing as npt
 from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
 from cwcli.signals.columns import FloatArray
+from cwcli.toml_text import parse_toml
 from cwcli.vision.method import GreyImage
 
 Float32Array = npt.NDArray[np.float32]
@@ -200,7 +200,7 @@ def described(path: Path) -> NetShape:
         UsageError: It is no TOML, or a key is missing, unknown, or not as it must be.
     """
     try:
-        table = tomllib.loads(_read(path).decode())
+        table = parse_toml(_read(path).decode())
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=str(path)) from None
     reader = _Reader(path, table)

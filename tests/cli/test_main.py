@@ -67,6 +67,7 @@ def test_error_escapes_control_characters() -> None:
         (ValueError("a bug"), 70),
         (MemoryError(), 70),
         (RecursionError("deep"), 70),
+        (GeneratorExit(), 70),
     ],
     ids=lambda value: value if isinstance(value, int) else type(value).__name__,
 )

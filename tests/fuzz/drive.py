@@ -49,7 +49,7 @@ def drive(
     """Check cases one after the other.
 
     Args:
-        level: `kernel` or `file`.
+        level: One of `worker.LEVELS`.
         seed: Of the cases.
         first: Number of the first case.
         n_inputs, n_cases: Stop after so many.

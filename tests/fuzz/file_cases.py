@@ -79,7 +79,7 @@ def check_log(data: bytes, command: tuple[str, ...] | None, counts: Counter[str]
         AssertionError: A message is not the official one, or an exit code is not documented.
     """
     counts["inputs"] += 1
-    with tempfile.TemporaryDirectory(dir=_fast_folder()) as folder:
+    with tempfile.TemporaryDirectory(dir=fast_folder()) as folder:
         path = Path(folder) / "in.mcap"
         path.write_bytes(data)
         found = _rows(path, recover=False)
@@ -224,6 +224,6 @@ def _drives() -> tuple[bytes, bytes]:
         return plain.read_bytes(), annotated.read_bytes()
 
 
-def _fast_folder() -> str | None:
+def fast_folder() -> str | None:
     """Memory, where there is such a folder: each input is a file."""
     return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None

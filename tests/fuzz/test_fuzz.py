@@ -14,11 +14,12 @@ from cwcli.errors import EXIT_BUG
 from cwcli.logs.codecs.cdr import CdrDecoder
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns, Field, Int64Array
-from tests.fuzz import file_cases, kernel_cases
+from tests.fuzz import file_cases, kernel_cases, osi_cases
 from tests.fuzz.decoding import check_messages
 from tests.fuzz.drive import drive
 from tests.fuzz.logs import joined, mutated_log, split
 from tests.fuzz.messages import Messages
+from tests.osi_traces import write_messages
 from tests.unit.logs_read.builders import small_log
 
 CORPUS = Path(__file__).parent / "corpus"
@@ -43,6 +44,29 @@ def test_a_few_logs() -> None:
     counts = inputs_of(file_cases.check_case, range(15))
     assert counts["inputs"] == 4 * 15
     assert counts["compared"] > 10
+
+
+def test_a_few_osi_traces() -> None:
+    counts = inputs_of(osi_cases.check_case, range(10))
+    assert counts["inputs"] == 4 * 10
+    assert counts["accepted"] > 10
+
+
+def test_a_bug_on_an_osi_trace_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(osi_cases, "run", lambda arguments: EXIT_BUG)
+    with pytest.raises(AssertionError):
+        inputs_of(osi_cases.check_case, range(1))
+
+
+def test_an_osi_trace_that_was_a_finding(tmp_path: Path) -> None:
+    """A yaw rate of -1e300 rad/s in the second half made every covariance NaN: exit code 70."""
+    messages = osi_cases.TRACES[0](20)
+    for _, _, world in messages[10:]:
+        world.moving_object[0].base.orientation_rate.yaw = -1e300
+    counts: Counter[str] = Counter()
+    data = write_messages(tmp_path / "in.mcap", messages).read_bytes()
+    osi_cases.check_trace(data, ("estimate", "LOG", "-o", "OUT"), counts)
+    assert counts["accepted"] == 1
 
 
 @pytest.mark.parametrize("path", sorted(CORPUS.glob("*.mcap")), ids=lambda path: path.stem)

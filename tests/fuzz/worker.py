@@ -11,10 +11,13 @@ import resource
 import signal
 import sys
 import traceback
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
+LEVELS = ("kernel", "file", "osi")
+"""What is mutated; the cases of each are in the module of its name."""
 MOST_CPU_S = 10.0
 MOST_BYTES = 8 << 30
 """Of address space; not under AddressSanitizer, which reserves terabytes."""
@@ -23,7 +26,7 @@ MOST_BYTES = 8 << 30
 def main() -> None:
     """Check the cases that the arguments name."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("level", choices=("kernel", "file"))
+    parser.add_argument("level", choices=LEVELS)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--first", type=int, required=True)
     parser.add_argument("--stop", type=int, required=True)
@@ -35,10 +38,7 @@ def main() -> None:
         use(given.kernels)
     else:
         resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    if given.level == "kernel":
-        from tests.fuzz.kernel_cases import check_case
-    else:
-        from tests.fuzz.file_cases import check_case
+    check_case = import_module(f"tests.fuzz.{given.level}_cases").check_case
     for k in range(given.first, given.stop):
         tell({"case": k})
         signal.setitimer(signal.ITIMER_PROF, MOST_CPU_S)  # ends the process

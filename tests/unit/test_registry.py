@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.errors import UsageError
-from cwcli.registry import Registry, plugin_entry
+from cwcli.errors import EXIT_TERMINATED, EXIT_USAGE, DataError, PluginError, Terminated, UsageError
+from cwcli.registry import Plugin, Registry, guarded, plugin_entry
 from tests.cli.plugin_package import install
 
 
@@ -50,3 +50,61 @@ def test_require_names_what_there_is() -> None:
         things.require("three")
     assert error.value.hint == "one of: one, two"
     assert "three" not in things
+
+
+class OwnInterrupt(KeyboardInterrupt):
+    """A plug-in's own kind of interrupt, which nobody's Ctrl-C raises."""
+
+
+class Unprintable(BaseException):
+    def __str__(self) -> str:
+        raise ValueError("no words")
+
+
+PLUGIN = Plugin("near", "extra.rule:RULE", "extra 1.2", "warning rule")
+RAISED = [SystemExit(1), GeneratorExit(), OwnInterrupt("enough"), BaseException("own"), Unprintable(), ValueError("x")]
+
+
+@pytest.mark.parametrize("raised", RAISED, ids=lambda raised: type(raised).__name__)
+def test_whatever_a_plugin_raises_is_an_error_that_names_it(raised: BaseException) -> None:
+    """One that is no Exception would end the process with 1, which means a failed gate."""
+
+    def decide() -> None:
+        raise raised
+
+    with pytest.raises(PluginError, match=r"rule 'near' of the package extra 1\.2 raised in decide: ") as told:
+        guarded(decide, "decide", None, PLUGIN)()
+    assert type(raised).__name__ in str(told.value)
+    assert told.value.exit_code == EXIT_USAGE
+    with pytest.raises(PluginError, match="returned from decide what it must not: "):
+        guarded(int, "decide", lambda result: decide(), PLUGIN)()
+
+
+@pytest.mark.parametrize("raised", [KeyboardInterrupt(), Terminated(), DataError("known")], ids=repr)
+def test_what_is_not_the_plugins_fault_passes(raised: BaseException) -> None:
+    def decide() -> None:
+        raise raised
+
+    with pytest.raises(type(raised)) as passed:
+        guarded(decide, "decide", None, PLUGIN)()
+    assert passed.value is raised
+
+
+def test_termination_has_its_own_exit_code() -> None:
+    assert Terminated().code == EXIT_TERMINATED
+
+
+def test_an_entry_that_fails_when_it_is_accepted_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = """from things import Thing
+class Sly(Thing):
+    def __init__(self, summary):
+        if hasattr(self, 'summary'): raise GeneratorExit
+        super().__init__(summary)
+        type(self).summary = summary
+A = Sly('a')
+"""
+    install(tmp_path, {"cwcli.things": {"ape": "sly_stuff.all:A"}}, {"all": code}, package="sly_stuff")
+    monkeypatch.setitem(sys.modules, "things", sys.modules[__name__])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PluginError, match=r"'ape' of the package sly_stuff 1\.2 can't be used: GeneratorExit"):
+        registry()["ape"]

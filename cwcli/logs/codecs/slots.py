@@ -118,7 +118,7 @@ class StringSlot:
     def finish(self, rows: Int64Array) -> Strings:
         """The given rows. Bytes that are not UTF-8 are shown as escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
-        return first_seen(merge_equal(Strings(self.codes[rows], values)))
+        return first_seen(Strings(self.codes[rows], values).merge_equal())
 
 
 class SpanSlot(StringSlot):
@@ -232,13 +232,6 @@ def first_seen(strings: Strings) -> Strings:
     new_code = np.full(len(strings.values) + 1, -1, np.int32)
     new_code[codes[order]] = np.arange(len(codes), dtype=np.int32)
     return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
-
-
-def merge_equal(strings: Strings) -> Strings:
-    """The same strings with equal values under one code: different bytes may show as the same text."""
-    index: dict[str, int] = {}
-    codes = np.array([index.setdefault(value, len(index)) for value in strings.values] + [-1], np.int32)
-    return Strings(codes[strings.codes], tuple(index))
 
 
 def _address(array: npt.NDArray[np.generic]) -> int:

@@ -1,4 +1,4 @@
-"""ROS 1 bags and rosbag2's databases as MCAP, read by the library `rosbags`.
+"""ROS 1 bags and rosbag2's databases as MCAP, with the library `rosbags`.
 
 Messages of ROS 1 become what ROS 2 would have written (CDR, `package/msg/Type`, no `seq` in a header), so that all that
 reads a log reads them. A database older than ROS 2 Iron has no message definitions: those of the latest release that
@@ -10,39 +10,46 @@ from __future__ import annotations
 import os
 import struct
 import tempfile
-from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from cwcli.errors import InputError, UsageError
+from cwcli.errors import CwcliError, InputError, UsageError, install_hint
 from cwcli.input import InputFile
 from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.read.ros2_database import MAX_VALUE_BYTES, read_database
+from cwcli.logs.read.ros_definitions import definitions
+from cwcli.logs.read.sqlite_files import copy_file, open_database, writing_copy_of
 
 if TYPE_CHECKING:
     from cwcli.logs.write.record_writer import RecordWriter
 
 CHUNK_BYTES = 1 << 20
 HEADER = "std_msgs/msg/Header"
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _MESSAGE = struct.Struct("<BQHIQQ")
 OPCODE_MESSAGE = 0x05
 HEADER_BYTES = 22
-MAX_ID = 0xFFFF
-EXTRA = "pip install 'cwcli[bags]'"
 
 Message = tuple[int, int, bytes | memoryview]
 """Connection, log time, payload."""
 Content = Schema | Channel | Message
 
 
-def convert_bag(file: InputFile, notes: dict[str, int], is_ros1: bool, target: IO[bytes]) -> None:
+def convert_bag(
+    file: InputFile,
+    notes: dict[str, int],
+    journals: Sequence[InputFile] | None,
+    max_bytes: int,
+    target: IO[bytes],
+) -> None:
     """Write a bag, or a database, as a log.
 
     Args:
         file: The bag.
         notes: Gets what could not be converted, and how often.
-        is_ros1: It is a bag of ROS 1.
+        journals: Those of a database; None: it is a bag of ROS 1.
+        max_bytes: What the messages of a database may unpack to.
         target: A file on the disk.
 
     Raises:
@@ -50,52 +57,58 @@ def convert_bag(file: InputFile, notes: dict[str, int], is_ros1: bool, target: I
         OSError: The log can't be written.
         UsageError: The library is not installed.
     """
+    is_ros1 = journals is None
     try:
         import rosbags.rosbag1
-        import rosbags.rosbag2  # noqa: F401
+        import rosbags.typesys  # noqa: F401
     except ImportError as error:
         kind = "ROS 1 bags" if is_ros1 else "rosbag2's databases (.db3)"
-        raise UsageError(f"{kind} need a package that is not installed", where=file.name, hint=EXTRA) from error
+        raise UsageError(
+            f"{kind} need a package that is not installed", where=file.name, hint=install_hint("bags")
+        ) from error
     from cwcli.logs.write.record_writer import RecordWriter
     from cwcli.output_stream import Output
 
     output = Output(target.fileno(), file.name)
     writer = RecordWriter(output)
     writer.header("ros2", "cwcli")
-    with _named(file) as path, closing(_ros1(path, notes) if is_ros1 else _ros2(path, notes)) as content:
-        _write(writer, _read(content, file.name))
+    bag = _ros1(file, notes) if journals is None else _ros2(file, journals, notes, max_bytes)
+    with closing(bag) as content:
+        _write(writer, _read(content, file.name, "the library rosbags" if is_ros1 else "SQLite"))
     writer.finish()
     output.flush()
 
 
-def _read(content: Iterator[Content], name: str) -> Iterator[Content]:
-    """What the library reads; its errors alone are the file's, not those of what is done with it."""
+def _read(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
+    """What a library reads; its errors alone are the file's, not those of what is done with it."""
     while True:
         try:
             item = next(content)
         except StopIteration:
             return
+        except CwcliError:
+            raise
         except Exception as error:  # damaged bytes make the library raise whatever its parsers do
             reason = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(f"the library rosbags can't read it: {reason[:200]}", where=name) from error
+            raise InputError(f"{reader} can't read it: {reason[:200]}", where=name) from error
         yield item
 
 
-def _ros1(path: str, notes: dict[str, int]) -> Generator[Content, None, None]:
+def _ros1(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, None]:
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag1 import Reader
     from rosbags.serde import SerdeError
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.EMPTY)
-    with Reader(path) as reader:
+    with _named(file) as path, Reader(path) as reader:
         types: dict[str, Any] = {}
         for each in reader.connections:
             if each.msgdef.format is not MessageDefinitionFormat.NONE:
                 types.update(get_types_from_msg(each.msgdef.data, each.msgtype))
         types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]  # the conversion takes `seq` out
         store.register(types)
-        yield from _definitions(reader.connections, store, notes)
+        yield from definitions(reader.connections, store, notes)
         for connection, log_time_ns, data in reader.messages():
             try:
                 yield _message(connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype))
@@ -104,31 +117,12 @@ def _ros1(path: str, notes: dict[str, int]) -> Generator[Content, None, None]:
                 notes[what] = notes.get(what, 0) + 1
 
 
-def _ros2(path: str, notes: dict[str, int]) -> Generator[Content, None, None]:
-    import zstandard
-    from rosbags.interfaces import MessageDefinitionFormat
-    from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    reader = Sqlite3Reader(Path(path))
-    reader.open()
-    with closing(reader):
-        own: dict[str, Any] = {}
-        for each in reader.connections:
-            if each.msgdef.format is MessageDefinitionFormat.MSG:
-                own.update(get_types_from_msg(each.msgdef.data, each.msgtype))
-            elif each.msgdef.format is MessageDefinitionFormat.IDL:
-                own.update(get_types_from_idl(each.msgdef.data))
-        if own:
-            store = get_typestore(Stores.EMPTY)
-            store.register(own)
-        yield from _definitions(reader.connections, store, notes)
-        unpack = zstandard.ZstdDecompressor().decompress
-        for connection, log_time_ns, data in reader.messages(reader.connections):
-            if data[:4] == ZSTD_MAGIC:  # rosbag2 has compressed each message; CDR begins with a zero
-                data = unpack(data)  # noqa: PLW2901
-            yield _message(connection.id, log_time_ns, data)
+def _ros2(
+    file: InputFile, journals: Sequence[InputFile], notes: dict[str, int], max_bytes: int
+) -> Generator[Content, None, None]:
+    with open_database(file, journals, MAX_VALUE_BYTES, notes) as database:
+        for item in read_database(database, file.name, notes, max_bytes):
+            yield item if isinstance(item, Schema | Channel) else _message(*item)
 
 
 def _message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
@@ -146,36 +140,14 @@ def _named(file: InputFile) -> Iterator[str]:
         if Path(os.path.realpath(name)).exists():  # SQLite takes the name behind the link
             yield name
             return
-        with tempfile.NamedTemporaryFile(prefix="cwcli-") as copy:
-            for at in range(0, len(file), CHUNK_BYTES):
-                copy.write(file[at : at + CHUNK_BYTES])
-            copy.flush()
+        with ExitStack() as stack:
+            with writing_copy_of(file.name):
+                copy = stack.enter_context(tempfile.NamedTemporaryFile(prefix="cwcli-"))
+                copy_file(file, copy)
+                copy.flush()
             yield copy.name
     finally:
         os.close(descriptor)
-
-
-def _definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Content]:
-    """The schemas and channels; a type that nobody defines has none."""
-    from rosbags.typesys import TypesysError
-
-    schema_ids: dict[str, int] = {}
-    unknown: set[str] = set()
-    for each in connections:
-        if not 0 <= each.id <= MAX_ID:
-            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_ID}")
-        if each.msgtype not in schema_ids:
-            try:
-                text = store.generate_msgdef(each.msgtype, ros_version=2)[0]
-            except (KeyError, TypesysError):
-                unknown.add(each.msgtype)
-                schema_ids[each.msgtype] = 0
-            else:
-                schema_ids[each.msgtype] = len(schema_ids) + 1
-                yield Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text.encode())
-        yield Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {})
-    for name in sorted(unknown):
-        notes[f"message types that nothing defines ({name})"] = 1
 
 
 def _write(writer: RecordWriter, content: Iterator[Content]) -> None:

@@ -27,27 +27,31 @@ class ConvertedFile(InputFile):
     Args:
         descriptor: Of the temporary file; closed with this.
         original: The file that was named; closed with this.
+        more: Files beside it that were read with it; closed with this.
 
     Attributes:
         original: The file that was named.
     """
 
-    def __init__(self, descriptor: int, original: InputFile) -> None:
+    def __init__(self, descriptor: int, original: InputFile, more: Sequence[InputFile] = ()) -> None:
         self.original = original
+        self._more = more
         super().__init__(descriptor, original.name)
 
     @property
     def files(self) -> Sequence[InputFile]:
-        """The file that was named."""
-        return self.original.files
+        """The file that was named, and those that were read with it."""
+        return [*self.original.files, *self._more]
 
     def check_unchanged(self) -> None:
         """Check that the file that was named is what it was when it was opened."""
-        self.original.check_unchanged()
+        for each in (self.original, *self._more):
+            each.check_unchanged()
 
     def _close(self) -> None:
         super()._close()
-        self.original.close()
+        for each in (self.original, *self._more):
+            each.close()
 
 
 def converted(file: InputFile, max_bytes: int) -> InputFile:
@@ -68,27 +72,39 @@ def converted(file: InputFile, max_bytes: int) -> InputFile:
             file = _made(file, partial(_unpack, file, max_bytes))
             head = bytes(file[:16])
         if head.startswith((BAG_MAGIC, DATABASE_MAGIC)):
-            from cwcli.logs.read.bags import convert_bag
-
-            notes: dict[str, int] = {}
-            made = _made(file, partial(convert_bag, file, notes, head.startswith(BAG_MAGIC)))
-            made.notes = {**file.notes, **notes}
-            return made
+            return _converted_bag(file, max_bytes, is_ros1=head.startswith(BAG_MAGIC))
         return file
     except BaseException:
         file.close()
         raise
 
 
-def _made(file: InputFile, fill: Callable[[IO[bytes]], None]) -> InputFile:
-    """A temporary file that `fill` has written, in place of `file`."""
+def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFile:
+    from cwcli.logs.read.bags import convert_bag
+    from cwcli.logs.read.sqlite_files import open_journals
+
+    notes: dict[str, int] = {}
+    journals = [] if is_ros1 else open_journals(file)
+    try:
+        fill = partial(convert_bag, file, notes, None if is_ros1 else journals, max(max_bytes, len(file)))
+        made = _made(file, fill, journals)
+    except BaseException:
+        for each in journals:
+            each.close()
+        raise
+    made.notes = {**file.notes, **notes}
+    return made
+
+
+def _made(file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()) -> InputFile:
+    """A temporary file that `fill` has written, in place of `file` and what was read with it."""
     import tempfile
 
     try:
         with tempfile.TemporaryFile(prefix="cwcli-", suffix=".mcap") as target:
             fill(target)
             target.flush()
-            return ConvertedFile(os.dup(target.fileno()), file)
+            return ConvertedFile(os.dup(target.fileno()), file, more)
     except OSError as error:
         raise OutputError(
             f"{file.name} can't be converted: {error.strerror}",

@@ -5,7 +5,7 @@ Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
@@ -14,13 +14,22 @@ from typing import Any
 from cwcli.errors import InputError, UsageError
 from cwcli.input import InputFile, read_file
 from cwcli.logs.format.joined_file import JoinedFile
+from cwcli.logs.read.bounded_yaml import load_yaml
 from cwcli.logs.read.remote import blocks, is_remote, names_below
+from cwcli.url import name_url
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
 """What logs are called."""
 MAX_METADATA_BYTES = 16_000_000
-MAX_METADATA_DEPTH = 64
+UNREAD_JOURNALS = "write-ahead logs that are not read, as the databases are not on this machine"
+MAX_METADATA_NODES = 100_000
+"""Values in a metadata.yaml: a recording of 5,000 parts and 1,000 topics has fewer."""
+MAX_PATH_CHARS = 4096
+"""Of a path on Linux (`PATH_MAX`)."""
+MAX_DIGITS = 19
+"""Of a number of messages: as many as 2^63 has."""
+YAML_NULLS = ("", "~", "null")
 
 Opener = Callable[[str], InputFile]
 
@@ -90,9 +99,12 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
         deeper = None if is_remote(folder) else next(iter(sorted(Path(folder).glob(f"*/{METADATA}"))), None)
         hint = "name a log in it" if deeper is None else f"a recording lies deeper: {deeper.parent}"
         raise InputError("the folder holds no log", where=name, hint=hint)
+    unread = [each for each in everything if is_remote(folder) and each.removesuffix("-wal") != each]
     if METADATA not in everything:
         if len(names) == 1:
-            return opened(prefix + names[0])
+            file = opened(prefix + names[0])
+            _note(file.notes, UNREAD_JOURNALS, unread)
+            return file
         if not as_one:
             hint = "--as-one reads them as the parts of one log; else name one of them (`cwcli run -d` takes many)"
             raise InputError(f"the folder holds {len(names)} logs and no {METADATA}", where=name, hint=hint)
@@ -108,6 +120,7 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
     _note(notes, f"parts missing that {METADATA} lists", [each for each in listing.files if each not in found])
     if listing.files:
         _note(notes, f"logs beside those of {METADATA}, not read", sorted(set(names) - set(found.values())))
+    _note(notes, UNREAD_JOURNALS, unread)
     file = open_parts([prefix + each for each in found.values()], name, opened)
     file.notes = {**notes, **file.notes}
     file.listing = {found.get(listed, listed): n for listed, n in listing.files.items()}
@@ -153,7 +166,8 @@ def _is_empty(name: str) -> bool:
 
 def joined_name(names: Sequence[str]) -> str:
     """What a log of these parts is called."""
-    return f"{names[0]} and {len(names) - 1} more" if len(names) > 1 else names[0]
+    first = name_url(names[0])
+    return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 
 def _found(listed: str, names: Sequence[str]) -> str | None:
@@ -182,48 +196,50 @@ def read_listing(source: str) -> Listing:
             text += piece
             if len(text) > MAX_METADATA_BYTES:
                 raise ValueError("it is too large")
-        loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-        _check_events(yaml.parse(text, loader))
-        document = yaml.load(text, loader)
+        document = load_yaml(text, max_nodes=MAX_METADATA_NODES, max_chars=MAX_METADATA_BYTES)
         return _listing(document["rosbag2_bagfile_information"])
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, yaml.YAMLError):
         return Listing(faults={f"{METADATA} that can't be understood": 1})
 
 
-def _check_events(events: Iterable[Any]) -> None:
-    """Check what a recorder never writes: the loader takes a C stack's room for each level, and merged mappings may
-    double at each.
+def _listing(information: Mapping[str, Any]) -> Listing:
+    """The listing of a parsed document, in which every scalar is text.
 
     Raises:
-        ValueError: It is there.
+        AttributeError, KeyError, TypeError, ValueError: It is not what a recorder writes.
     """
-    import yaml
-
-    depth = 0
-    for event in events:
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > MAX_METADATA_DEPTH:
-            raise ValueError("it is nested too deep")
-        if isinstance(event, yaml.ScalarEvent) and event.value == "<<":
-            raise ValueError("it merges mappings")
-
-
-def _listing(information: Mapping[str, Any]) -> Listing:
     faults: dict[str, int] = {}
     counts: dict[str, int | None] = {}
     repeated: list[str] = []
-    for listed in information["relative_file_paths"]:
-        name = PurePosixPath(str(listed)).name  # before ROS 2 Galactic with the folder's own name in front
+    for listed in _entries(information, "relative_file_paths"):
+        name = _file_name(listed)
         if name in counts:
             repeated.append(name)
         counts[name] = None
-    for entry in information.get("files") or ():
-        name = PurePosixPath(str(entry["path"])).name
+    for entry in _entries(information, "files") if "files" in information else ():
+        name = _file_name(entry["path"])
         if name in counts:
             counts[name] = _count(entry.get("message_count"))
     _note(faults, f"parts that {METADATA} lists twice", repeated)
     return Listing(counts, _count(information.get("message_count")), faults)
 
 
+def _entries(information: Mapping[str, Any], key: str) -> list[Any]:
+    found = information[key]
+    if isinstance(found, str) and found in YAML_NULLS:
+        return []
+    if not isinstance(found, list):
+        raise TypeError(f"{key} is no list")
+    return found
+
+
+def _file_name(listed: object) -> str:
+    """The last part of a path: before ROS 2 Galactic the folder's own name stood in front."""
+    if not isinstance(listed, str) or len(listed) > MAX_PATH_CHARS:
+        raise TypeError("a file has no usable name")
+    return PurePosixPath(listed).name
+
+
 def _count(value: object) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
+    is_number = isinstance(value, str) and len(value) <= MAX_DIGITS and value.isascii() and value.isdigit()
+    return int(value) if is_number else None  # type: ignore[call-overload]

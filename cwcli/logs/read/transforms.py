@@ -135,7 +135,7 @@ def _json(payload: bytes, name: str) -> list[Transform]:
                     tuple(float(rotation[axis]) for axis in "xyzw"),
                 )
             )
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise BadTransform("not a transform") from error
     return made
 

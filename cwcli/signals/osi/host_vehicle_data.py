@@ -15,9 +15,11 @@ from cwcli.signals.builders.position import reject_bad_positions
 from cwcli.signals.canonical import PoseSignal, PositionSignal, SpeedSignal
 from cwcli.signals.clocks import settle
 from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.covariances import given_variances
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.limits import (
     MAX_ALTITUDE_M,
+    MAX_ANGLE_RAD,
     MAX_POSITION_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
@@ -42,12 +44,12 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     if part == "vehicle_motion":
         ledger.note("the position is the middle of the rear axle, not of the car: outlines are shifted by that")
     reject_unusable(ledger, place, MAX_POSITION_M)
-    yaw_rad = wrap_angle(numbers(columns, f"{part}.orientation.yaw"))
+    yaw_rad = wrap_angle(within(ledger, numbers(columns, f"{part}.orientation.yaw"), MAX_ANGLE_RAD, "yaw"))
     nothing = np.full(len(columns), np.nan)
     variances = [nothing, nothing, nothing]
     if part == "location":
         leaves = ("position.x", "position.y", "orientation.yaw")
-        variances = [_variance(numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
+        variances = [_variances(ledger, numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
     timeline = settle(ledger, *world_times(columns), reading.clock, [place, yaw_rad])
     rows = timeline.rows
     signal = PoseSignal(
@@ -111,7 +113,7 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
     return signal, ledger.quality
 
 
-def _variance(rmse: FloatArray) -> FloatArray:
-    """Of a root mean squared error; NaN where it is not given."""
+def _variances(ledger: RowLedger, rmse: FloatArray) -> FloatArray:
+    """Squares of root mean squared errors (n,); NaN where not given (0), and where unusable, which is counted."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.where((rmse > 0.0) & (rmse < MAX_POSITION_M), rmse * rmse, np.nan)
+        return given_variances(ledger, np.where((rmse < 0.0) | (rmse > MAX_POSITION_M), np.inf, rmse * rmse))

@@ -18,9 +18,17 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
 from cwcli.signals.elements import Elements, ragged
 from cwcli.signals.leaf_fields import find, whole_numbers
-from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_POSITION_M, MAX_SPEED_MPS
+from cwcli.signals.limits import (
+    MAX_ACCEL_MPS2,
+    MAX_ANGLE_RAD,
+    MAX_POSITION_M,
+    MAX_SIZE_M,
+    MAX_SPEED_MPS,
+    MAX_TURN_RATE_RADPS,
+)
 from cwcli.signals.osi.leaves import PROJECTION, STATIONARY, WORLD
 from cwcli.signals.quality import BoolArray, RowLedger
+from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 OSI_FRAME = "osi"
@@ -33,6 +41,17 @@ MIN_COURSE_SPEED_MPS = 0.3
 """Below, the velocity of a pedestrian says nothing of where it is heading."""
 MAX_SIDEWAYS = 0.7
 """No vehicle drives at more than 45 degrees to its axis."""
+LIMITS = {
+    "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
+    "velocity": (("base.velocity.x", "base.velocity.y"), MAX_SPEED_MPS),
+    "acceleration": (("base.acceleration.x", "base.acceleration.y"), MAX_ACCEL_MPS2),
+    "yaw rate": (("base.orientation_rate.yaw",), MAX_TURN_RATE_RADPS),
+    "size": (("base.dimension.length", "base.dimension.width"), MAX_SIZE_M),
+    "rear axle": (("vehicle_attributes.bbcenter_to_rear.x",), MAX_SIZE_M),
+}
+"""Quantity -> its fields in an object, and the largest magnitude that is accepted, in the unit of the field."""
+OF_HOST = (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH)
+"""Roles that the host's own object fills; the others are filled by all other objects."""
 OTHER_HOST, NO_HOST = "of another host vehicle", "without the host vehicle"
 
 
@@ -112,8 +131,32 @@ def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: st
     values = {leaf: column[keep] for leaf, column in values.items()}
     message, ids, place = message[keep], ids[keep], place[keep]
     host = _host(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE)
+    is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
+    _leave_out_of_range(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
     return _moving(message, ids, host, place, values, keep)
+
+
+def _leave_out_of_range(
+    values: dict[str, FloatArray], message: npt.NDArray[np.intp], is_of_role: BoolArray, ledger: RowLedger
+) -> None:
+    """Replace values that no road user has by NaN, and count the messages in which the role's objects have one.
+
+    Args:
+        values: Field -> its values, (n,); changed in place.
+        message: Shape (n,): the row of the object's message.
+        is_of_role: Shape (n,): objects that fill the role.
+        ledger: Of the channel.
+    """
+    for quantity, (leaves, limit) in LIMITS.items():
+        is_beyond = np.zeros(len(message), np.bool_)
+        for leaf in leaves:
+            is_beyond |= np.abs(values[leaf]) > limit
+        for leaf in leaves:
+            values[leaf] = np.where(is_beyond, np.nan, values[leaf])
+        has_beyond = np.zeros(len(ledger.keep), np.bool_)
+        has_beyond[message[is_beyond & is_of_role]] = True
+        ledger.repair(has_beyond, f"{quantity} out of range, left out")
 
 
 def _note_unused(columns: Columns, ledger: RowLedger, prefix: str) -> None:

@@ -220,3 +220,40 @@ def test_detections_of_what_stands_still_are_counted(tmp_path) -> None:
     signal, quality = read(tmp_path / "a.mcap", Role.DETECTIONS)
     assert len(signal.values) == 1
     assert "2 detections of stationary objects are left out: road users are what moves" in quality.notes
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "told"),
+    [
+        ("base.orientation_rate.yaw", 1e300, "yaw rate out of range, left out"),
+        ("base.orientation_rate.yaw", -float("inf"), "yaw rate out of range, left out"),
+        ("base.orientation.yaw", 1e300, "yaw out of range, left out"),
+        ("base.velocity.x", 1e12, "velocity out of range, left out"),
+        ("base.acceleration.y", -1e12, "acceleration out of range, left out"),
+        ("base.dimension.length", 1e9, "size out of range, left out"),
+        ("vehicle_attributes.bbcenter_to_rear.x", 1e200, "rear axle out of range, left out"),
+    ],
+)
+@pytest.mark.parametrize("is_of_host", [True, False])
+def test_values_that_no_road_user_has_are_left_out_and_counted(tmp_path, path, value, told, is_of_host) -> None:
+    """In the roles of the object that has them, and in no other."""
+    messages: list[tuple[str, int, Any]] = []
+    for k in range(20):
+        world = GroundTruth()
+        fill_world(world, (CAR, OTHER), k / 10, stamp_ns=k * 10**8, host=CAR.id, at_m=(0.0, 0.0))
+        *parts, leaf = path.split(".")
+        holder = world.moving_object[0 if is_of_host else 1]
+        for part in parts:
+            holder = getattr(holder, part)
+        if k >= 15:
+            setattr(holder, leaf, value)
+        messages.append(("/world", k * 10**8, world))
+    trace = write_messages(tmp_path / "a.mcap", messages)
+    for role in (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH, Role.REMOTE, Role.TARGET_TRUTH):
+        signal, quality = read(trace, role)
+        is_concerned = is_of_host == (role in (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH))
+        assert quality.repaired == ({told: 5} if is_concerned else {}), role
+        for name in ("yaw_rate_radps", "speed_mps", "accel_mps2", "yaw_rad", "heading_rad", "length_m", "vx_mps"):
+            found = getattr(signal, name, None)
+            if found is not None:
+                assert not np.any(np.abs(found) > 1e3), name

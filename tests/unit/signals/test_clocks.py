@@ -236,6 +236,16 @@ def test_find_gaps_of_an_empty_channel_is_the_whole_log() -> None:
     assert [gap.duration_s for gap in find_gaps(steady(0), start_ns=0, end_ns=10**9)] == [1.0]
 
 
+def test_find_gaps_of_log_times_that_need_all_64_bits() -> None:
+    """A log time is an unsigned number of 64 bits: a signed one ends half way."""
+    last_ns = 2**64 - 1
+    log_ns = np.array([0, MS, last_ns], np.uint64)
+    gaps = find_gaps(log_ns, start_ns=0, end_ns=last_ns, min_gap_s=1.0)
+    assert [(gap.start_ns, gap.end_ns) for gap in gaps] == [(MS, last_ns)]
+    (gap,) = find_gaps(steady(100), start_ns=T0_NS, end_ns=last_ns, min_gap_s=1.0)
+    assert (gap.start_ns, gap.end_ns) == (int(steady(100)[-1]), last_ns)
+
+
 def test_find_gaps_does_not_call_the_usual_interval_a_gap() -> None:
     assert find_gaps(T0_NS + 2_000 * MS * np.arange(10)) == ()
 

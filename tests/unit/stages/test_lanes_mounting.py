@@ -233,9 +233,11 @@ def test_base_footprint_below_base_link_counts() -> None:
 
 
 def test_unreadable_transforms_are_counted(tmp_path: Path) -> None:
-    documents = [{"transforms": 3}, {"nothing": 1}, ros_message(TREE)]
+    huge = ros_message(TREE)
+    huge["transforms"][0]["transform"]["translation"]["x"] = 10**400  # a whole number that no float can hold
+    documents = [{"transforms": 3}, {"nothing": 1}, huge, ros_message(TREE)]
     with Log.open(json_log(tmp_path / "tf.mcap", "tf2_msgs/msg/TFMessage", documents)) as log:
         found = mounting_source(log, "camera_link", MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.45)
     (count,) = found.counts
-    assert (count.read, count.used, dict(count.rejected)) == (3, 1, {"not a transform": 2})
+    assert (count.read, count.used, dict(count.rejected)) == (4, 1, {"not a transform": 3})

@@ -21,7 +21,7 @@ from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate
 from cwcli.pipeline.call import run_stage
-from cwcli.pipeline.records import vehicle_of
+from cwcli.pipeline.records import PREFIX, VEHICLE, vehicle_of
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
 from cwcli.simulation.lane_camera import CameraNoise
@@ -136,6 +136,14 @@ def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: 
         car, notes = vehicle_of(log)
     assert car == load_vehicle()
     assert "does not tell the car" in notes[0]
+
+
+@pytest.mark.parametrize("entry", ["[" * 100_000, "{", "[]", '{"name": 3}'])
+def test_a_damaged_record_of_the_car_is_an_error(tmp_path: Path, entry: str) -> None:
+    with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
+        damaged = log.with_channels([], {f"{PREFIX}observe": {VEHICLE: entry}})
+        with pytest.raises(DataError, match="the car in the record"):
+            vehicle_of(damaged)
 
 
 def test_the_speed_may_come_from_the_ego_state(tmp_path: Path) -> None:

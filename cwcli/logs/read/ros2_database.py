@@ -1,0 +1,171 @@
+"""rosbag2's databases (`.db3`): their topics and messages, by SQLite; their types, by the library `rosbags`.
+
+Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sqlite_storage.cpp. Every row of
+`messages` is read, or counted: the table is gone through by its own rows and not by its index, which may be damaged,
+and a message whose topic is not in `topics` belongs to none.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from array import array
+from collections import Counter
+from collections.abc import Generator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from cwcli.errors import InputError
+from cwcli.input import MAX_CHUNK_BYTES
+from cwcli.logs.codecs.unpacked import ZSTD_MAGIC, unpacked_message
+from cwcli.logs.format.records import Channel, Schema
+from cwcli.logs.read.ros_definitions import definitions
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+CDR = "cdr"
+MAX_CHANNELS = 0xFFFF
+MAX_SHOWN = 5
+"""Topics, or their ids, in a note."""
+MAX_SHOWN_CHARS = 80
+MAX_VALUE_BYTES = MAX_CHUNK_BYTES
+"""Of one message or text in a database."""
+GIGABYTE = 1_000_000_000
+
+Content = Schema | Channel | tuple[int, int, bytes]
+
+
+class Topic(NamedTuple):
+    """A row of `topics`; `id` is its channel's, `topic_id` that of the table."""
+
+    id: int
+    topic_id: int
+    topic: str
+    msgtype: str
+    serialization_format: str
+
+
+def read_database(
+    database: sqlite3.Connection, name: str, notes: dict[str, int], max_bytes: int
+) -> Generator[Content, None, None]:
+    """Schemas, channels, and messages in the order of their times.
+
+    Args:
+        database: An open one.
+        name: For messages.
+        notes: Gets what could not be read -> how often.
+        max_bytes: What all messages may unpack to.
+
+    Raises:
+        InputError: The messages unpack to more than `max_bytes`.
+        sqlite3.Error, ValueError: It is damaged, or is no database of rosbag2.
+    """
+    topics = _topics(database)
+    usable = [each for each in topics if each.serialization_format.lower() == CDR]
+    yield from definitions(usable, _types(database), notes)
+    rows, topic_ids, times_ns = _messages(database)
+    counts = Counter(topic_ids.tolist())
+    _note_left_out(topics, counts, notes)
+    channel_of = {each.topic_id: each.id for each in usable}
+    n_left = max_bytes
+    for row, topic_id, time_ns in zip(rows.tolist(), topic_ids.tolist(), times_ns.tolist(), strict=True):
+        if topic_id not in channel_of:
+            continue
+        found = database.execute("SELECT data FROM messages WHERE rowid = ?", (row,)).fetchone()
+        if found is None or not isinstance(found[0], bytes):
+            raise ValueError(f"message {row} holds no octets")
+        payload = unpacked_message(found[0]) if found[0].startswith(ZSTD_MAGIC) else found[0]
+        n_left -= len(payload)
+        if n_left < 0:
+            what = f"its messages unpack to more than {max_bytes / GIGABYTE:g} GB"
+            raise InputError(what, where=name, hint="--max-input reads more")
+        yield channel_of[topic_id], time_ns, payload
+
+
+def _columns(database: sqlite3.Connection, table: str) -> set[str]:
+    """The columns of a table, none of anything else of its name: a view could be endless."""
+    kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
+    if kind is None or kind[0] != "table":
+        return set()
+    return {str(row[1]) for row in database.execute(f"PRAGMA table_info({table})")}
+
+
+def _topics(database: sqlite3.Connection) -> list[Topic]:
+    for table in ("topics", "messages"):
+        if not _columns(database, table):
+            raise ValueError(f"it has no table of {table}")
+    query = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
+    found = [
+        Topic(number, topic_id, str(topic), str(kind), str(serialization or CDR))
+        for number, (topic_id, topic, kind, serialization) in enumerate(database.execute(query), 1)
+    ]
+    if len(found) > MAX_CHANNELS:
+        raise ValueError(f"it has {len(found)} topics, and a log has room for {MAX_CHANNELS}")
+    return found
+
+
+def _types(database: sqlite3.Connection) -> Any:
+    """The message types that the database defines, or those of the latest release that the library knows."""
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+    own: dict[str, Any] = {}
+    if _columns(database, "message_definitions"):
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
+        for kind, encoding, text in database.execute(query):
+            if encoding == "ros2msg":
+                own.update(get_types_from_msg(text, kind))
+            elif encoding == "ros2idl":
+                own.update(get_types_from_idl(text))
+    if not own:
+        return get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.EMPTY)
+    store.register(own)
+    return store
+
+
+def _messages(
+    database: sqlite3.Connection,
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Row, topic id and time in ns of every message, each (n,), by time.
+
+    Raises:
+        ValueError: A number is none, or no time that a log can hold.
+    """
+    import numpy as np
+
+    numbers = array("q")
+    for row, topic_id, time_ns in database.execute("SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED"):
+        if not isinstance(topic_id, int) or not isinstance(time_ns, int) or time_ns < 0:
+            raise ValueError(f"message {row} has the topic id {_shown(topic_id)} and the time {_shown(time_ns)}")
+        numbers.extend((row, topic_id, time_ns))
+    rows, topic_ids, times_ns = np.array(numbers, np.int64).reshape(-1, 3).T
+    order = np.lexsort((rows, times_ns))
+    return rows[order], topic_ids[order], times_ns[order]
+
+
+def _note_left_out(topics: list[Topic], counts: Counter[int], notes: dict[str, int]) -> None:
+    """Count the messages that no channel gets."""
+    known = {each.topic_id for each in topics}
+    unknown = sorted(counts.keys() - known)
+    if unknown:
+        n = sum(counts[each] for each in unknown)
+        shown = _first([str(each) for each in unknown])
+        notes[f"messages that belong to no topic (topic id{'s' if len(unknown) > 1 else ''} {shown})"] = n
+    by_format: dict[str, list[Topic]] = {}
+    for each in topics:
+        if each.serialization_format.lower() != CDR:
+            by_format.setdefault(_shown(each.serialization_format), []).append(each)
+    for name, others in by_format.items():
+        n = sum(counts[each.topic_id] for each in others)
+        if n:
+            what = f"messages in the format {name}, which is not read, only CDR is"
+            notes[f"{what} ({_first([_shown(each.topic) for each in others])})"] = n
+
+
+def _first(names: list[str]) -> str:
+    more = len(names) - MAX_SHOWN
+    return ", ".join(names[:MAX_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def _shown(value: object) -> str:
+    return str(value)[:MAX_SHOWN_CHARS]

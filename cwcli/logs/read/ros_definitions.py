@@ -1,0 +1,34 @@
+"""The schemas and channels of what the library `rosbags` knows of a bag's or a database's topics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from cwcli.logs.format.records import Channel, Schema
+
+MAX_ID = 0xFFFF
+"""Of a channel: the format has two octets for it."""
+
+
+def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
+    """The schemas and channels; a type that nobody defines has none."""
+    from rosbags.typesys import TypesysError
+
+    schema_ids: dict[str, int] = {}
+    unknown: set[str] = set()
+    for each in connections:
+        if not 0 <= each.id <= MAX_ID:
+            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_ID}")
+        if each.msgtype not in schema_ids:
+            try:
+                text = store.generate_msgdef(each.msgtype, ros_version=2)[0]
+            except (KeyError, TypesysError):
+                unknown.add(each.msgtype)
+                schema_ids[each.msgtype] = 0
+            else:
+                schema_ids[each.msgtype] = len(schema_ids) + 1
+                yield Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text.encode())
+        yield Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {})
+    for name in sorted(unknown):
+        notes[f"message types that nothing defines ({name})"] = 1

@@ -1,0 +1,166 @@
+"""The files of a SQLite database: the one that was named, and the journals that an unfinished writer left beside it.
+
+A write-ahead log (`-wal`) holds messages that are not in the database yet, a rollback journal (`-journal`) what has to
+be put back into it. SQLite reads both, but changes the files on the way. So a database with one of them is copied with
+it into a private folder and opened there; one without is opened where it is, as a file that nobody changes.
+
+Formats: https://www.sqlite.org/fileformat2.html, https://www.sqlite.org/walformat.html
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import struct
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from cwcli.errors import OutputError
+from cwcli.input import InputFile
+
+WAL, JOURNAL = "-wal", "-journal"
+COPY_BYTES = 1 << 20
+WAL_HEADER = struct.Struct(">IIIIIIII")
+"""Magic number, version, page size in bytes, number of the checkpoint, two salts, two checksums."""
+WAL_FRAME = struct.Struct(">IIIIII")
+"""Page, size of the database, two salts, two checksums; the page follows."""
+WAL_MAGIC = (0x377F0682, 0x377F0683)
+WAL_SALTS = slice(4, 6)
+FRAME_SALTS = slice(2, 4)
+
+
+def open_journals(file: InputFile) -> list[InputFile]:
+    """The journals beside a database that hold anything; none of a database without a name of its own.
+
+    Raises:
+        InputError: One can't be read.
+    """
+    name = _name_of(file)
+    found: list[InputFile] = []
+    try:
+        for suffix in (WAL, JOURNAL) if name is not None else ():
+            path = Path(f"{name}{suffix}")
+            if path.is_file() and path.stat().st_size:
+                found.append(InputFile.open(path, f"{file.name}{suffix}"))
+    except BaseException:
+        for each in found:
+            each.close()
+        raise
+    return found
+
+
+def _name_of(file: InputFile) -> str | None:
+    """The name, links followed, under which the open file lies on the disk; None where it has none."""
+    name = os.path.realpath(f"/dev/fd/{file.descriptor}")
+    with suppress(OSError):
+        if os.path.samestat(os.stat(name), os.fstat(file.descriptor)):  # noqa: PTH116 - the descriptor's twin
+            return name
+    return None
+
+
+@contextmanager
+def open_database(
+    file: InputFile, journals: Sequence[InputFile], max_value_bytes: int, notes: dict[str, int]
+) -> Iterator[sqlite3.Connection]:
+    """A connection to a database, with its journals replayed in a private copy.
+
+    Args:
+        file: The database.
+        journals: Those of `open_journals`.
+        max_value_bytes: A longer text or blob is an error.
+        notes: Gets what the journals changed -> how often.
+
+    Raises:
+        InputError: One of the files changed while it was copied.
+        OutputError: There is no room for the copy.
+        sqlite3.Error: It is damaged.
+    """
+    if not journals and _name_of(file) is not None:
+        with closing(_connect(f"file:/dev/fd/{file.descriptor}?immutable=1", max_value_bytes)) as database:
+            yield database
+        return
+    kinds = {WAL if each.name.endswith(WAL) else JOURNAL: each for each in journals}
+    with ExitStack() as stack:
+        with writing_copy_of(file.name):
+            copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cwcli-"))) / "log.db3"
+            with copy.open("xb") as stream:
+                copy_file(file, stream)
+        n_before = _n_messages(copy, max_value_bytes)
+        for suffix, each in kinds.items():
+            with writing_copy_of(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
+                copy_file(each, stream)
+        for each in (file, *journals):
+            each.check_unchanged()
+        with closing(_connect(f"file:{copy}?mode=rw", max_value_bytes)) as database:
+            (n_after,) = database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()
+            if WAL in kinds:
+                _, n_frames, _ = database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
+                shown = Path(kinds[WAL].name).name
+                _count(notes, f"messages of the write-ahead log ({shown})", n_after - n_before)
+                n_lost = _n_frames(kinds[WAL]) - max(n_frames, 0)
+                _count(notes, f"unfinished or damaged pages of the write-ahead log, not read ({shown})", n_lost)
+            if JOURNAL in kinds and not Path(f"{copy}{JOURNAL}").exists():
+                shown = Path(kinds[JOURNAL].name).name
+                _count(notes, f"unfinished changes that the rollback journal took back ({shown})", 1)
+            yield database
+
+
+def _connect(uri: str, max_value_bytes: int) -> sqlite3.Connection:
+    database = sqlite3.connect(uri, uri=True)
+    database.text_factory = lambda octets: octets.decode("utf-8", "replace")
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max_value_bytes)
+    database.execute("PRAGMA trusted_schema = OFF")
+    return database
+
+
+@contextmanager
+def writing_copy_of(name: str) -> Iterator[None]:
+    """Tell an `OSError` inside the block as a temporary copy that can't be written.
+
+    Raises:
+        OutputError: There was one.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"the temporary copy of {name} can't be written: {error.strerror}",
+            where=tempfile.gettempdir(),
+            hint="point TMPDIR to a folder with more room",
+        ) from error
+
+
+def copy_file(file: InputFile, target: IO[bytes]) -> None:
+    """Copy all of a file, piece by piece."""
+    for at in range(0, len(file), COPY_BYTES):
+        target.write(file[at : at + COPY_BYTES])
+
+
+def _n_messages(path: Path, max_value_bytes: int) -> int:
+    """The messages of a database without its journals; 0 where it can't be read without them."""
+    try:
+        with closing(_connect(f"file:{path}?immutable=1", max_value_bytes)) as database:
+            return int(database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()[0])
+    except sqlite3.Error:
+        return 0
+
+
+def _n_frames(wal: InputFile) -> int:
+    """The pages in a write-ahead log that belong to its present round, whole or not; those of earlier rounds do not."""
+    if len(wal) < WAL_HEADER.size:
+        return 0
+    header = WAL_HEADER.unpack(wal[: WAL_HEADER.size])
+    page_bytes = header[2]
+    if header[0] not in WAL_MAGIC or not page_bytes:
+        return 0
+    places = range(WAL_HEADER.size, len(wal) - WAL_FRAME.size + 1, WAL_FRAME.size + page_bytes)
+    frames = (WAL_FRAME.unpack(wal[at : at + WAL_FRAME.size]) for at in places)
+    return sum(frame[FRAME_SALTS] == header[WAL_SALTS] for frame in frames)
+
+
+def _count(notes: dict[str, int], what: str, n: int) -> None:
+    if n > 0:
+        notes[what] = n

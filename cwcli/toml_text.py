@@ -1,0 +1,31 @@
+"""TOML from files of users: bounded before it is parsed.
+
+The parser takes the square of the number of parts of a dotted key, and each part is a table inside the one before: a
+line of 100 kB would keep it busy for minutes.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+MAX_CHARS = 4_000_000
+"""Of a file; a calibration of a thousand sensors has a tenth."""
+MAX_KEY_PARTS = 64
+_PART = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""  # possessive: no second try
+_LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The document.
+
+    Raises:
+        ValueError: It is no TOML, too long, or has a key of too many parts.
+        RecursionError: Its lists are nested too deep.
+    """
+    if len(text) > MAX_CHARS:
+        raise ValueError(f"it has more than {MAX_CHARS:,} characters")
+    if any(line.count(".") >= MAX_KEY_PARTS and _LONG_KEY.search(line) for line in text.splitlines()):
+        raise ValueError(f"a key has more than {MAX_KEY_PARTS} parts")
+    return tomllib.loads(text)

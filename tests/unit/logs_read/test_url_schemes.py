@@ -1,0 +1,37 @@
+"""Which URLs are read, and that all others are one line with exit code 2."""
+
+from __future__ import annotations
+
+import fsspec
+import pytest
+
+from cwcli.cli.main import run
+from cwcli.errors import EXIT_USAGE, UsageError
+from cwcli.logs.read.remote import ALIASES, SCHEMES, file_system
+
+OTHERS = sorted({each for each in fsspec.available_protocols() if each not in (*SCHEMES, *ALIASES, "file", "local")})
+
+
+@pytest.mark.parametrize("scheme", [*OTHERS, "local", "simplecache::s3", "nosuch", "HTTPS", "a b"])
+def test_an_unknown_scheme_is_one_line(scheme: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """fsspec knows some forty: `github` and `jupyter` raise what they like, `zip` and `reference` open other files."""
+    assert run(["info", f"{scheme}://host/drive.mcap"]) == EXIT_USAGE
+    printed = capsys.readouterr().err.splitlines()
+    assert printed[0] == f"error: logs can't be read from URLs that begin with '{scheme}://'"
+    assert [
+        line.startswith("  hint:  copy the log to this machine, or to one of https://") for line in printed[1:]
+    ] == [True]
+
+
+def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["run", "github://org/drives/*.mcap", "-d", str(tmp_path / "out")]) == EXIT_USAGE
+    assert "URLs that begin with 'github://'" in capsys.readouterr().err
+
+
+def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(url: str) -> None:
+        raise KeyError(url)
+
+    monkeypatch.setattr("fsspec.core.url_to_fs", fails)
+    with pytest.raises(UsageError):
+        file_system("https://host/drive.mcap")
