@@ -102,8 +102,8 @@ class EstimatorConfig:
             that the log would only show later; else they are weighed with what the log shows.
         blind: With `causal`: no parameter is looked for in the log. Those of the calibration are used; without one the
             stamps, the noise that the messages state and the defaults.
-        compares_sources: Compare the sources with each other: contradictions are reported, and an outvoted source is left
-            out.
+        compares_sources: Compare the sources with each other: contradictions are reported, and an outvoted source is
+            left out.
         senders: How senders of BSMs filtered their motion before they sent it: "plain" not at all, "j2945" as SAE
             J2945/1 asks (`signals.bsm_sender`); the filter is inverted.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.

@@ -1,4 +1,4 @@
-"""What a sensor of a car can be: the ranges that nothing found from a log may leave.
+"""Ranges of the constants that a sensor of a car can have; values found from a log must lie within.
 
 A scale, a bias or a noise outside its range is no property of such a sensor. It is the sign of a wrong unit, sign, axis
 or time, and is told as a contradiction instead of being used. docs/estimation.md shows the same table.
@@ -17,8 +17,8 @@ class Limit:
     """The range of a parameter.
 
     Attributes:
-        low, high: What a value has to lie between.
-        unit: Of both, "" for a ratio.
+        low, high: Bounds of the value.
+        unit: Unit of both, "" for a ratio.
         source: Why no sensor lies outside.
     """
 
@@ -28,7 +28,7 @@ class Limit:
     source: str
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies inside; NaN, which stands for nothing found, does."""
+        """Whether a value lies inside; True for NaN, which means that none was found."""
         return not (value <= self.low or value >= self.high)
 
 
@@ -46,7 +46,7 @@ ACCEL_BIAS = Limit(
     "zero-g offset of consumer MEMS accelerometers: 0.4 m/s^2 (Bosch BMI160) to 0.8 m/s^2 (InvenSense MPU-6050, "
     "vertical axis); beside it 0.7 m/s^2 of a road that rises by 7 % on the whole",
 )
-"""Beside gravity through the pitch at which the IMU is mounted, which `imu.ImuMounting` knows."""
+"""Bias without gravity through the mounting of the IMU, which `imu.ImuMounting` has."""
 YAW_RATE_BIAS = Limit(
     -0.1,
     0.1,
@@ -83,11 +83,11 @@ WHITE_NOISE: Mapping[Kind, Limit] = {
     Kind.ACCEL: Limit(0.0, 5.0, "m/s^2", "half of gravity: an IMU on a shaking mount"),
     Kind.YAW_RATE: Limit(0.0, 0.3, "rad/s", "as much as a car turns at a street corner"),
 }
-"""One sigma by kind."""
+"""Range of the noise sigma of each kind."""
 
 
 def limit_of_error(name: str, kind: Kind) -> Limit:
-    """The range of an error of the sensor model (`sensor_model.Part`) of a source of this kind."""
+    """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
     if name == "slow":
         return GRADE_SIGMA if kind is Kind.ACCEL else SLOW_POSITION_SIGMA
     return {"scale": SPEED_SCALE, "lever": SPEED_LEVER_ARM, "ahead": AHEAD}[name]

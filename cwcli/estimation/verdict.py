@@ -1,4 +1,4 @@
-"""One sentence on an estimate, from its numbers: consistent, or what is not and what to do."""
+"""Sentence on the consistency of an estimate, with its faults and what to do about them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from cwcli.estimation.measurements import RATES
 from cwcli.estimation.result import SourceReport
 
 FACTOR = 2.0
-"""Of a variance: what lies within it, outside its bounds or not, hardly changes what may be made of a state."""
+"""Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
 MANY_GATED = 0.05
+"""Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
 MANY_BRIDGED = 0.2
+"""Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
 MOST_TOLD = 2
+"""Greatest number of faults in the sentence; chosen for a short sentence."""
 
 
 @dataclass(frozen=True)
 class Nees:
-    """How the errors of a quantity compare with what the covariance says of them.
+    """Errors of a quantity relative to their covariance.
 
     Attributes:
         name: The quantity.
@@ -33,7 +36,7 @@ class Nees:
 
     @property
     def is_inside(self) -> bool | None:
-        """Whether it lies in its bounds; None where nothing is known."""
+        """Whether it lies within its bounds; None where it is unknown."""
         return None if math.isnan(self.per_dof) else self.bounds[0] <= self.per_dof <= self.bounds[1]
 
 
