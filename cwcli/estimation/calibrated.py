@@ -49,7 +49,7 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
             hint=f"it knows {', '.join(calibration.sensors)}",
         )
     told = "left out" if causal else "used as without a calibration, and left out of the online states"
-    kept = "used as without a calibration, in the online states as its messages say"
+    kept = "used as without a calibration, in the online states with the noise that its messages state"
     return [
         f"{source}: the calibration {calibration.name} does not know it; "
         f"{kept if source in positions and not has_position else told}"

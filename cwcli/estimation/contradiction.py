@@ -13,6 +13,7 @@ _ROLES = {
     Kind.SPEED: Role.EGO_SPEED,
     Kind.HEADING: Role.EGO_HEADING,
 }
+"""Role of the sources of each kind; all other kinds come from an IMU."""
 GRAVITY = "gravity"
 """Name of gravity in texts, for an IMU that contradicts it."""
 

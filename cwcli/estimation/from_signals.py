@@ -126,7 +126,7 @@ def placed_remotes(
     notes: tuple[str, ...] = ()
     if len(placed) < len(heard):
         lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
-        notes = (f"the ego position {lost}: remote vehicles can't be placed beside it and are left out",)
+        notes = (f"the ego position {lost}: remote vehicles can't be placed in its map and are left out",)
     if not placed:
         return None, notes
     merged = joined_remotes(placed)
@@ -254,5 +254,5 @@ def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSig
         more = ", ..." if len(found.joined) > MAX_SHOWN_PAIRS else ""
         notes.append(f"changed ids joined by motion: {len(found.joined)} ({pairs}{more})")
     if found.n_undecided:
-        notes.append(f"changed ids that stay apart, because more than one could have followed: {found.n_undecided}")
+        notes.append(f"changed ids not joined, because more than one new id could follow: {found.n_undecided}")
     return found.signal, tuple(notes)

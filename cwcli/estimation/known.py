@@ -67,10 +67,10 @@ class Knowledge:
         late = after_s > LATE_S
         if not late.any():
             return []
-        advice = "; if the stamps are off, --clock log" if late.mean() > 0.5 else ""
+        advice = "; if the stamps are wrong, use --clock log" if late.mean() > 0.5 else ""
         return [
-            f"{self.topic}: {int(late.sum())} of {self.n} states are known more than {LATE_S:g} s after their stamps "
-            f"(up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
+            f"{self.topic}: {int(late.sum())} of {self.n} states are available more than {LATE_S:g} s after their "
+            f"stamps (up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
         ]
 
 

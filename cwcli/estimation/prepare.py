@@ -84,12 +84,12 @@ def prepare(
         covariance = None if m.covariance is None else m.covariance[finite][order]
         stuck = stuck_rows(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
-            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one number for long: stuck, left out"
+            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
             notes.append(f"{m.source}: {told}")
             time, values = time[~stuck], values[~stuck]
             covariance = None if covariance is None else covariance[~stuck]
         if not m.is_exact and first_row_is_apart(m.kind, time, values):
-            notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts those after it, left out")
+            notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts the following rows, left out")
             time, values = time[1:], values[1:]
             covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
@@ -116,7 +116,8 @@ def prepare(
             continue
         late = held_back(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
-            notes.append(f"{m.source}: {int(late.sum())} {m.kind.name.lower()} rows came in bursts, left out")
+            told = f"{int(late.sum())} {m.kind.name.lower()} rows arrived in bursts with late stamps, left out"
+            notes.append(f"{m.source}: {told}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
         if _is_constant(m.kind, values):

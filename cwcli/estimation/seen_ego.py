@@ -53,7 +53,7 @@ def without_seen_ego(
         n_objects += bool(is_ego[own].any())
     if not n_objects:
         return signal, ()
-    note = f"{n_objects} objects that others perceived are the ego itself: {int(is_ego.sum())} times, left out"
+    note = f"{n_objects} perceived objects are the ego itself: {int(is_ego.sum())} times, left out"
     return taken_rows(signal, np.flatnonzero(~is_ego)), (note,)
 
 

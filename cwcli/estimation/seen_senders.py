@@ -120,10 +120,10 @@ def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tu
     notes = []
     if n_known:
         times = f"{int(is_sender.sum())} times, left out"
-        notes.append(f"{n_known} objects that others perceived are senders that are heard themselves: {times}")
+        notes.append(f"{n_known} perceived objects are vehicles that send messages themselves: {times}")
     if n_unsure:
         notes.append(
-            f"{n_unsure} objects that others perceived may be senders that are heard themselves: the positions are too "
+            f"{n_unsure} perceived objects may be vehicles that send messages themselves: the positions are too "
             "uncertain to tell, both are kept"
         )
     return taken_rows(signal, np.flatnonzero(~is_sender)) if n_known else signal, tuple(notes)

@@ -39,6 +39,7 @@ SPEED_SCALE = Limit(
     "UN R39: a speedometer reads 0 to 10 % + 4 km/h too much, 20 % at 40 km/h; wheels of another size "
     "and worn tyres read less, by a few percent each",
 )
+"""Range of the scale of a speed; its field `source` has the reasons, as in all ranges here."""
 ACCEL_BIAS = Limit(
     -1.5,
     1.5,
@@ -53,6 +54,7 @@ YAW_RATE_BIAS = Limit(
     "rad/s",
     "zero-rate offset of a phone's MEMS gyroscope (Bosch BMI160): 3 degrees/s, 0.05 rad/s; twice that",
 )
+"""Range of the bias of a gyroscope."""
 SLOW_POSITION_SIGMA = Limit(
     0.0,
     10.0,
@@ -60,9 +62,11 @@ SLOW_POSITION_SIGMA = Limit(
     "GPS Standard Positioning Service (2020), section 3.8: 15 m in 95 % at the worst site, 6 m on each axis; the rest "
     "is room for reflections between houses",
 )
+"""Range of the sigma of a slow error of positions, per axis."""
 GRADE_SIGMA = Limit(
     0.0, 1.2, "m/s^2", "gravity through a road whose grade scatters by 12 %: the steepest roads of a hilly town"
 )
+"""Range of the sigma of gravity through the grade of the road."""
 LATENCY = Limit(
     -0.5,
     1.25,
@@ -70,11 +74,15 @@ LATENCY = Limit(
     "a receiver that reports and smooths once a second is 1.0 s late (balzer-dresden-2014-03-26, velocity); nothing is "
     "early by more than the period of half a second that slow buses have",
 )
+"""Range of a latency; positive is late."""
 STAMP_SIGMA = Limit(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
+"""Range of the sigma of stamp errors."""
 SPEED_LEVER_ARM = Limit(-3.0, 3.0, "m", "from the road to the roof of a van")
+"""Range of the height of the estimated point above the point of a speed."""
 AHEAD = Limit(-6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm")
+"""Range of the lever arm ahead."""
 WHITE_NOISE: Mapping[Kind, Limit] = {
     Kind.POSITION: Limit(0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"),
     Kind.VELOCITY: Limit(0.0, 3.0, "m/s", "ten times that of a GNSS velocity by Doppler shifts in a town"),

@@ -46,12 +46,15 @@ LEAST_ROWS = 20
 TURN_RATIO = Limit(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
+"""Range of the ratio of two changes of heading."""
 SPEED_CHANGE_RATIO = Limit(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
+"""Range of the ratio of two changes of speed."""
 HEADING_OFFSET = Limit(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
+"""Range of the difference of two headings or courses."""
 LEAST_TURN_RAD = 0.25
 """Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
 LEAST_COURSE_TURN_RAD = 0.5

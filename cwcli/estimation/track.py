@@ -192,7 +192,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
     for r in reports:
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
-            notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {often}")
+            notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     state, covariance = at_antenna(tuned.series, result.state, result.covariance)
     return Track(
         output_stamp_ns,

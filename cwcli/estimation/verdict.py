@@ -64,7 +64,7 @@ def verdict(
     if not n_states:
         return "nothing was estimated"
     surer = [
-        f"the {each.name} errs by {math.sqrt(each.per_dof):.1f} times its sigma: take its covariance times "
+        f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
         f"{each.per_dof:.2g}"
         for each in nees
         if each.is_inside is False and each.per_dof > FACTOR
@@ -79,7 +79,7 @@ def verdict(
         *(_name(s) for s in sources if s.nis_inside is False and _nis(s) < 1.0 / FACTOR),
     ]
     if careful:
-        return f"consistent, and more careful than need be: less of {_listed(careful)} than the covariance says"
+        return f"consistent, with a covariance larger than necessary for {_listed(careful)}"
     outside = [_name(s) for s in sources if s.nis_inside is False]
     outside += [f"NEES of the {each.name}" for each in nees if each.is_inside is False]
     if outside:

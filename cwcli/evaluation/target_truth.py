@@ -74,7 +74,7 @@ def scores_of(
         frame = "the map" if in_map else "the car's frame"
         return None, (f"{truth.source}: the truth is in {truth.frame_id} and the tracks are in {frame}: not compared",)
     elif in_map and local_map is not None:
-        notes.append(f"{truth.source}: its map is taken to be that of the ego state")
+        notes.append(f"{truth.source}: its map frame is assumed to be that of the ego state")
     velocity = np.column_stack([truth.vx_mps, truth.vy_mps])
     if not np.isfinite(velocity).all():
         velocity = _driven(truth, xy)

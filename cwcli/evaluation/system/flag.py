@@ -94,7 +94,7 @@ def read_flag(log: Log, topic: str, condition: Condition) -> Flag:
         notes.append(f"{topic}: in {n_unlike} of {n} messages `{condition.text}` can't be compared: taken as not set")
     kept = said.said != UNSAID
     if not kept.all():
-        notes.append(f"{topic}: {n - int(kept.sum())} of {n} messages do not tell: the flag is taken to stay as it was")
+        notes.append(f"{topic}: {n - int(kept.sum())} of {n} messages lack the field: the flag is taken as unchanged")
     shift_ns, note = _clock_shift(columns, topic)
     flag = Flag(said.log_time_ns[kept] + shift_ns, said.said[kept] == HOLDS)
     return Flag(flag.time_ns, flag.is_set, (*notes, *note, *_oddities(flag, topic, condition)))

@@ -68,7 +68,7 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
         xy_m[at] = _along(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
-        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: gone along by {how}")
+        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
     stamp_ns = signal.stamp_ns[rows]
     paths = _paths(time_s, xy_m)
     with subject.headline.of(against(SYSTEM, HINDSIGHT)):

@@ -44,8 +44,8 @@ class Placing:
         origin = self.xy(np.zeros((1, 2)))[0]
         named = f"its frame {frame}" if frame else "its frame"
         return (
-            f"{topic}: {named} was laid onto the track by a turn of {math.degrees(self.turn_rad):.2f} deg and a shift "
-            f"of ({origin[0]:.2f}, {origin[1]:.2f}) m; a constant error of these does not show"
+            f"{topic}: {named} was aligned with the track by a rotation of {math.degrees(self.turn_rad):.2f} deg and "
+            f"a shift of ({origin[0]:.2f}, {origin[1]:.2f}) m; a constant error of these does not show"
         )
 
 

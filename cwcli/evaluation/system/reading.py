@@ -37,7 +37,7 @@ def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) 
     }
     if topic not in usable:
         raise UsageError(
-            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read so",
+            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read as {name}",
             where=log.name,
             found=tuple(f"{each} ({schemas[each]})" for each in usable) or ("no topic that can",),
         )

@@ -63,7 +63,7 @@ def test_a_sender_that_is_seen_is_there_once() -> None:
     """From the third moment on: two are no proof."""
     counts, notes = left(sender(), seen(east_m=0.3, north_m=-0.2))
     assert counts == {"7": N, "9:1": 2}
-    assert notes == ("1 objects that others perceived are senders that are heard themselves: 38 times, left out",)
+    assert notes == ("1 perceived objects are vehicles that send messages themselves: 38 times, left out",)
 
 
 @pytest.mark.parametrize(
