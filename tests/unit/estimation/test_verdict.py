@@ -92,5 +92,5 @@ def test_sources_that_contradict_each_other_come_before_all_else() -> None:
     both = verdict((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
     assert both.startswith(
         f"not consistent: {told} (imu accel (/imu) agrees with ego_position (/gps); ego_speed (/wheel) is left out of "
-        "the estimate); the speed errs by 4.0 times its sigma"
+        "the estimate); the speed error is 4.0 times its sigma"
     )
