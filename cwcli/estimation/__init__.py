@@ -25,7 +25,7 @@ _FILES = {
     "estimate_track": "track",
     "estimate_tracks": "track",
 }
-"""Where each name is; loaded when it is asked for: most commands want a calibration and no filter."""
+"""Public name -> module that defines it; a module is imported when its name is first used."""
 
 __all__ = [
     "EstimatorConfig",

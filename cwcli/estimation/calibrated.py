@@ -1,7 +1,7 @@
-"""An estimate with a calibration: what earlier drives say is used as it is, or weighed with what the log itself says.
+"""Apply the constants of a calibration to an estimate.
 
-The filter alone (`causal`) uses it as it is, and nothing that the log would only show later. With the smoother it is a
-prior. Either way the log is compared with it, and a contradiction is told.
+The filter alone (`causal`) uses them unchanged and takes nothing that the log would only show later. With the smoother
+they are a prior. In both cases the log is compared with them, and a note reports a contradiction.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from cwcli.estimation.sensor_search import FoundModel
 from cwcli.signals.columns import FloatArray
 
 FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
+"""Statuses of latencies for which the search found a value in the log."""
 
 
 def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *, causal: bool) -> list[str]:
-    """Refuse the calibration of a car with other sources; returns notes on sources that it does not know.
+    """Check that a calibration knows the sources of a log; returns notes on the sources that it does not know.
 
     Raises:
-        UsageError: It knows none of the sources, or, where nothing else may be used, no position.
+        UsageError: It knows none of the sources, or no position source where `causal` allows nothing else.
     """
     sources = list(dict.fromkeys(m.source for m in measurements))
     known = [source for source in sources if source in calibration.sensors]
@@ -48,7 +49,7 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
             hint=f"it knows {', '.join(calibration.sensors)}",
         )
     told = "left out" if causal else "used as without a calibration, and left out of the online states"
-    kept = "used as without a calibration, in the online states as its messages say"
+    kept = "used as without a calibration, in the online states with the noise that its messages state"
     return [
         f"{source}: the calibration {calibration.name} does not know it; "
         f"{kept if source in positions and not has_position else told}"
@@ -58,7 +59,7 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
 
 
 def known_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
-    """Source -> how its IMU is turned, of those whose mounting is known."""
+    """Return the IMU mountings of a calibration by source, of those that it knows."""
     angles = {
         source: [calibration.of(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
         for source in calibration.sensors
@@ -71,9 +72,9 @@ def known_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
 
 
 def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
-    """The series with the noise of the calibration; those that it does not know are empty.
+    """Return the series with the noise of the calibration; series that it does not know become empty.
 
-    A position of which it knows nothing stays, as its messages say: there is no state without one.
+    If it knows no position source, positions keep the noise of their messages, because every state needs a position.
     """
     has_position = any(
         p.series.kind is Kind.POSITION and calibration.knows(p.series.source, p.series.kind) for p in prepared
@@ -89,7 +90,7 @@ def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) ->
 
 
 def with_noise(s: Series, calibration: Calibration) -> Series:
-    """The series with the calibration's noise, error of the stamps and interval."""
+    """Return a series with the noise, the stamp error and the row interval of the calibration."""
     sigma, scale = (calibration.of(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
     interval_s = calibration.of(s.source, s.kind, "interval_s").value
     s = replace(s, interval_s=interval_s if interval_s > 0.0 else s.interval_s)
@@ -107,7 +108,7 @@ def with_noise(s: Series, calibration: Calibration) -> Series:
 
 
 def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> ModelParameters:
-    """The motion model with the driver's usual manoeuvres."""
+    """Return the motion parameters with the jerk and yaw acceleration sigmas of the calibration."""
     jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN).value for name in MANOEUVRE_SIGMAS)
     return replace(
         parameters,
@@ -117,7 +118,7 @@ def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> 
 
 
 def calibrated_model(series: Sequence[Series], calibration: Calibration) -> FoundModel:
-    """The sensors' errors of the calibration; gravity follows the pitch gyroscope where there is one."""
+    """Return the sensor model of the calibration; where there is a pitch gyroscope, gravity is compensated with it."""
     slow: dict[int, Slow] = {}
     follows, scaled, levered, ahead = set(), set(), set(), set()
     for i, s in enumerate(series):
@@ -137,7 +138,7 @@ def calibrated_model(series: Sequence[Series], calibration: Calibration) -> Foun
 
 
 def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibration) -> tuple[FloatArray, FloatArray]:
-    """Means and variances of the parameter states, (n,) each: biases, scales and lever arms from the calibration."""
+    """Return prior means and variances (n,) of parameter states: biases, scales and lever arms of the calibration."""
     mean, prior = np.zeros_like(prior), prior.copy()
     for s in series:
         for name, state, none in (
@@ -154,13 +155,13 @@ def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibr
 def with_latencies(
     series: Sequence[Series], found: Sequence[Latency], calibration: Calibration, *, causal: bool
 ) -> tuple[list[Latency], list[str]]:
-    """The latencies on the calibration's clock, and notes on those that the log contradicts.
+    """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes.
 
     Args:
         series: All series.
-        found: Parallel, what the log says, against the reference of `references`.
-        calibration: Of the car.
-        causal: The calibration's as they are; else weighed with what the log says, unless the log contradicts.
+        found: Latencies found in the log, parallel to `series`, relative to the reference source of `references`.
+        calibration: Calibration of the car.
+        causal: Use the latencies of the calibration unchanged; else the weighted mean of both, unless they contradict.
     """
     reference = next(
         (
@@ -221,7 +222,7 @@ def _disagreement_note(s: Series, constant: Constant, calibration: Calibration) 
 
 
 def bias_note(s: Series, bias: float, sigma: float, calibration: Calibration) -> list[str]:
-    """A remark where the bias that the log shows is not that of the calibration."""
+    """Return a note if the bias found in the log differs significantly from that of the calibration."""
     constant = calibration.of(s.source, s.kind, "bias")
     allowed = SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.drive_sigma) if constant.is_known else math.inf
     if not abs(bias - constant.value) > allowed:

@@ -1,4 +1,4 @@
-"""What is known of a car's sensors from earlier drives: one TOML file a car, written by `cwcli calibrate`.
+"""Calibration of a car: constants of its sensors from earlier drives, in a TOML file that `cwcli calibrate` writes.
 
     cwcli_calibration = 1
     logs = ["monday.mcap", "tuesday.mcap"]
@@ -7,9 +7,8 @@
     ["/gps/fix".position]
     latency_s = { status = "found", value = 0.103, sigma = 0.004, spread = 0.0, logs = 2, minutes = 41.3, ... }
 
-A value without a sigma is exact, so a file may be written by hand. `interval`, `chi_square` and the evidence are for
-people.
-Errors are one line: file, key, what is wrong, what is permitted.
+A value without a sigma is exact, so a file may be written by hand. `interval`, `chi_square` and the evidence are only
+information. An error message names the file, the key, the fault and what is permitted.
 """
 
 from __future__ import annotations
@@ -29,18 +28,19 @@ from cwcli.metrics.student import student_factor
 from cwcli.toml_text import parse_toml
 
 FORMAT_KEY, FORMAT = "cwcli_calibration", 1
+"""Key of the format version in a calibration file, and the version that this code reads and writes."""
 MOTION = "motion"
-"""The table of what belongs to the driver and the car and not to a sensor."""
+"""Name of the table with the constants of the driver and the car, which belong to no sensor."""
 
 
 @dataclass(frozen=True)
 class Name:
-    """A constant that a calibration may hold.
+    """Specification of a constant that a calibration may hold.
 
     Attributes:
-        low, high: Where its value lies.
-        unit: For messages.
-        of: The quantities that have it.
+        low, high: Least and greatest permitted value.
+        unit: Unit, for messages.
+        of: Names of the quantities that may have the constant.
     """
 
     low: float
@@ -50,8 +50,11 @@ class Name:
 
 
 RATES = ("accel", "yaw_rate")
+"""Names of the quantities that may have a bias."""
 MEASURED = ("position", "velocity", "speed", "heading", *RATES)
+"""Names of the quantities that the filter measures."""
 QUANTITIES = (*MEASURED, "imu", "camera")
+"""Names of all quantities that a source may have in a calibration file."""
 NAMES: Mapping[str, Name] = {
     "latency_s": Name(-3600.0, 3600.0, "s, positive is late", MEASURED),
     "noise_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED),
@@ -70,21 +73,25 @@ NAMES: Mapping[str, Name] = {
     "jerk_sigma_mps3": Name(0.0, 1e3, "m/s^3", (MOTION,)),
     "yaw_accel_sigma_radps2": Name(0.0, 1e3, "rad/s^2", (MOTION,)),
 }
-"""Constant -> its range and the quantities that have it."""
+"""Name of each constant -> its permitted range, its unit and the quantities that may have it; chosen by hand."""
 EVIDENCE = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
+"""Keys that tell how much driving a calibration comes from."""
 CLEAR_SIGMAS = 3.0
-"""What drives disagree on is clear of zero by so many sigmas of their scatter."""
+"""A constant on which drives disagree is used only if it is more than this many sigmas of their scatter from zero.
+
+Chosen as for the significance of a latency; not fitted."""
 FIELDS = ("status", "value", "sigma", "spread", "interval", "chi_square", "logs", "minutes")
+"""Keys that the table of one constant may have."""
 
 
 class ConstantStatus(StrEnum):
-    """What the logs say of a constant.
+    """Whether the logs agree on a constant.
 
     Attributes:
-        REFERENCE: The latencies of the others are against this source; its own is zero by definition.
-        FOUND: They agree.
-        DISAGREE: They differ by more than their sigmas allow; `spread` says by how much.
-        NOT_OBSERVABLE: No log shows it.
+        REFERENCE: The source is the reference of all latencies; its own latency is zero by definition.
+        FOUND: The logs agree.
+        DISAGREE: The logs differ by more than their sigmas allow; `spread` is the difference.
+        NOT_OBSERVABLE: No log shows the constant.
     """
 
     REFERENCE = "reference"
@@ -98,12 +105,12 @@ class Constant:
     """A constant of a sensor, from one log or many.
 
     Attributes:
-        status: What the logs say of it.
-        value: NaN where it is not observable.
+        status: Whether the logs agree on it.
+        value: The value; NaN where it is not observable.
         sigma: One sigma of the value.
-        spread: One sigma by which a drive differs from the next, beyond what the sigmas of the drives explain.
-        chi_square: Reduced, of the logs about the value; NaN with one log.
-        n_logs, minutes: The evidence.
+        spread: One sigma of the differences between drives, beyond what the sigmas of the drives explain.
+        chi_square: Reduced chi-square of the logs about the value; NaN with one log.
+        n_logs, minutes: Number of logs and minutes of driving behind the value.
         of_logs: Name, value and one sigma of each log; () where it was read from a file.
     """
 
@@ -118,54 +125,59 @@ class Constant:
 
     @property
     def is_known(self) -> bool:
-        """It has a value."""
+        """Whether it has a value."""
         return math.isfinite(self.value)
 
     @property
     def drive_sigma(self) -> float:
-        """One sigma of it in another drive: 1.96 of them hold 95 %.
+        """One sigma of the constant in another drive: 1.96 of them hold 95 %.
 
-        The mean's variance plus that between drives (Higgins, Thompson and Spiegelhalter, 2009). A spread that few
-        drives show is itself uncertain: Student's quantile of one degree of freedom less than drives counts.
+        The variance is that of the mean plus that between drives (Higgins, Thompson and Spiegelhalter, 2009). With few
+        drives the spread is uncertain, so Student's quantile with one degree of freedom less than drives is used.
         """
         both = math.hypot(self.sigma, self.spread)
         return both * student_factor(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both
 
     @property
     def is_clear_in_any_drive(self) -> bool:
-        """Whether it may be taken as it is for a drive that does not show it: the drives agree on it, or it is clear of
-        zero by more than they scatter."""
+        """Whether it may be used in a drive that does not show it.
+
+        That is so where the drives agree on it, or where it is farther from zero than they scatter.
+        """
         if self.status is not ConstantStatus.DISAGREE:
             return self.is_known
         return abs(self.value) > CLEAR_SIGMAS * math.hypot(self.sigma, self.spread)
 
     @property
     def between_drives(self) -> float:
-        """I^2: the part of the scatter that is between the drives and not in their sigmas (Higgins and Thompson, 2002);
-        NaN with one log."""
+        """I^2 (Higgins and Thompson, 2002): share of the scatter that the sigmas of the drives do not explain.
+
+        NaN with one log.
+        """
         return max(0.0, 1.0 - 1.0 / self.chi_square) if self.chi_square > 0.0 else self.chi_square
 
     @property
     def interval(self) -> tuple[float, float]:
-        """95 % of the value in another drive."""
+        """Lower and upper bound of the value in 95 % of other drives."""
         return self.value - 1.96 * self.drive_sigma, self.value + 1.96 * self.drive_sigma
 
 
 UNKNOWN = Constant()
+"""Constant of which nothing is known."""
 Constants = Mapping[str, Constant]
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A car's constants.
+    """The calibration of a car.
 
     Attributes:
-        name: Of its file, for messages.
+        name: Name of its file, for messages.
         sensors: Source -> quantity -> constant's name -> the constant.
         motion: Name -> constant of the motion model.
         logs: Names of the logs that it comes from.
-        minutes: Of driving.
-        evidence: `EVIDENCE` -> value.
+        minutes: Minutes of driving in these logs.
+        evidence: Key of `EVIDENCE` -> value.
     """
 
     name: str
@@ -176,17 +188,17 @@ class Calibration:
     evidence: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, source: str, kind: Kind | str, name: str) -> Constant:
-        """A constant of a source's quantity; `UNKNOWN` where it has none."""
+        """Return a constant of a quantity of a source; `UNKNOWN` where there is none."""
         quantity = kind if isinstance(kind, str) else kind.name.lower()
         return self.sensors.get(source, {}).get(quantity, {}).get(name, UNKNOWN)
 
     def knows(self, source: str, kind: Kind) -> bool:
-        """Whether it says anything of a source's quantity."""
+        """Whether the calibration has constants of a quantity of a source."""
         return kind.name.lower() in self.sensors.get(source, {})
 
 
 def load_calibration(source: str | Path) -> Calibration:
-    """A calibration from its file.
+    """Read a calibration from its file.
 
     Raises:
         UsageError: The file's content is wrong.
@@ -206,7 +218,7 @@ def load_calibration(source: str | Path) -> Calibration:
 
 
 def calibration_from_table(table: Mapping[str, Any], where: str) -> Calibration:
-    """A calibration from the content of its file.
+    """Convert the parsed TOML of a calibration file to a calibration.
 
     Raises:
         UsageError: An unknown key, a wrong type, a value outside its range, or another format.
@@ -303,7 +315,7 @@ def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
 
 
 def calibration_text(calibration: Calibration) -> str:
-    """The content of a calibration's file; `calibration_from_table` reads it back."""
+    """Return a calibration as TOML; `calibration_from_table` reads it back."""
     lines = [
         "# Constants of a car's sensors, found by `cwcli calibrate`. `interval` holds 95 % of drives; `spread` is how",
         "# much a drive differs from the next beyond what each tells of itself, `chi_square` whether the logs agree.",
@@ -321,7 +333,7 @@ def calibration_text(calibration: Calibration) -> str:
 
 
 def calibration_entry(calibration: Calibration | None) -> dict[str, str]:
-    """What a run's record keeps of the calibration that it used: the file's content."""
+    """Return the entry of a run's record with the content of the calibration file; empty without a calibration."""
     return {} if calibration is None else {"calibration": calibration_text(calibration)}
 
 
@@ -345,7 +357,7 @@ def _entries(constant: Constant) -> Sequence[str]:
 
 
 def _digits(value: float) -> str:
-    """Six digits, as a TOML float."""
+    """Return a number with six digits as a TOML float."""
     text = f"{value:.6g}"
     return text if any(mark in text for mark in ".en") else f"{text}.0"
 

@@ -1,4 +1,4 @@
-"""Whether a calibration fits a log: the log's rows are predicted with the calibration's constants and with its own."""
+"""Check whether a calibration fits a log: its rows are predicted with the calibration's constants and with its own."""
 
 from __future__ import annotations
 
@@ -23,32 +23,33 @@ from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 MIN_LOSS = 0.02
-"""Log-likelihood by row of a source that is worth telling. Fixes with 0.6 m of noise that are corrected by 100 ms too
-much in a city lose 0.04, those with the right calibration less than 0.002 (tests.studies.city_drive); noise that is
-wrong by 14 % costs as much."""
+"""Loss of log-likelihood per row of a source from which a note reports it.
+
+Chosen by tests.studies.city_drive: fixes with 0.6 m of noise that are corrected by 100 ms too much lose 0.04, those
+with the right calibration less than 0.002; noise that is wrong by 14 % costs as much."""
 MAX_TOLD = 2
-"""Contradictions that a note names."""
+"""Greatest number of contradictions that a note lists; chosen for short notes."""
 NOISE_RATIO = 1.25
-"""A sigma that differs by more from the calibration's is named."""
+"""A note lists a noise sigma if it differs from that of the calibration by more than this factor; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class _Prediction:
-    """A log as the filter predicts it: its series, and what each row adds to the log-likelihood, by source and kind."""
+    """A log as the filter predicts it: its tuned series, and the log-likelihood of each row by source and kind."""
 
     tuned: TunedSeries
     scores: dict[tuple[str, Kind], FloatArray]
 
 
 def notes_on_worse_prediction(measurements: Sequence[Measurements], config: EstimatorConfig) -> list[str]:
-    """A note where the log is predicted clearly worse with the calibration's constants as they are; else nothing.
+    """Return a note if the log is predicted clearly worse with the calibration's constants than with its own; else [].
 
-    The filter alone predicts each row from those before it, of the sources that the calibration knows. What the log
-    says of itself is found from the whole of it; no state depends on this comparison.
+    The filter alone predicts each row from those before it, for the sources that the calibration knows. The log's own
+    constants are found from the whole log; no state depends on this comparison.
 
     Args:
-        measurements: Of the ego; at least one finite POSITION.
-        config: Settings, with a calibration that fits the sources.
+        measurements: Measurements of the ego; at least one finite POSITION.
+        config: Settings, with a calibration that knows the sources.
     """
     calibration = config.calibration
     assert calibration is not None
@@ -83,7 +84,7 @@ def _prepared(
 
 
 def _known(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
-    """The series with their own noise; those that `known_alone` leaves out are empty."""
+    """Return the series with their own noise; those that `known_alone` leaves out become empty."""
     kept = known_alone(prepared, calibration)
     return [own if len(known.series) else known for own, known in zip(prepared, kept, strict=True)]
 
@@ -103,7 +104,7 @@ def _predicted(prepared: Sequence[PreparedSeries], config: EstimatorConfig) -> _
 
 
 def _gains(own: _Prediction, calibrated: _Prediction) -> dict[tuple[str, Kind], FloatArray]:
-    """What the log's own constants gain, by row, of the sources that both predict."""
+    """Return the log-likelihood that the log's own constants gain per row, by source and kind."""
     gains = {}
     for key, score in own.scores.items():
         other = calibrated.scores.get(key)
@@ -114,7 +115,7 @@ def _gains(own: _Prediction, calibrated: _Prediction) -> dict[tuple[str, Kind], 
 
 
 def _contradictions(own: _Prediction, calibrated: _Prediction, calibration: Calibration) -> list[str]:
-    """What differs most, with both values: latencies in units of their sigmas, then the noise."""
+    """Return texts on what differs most, with both values: latencies in units of their sigmas, then the noise."""
     differences = []
     pairs = zip(own.tuned.series, own.tuned.latencies, calibrated.tuned.latencies, strict=True)
     for s, found, used in pairs:
@@ -140,12 +141,12 @@ def _contradictions(own: _Prediction, calibrated: _Prediction, calibration: Cali
 
 
 def _sigma(s: Series) -> float:
-    """Root of the mean variance of a series' first axis; 1 of an empty one."""
+    """Return the root of the mean variance of a series' first axis; 1 for an empty one."""
     return float(np.sqrt(s.noise[:, 0].mean())) if len(s) else 1.0
 
 
 def _own(found: Latency) -> tuple[float, float]:
-    """Latency and sigma that the log says, seconds; its reference has none."""
+    """Return latency and sigma (s) that were found in the log; both 0 for the reference."""
     if found.status is LatencyStatus.REFERENCE or not np.isfinite(found.found_s):
         return 0.0, 0.0
     return found.found_s, found.sigma_s

@@ -1,4 +1,4 @@
-"""The comparisons of two sources, and what a contradiction found by each is called."""
+"""Kinds of comparisons of two sources, and the text on a contradiction that each finds."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from enum import StrEnum
 from cwcli.estimation.measurements import Kind
 
 SPEED_UNITS = {3.6: "km/h", 2.2369: "miles/h", 1.9438: "knots", 3.2808: "feet/s", 100.0: "cm/s"}
-"""How many of a unit are 1 m/s."""
+"""Size of 1 m/s in other units of speed -> name of the unit (NIST SP 811)."""
 UNIT_TOLERANCE = 0.04
-"""Part by which a ratio may differ from that of a unit, so that the unit is guessed: worn tyres and noise."""
+"""Relative difference up to which a ratio suggests a unit. Chosen for worn tyres and noise; not fitted."""
 
 
 LEAST_RATIO = 0.05
-"""A ratio below this is told as none."""
+"""Least ratio that a text states; a smaller one is reported as no motion. Chosen by hand; not fitted."""
 
 
 class Check(StrEnum):
-    """What is compared of two sources.
+    """Comparison of two sources.
 
     Attributes:
-        WAY: The ratio of the ways in a step.
+        WAY: The ratio of the distances in a step.
         TURN: The ratio of the changes of heading.
         YAW_RATE_BIAS: The difference of the yaw rates where the car hardly turns, rad/s.
         COURSE: The difference of heading or course, rad.
@@ -37,17 +37,17 @@ class Check(StrEnum):
     ACCEL_BIAS = "accel bias"
 
     def inverse(self, number: float) -> float:
-        """The number as it is with the two sources exchanged."""
+        """Return the number with the two sources exchanged."""
         if self in (Check.WAY, Check.TURN, Check.SPEED_CHANGE):
             return math.copysign(math.inf, number) if number == 0.0 else 1.0 / number
         return -number
 
     def words(self, who: Kind, against: Kind, number: float) -> str:
-        """What shows that one source contradicts another.
+        """Return a text on how one source contradicts another.
 
         Args:
-            who, against: What the one that is blamed measures, and what the other one does.
-            number: Of the first against the second.
+            who, against: Measured quantity of the blamed source and of the other one.
+            number: Ratio or difference of the first relative to the second.
         """
         if self is Check.WAY:
             return _way_words(who, against, number)

@@ -1,4 +1,4 @@
-"""The estimator's settings: one set of defaults for every log; what differs is found from the log itself."""
+"""Settings of the estimator: one set of defaults for every log; whatever differs is found from the log itself."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ SensorModelOption = Literal["auto", "none"]
 Senders = Literal["plain", "j2945"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
 LeverArms = Mapping[str, tuple[float, float]]
-"""Source -> where it stands, m ahead and to the left of the reference point, whose course is the heading."""
+"""Source -> lever arm: m ahead and to the left of the reference point, whose course is the heading."""
 MAX_AHEAD_M, MAX_LEFT_M = 20.0, 5.0
+"""Greatest lever arm ahead and to the left that is accepted, m. Chosen beyond the size of any lorry; not fitted."""
 MS_PER_S = 1000.0
+"""Milliseconds in a second."""
 MAX_LATENCY_S = 3600.0
+"""Greatest latency that is accepted as an option, s. Chosen to catch values in a wrong unit."""
 
 
 def parse_latency(entries: Sequence[str]) -> LatencyOption:
-    """`auto`, `none`, or source -> seconds from `NAME=MS` entries.
+    """Return `auto`, `none`, or the latency (s) of each source from `NAME=MS` entries.
 
     Raises:
         UsageError: An entry is malformed, a source comes twice, or entries contradict each other.
@@ -50,7 +53,7 @@ def parse_latency(entries: Sequence[str]) -> LatencyOption:
 
 
 def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
-    """Source -> metres ahead and to the left, from `NAME=AHEAD,LEFT` entries.
+    """Return the lever arm (m ahead, m to the left) of each source from `NAME=AHEAD,LEFT` entries.
 
     Raises:
         UsageError: An entry is malformed or off the car, or a source comes twice.
@@ -74,7 +77,7 @@ def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
 
 
 def is_on_car(ahead_m: float, left_m: float) -> bool:
-    """Whether a sensor can stand there; not where a value is none."""
+    """Whether a lever arm (m) lies within the accepted bounds; False for NaN."""
     return abs(ahead_m) <= MAX_AHEAD_M and abs(left_m) <= MAX_LEFT_M
 
 
@@ -89,19 +92,20 @@ class EstimatorConfig:
         latency: "auto" finds each source's latency from the log; "none" trusts the stamps; a mapping from
             source (or "source:kind", e.g. "/gps/vel:velocity") to seconds fixes those and finds the others.
             Positive means late: true time = stamp - latency.
-        sensor_model: "auto" finds slow errors of the fixes, gravity through the road's grade, and scale and lever arm
-            of a speed, and uses what the log is predicted better with; "none" takes all for biases and white noise.
-        lever_arms: Source -> where it stands, m ahead and to the left of the reference point, whose course is the
-            heading (about the middle of the rear axle); the published states are then of that point.
+        sensor_model: "auto" looks for slow errors of the fixes, gravity through the road's grade, and scale and lever
+            arm of a speed, and uses those that predict the log better; "none" models biases and white noise only.
+        lever_arms: Source -> lever arm, m ahead and to the left of the reference point, whose course is the heading
+            (about the middle of the rear axle); the published states are then of that point.
         gate_probability: Probability with which the gate keeps a measurement that fits the model; 1 = off.
         reset_after: Consecutive rejections of one source after which its next measurement is used.
-        calibration: What earlier drives say of the sensors. With `causal` it is used as it is, and nothing that the log
-            would only show later; else it is weighed with what the log says.
-        blind: With `causal`: no parameter is looked for in the log. Those of the calibration count, without one the
+        calibration: Constants of the sensors from earlier drives. With `causal` they are used unchanged, and nothing
+            that the log would only show later; else they are weighed with what the log shows.
+        blind: With `causal`: no parameter is looked for in the log. Those of the calibration are used; without one the
             stamps, the noise that the messages state and the defaults.
-        compares_sources: Sources that contradict each other are looked for and told, and what is outvoted is left out.
-        senders: What senders of BSMs did to their motion before they sent it: "plain" nothing, "j2945" what SAE J2945/1
-            asks (`signals.bsm_sender`), which is taken back.
+        compares_sources: Compare the sources with each other: contradictions are reported, and an outvoted source is
+            left out.
+        senders: How senders of BSMs filtered their motion before they sent it: "plain" not at all, "j2945" as SAE
+            J2945/1 asks (`signals.bsm_sender`); the filter is inverted.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
         song2016_step_s: Sampling time of the six-state filter (dT of eq. 2).
     """
@@ -171,5 +175,5 @@ class EstimatorConfig:
 
     @property
     def is_blind_online(self) -> bool:
-        """Whether online states take no parameter from the log: there is a calibration, or the stamps are trusted."""
+        """Whether online states take no parameter from the log, due to a calibration or to `latency` being "none"."""
         return self.calibration is not None or self.latency == "none"

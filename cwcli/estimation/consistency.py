@@ -1,4 +1,4 @@
-"""Is the estimate as good as it says? Independent NIS values, NEES, and errors in the form of song2016's table 1."""
+"""Consistency of an estimate: count of independent values, NEES, and errors in the form of song2016's table 1."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """One row of song2016's table 1.
+    """Errors of one quantity before and after the filter: a row of song2016's table 1.
 
     Attributes:
-        name: What is compared, e.g. "position".
+        name: Quantity that is compared, e.g. "position".
         unit: Its unit.
-        n: Samples compared.
+        n: Number of samples compared.
         measured_sigma, estimated_sigma: One sigma of the error, bias included (root mean square).
         measured_bias, estimated_bias: Mean error; NaN for the position (it has no sign).
         change_percent: 100 (estimated / measured - 1).

@@ -1,4 +1,4 @@
-"""Two sources that can't both be right, and how that is told."""
+"""Contradiction between two sources, with its texts."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ _ROLES = {
     Kind.SPEED: Role.EGO_SPEED,
     Kind.HEADING: Role.EGO_HEADING,
 }
+"""Role of the sources of each kind; all other kinds come from an IMU."""
 GRAVITY = "gravity"
-"""What an IMU is compared with beside the other sources."""
+"""Name of gravity in texts, for an IMU that contradicts it."""
 
 
 @dataclass(frozen=True)
@@ -55,17 +56,17 @@ class Contradiction:
     left_out: tuple[Quantity, ...] = ()
 
     def without(self, *sources: Quantity) -> Contradiction:
-        """The same, with some sources left out of the estimate."""
+        """Return the contradiction with the sources that are left out of the estimate."""
         return replace(self, left_out=sources)
 
     @property
     def sentence(self) -> str:
-        """Who contradicts whom, and by what."""
+        """Sentence on who contradicts whom, and by what."""
         return f"{self.who} contradicts {self.against}: {self.what}"
 
     @property
     def consequence(self) -> str:
-        """What was done about it, and what the user can do."""
+        """Text on the votes and on the sources that are left out."""
         if self.allies:
             why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"
             done = f"{why} {self.against}"

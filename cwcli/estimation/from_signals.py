@@ -1,4 +1,4 @@
-"""Canonical signals as the estimator's measurements: geodesy is done here, once, for the whole stage."""
+"""Convert canonical signals to measurements of the estimator; geodetic positions are projected to the map here."""
 
 from __future__ import annotations
 
@@ -27,13 +27,14 @@ from cwcli.signals.stitch import stitch
 from cwcli.signals.units import NS_PER_S
 
 MAX_SHOWN_PAIRS = 5
-"""Of changed ids, in a note."""
+"""Greatest number of id changes that a note lists; chosen for short notes."""
 MAX_STATES = 20_000_000
+"""Greatest number of ego states. Chosen so that a wrong stamp ends as an error and does not exhaust the memory."""
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
 def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Measurements]:
-    """One ego signal as measurements, one per quantity that it carries.
+    """Convert an ego signal to measurements, one per quantity that it carries.
 
     Args:
         signal: A canonical signal of the ego.
@@ -80,14 +81,14 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
 
 
 def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> tuple[list[Measurements], list[str]]:
-    """The measurements of one vehicle without rows that a pause parts from every position, and what was left out.
+    """Drop rows that a long pause separates from every position; returns the measurements and notes.
 
-    Nothing tells where the vehicle was in a stretch without a position before or after a pause of all sources. As a
-    rule the time of such rows is wrong, or their channel counts from another epoch.
+    In a stretch without a position between two pauses of all sources the place of the vehicle is unknown. Usually the
+    time of such rows is wrong, or their channel uses another epoch.
 
     Args:
         measurements: At least one position.
-        max_pause_s: Longer pauses of all sources together part two stretches.
+        max_pause_s: A longer pause of all sources together separates two stretches.
     """
     measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
     is_pause = np.diff(measured_ns) > max_pause_s * NS_PER_S
@@ -111,13 +112,13 @@ def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> 
 def placed_remotes(
     signals: Sequence[Signal], position: Signal, local_map: LocalMap | None, *, is_stitched: bool = False
 ) -> tuple[RemoteSignal | None, tuple[str, ...]]:
-    """The remote vehicles that have a place in the ego's map, as one signal; and notes on the others.
+    """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes.
 
     Args:
-        signals: Of the remote vehicles.
-        position: The ego's: Cartesian remote vehicles must be in the same frame.
+        signals: Signals; those of remote vehicles are used.
+        position: Position signal of the ego: Cartesian remote vehicles must be in the same frame.
         local_map: The map frame; None where the ego's position is Cartesian.
-        is_stitched: A vehicle that changes its id stays one.
+        is_stitched: Join the ids of a vehicle that changed its id.
     """
     frame_id = "" if local_map is not None else position.frame_id if isinstance(position, PoseSignal) else ""
     heard = [signal for signal in signals if isinstance(signal, RemoteSignal)]
@@ -125,7 +126,7 @@ def placed_remotes(
     notes: tuple[str, ...] = ()
     if len(placed) < len(heard):
         lost = "is Cartesian" if local_map is None else "is on the globe, and theirs are Cartesian"
-        notes = (f"the ego position {lost}: remote vehicles can't be placed beside it and are left out",)
+        notes = (f"the ego position {lost}: remote vehicles can't be placed in its map and are left out",)
     if not placed:
         return None, notes
     merged = joined_remotes(placed)
@@ -138,13 +139,13 @@ def placed_remotes(
 def remote_measurements(
     remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None, senders: Senders = "plain"
 ) -> list[Measurements]:
-    """What one station says of itself, as measurements.
+    """Convert the messages of one station to measurements of its motion.
 
     Args:
         remote: The V2X signal.
         rows: Indices of the station's messages, in stamp order.
         local_map: The map frame; None where the signal is Cartesian.
-        senders: What senders of BSMs did to their motion first.
+        senders: How senders of BSMs filtered their motion, see `EstimatorConfig`.
     """
     if local_map is None:
         assert remote.x_m is not None
@@ -179,7 +180,7 @@ def remote_measurements(
 
 
 def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
-    """Position and heading. The twist of an odometry is another role's (the ego speed), so that it counts once."""
+    """Return position and heading. The twist of an odometry has another role (ego speed), so that it counts once."""
     values = np.column_stack([pose.x_m, pose.y_m])
     variance = pose.yaw_variance_rad2
     if variance is None:
@@ -201,7 +202,7 @@ def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
 def _given(
     signal: Signal, stamp_ns: Int64Array, log_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
 ) -> list[Measurements]:
-    """The quantities that the source carries at all: rows without a value are not measurements."""
+    """Convert columns (values, variances) by kind to measurements; rows without a finite value are left out."""
     found = []
     is_exact = isinstance(signal, PoseSignal | SpeedSignal | RemoteSignal) and signal.is_exact
     for kind, (values, variances) in columns.items():
@@ -215,14 +216,14 @@ def _given(
 
 
 def _symmetric(packed: FloatArray) -> FloatArray:
-    """(n, 3) columns xx, xy, yy as (n, 2, 2) matrices."""
+    """Convert (n, 3) columns xx, xy, yy to (n, 2, 2) matrices."""
     return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
 def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge_s: float) -> Int64Array:
-    """Stamps of the ego's states: from its first position to its last measurement, at the given rate.
+    """Return the stamps (ns) of the ego's states: from its first position to its last measurement, at the given rate.
 
-    Where nothing is measured for longer than `max_bridge_s` the recorder stood still: there are no states in between.
+    Where nothing is measured for longer than `max_bridge_s`, recording was interrupted and there are no states.
 
     Raises:
         DataError: The span is so long that a stamp must be wrong.
@@ -245,7 +246,7 @@ def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge
 
 
 def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
-    """The ids of vehicles that changed theirs as one, and notes on that."""
+    """Join the ids of vehicles that changed their id; returns the signal and notes."""
     found = stitch(signal, local_map)
     notes = []
     if found.joined:
@@ -253,5 +254,5 @@ def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSig
         more = ", ..." if len(found.joined) > MAX_SHOWN_PAIRS else ""
         notes.append(f"changed ids joined by motion: {len(found.joined)} ({pairs}{more})")
     if found.n_undecided:
-        notes.append(f"changed ids that stay apart, because more than one could have followed: {found.n_undecided}")
+        notes.append(f"changed ids not joined, because more than one new id could follow: {found.n_undecided}")
     return found.signal, tuple(notes)

@@ -1,4 +1,4 @@
-"""Long gaps: where the filter begins again behind one."""
+"""Restarts of the filter after long gaps in the measurements."""
 
 from __future__ import annotations
 
@@ -12,22 +12,28 @@ from cwcli.estimation.median import median
 from cwcli.estimation.passes import N_MOTION, Series, Start
 from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_start
 
-UNTOLD_S = 5.0  # in which a car turns by half a radian: see `start.UNKNOWN_TURN_RADPS`
+UNTOLD_S = 5.0
+"""Longest time without position, velocity or heading that the filter bridges, s.
+
+Chosen: a car may turn by half a radian in it (`start.UNKNOWN_TURN_RADPS`)."""
 MAX_GYRO_GAP_S = 0.5
+"""A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
 STOOD_SIGMAS = 5.0
+"""The car has moved across a gap if its positions differ by more than this many sigmas. Chosen by hand; not fitted."""
 PLACED = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
+"""Kinds from which the filter learns the heading."""
 
 
 def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start]:
-    """Where nothing told the heading for long while the car moved, begin again behind it as at the start of the log.
+    """Return a new filter start behind each long gap in which the car moved and no source measured the heading.
 
-    The filter's expansion is about a heading that may be off by any angle there, and makes it sure of what is wrong:
-    the first fixes would be explained by speeds that no car has.
+    Behind such a gap the heading may be wrong by any angle. The filter, linearised about it, would become sure of a
+    wrong state and explain the first fixes by impossible speeds.
 
     Args:
-        series: Latencies and noise settled.
-        causal: See `find_start`: then the restart waits until a heading has shown itself, and there is none where that
-            never happens.
+        series: Series with their final latencies and noise.
+        causal: See `find_start`: the restart then waits until a heading is known; there is none where that never
+            happens.
     """
     times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in PLACED]))
     gaps = [
@@ -49,7 +55,7 @@ def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start
 
 
 def _has_gyroscope(series: Sequence[Series], begin: float, end: float) -> bool:
-    """Whether a yaw rate was measured for more than half of the time."""
+    """Whether a yaw rate was measured for more than half of the time between two times (s)."""
     for s in series:
         if s.kind is Kind.YAW_RATE:
             time = s.time_s - s.latency_s
@@ -61,7 +67,7 @@ def _has_gyroscope(series: Sequence[Series], begin: float, end: float) -> bool:
 
 
 def _has_moved(series: Sequence[Series], begin: float, end: float) -> bool:
-    """Whether the positions before and behind a gap differ by more than their noise."""
+    """Whether the positions before and behind a gap (s) differ by more than their noise."""
     for s in series:
         if s.kind is Kind.POSITION and len(s) > 1:
             time = s.time_s - s.latency_s

@@ -1,4 +1,4 @@
-"""From a mounted IMU to a forward acceleration and a yaw rate."""
+"""Level an IMU: convert its raw rows to a forward acceleration and a yaw rate."""
 
 from __future__ import annotations
 
@@ -10,18 +10,22 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 
 LEAST_GRAVITY_MPS2 = 5.0
+"""Least mean specific force that is taken for gravity, m/s^2; chosen as about half of it."""
 LEVEL_BLOCKS = 10
-INTERPOLATED_RUN = 15  # samples that are looked at together
-INTERPOLATED_PART = 0.02  # of the usual curvature of the signal
+"""Number of parts of a log whose scatter gives the sigma of the mounting; chosen by hand."""
+INTERPOLATED_RUN = 15
+"""Number of consecutive samples in which most must lie on a straight line to count as interpolated; chosen by hand."""
+INTERPOLATED_PART = 0.02
+"""Greatest curvature of an interpolated sample, relative to the median curvature of the signal; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class ImuMounting:
-    """How an IMU is turned against the vertical.
+    """Pitch and roll of an IMU against the vertical.
 
     Attributes:
-        nose_up_rad: Its forward axis above the horizon.
-        left_up_rad: Its left axis, about the forward one.
+        nose_up_rad: Angle of its forward axis above the horizon.
+        left_up_rad: Angle by which its left axis is turned up about the forward axis.
         sigma_rad: One sigma of each, by the scatter of the mean specific force over LEVEL_BLOCKS parts of the log.
     """
 
@@ -31,10 +35,10 @@ class ImuMounting:
 
     @classmethod
     def of(cls, force: FloatArray, gyro: FloatArray) -> ImuMounting | None:
-        """By the mean direction of the specific force (n, 3); None where there is no gravity in it, or not upward.
+        """Find the mounting by the mean direction of the specific force (n, 3); None without an upward gravity in it.
 
-        What goes with the turn rate (n, 3) about that direction is a bend's acceleration, and taken off first: a drive
-        that turns to one side more than to the other would seem rolled.
+        The part that is proportional to the turn rate (n, 3) about that direction is acceleration in bends and is
+        subtracted first: a drive with more turns to one side would otherwise seem rolled.
         """
         force = _without_bends(force, gyro)
         up = force.mean(axis=0) if len(force) else np.zeros(3)
@@ -47,19 +51,19 @@ class ImuMounting:
 
     @property
     def up(self) -> FloatArray:
-        """The vertical in the IMU's axes, (3,)."""
+        """Unit vector of the vertical in the IMU's axes, (3,)."""
         level = np.cos(self.nose_up_rad)
         return np.array([np.sin(self.nose_up_rad), level * np.sin(self.left_up_rad), level * np.cos(self.left_up_rad)])
 
     @property
     def left(self) -> FloatArray:
-        """The level left axis in the IMU's axes, (3,)."""
+        """Unit vector of the level left axis in the IMU's axes, (3,)."""
         return np.array([0.0, np.cos(self.left_up_rad), -np.sin(self.left_up_rad)])
 
 
 @dataclass(frozen=True)
 class LevelledImu:
-    """What the filter takes from an IMU.
+    """Acceleration, yaw rate and pitch rate of a levelled IMU, as the filter uses them.
 
     Attributes:
         time_s: Shape (n,).
@@ -69,7 +73,7 @@ class LevelledImu:
         pitch_rate_radps: Shape (n,): about the left axis, nose down positive; see `_pitch_rate`.
         accel_variance, yaw_rate_variance: Shape (n,), NaN where the message does not say.
         n_interpolated: Samples left out because they were interpolated before the log was made.
-        mounting: What it was levelled by; None: the axes as they are.
+        mounting: The mounting that was compensated; None: the axes are used unchanged.
     """
 
     time_s: FloatArray
@@ -85,11 +89,10 @@ class LevelledImu:
 def level_imu(
     time_s: FloatArray, values: FloatArray, variance: FloatArray | None, mounting: ImuMounting | None = None
 ) -> LevelledImu:
-    """Level an IMU by the mean direction of gravity and leave out invented samples.
+    """Level an IMU by the mean direction of gravity and leave out interpolated samples.
 
-    The yaw rate is the gyroscope's component along the mean specific force: without what goes with the yaw rate the
-    accelerations of a drive average out over minutes and gravity remains, so a mount that is pitched or rolled needs no
-    calibration.
+    The yaw rate is the gyroscope's component along the mean specific force: apart from bends the accelerations of a
+    drive average out over minutes and gravity remains, so a pitched or rolled mount needs no calibration.
 
     Args:
         time_s: Shape (n,), sorted.
@@ -118,9 +121,9 @@ def level_imu(
 
 
 def _without_bends(force: FloatArray, gyro: FloatArray) -> FloatArray:
-    """The specific force (n, 3) as it would be without turning: each axis less its slope over the yaw rate, times that.
+    """Return the specific force (n, 3) without acceleration in bends: each axis minus its regression on the yaw rate.
 
-    v w to the left has about the mean speed of the bends as its slope over w.
+    The acceleration v w to the left has about the mean speed of the bends as its slope over w.
     """
     mean = force.mean(axis=0) if len(force) else np.zeros(3)
     yaw_rate = gyro @ mean / max(float(np.linalg.norm(mean)), 1e-9)
@@ -133,13 +136,14 @@ def _without_bends(force: FloatArray, gyro: FloatArray) -> FloatArray:
 
 
 def _pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
-    """The left axis' turn rate without its bias and without what it has of the yaw rate.
+    """Return the turn rate about the left axis without its bias and without its share of the yaw rate.
 
-    A road's and a body's pitching come and go whatever the car's turning, so what goes with the yaw rate is a mount
-    that is rolled: least squares find it without the accelerometer, whose left axis has the bends' accelerations.
+    Pitching of road and body does not correlate with turning, so the part that does is due to a rolled mount. Least
+    squares find it without the accelerometer, whose left axis measures acceleration in bends too.
 
     Args:
-        left, yaw_rate: Shape (n,), rad/s.
+        left: Shape (n,): measured turn rate about the left axis, rad/s.
+        yaw_rate: Shape (n,), rad/s.
     """
     turning = yaw_rate - np.mean(yaw_rate) if len(yaw_rate) else yaw_rate
     power = float(np.einsum("i,i", turning, turning))

@@ -1,4 +1,4 @@
-"""When a state could have been known: from the log times of the measurements that are in it."""
+"""When each online state was available: from the log times of the measurements that it uses."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 SLACK_NS = 1_000
-"""The filter counts in seconds: a row so little later than a state may be in it."""
+"""A state may use a row that is later than it by at most this, ns, because the filter computes in float seconds."""
 NEVER_NS = np.iinfo(np.int64).max
+"""Time of what is never available, ns."""
 LONG_AGO_NS = np.iinfo(np.int64).min
+"""Time of what is available from the beginning, ns."""
 LATE_S = 1.0
+"""Delay of a state from which a note reports it, s; chosen by hand."""
 THIS_LOG, MESSAGES = "this log", "messages and defaults"
+"""Names of the two origins of parameters other than a calibration, as the output shows them."""
 
 
 def parameters_of(config: EstimatorConfig) -> str:
-    """Where noise, latencies and sensors' errors of the ego's online states are from."""
+    """Return where noise, latencies and sensor errors of the ego's online states come from, as text."""
     if config.calibration is not None:
         return f"calibration {config.calibration.name}"
     return MESSAGES if config.is_blind_online else THIS_LOG
@@ -32,12 +36,13 @@ def parameters_of(config: EstimatorConfig) -> str:
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What is told of a channel of online states.
+    """Delays of the online states of a channel.
 
     Attributes:
         topic: The channel.
-        parameters: Where noise, latencies and sensors' errors are from.
-        stamp_ns, log_time_ns: Shape (n,): of the states, and when they could have been known.
+        parameters: Where noise, latencies and sensor errors come from, as text.
+        stamp_ns: Shape (n,): stamps of the states.
+        log_time_ns: Shape (n,): when the states were available.
     """
 
     topic: str
@@ -47,25 +52,25 @@ class Knowledge:
 
     @property
     def n(self) -> int:
-        """States."""
+        """Number of states."""
         return len(self.stamp_ns)
 
     def after_s(self) -> tuple[float, ...]:
-        """How long after their stamps the states are known: median, 95 % and most; NaN without states."""
+        """Return median, 95 % quantile and maximum of the delay from stamp to availability, s; NaN without states."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n else (np.nan,) * 3
 
     @property
     def notes(self) -> list[str]:
-        """A remark where the states come seconds late."""
+        """Note on states that are available more than `LATE_S` after their stamps; empty if there are none."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
         late = after_s > LATE_S
         if not late.any():
             return []
-        advice = "; if the stamps are off, --clock log" if late.mean() > 0.5 else ""
+        advice = "; if the stamps are wrong, use --clock log" if late.mean() > 0.5 else ""
         return [
-            f"{self.topic}: {int(late.sum())} of {self.n} states are known more than {LATE_S:g} s after their stamps "
-            f"(up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
+            f"{self.topic}: {int(late.sum())} of {self.n} states are available more than {LATE_S:g} s after their "
+            f"stamps (up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
         ]
 
 
@@ -77,18 +82,18 @@ def known_ns(
     max_pause_s: float,
     slack_ns: int = SLACK_NS,
 ) -> Int64Array:
-    """When the filter's states could have been known: when the last measurement that is in them had been received.
+    """Return when each state of the filter was available: when the last measurement that it uses had been received.
 
-    A state at s has in it what was measured by s (latencies taken off), and there is none before something has told
-    that s has come and that its stretch has a position (see `from_signals.output_grid`, `near_positions`). Whatever
-    comes into the log later changes neither the state nor this time.
+    A state at time s uses all rows measured by s (corrected for latency). It exists only after a row at or after s has
+    been received and its stretch has a position (see `from_signals.output_grid`, `near_positions`). Later rows of the
+    log change neither the state nor this time.
 
     Args:
-        measurements: Of one vehicle, positions first; each by stamp.
-        sources: Of its track, for the latencies.
-        stamp_ns: Shape (m,), increasing: of the states.
-        max_pause_s: Longer pauses of all measurements part two stretches.
-        slack_ns: Rows so much later than a state may be in it.
+        measurements: Measurements of one vehicle, positions first; each in stamp order.
+        sources: Reports of its track, for the latencies.
+        stamp_ns: Shape (m,), increasing: stamps of the states.
+        max_pause_s: A longer pause of all measurements separates two stretches.
+        slack_ns: A state may use rows that are later than it by at most this.
 
     Returns:
         Shape (m,), non-decreasing, on the log's clock.
@@ -112,7 +117,7 @@ def known_ns(
 
 
 def in_time(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.bool_]:
-    """Which messages had not been overtaken by a newer one when they were received, (n,)."""
+    """Return a mask (n,) of the messages that arrived before every newer message."""
     order = np.lexsort((stamp_ns, log_time_ns))
     newest_ns = np.maximum.accumulate(stamp_ns[order])
     fresh = np.ones(len(order), np.bool_)
@@ -121,7 +126,7 @@ def in_time(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.boo
 
 
 def _placed_ns(measurements: Sequence[Measurements], stamp_ns: Int64Array, max_pause_ns: int) -> Int64Array:
-    """When the first position of each state's stretch had been received, (m,)."""
+    """Return when the first position of each state's stretch was received, (m,)."""
     measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
     begins = np.append(measured_ns[0], measured_ns[1:][np.diff(measured_ns) > max_pause_ns])
     first_ns = np.full(len(begins), NEVER_NS)
@@ -133,7 +138,7 @@ def _placed_ns(measurements: Sequence[Measurements], stamp_ns: Int64Array, max_p
 
 
 def _late_ns(m: Measurements, sources: Sequence[SourceReport], epoch: int) -> Int64Array:
-    """What was taken off the stamps, (n,); of an IMU the larger of its two kinds' latencies."""
+    """Return the latency (ns) that was subtracted from the stamps, (n,); for an IMU the larger of its two latencies."""
     time_s = seconds(m.stamp_ns, epoch)
     own = [s.latency for s in sources if s.source == m.source and m.kind in (s.kind, Kind.IMU)]
     late_s = [latency.applied_s + latency.drifted_s(time_s) for latency in own]

@@ -1,4 +1,4 @@
-"""What is known of each source's latency, and whose latency is looked for at all. The search: `latency_search`."""
+"""Latency of a source with its status, and which latencies are searched (by `latency_search`)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,24 @@ from cwcli.estimation.sensor_limits import LATENCY
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
-DRIFT_REACH_S = 150.0  # half of what is searched
+"""A value is significant if it is more than this many sigmas from zero. Chosen by hand; not fitted."""
+DRIFT_REACH_S = 150.0
+"""Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 
 
 class LatencyStatus(StrEnum):
-    """What was made of a source's latency.
+    """How the latency of a source was treated.
 
     Attributes:
-        REFERENCE: The others' latencies are against this source.
-        APPLIED: Found, clearly there, and corrected.
+        REFERENCE: The latencies of the others are relative to this source.
+        APPLIED: Found, significant, and corrected.
         DRIFTS: It changes along the log, and is corrected along a line.
-        NOT_SIGNIFICANT: Found, but it may as well be zero: not corrected.
-        NOT_OBSERVABLE: The log has too little in it to tell: not corrected.
-        GIVEN: Corrected as the user said.
-        CALIBRATED: Corrected as a calibration says, or as it and the log say together.
+        NOT_SIGNIFICANT: Found, but not significantly different from zero: not corrected.
+        NOT_OBSERVABLE: The log does not suffice to determine it: not corrected.
+        GIVEN: Corrected by the user's value.
+        CALIBRATED: Corrected by the value of a calibration, or by the mean of it and the log.
         CONTRADICTS: Found beyond what a sensor can be late by (`sensor_limits.LATENCY`): not corrected.
-        OFF: Not looked for.
+        OFF: Not searched.
     """
 
     REFERENCE = "reference"
@@ -47,6 +49,7 @@ class LatencyStatus(StrEnum):
 
 
 CORRECTED = (LatencyStatus.APPLIED, LatencyStatus.DRIFTS, LatencyStatus.GIVEN, LatencyStatus.CALIBRATED)
+"""Statuses of latencies that are corrected."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Latency:
     """One source's latency.
 
     Attributes:
-        status: What was made of it.
+        status: How it was treated.
         found_s: The value that was found or given, positive = late; NaN where there is none.
         sigma_s: One sigma of what was found (see `latency_evidence.Evidence.sigma_s`); NaN where nothing was.
         bound_s: The least sigma that any estimator without bias could have, by the filter's information about it; NaN
@@ -72,27 +75,27 @@ class Latency:
 
     @property
     def applied_s(self) -> float:
-        """What is taken off the stamps, seconds; where it drifts, in the middle."""
+        """Correction that is subtracted from the stamps, s; of a drift that in the middle."""
         return self.found_s if self.status in CORRECTED else 0.0
 
     @property
     def left_s(self) -> float:
-        """One sigma of what the corrected stamps are still late by; infinite where nothing tells."""
+        """One sigma of the remaining latency of the corrected stamps, s; infinite where unknown."""
         if self.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
             return 0.0
         left_s = math.hypot(self.found_s - self.applied_s, self.sigma_s)
         return left_s if math.isfinite(left_s) else math.inf
 
     def drifted_s(self, time_s: FloatArray) -> FloatArray:
-        """How much more than in the middle is taken off stamps (n,), seconds since the epoch.
+        """Return the correction (n,), s, relative to that in the middle, for stamps (n,), s since the epoch.
 
-        Farther from the middle than DRIFT_REACH_S it is held: the line was not found there.
+        It is constant farther from the middle than DRIFT_REACH_S, beyond the window in which the line was found.
         """
         return np.asarray(self.drift * np.clip(time_s - self.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S))
 
 
 def within_limits(latency: Latency) -> Latency:
-    """The latency, not to be corrected where no sensor is late by so much."""
+    """Return the latency, marked as a contradiction and not corrected where no sensor can be so late."""
     found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
     if not found or LATENCY.holds(latency.found_s):
         return latency
@@ -100,22 +103,23 @@ def within_limits(latency: Latency) -> Latency:
 
 
 def straightened(series: Series, latency: Latency) -> Series:
-    """The series with its stamps as they would be if the latency stayed as it is in the middle."""
+    """Correct the stamps of a series for the drift, so that the remaining latency is constant."""
     return replace(series, time_s=series.time_s - latency.drifted_s(series.time_s)) if latency.drift else series
 
 
 NO_LATENCY = Latency(LatencyStatus.OFF)
+"""Latency that was not searched."""
 
 
 def given_latency(series: Series, config: EstimatorConfig) -> Latency | None:
-    """The latency that the user gives for this source and kind, or for the source; None where there is none."""
+    """Return the latency that the user gave for this source and kind, or for the source; None where there is none."""
     given: Mapping[str, float] = {} if isinstance(config.latency, str) else config.latency
     named = given.get(f"{series.source}:{series.kind.name.lower()}", given.get(series.source))
     return None if named is None else Latency(LatencyStatus.GIVEN, float(named))
 
 
 def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Latency | None]:
-    """Decide which series is the reference and which latency is given; None is to be found."""
+    """Return for each series its latency if it is the reference, given or not observable; None if it is to be found."""
     if config.latency == "none":
         return [NO_LATENCY for _ in series]
     roles: list[Latency | None] = []
@@ -134,13 +138,13 @@ def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Lat
 
 
 def references(series: Sequence[Series]) -> list[bool]:
-    """Which series the others are compared with: see `_reference`."""
+    """Return for each series whether it is a reference of the others: see `_reference`."""
     source, kinds = _reference(series)
     return [s.source == source and s.kind in kinds for s in series]
 
 
 def _reference(series: Sequence[Series]) -> tuple[str, tuple[Kind, ...]]:
-    """The IMU if there is one, else the speed (with a yaw rate of the same source), else the position."""
+    """Return source and kinds of the reference: the IMU, else the speed (with its yaw rate), else the position."""
     for s in series:
         if s.bias_state >= 0 and len(s):
             return s.source, RATES

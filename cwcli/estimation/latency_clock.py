@@ -1,9 +1,8 @@
-"""Whose clock the latencies count from: the one on which the sources agree.
+"""Shift latencies to the clock on which most sources agree.
 
-The search compares each source with one reference, which is convenient, but may itself be late. A measurement can't be
-stamped before it was made. So where as many sources agree on a time before the reference's as are on the reference's,
-the reference is late and not they early. Of groups of one size the one with a position counts: a receiver has the
-satellites' clock.
+The search compares each source with one reference, which may itself be late. A measurement can't be stamped before it
+was made. So where at least as many sources agree on a clock ahead of the reference as on that of the reference, the
+reference is late. Of two groups of one size the one with a position counts: a receiver has the satellites' clock.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from cwcli.estimation.measurements import Kind
 
 @dataclass(frozen=True)
 class Told:
-    """What is told of one source's quantity.
+    """Latency of a quantity of a source.
 
     Attributes:
-        source, kind: Whose latency it is.
-        is_reference: The latencies of the others are against this one's source.
-        latency: Of it.
+        source, kind: The quantity.
+        is_reference: Whether the latencies of the others are relative to its source.
+        latency: Its latency.
     """
 
     source: str
@@ -39,7 +38,7 @@ def on_agreed_clock(told: Sequence[Told]) -> tuple[list[Latency], list[str]]:
     Nothing is moved where the user gives a latency, because that names a clock.
 
     Args:
-        told: Of all sources, against one reference.
+        told: Latencies of all sources, relative to one reference.
 
     Returns:
         The latencies, and a note where they were moved.
@@ -58,7 +57,7 @@ def on_agreed_clock(told: Sequence[Told]) -> tuple[list[Latency], list[str]]:
 
 
 def _moved(told: Sequence[Told], group: Sequence[Told]) -> tuple[list[Latency], list[str]]:
-    """The latencies against the mean of a group of sources that agree; see `on_agreed_clock`."""
+    """Shift latencies to the mean clock of a group of sources that agree; see `on_agreed_clock`."""
     weight = np.array([each.latency.sigma_s**-2.0 for each in group])
     early_s = float(weight @ [each.latency.found_s for each in group] / weight.sum())
     sigma_s = float(weight.sum() ** -0.5)
@@ -91,10 +90,10 @@ def _agree(one: Latency, other: Latency) -> bool:
 
 
 def _is_with_reference(latency: Latency, group: Sequence[Told]) -> bool:
-    """It is not clearly off the reference, and clearly off the group."""
+    """Whether a latency differs significantly from the group but not from the reference."""
     return latency.status is LatencyStatus.NOT_SIGNIFICANT and not any(_agree(latency, one.latency) for one in group)
 
 
 def _votes(group: Sequence[Told]) -> float:
-    """One for each source, and what decides a tie for a position."""
+    """Return the number of sources in a group, plus a half for a position, which decides a tie."""
     return len({each.source for each in group}) + 0.5 * any(each.kind is Kind.POSITION for each in group)

@@ -1,4 +1,4 @@
-"""How sure a latency is: what each row of a log says of it.
+"""Evidence for a latency, with its uncertainty, from each row of a log.
 
 A row's negative log-likelihood, after all rows before it, is known for each latency. Passes with the stamps moved a
 little less, just so and a little more give a parabola for each row. The vertex of their sum is the latency, its bend
@@ -14,12 +14,18 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-BLOCK_S = 10.0  # longer than a manoeuvre
-MIN_BLOCKS = 8  # of a short log: shorter blocks rather than fewer
-GAIN = 4.5  # of the log-likelihood: three sigma
-LEAST_BLOCKS = 3  # two have one degree of freedom
-FEW_BLOCKS = 2.0  # with fewer that carry the information there is no scatter to speak of
-FEW_BLOCKS_FACTOR = 3.0  # on the sigma by the bend, at least, where too few blocks tell
+BLOCK_S = 10.0
+"""Length of the blocks whose scatter gives the sigma, s. Chosen longer than a manoeuvre."""
+MIN_BLOCKS = 8
+"""Number of blocks of a short log, which are then shorter. Chosen by hand; not fitted."""
+GAIN = 4.5
+"""Least gain of log-likelihood of a drift: three sigma."""
+LEAST_BLOCKS = 3
+"""Least number of long blocks. Chosen: two have only one degree of freedom."""
+FEW_BLOCKS = 2.0
+"""Least effective number of blocks for a sigma by scatter. Chosen by hand; not fitted."""
+FEW_BLOCKS_FACTOR = 3.0
+"""Least ratio of the sigma to the formal one with fewer effective blocks. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)

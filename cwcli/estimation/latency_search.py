@@ -38,28 +38,49 @@ from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 GRID_STEP_S = 0.25
+"""Step of the grid of latencies, s. Chosen finer than the manoeuvres that show one."""
 GRID_S = np.arange(-0.5, 2.01, GRID_STEP_S)
-"""Latencies that are looked at; finer than the manoeuvres that show one."""
+"""Grid of latencies that are tried, s; positive is late. Chosen by hand; not fitted."""
 PROBES_S = (0.05, 0.1, 0.2, 0.4)
-FALL = 0.5 * SIGNIFICANT_SIGMAS**2  # of the log-likelihood, three sigma from its top
-OBSERVABLE_S = 0.05  # a latency whose bound is larger is told only where it is clearly there
-TOLD_S = 0.1  # and with a larger one not at all
+"""Distances from the likeliest latency at which a parabola is laid, s. Chosen by hand; not fitted."""
+FALL = 0.5 * SIGNIFICANT_SIGMAS**2
+"""Fall of the log-likelihood at three sigma from its top."""
+OBSERVABLE_S = 0.05
+"""A latency with a larger bound is reported only if it is significant, s. Chosen by hand; not fitted."""
+TOLD_S = 0.1
+"""A latency with a larger bound is not reported, s. Chosen by hand; not fitted."""
 THINNED_HZ = 25.0
+"""Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
 COARSE_HZ = 10.0
+"""Rate to which frequent sources are averaged for the grid, Hz. Chosen for speed; not fitted."""
 WINDOW_S = 300.0
+"""Longest span of a log that is searched, s. Chosen for speed; not fitted."""
 GATE_PROBABILITY = 1.0 - 1e-5
+"""Probability with which the gate keeps a good row during the search. Chosen by hand; not fitted."""
 SETTLED = 1.1
+"""The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 MAX_MATCHINGS = 3
-MAX_STATES = 24  # of the kernel; the slow error takes two
+"""Greatest number of rounds of innovation matching. Chosen for speed; not fitted."""
+MAX_STATES = 24
+"""Greatest number of states of the kernel; the slow error takes two."""
 SLOW_SIGMAS_M = (0.3, 1.0, 3.0)
+"""Sigmas of slow errors of positions that are tried, m. Chosen by hand; not fitted."""
 SLOW_TIMES_S = (1.0, 3.0, 10.0)
-SLOW_GAIN = 9.0  # in the log-likelihood, for two more numbers
+"""Time constants of slow errors that are tried, s. Chosen by hand; not fitted."""
+SLOW_GAIN = 9.0
+"""Least gain of log-likelihood of a slow error: 4.5 for each of its two parameters."""
 MAX_WEIGHINGS = 4
-LEAD_IN_S = 2.5  # the reference before the target: the longest latency of the coarse search, and a little
+"""Greatest number of iterations at one probe distance. Chosen for speed; not fitted."""
+LEAD_IN_S = 2.5
+"""Time before the target's first row from which the reference is used, s: the longest latency and a little."""
 FAR_M = 100.0
+"""One sigma of the start's position, m. Chosen large, so that the first position does not count twice."""
 LOOSE_JERK_MPS3 = 20.0
+"""Jerk sigma with an IMU as reference, m/s^3. Chosen large, so that the state follows the IMU."""
 LOOSE_YAW_ACCEL_RADPS2 = 4.0
-SIDE_SLIP_M = 0.03  # less than the filter's own: a latency needs the position's long memory
+"""Yaw acceleration sigma with an IMU as reference, rad/s^2. Chosen large, so that the state follows the IMU."""
+SIDE_SLIP_M = 0.03
+"""Position noise during the search, m per root s. Chosen below the filter's own: a latency needs a long memory."""
 
 
 def find_latencies(

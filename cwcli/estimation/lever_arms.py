@@ -1,4 +1,4 @@
-"""Where the sensors stand on the car, as far as that is given, and which of its points the published states are of."""
+"""Lever arms of the sensors, as far as they are given, and the point of the car that the published states describe."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cwcli.signals.vehicle_state import HEADING
 
 
 def placed(prepared: Sequence[PreparedSeries], lever_arms: LeverArms) -> list[PreparedSeries]:
-    """The series with the given places; one that is not named has none."""
+    """Return the series with the lever arms that the user gave; the others keep theirs."""
     return [
         replace(p, series=replace(p.series, place_m=lever_arms.get(p.series.source, p.series.place_m)))
         for p in prepared
@@ -24,15 +24,15 @@ def placed(prepared: Sequence[PreparedSeries], lever_arms: LeverArms) -> list[Pr
 
 
 def at_antenna(series: Sequence[Series], state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The motion states and their covariances at the point that the position source measures.
+    """Return motion states and covariances at the point that the position source measures.
 
-    Where the log shows that an antenna stands ahead of the point p whose course is the heading, the filter's states are
-    of p; those that are published are of p + R(heading) (l, 0), whether l was found in a log or not. Where the places
-    are given, whoever gave them names p.
+    Where the log shows that an antenna stands ahead of the point p whose course is the heading, the filter estimates p;
+    the published states are those of p + R(heading) (l, 0), with the lever arm l. Where the lever arms are given, they
+    define p, and the states stay at p.
 
     Args:
-        series: As the filter used them.
-        state: Shape (m, n), of p.
+        series: Series as the filter used them.
+        state: Shape (m, n): states at p.
         covariance: Shape (m, n, n).
 
     Returns:

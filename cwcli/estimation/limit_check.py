@@ -1,4 +1,4 @@
-"""What was found of the sources against what such sensors can be: the last check, of the estimate's own numbers."""
+"""Check the constants that were found of the sources against the limits of such sensors, after the estimate."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from cwcli.estimation.sensor_limits import (
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 CAR = "how a car moves"
-"""What a source without another one beside it contradicts."""
+"""Text for what a source contradicts if there is no other source."""
 
 
 def beyond_limits(reports: Sequence[SourceReport], known: Sequence[Contradiction] = ()) -> tuple[Contradiction, ...]:
-    """The sources of which something was found that no such sensor has.
+    """Return contradictions for the sources with a constant beyond the limits of such sensors.
 
     Args:
-        reports: Of one vehicle's sources.
-        known: What is told already: of these sources nothing is told again.
+        reports: Reports of one vehicle's sources.
+        known: Known contradictions: their sources are not reported again.
     """
     told = {quantity for each in known for quantity in (each.who, each.against)}
     found = []
@@ -43,7 +43,7 @@ def beyond_limits(reports: Sequence[SourceReport], known: Sequence[Contradiction
 
 
 def is_bias_possible(report: SourceReport) -> bool:
-    """Whether a sensor can have the bias that was found; an accelerometer's has gravity through its mount in it."""
+    """Whether a sensor can have the bias that was found; gravity through the mounting is subtracted first."""
     if report.kind is Kind.YAW_RATE:
         return YAW_RATE_BIAS.holds(report.bias)
     mounted = 0.0 if report.mounting is None else STANDARD_GRAVITY_MPS2 * math.sin(report.mounting.nose_up_rad)
@@ -51,7 +51,7 @@ def is_bias_possible(report: SourceReport) -> bool:
 
 
 def _words(report: SourceReport) -> Iterator[str]:
-    """What no such sensor has, one thing after the other."""
+    """Yield a text on each constant that no such sensor has."""
     if not is_bias_possible(report):
         limit = YAW_RATE_BIAS if report.kind is Kind.YAW_RATE else ACCEL_BIAS
         yield _beyond("a bias", report.bias, limit)
@@ -74,7 +74,7 @@ def _words(report: SourceReport) -> Iterator[str]:
 
 
 def _is_beyond(parameter: Parameter, limit: Limit) -> bool:
-    """Whether a parameter that is used is one that no such sensor has; one that was given is the user's."""
+    """Whether a parameter that was found and used lies beyond its limit; given ones are not checked."""
     return parameter.status is ParameterStatus.USED and not limit.holds(parameter.value)
 
 
@@ -85,7 +85,7 @@ def _beyond(name: str, value: float, limit: Limit) -> str:
 
 
 def _reference_of(report: SourceReport, reports: Sequence[SourceReport]) -> Quantity | str:
-    """What a source was compared with: the position; of a position, what tells most of the motion."""
+    """Return what a source was compared with: the position; for a position the best source of motion."""
     used = [r for r in reports if r.n_used and (r.source, r.kind) != (report.source, report.kind)]
     if report.kind is Kind.POSITION:
         order: tuple[Kind, ...] = (Kind.SPEED, *RATES, Kind.VELOCITY, Kind.HEADING, Kind.POSITION)

@@ -1,4 +1,4 @@
-"""What the estimator takes in: time series of measured quantities as plain arrays."""
+"""Input of the estimator: time series of measured quantities as plain arrays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 
 class Kind(IntEnum):
-    """What a measurement measures. `QUANTITIES` says more of each.
+    """Quantity that a measurement measures; `QUANTITIES` has its unit and noise.
 
     Attributes:
         POSITION: x, y in the map frame, metres.
@@ -38,12 +38,12 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is known of a kind beforehand.
+    """Prior knowledge about a kind of measurement.
 
     Attributes:
-        width: Values in a row.
-        unit: Of each; "" where they differ.
-        default_sigma: One sigma where the message says nothing and the log is too short to show it.
+        width: Number of values in a row.
+        unit: Unit of each value; "" where they differ.
+        default_sigma: One sigma where the message states none and the log is too short to show it.
         floor_sigma: Least sigma of noise that is found from the log (resolution of the usual messages).
     """
 
@@ -60,10 +60,11 @@ QUANTITIES: dict[Kind, Quantity] = {
     Kind.HEADING: Quantity(1, "rad", 0.035, 5e-3),
     Kind.ACCEL: Quantity(1, "m/s^2", 0.2, 5e-3),
     Kind.YAW_RATE: Quantity(1, "rad/s", 0.01, 1e-4),
-    Kind.IMU: Quantity(6, "", math.nan, math.nan),  # its ACCEL and YAW_RATE count
+    Kind.IMU: Quantity(6, "", math.nan, math.nan),  # ACCEL and YAW_RATE are used instead
 }
+"""Width, unit, default sigma and least sigma of each kind. Chosen for common automotive sensors; not fitted."""
 RATES = (Kind.ACCEL, Kind.YAW_RATE)
-"""The kinds that an IMU measures, too: they may come a hundred times a second, and with a bias."""
+"""Kinds that an IMU measures as well: they may come a hundred times a second, and with a bias."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +75,13 @@ class Measurements:
 
     Attributes:
         source: Name for messages, usually the topic. Several kinds may share one source.
-        kind: What is measured.
+        kind: Measured quantity.
         stamp_ns: Shape (n,), int64.
         values: Shape (n, d) with d = QUANTITIES[kind].width; (n,) is accepted where d is 1.
         covariance: Shape (n, d, d), or (n, d) for variances alone, or None. NaN, or a variance that is not
-            positive, means that the message does not say.
+            positive, means that the message states none.
         log_time_ns: Shape (n,), int64: when each row was received; None: at its stamp.
-        is_exact: Made by a simulator: nothing is an outlier or late, and its noise is what is stated.
+        is_exact: From a simulator: it has no outliers and no latency, and its noise is as stated.
     """
 
     source: str
@@ -123,11 +124,11 @@ class Measurements:
 
     @property
     def received_ns(self) -> Int64Array:
-        """When each row was received, (n,)."""
+        """Times at which the rows were received, (n,), ns."""
         return self.stamp_ns if self.log_time_ns is None else self.log_time_ns
 
     def at(self, rows: npt.NDArray[np.bool_]) -> Measurements:
-        """Some of its rows."""
+        """Return the measurements in the rows of a mask (n,)."""
         covariance = None if self.covariance is None else self.covariance[rows]
         log_time_ns = None if self.log_time_ns is None else self.log_time_ns[rows]
         return replace(

@@ -1,4 +1,4 @@
-"""The motion model's numbers, in one place, each with its reason."""
+"""Parameters of the motion model, each with the reason for its value."""
 
 from __future__ import annotations
 
@@ -31,18 +31,19 @@ class ModelParameters:
         yaw_accel_sigma_radps2: Stationary yaw acceleration; 90 degrees at a junction within 4 s need 0.3 rad/s^2.
         standstill_speed_mps: Below it a car hardly yaws: the yaw noise shrinks with v^2 / (v^2 + standstill^2).
         standstill_floor: Part of the yaw noise that is left at standstill.
-        side_slip_m: Position noise in metres per square root of a second: what the point's path and the heading differ.
-            It acts across the heading of a moving car; near standstill, where a car is steered on the spot, in any
-            direction.
-        along_share: Part of its variance that acts along the heading, too: wheels slip, and errors of fixes last.
+        side_slip_m: Position noise in metres per square root of a second, because the point does not move exactly along
+            the heading. It acts across the heading of a moving car, and in all directions near standstill, where a car
+            is steered on the spot.
+        along_share: Share of that variance that acts along the heading, too: wheels slip, and errors of fixes last.
             Chosen among 0, 0.1 and 0.25 by the NEES of the speed on the KITTI drive.
         course_rad: Heading noise in radians per square root of a second: side-slip and roll that the gyroscope does
             not see.
         reverse_mps: Faster reversing means that the heading is wrong by half a turn.
         accel_bias_walk: Random walk of the forward accelerometer's bias, m/s^2 per square root of a second.
         yaw_rate_bias_walk: Random walk of the gyroscope's bias, rad/s per square root of a second.
-        time_constant_s: Of the parameter states that fade to zero (Gauss-Markov), by their index; the others walk.
-        turn_noise: Further white noise behind parameter states, variance by radian turned, by their index.
+        time_constant_s: Index of a parameter state -> time constant with which it fades to zero (Gauss-Markov); the
+            other parameter states are random walks.
+        turn_noise: Index of a parameter state -> additional white noise, variance per radian turned.
     """
 
     accel_decay_s: float = 3.0
@@ -91,15 +92,15 @@ class ModelParameters:
 
 
 SIMULATED_JERK_MPS3 = 100.0
+"""Jerk sigma of a simulated car, m/s^3: full braking (10 m/s^2) within the longest step of a trace, 0.1 s."""
 SIMULATED_YAW_ACCEL_RADPS2 = 10.0
-"""A simulator's car brakes fully (10 m/s^2) and turns (1 rad/s) from one step of the simulation to the next: within a
-tenth of a second, the longest step of a trace."""
+"""Yaw acceleration sigma of a simulated car, rad/s^2: a yaw rate of 1 rad/s within the longest step of a trace."""
 
 
 def simulated_motion(parameters: ModelParameters) -> ModelParameters:
-    """The motion of a vehicle all of whose measurements are a simulator's: no pedal and no wheel delays it.
+    """Return the motion parameters of a simulated vehicle, whose acceleration may change within one step.
 
-    With a driver's jerk the states would go round the corners of such a motion, and a time to collision at a small
-    closing speed with them: they follow what the messages say instead, as well as these are known.
+    With the jerk of a driver the filter would round off such changes, and a time to collision at a small closing speed
+    would be wrong. With these sigmas the states follow the messages.
     """
     return replace(parameters, jerk_sigma_mps3=SIMULATED_JERK_MPS3, yaw_accel_sigma_radps2=SIMULATED_YAW_ACCEL_RADPS2)

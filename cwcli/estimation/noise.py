@@ -1,4 +1,4 @@
-"""Noise that the log does not state: of measurements by innovation matching, of the motion by maximum likelihood."""
+"""Estimate unstated noise: of measurements by innovation matching, of the motion by maximum likelihood."""
 
 from __future__ import annotations
 
@@ -20,22 +20,36 @@ from cwcli.kernels.estimation import matching_factor
 from cwcli.signals.columns import FloatArray
 
 MIN_ROWS_FOR_NOISE = 50
+"""Least number of rows from which noise is estimated. Chosen by hand; not fitted."""
 MAX_FACTOR = 64.0
+"""Greatest factor by which one call changes a noise variance. Chosen by hand; not fitted."""
 BISECTIONS = 16
+"""Number of bisections for the factor: it is exact to 64^(2 / 2^16)."""
 MAX_NIS = 9.0
-THINNED_HZ = 10.0  # of what comes more often: manoeuvres are slower
-MAX_UPDATES = 30_000  # of the window that is looked at, with an IMU: ten minutes
-MAX_UPDATES_SLOW = 1_500  # without one: a remote vehicle's messages, and there are many vehicles
-ENOUGH_ROWS = 300  # in the window: then the whole log shows nothing new of the noise
+"""Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
+THINNED_HZ = 10.0
+"""Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""
+MAX_UPDATES = 30_000
+"""Greatest number of rows in the window with an IMU. Chosen: about ten minutes of a drive."""
+MAX_UPDATES_SLOW = 1_500
+"""Greatest number of rows in the window without an IMU. Chosen for speed, as a log may hold many remote vehicles."""
+ENOUGH_ROWS = 300
+"""Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
 SCALE_STEP = np.log(2.0)
+"""Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
 MANOEUVRE_SIGMAS: dict[str, tuple[float, float]] = {
     "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
     "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
 }
-"""What is fitted, and how far from its first value it may go: what a car and its driver can do."""
+"""Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a driver can do."""
 ROUNDS = 2
+"""Number of rounds of innovation matching. Chosen by hand; not fitted."""
 SETTLED = 1.05
+"""The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 LEAD_IN_S = 2.5
+"""Rows earlier than this before the first position are not used, s.
+
+Chosen as the longest latency of the search and a little more."""
 
 
 def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> float:
@@ -47,13 +61,13 @@ def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> flo
     from one innovation to the next, and are there all the same. Where they have a state of their own (`slow_state`)
     the noise is what is left of the message's, the white part, and free.
 
-    White noise that was found beside an error of the stamps is where the log is predicted best, and stays: the
-    innovations along the way, which say little of it, would outweigh those across.
+    White noise that was fitted together with an error of the stamps stays as it is: there the log is predicted best,
+    and the innovations along the path, which depend little on it, would outweigh those across.
 
     Args:
         s: The series with its present noise.
         nis: Shape (n, 5): see `PassResult.nis`.
-        so_far: What a message's noise was multiplied by until now; None: not known, by one call it is at most halved.
+        so_far: Factor on the noise of the message until now; None: not known, then one call at most halves it.
     """
     if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact or s.stamp_error.status is ParameterStatus.USED:
         return 1.0
@@ -85,8 +99,8 @@ def settle_noise(
         series: All series, latencies corrected.
         parameters: Motion model to begin with.
         walk, prior: Shape (n,): see `run_pass`, `start_with_parameters`.
-        every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that which the
-            thinned window shows.
+        every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that of the
+            averaged window.
 
     Returns:
         The series with settled noise; the motion model.
@@ -98,14 +112,14 @@ def settle_noise(
         return list(series), parameters
     begin, orders = parameters, dict[float, TimeOrder]()
 
-    def scaled(parameters: ModelParameters, factors: Sequence[float]) -> ModelParameters:
+    def scale_manoeuvres(parameters: ModelParameters, factors: Sequence[float]) -> ModelParameters:
         for (name, limits), factor in zip(MANOEUVRE_SIGMAS.items(), factors, strict=True):
             parameters = _within(parameters, name, float(getattr(parameters, name)) * factor, limits, begin)
         return parameters
 
     may: list[bool] = []
 
-    def settle(fit: NoiseFit) -> NoiseFit:
+    def refit_noise_and_motion(fit: NoiseFit) -> NoiseFit:
         result = _Trials(fit.series, walk, prior, orders).result(fit.parameters)
         may[:] = [may_err(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
         fit = _matched(fit, result)
@@ -117,16 +131,16 @@ def settle_noise(
 
     fit = NoiseFit(tuple(window), (1.0,) * len(window), parameters)
     for _ in range(ROUNDS):
-        fit = settle(fit)
+        fit = refit_noise_and_motion(fit)
     if every_row and any(may):
         start = start_with_parameters(fit.series, prior, causal=False)
 
-        def run(series: Sequence[Series], parameters: ModelParameters) -> PassResult:
+        def run_filter(series: Sequence[Series], parameters: ModelParameters) -> PassResult:
             motion = parameters.motion(walk)
             return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=orders)
 
-        found = with_stamp_errors(fit, may, run, scaled)
-        fit = fit if found is fit else settle(found)
+        found = with_stamp_errors(fit, may, run_filter, scale_manoeuvres)
+        fit = fit if found is fit else refit_noise_and_motion(found)
     parameters, factors = fit.parameters, np.array(fit.factors)
     series = [replace(s, stamp_error=w.stamp_error) for s, w in zip(series, fit.series, strict=True)]
     settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
@@ -151,7 +165,7 @@ def settle_noise(
 
 
 def _matched(fit: NoiseFit, result: PassResult) -> NoiseFit:
-    """The fit with the noise in agreement with the innovations of a pass."""
+    """Return the fit with each noise scaled until it agrees with the innovations of a pass."""
     change = [noise_factor(*each) for each in zip(fit.series, result.nis, fit.factors, strict=True)]
     series = []
     for s, factor in zip(fit.series, change, strict=True):
@@ -177,11 +191,11 @@ class _Trials:
         return self._input.run(self._start, parameters.motion(self._walk), smooth=False)
 
     def likelihood(self, parameters: ModelParameters) -> float:
-        """The log-likelihood alone."""
+        """Run the filter and return only the log-likelihood."""
         return self._run(parameters).log_likelihood
 
     def result(self, parameters: ModelParameters) -> PassResult:
-        """Everything, by series."""
+        """Run the filter and return the result, split by series."""
         return self._input.by_series(self._run(parameters))
 
 
@@ -215,7 +229,7 @@ def _refit_sigma(
 def _within(
     parameters: ModelParameters, name: str, value: float, limits: tuple[float, float], begin: ModelParameters
 ) -> ModelParameters:
-    """The motion model with another value, as far from its first one as it may go."""
+    """Return the motion parameters with a new value of one sigma, kept within limits relative to its first value."""
     first = float(getattr(begin, name))
     limited = float(np.clip(np.log(value / first), *np.log(limits)))
     return _with(parameters, name, first * float(np.exp(limited)))

@@ -1,4 +1,4 @@
-"""Sensors in other units or other ways up, and first rows that nothing after them agrees with: recognised and told."""
+"""Recognise sensors in wrong units or upside down, stuck rows, and first rows that the following ones contradict."""
 
 from __future__ import annotations
 
@@ -10,25 +10,34 @@ from cwcli.estimation.median import median
 from cwcli.signals.columns import FloatArray
 
 GRAVITY_MPS2 = 9.80665
-IN_G = (0.8, 1.2)  # mean specific force of an IMU that measures it in g
-UPRIGHT = 0.8  # part of it along the vertical axis, so that it is no steady acceleration
-FASTEST_TURN_RADPS = 3.0  # no car turns faster for a hundredth of a drive; in degrees every bend is more
-FASTEST_CHANGE = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}  # m/s; m/s^2: tyres hold no more
+"""Standard gravity, m/s^2 (CGPM 1901)."""
+IN_G = (0.8, 1.2)
+"""Range of the mean specific force of an IMU that measures in g. Chosen by hand; not fitted."""
+UPRIGHT = 0.8
+"""Least share of the mean specific force along the vertical axis, so that it is gravity. Chosen by hand; not fitted."""
+FASTEST_TURN_RADPS = 3.0
+"""Yaw rate that no car exceeds for a hundredth of a drive, rad/s. Chosen: in degrees every bend exceeds it."""
+FASTEST_CHANGE = {Kind.POSITION: 100.0, Kind.VELOCITY: 12.0, Kind.SPEED: 12.0}
+"""Greatest change per second of a position (m) and of velocity and speed (m/s). Chosen: tyres hold no more."""
 CLEAR_STEPS = 6.0
+"""Median steps by which a jump must exceed the greatest change. Chosen by hand; not fitted."""
 AGREEING_ROWS = 4
+"""Number of first rows that are compared. Chosen by hand; not fitted."""
 STUCK_ROWS, STUCK_S = 20, 2.0
-SELDOM = 0.1  # of the other rows repeat the one before: a coarse signal would more often
+"""Least number of repeated rows and least duration (s) of a stuck source. Chosen by hand; not fitted."""
+SELDOM = 0.1
+"""Greatest share of repeats in the other rows: a coarse signal repeats more often. Chosen by hand; not fitted."""
 
 
 def in_si_units(values: FloatArray, variance: FloatArray | None) -> tuple[FloatArray, FloatArray | None, list[str]]:
-    """An IMU's rows in m/s^2 and rad/s with the roof up, by the size and the side of what they say.
+    """Convert the rows of an IMU to m/s^2 and rad/s, mounted upright, by the size and direction of their values.
 
     Args:
         values: Shape (n, 6): accelerometer, gyroscope (forward, left, up).
         variance: Shape (n, 6) or None.
 
     Returns:
-        Both, and what was changed, in words.
+        Values, variances and a text on each change.
     """
     words: list[str] = []
     if not len(values):
@@ -52,13 +61,13 @@ def in_si_units(values: FloatArray, variance: FloatArray | None) -> tuple[FloatA
 
 
 def first_row_is_apart(kind: Kind, time_s: FloatArray, values: FloatArray) -> bool:
-    """Whether the first row is one that no car could get away from, while those after it agree with each other.
+    """Whether the first row differs from the second by more than a car can move, while the next rows agree.
 
-    Receivers and buses say a zero or their last place before they have measured anything. Such a row starts the
-    filter at a speed or place that it is sure of, and good rows are rejected for long.
+    Receivers and buses send a zero or their last position before they have measured anything. A filter that starts
+    there is sure of a wrong state and rejects good rows for long.
 
     Args:
-        kind: Of the rows.
+        kind: Kind of the rows.
         time_s: Shape (n,), sorted.
         values: Shape (n, d).
     """
@@ -70,10 +79,10 @@ def first_row_is_apart(kind: Kind, time_s: FloatArray, values: FloatArray) -> bo
 
 
 def stuck_rows(kind: Kind, time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:
-    """Rows of a speed or velocity that goes on saying one number, other than zero, though it usually changes. (n,).
+    """Return a mask (n,) of rows in which a speed or velocity that usually changes repeats a value other than zero.
 
     Args:
-        kind: Of the rows.
+        kind: Kind of the rows.
         time_s: Shape (n,), sorted.
         values: Shape (n, d).
     """

@@ -1,4 +1,4 @@
-"""What the estimator finds of a source beside its bias: a scale, a lever arm, slow errors; and what is made of it."""
+"""Constants of a source besides its bias (scale, lever arm, slow error) with their status."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from enum import StrEnum
 
 
 class ParameterStatus(StrEnum):
-    """What was made of a parameter of a sensor.
+    """How a parameter of a sensor was treated.
 
     Attributes:
-        OFF: Not looked for: the source, or the log, has nothing that could have it.
-        NOT_OBSERVABLE: The log has too little in it to tell.
+        OFF: Not looked for: neither the source nor the log could show it.
+        NOT_OBSERVABLE: The log does not suffice to determine it.
         NOT_BETTER: Tried; the log is not predicted better with it, so it is left out.
         USED: Found and used.
-        GIVEN: Used as the user, or a calibration, said.
-        CONTRADICTS: Found beyond what such a sensor can be (`sensor_limits`): not used, but for a bias, whose state
+        GIVEN: Used as the user or a calibration gave it.
+        CONTRADICTS: Found beyond what such a sensor can be (`sensor_limits`): not used, except for a bias, whose state
             the filter has in any case.
     """
 
@@ -34,7 +34,7 @@ class Parameter:
     Attributes:
         value: NaN where nothing was found.
         sigma: One sigma of it, NaN where there is none.
-        status: What was made of it.
+        status: How it was treated.
     """
 
     value: float = float("nan")
@@ -49,7 +49,7 @@ class SlowError:
     Attributes:
         sigma: Stationary sigma, in the unit of the source's kind (of a position: of each axis); NaN = none found.
         time_s: Time constant, seconds; NaN = none found.
-        status: What was made of it.
+        status: How it was treated.
     """
 
     sigma: float = float("nan")
@@ -58,5 +58,8 @@ class SlowError:
 
 
 NO_PARAMETER = Parameter()
+"""Parameter that was not looked for."""
 EXACT_STAMPS = Parameter(0.0)
+"""Stamp error of a source whose stamps are taken as exact."""
 NO_SLOW_ERROR = SlowError()
+"""Slow error that was not looked for."""

@@ -17,19 +17,27 @@ from cwcli.kernels.estimation import lay_steps
 from cwcli.signals.columns import FloatArray
 
 N_MOTION = 8
+"""Number of motion states; parameter states follow them."""
 START_TOLERANCE_S = 1e-9
-MAX_STEP_S = 0.1  # longer gaps are crossed in pieces: the transition is a first-order expansion in the heading
-MAX_PIECES = 600  # of one gap: a longer one counts as a minute, or the covariance of a pause of hours would overflow
-RATE_PATIENCE = 2  # a spike of an inertial sensor lasts a sample or two; what lasts longer is a manoeuvre, and is used
+"""A row that is earlier than the start by at most this is used, s: rounding of stamps to floating point."""
+MAX_STEP_S = 0.1
+"""Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
+MAX_PIECES = 600
+"""Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
+RATE_PATIENCE = 2
+"""Rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre and no spike."""
 PATIENCE_S = 3.0
+"""Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
 MAX_PITCH_GAP_S = 0.2
+"""The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
 BEFORE_START = -1
+"""Status of a row that is earlier than the start of the filter."""
 IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
 class PitchRate:
-    """The turn rate about the body's left axis.
+    """Time series of the pitch rate: the turn rate about the body's left axis.
 
     Attributes:
         time_s: Shape (n,), since the common epoch, sorted; at a SPEED corrected for the IMU's latency.
@@ -40,7 +48,7 @@ class PitchRate:
     value_radps: FloatArray
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Shape (m,): the rate at some times; where an IMU is silent for long it is taken as zero."""
+        """Interpolate the rate (rad/s) at times (m,), s; it is zero in gaps longer than `MAX_PITCH_GAP_S`."""
         value = np.interp(time_s, self.time_s, self.value_radps)
         after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
         is_known = self.time_s[after] - self.time_s[after - 1] < MAX_PITCH_GAP_S
@@ -59,17 +67,17 @@ class Series:
         noise: Shape (n, 3): r00, r01, r11.
         noise_origin: "message", "log" or "default".
         latency_s: Subtracted from time_s.
-        stamp_error: One sigma, s, by which each stamp of a POSITION errs beside that, 0 = none: see `stamp_noise`.
+        stamp_error: One sigma, s, of the random error of each stamp of a POSITION, 0 = none: see `stamp_noise`.
         bias_state, latency_state: Index of the parameter state, or -1.
-        slow_state: Of its slow error (Gauss-Markov), or -1; a POSITION's are two, this one and the next.
-        scale_state, lever_state: Of a SPEED's scale (minus 1) and lever arm, or -1.
-        place_m: Where it stands, ahead and to the left of the estimated point, as far as it was given; else None.
-        ahead_state: Of what is to be added to that ahead (POSITION, VELOCITY and ACCEL), or -1.
+        slow_state: Index of its slow error (Gauss-Markov), or -1; a POSITION has two, this index and the next.
+        scale_state, lever_state: Index of the scale (minus 1) and of the lever arm of a SPEED, or -1.
+        place_m: Given lever arm, ahead and to the left of the estimated point, or None.
+        ahead_state: Index of the correction of the lever arm ahead (POSITION, VELOCITY and ACCEL), or -1.
         pitch_rate: An IMU's, at its ACCEL; at a SPEED with a lever arm the one that goes with it. None: unknown.
         gate_nis: Limit of the squared normalised innovation, 0 = off; see `metrics.chi_square.gate_nis`.
         floor: Least sigma of noise that is found from the log.
-        interval_s: Between two rows, as a rule, where that is known from other drives; NaN: as the rows show, infinite:
-            they must not be asked.
+        interval_s: Usual time between two rows from other drives; NaN: take it from the rows; infinite: unknown,
+            because later rows must not be used.
         is_exact: See `Measurements`.
     """
 
@@ -99,21 +107,21 @@ class Series:
 
     @property
     def width(self) -> int:
-        """Degrees of freedom of a row."""
+        """Number of values in a row, which are its degrees of freedom."""
         return QUANTITIES[self.kind].width
 
     def at(self, rows: npt.NDArray[np.bool_]) -> Series:
-        """Some of its rows."""
+        """Return the series in the rows of a mask (n,)."""
         return replace(self, time_s=self.time_s[rows], values=self.values[rows], noise=self.noise[rows])
 
     def scaled(self, factor: float) -> Series:
-        """The same with its noise variance multiplied by `factor`."""
+        """Return the series with its noise variance multiplied by `factor`."""
         return replace(self, noise=self.noise * factor)
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a pass begins: time and the full state with its covariance."""
+    """Start of a filter pass: time and the full state with its covariance."""
 
     time_s: float
     state: FloatArray
@@ -122,7 +130,7 @@ class Start:
 
 @dataclass(frozen=True)
 class PassResult:
-    """What a pass found.
+    """Result of a filter pass.
 
     Attributes:
         state: Shape (m, n): filtered or smoothed states at the output times.
@@ -144,7 +152,7 @@ class PassResult:
 
 @dataclass(frozen=True)
 class TimeOrder:
-    """What a pass needs of its series' times alone: it stays while only the noise and the motion model change.
+    """Time order of the rows of all series; it stays valid while only the noise and the motion model change.
 
     Attributes:
         in_time: Per series: which rows do not lie before the start.
@@ -162,12 +170,12 @@ class TimeOrder:
 
 
 def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, reset_after: int) -> TimeOrder:
-    """The time order of a pass from `start_s` on.
+    """Return the time order of the rows of a pass from `start_s` on.
 
     Args:
         series: The measurements of each source.
-        start_s: Seconds; what was measured before (latency taken off) is left out.
-        output_s: Shape (m,), increasing, seconds: when a state is wanted.
+        start_s: Start, seconds; rows measured before it (latency subtracted) are left out.
+        output_s: Shape (m,), increasing, seconds: times of the output states.
         reset_after: Rejections in a row after which a source is used again.
     """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
@@ -196,8 +204,8 @@ def run_pass(
         output_s: Shape (m,), increasing; rows before the start are taken at the start.
         smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
-        orders: Where passes over the same times, outputs and patience keep their time order, by the start's time.
-        restarts: Where the motion is taken from elsewhere again, in time order: see `ekf.Restarts`.
+        orders: Cache of time orders by start time, for passes over the same times, outputs and patience.
+        restarts: Starts that replace the motion states at their times, in time order: see `ekf.Restarts`.
     """
     prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders, restarts=restarts)
     return prepared.by_series(prepared.run(start, motion, smooth=smooth))
@@ -209,7 +217,7 @@ class PassInput:
 
     Attributes:
         events, sources: See `ekf.run`.
-        n_output: How many of the events want a state.
+        n_output: Number of output states.
         in_time, order: See `TimeOrder`.
         restarts: See `run_pass`.
     """
@@ -229,7 +237,7 @@ class PassInput:
         )  # fmt: skip
 
     def by_series(self, result: ekf.Pass) -> PassResult:
-        """The result with `nis` and `status` from time order back in the rows of each series."""
+        """Return the result with `nis` and `status` split by series, in the order of their rows."""
         nis, status = np.empty_like(result.nis), np.empty_like(result.status)
         nis[self.order], status[self.order] = result.nis, result.status
         edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in self.in_time])
@@ -298,7 +306,7 @@ def pass_input(
 
 
 def _restarts(series: Sequence[Series], start_s: float, order_of: TimeOrder, restarts: Sequence[Start]) -> ekf.Restarts:
-    """Each restart before the first update that is not older, none after the last one."""
+    """Place each restart before the first update that is not older; restarts after the last update are left out."""
     update_s = np.concatenate([np.maximum(s.time_s - s.latency_s, start_s) for s in series])[order_of.order]
     update = np.searchsorted(update_s, [each.time_s - START_TOLERANCE_S for each in restarts])
     restarts = [each for each, u in zip(restarts, update, strict=True) if u < len(update_s)]
@@ -311,14 +319,14 @@ def _restarts(series: Sequence[Series], start_s: float, order_of: TimeOrder, res
 
 
 def _values(s: Series) -> FloatArray:
-    """Shape (n, 2): the values; beside a speed with a lever arm the pitch rate when it was measured."""
+    """Return the values (n, 2) for the kernel; the second column of a speed with a lever arm is the pitch rate."""
     if s.pitch_rate is None or s.lever_state < 0:
         return s.values
     return np.column_stack([s.values[:, 0], s.pitch_rate.at(s.time_s - s.latency_s)])
 
 
 def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
-    """Remarks on rows that came before the filter could start."""
+    """Return notes on rows that are earlier than the start of the filter."""
     return [
         f"{s.source}: {n} {s.kind.name.lower()} rows before the first heading, left out of the filter"
         for s, status in zip(series, result.status, strict=True)
@@ -327,9 +335,10 @@ def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
 
 
 def _patience(s: Series, reset_after: int) -> int:
-    """Rejections in a row that a source has to bear: at most `reset_after`, and at most PATIENCE_S of slow sources.
+    """Return the number of rejections in a row after which a source is used again.
 
-    Where it is not known how often rows come it is two: the kernel's own patience, in seconds, counts then.
+    It is at most `reset_after`, and at most `PATIENCE_S` of a slow source. Where the rate of the rows is unknown it is
+    two, and the kernel's own limit in seconds applies.
     """
     if s.kind in RATES:
         return RATE_PATIENCE
@@ -361,9 +370,9 @@ def _merge(
 
 
 def _without_pauses(time_s: FloatArray) -> FloatArray:
-    """The step times, each gap of more than MAX_PIECES steps shortened to that: the filter sees only differences.
+    """Return the step times with each gap of more than MAX_PIECES steps shortened to that; only differences matter.
 
-    Times before a pause stay as they are to the bit, so that it changes nothing of what was known before it.
+    Times before a gap stay the same to the bit, so that the gap does not change earlier states.
     """
     step_s = np.diff(time_s)
     is_long = step_s > MAX_STEP_S + START_TOLERANCE_S

@@ -1,9 +1,9 @@
-"""From what each of many logs of one car says to its calibration.
+"""Pool the constants of many logs of one car to its calibration.
 
 Each constant is the mean of the logs, weighted by their inverse variances. Where they scatter by more than their sigmas
-allow (Cochran's Q, a chi-square test), the drives really differ: what is left of the scatter is a variance of its own,
-in the weights, too (DerSimonian and Laird, 1986), and counts in another drive. A latency that drives disagree on is
-used as it is only where it is clear of zero by more than they scatter.
+allow (Cochran's Q, a chi-square test), the drives differ: the rest of the scatter is a variance between drives, part of
+the weights and of the sigma in another drive (DerSimonian and Laird, 1986). A latency on which drives disagree is used
+only where it is farther from zero than they scatter.
 """
 
 from __future__ import annotations
@@ -26,24 +26,27 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
 AGREE = 0.99
-"""Logs whose chi-square lies within this part of its distribution are not said to disagree."""
+"""Logs disagree if their chi-square exceeds this quantile of its distribution. Chosen by hand; not fitted."""
 SCATTER = 0.95
-"""Logs whose chi-square lies beyond this part of its distribution have a spread: Cochran's test has little power with
-few drives, and a spread that is not there costs less than one that is missed."""
+"""Logs get a spread if their chi-square exceeds this quantile of its distribution.
+
+Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
 OBSERVABLE_S = 0.05
+"""A pooled latency with a larger sigma counts as not observable, s; the same as in the search for latencies."""
 FITTED = 0.1
-"""Part to which a fitted sigma of the motion, or a usual interval, is known."""
+"""Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
 SECONDS_PER_MINUTE = 60.0
+"""Seconds in a minute."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What one log says.
+    """Estimate from the log of one drive.
 
     Attributes:
-        log: Its name.
-        track: Estimated from the whole of it.
-        camera_pitch_rad: Topic of a camera -> its pitch and one sigma, where lanes were found without being told it.
+        log: Name of the log.
+        track: Track estimated from the whole log.
+        camera_pitch_rad: Topic of a camera -> pitch and one sigma, where lanes were found without a given pitch.
     """
 
     log: str
@@ -52,14 +55,14 @@ class Drive:
 
     @property
     def minutes(self) -> float:
-        """Between the first and the last state."""
+        """Minutes from the first to the last state."""
         stamp_ns = self.track.stamp_ns
         return float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S / SECONDS_PER_MINUTE if len(stamp_ns) else 0.0
 
 
 @dataclass(frozen=True)
 class Said:
-    """A constant as one log has it: its value, one sigma, the log's length and name."""
+    """Value of a constant from one log: value, one sigma, minutes and name of the log."""
 
     value: float
     sigma: float
@@ -68,7 +71,7 @@ class Said:
 
 
 def pooled(said: Sequence[Said]) -> Constant:
-    """The constant from what the logs say of it; those without a value do not count."""
+    """Pool the values of a constant from several logs; values without a finite sigma are ignored."""
     said = [each for each in said if math.isfinite(each.value) and math.isfinite(each.sigma) and each.sigma > 0.0]
     minutes = sum(each.minutes for each in said)
     if not said:
@@ -90,18 +93,18 @@ def pooled(said: Sequence[Said]) -> Constant:
 
 
 def _weighted(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
-    """Mean, its sigma, and the chi-square of the values about it."""
+    """Return the mean weighted by inverse variance, its sigma, and the chi-square of the values about it."""
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
     return mean, float(weight.sum() ** -0.5), float((value - mean) ** 2 @ weight)
 
 
 def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
-    """The calibration of a car from its drives.
+    """Calibrate a car from its drives.
 
     Args:
         drives: At least one; their tracks have been found with latencies.
-        name: Of the calibration, for messages.
+        name: Name of the calibration, for messages.
     """
     reports = [(report, drive) for drive in drives for report in drive.track.sources if report.n_used]
     keys = dict.fromkeys((report.source, report.kind) for report, _ in reports)
@@ -137,13 +140,13 @@ def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
 
 
 def _noise(report: SourceReport, minutes: float) -> Iterator[Said]:
-    """Noise that the log shows itself. A sigma from n rows is known to one part in the root of 2 n."""
+    """Yield the noise sigma if it was found from the log; its relative sigma from n rows is 1 / sqrt(2 n)."""
     if report.noise_origin == "log":
         yield Said(report.sigma, report.sigma / math.sqrt(2.0 * report.n_used), minutes)
 
 
 def _noise_scale(report: SourceReport, minutes: float) -> Iterator[Said]:
-    """What the messages' own variances are multiplied by."""
+    """Yield the factor on the variances that the messages state."""
     if report.noise_origin.startswith("message"):
         yield Said(report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used), minutes)
 
@@ -158,23 +161,23 @@ def _bias(report: SourceReport, minutes: float) -> Iterator[Said]:
 
 
 def _parameter(of: Callable[[SourceReport], Parameter]) -> Callable[[SourceReport, float], Iterator[Said]]:
-    def said(report: SourceReport, minutes: float) -> Iterator[Said]:
+    def iter_parameter(report: SourceReport, minutes: float) -> Iterator[Said]:
         parameter = of(report)
         if parameter.status in (ParameterStatus.USED, ParameterStatus.NOT_BETTER):
             yield Said(parameter.value, parameter.sigma, minutes)
 
-    return said
+    return iter_parameter
 
 
 def _slow(name: str) -> Callable[[SourceReport, float], Iterator[Said]]:
-    def said(report: SourceReport, minutes: float) -> Iterator[Said]:
+    def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[Said]:
         value, time_s = getattr(report.slow_error, name), report.slow_error.time_s
         if report.slow_error.status is ParameterStatus.USED:
-            # Each of the time constants of a drive is one independent value of the error.
+            # A drive has as many independent values of the error as it has time constants.
             n = max(minutes * SECONDS_PER_MINUTE / time_s, 1.0)
             yield Said(value, value / math.sqrt(2.0 * n) if name == "sigma" else value * math.sqrt(2.0 / n), minutes)
 
-    return said
+    return iter_slow_error
 
 
 OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
@@ -189,14 +192,14 @@ OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
     "lever_arm_m": _parameter(lambda report: report.lever_arm_m),
     "ahead_m": _parameter(lambda report: report.ahead_m),
 }
-"""Name of a constant -> what a log's report says of it, if anything."""
+"""Name of a constant -> function that yields its value from the report of a source, if there is one."""
 
 
 def _latencies(
     keys: Collection[tuple[str, Kind]],
     reports: Sequence[tuple[SourceReport, Drive]],
 ) -> dict[tuple[str, Kind], Constant]:
-    """The latencies against the search's reference, pooled, and then on the clock on which the sources agree."""
+    """Pool the latencies relative to the reference of the search, then shift them to the agreed clock."""
     found: dict[tuple[str, Kind], Constant] = {}
     told = []
     for key in keys:
@@ -240,7 +243,7 @@ def _as_latency(constant: Constant, is_reference: bool) -> Latency:
 
 
 def _mountings(drives: Sequence[Drive]) -> dict[str, dict[str, Constant]]:
-    """Source -> how its IMU is turned against the vertical."""
+    """Return the pooled mounting angles of each source with an IMU."""
     found: dict[str, dict[str, list[Said]]] = {}
     for drive in drives:
         for report in drive.track.sources:
@@ -253,7 +256,7 @@ def _mountings(drives: Sequence[Drive]) -> dict[str, dict[str, Constant]]:
 
 
 def _evidence(drives: Sequence[Drive]) -> dict[str, float]:
-    """How far the car went, and how much it accelerated and turned."""
+    """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of `EVIDENCE`."""
     state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]
     if not state:
         return {}

@@ -1,4 +1,4 @@
-"""From measurements to series: clean, sort, level, choose the noise to begin with."""
+"""Prepare measurements for the filter: clean, sort and level them, and choose their initial noise."""
 
 from __future__ import annotations
 
@@ -16,18 +16,22 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 NOTHING_KNOWN: Mapping[str, ImuMounting] = {}
+"""Empty mapping: no mounting is known."""
 CONSTANT_MIN_ROWS = 50
+"""Least number of rows from which a rate that never changes counts as an unfilled field. Chosen by hand."""
 BURST_ROWS, BURST_PART = 4, 0.5
-ROUGHNESS_PART = 0.5  # an IMU's noise is at least this part of what its second differences show
+"""Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
+ROUGHNESS_PART = 0.5
+"""Least noise of an IMU relative to what its second differences show. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class PreparedSeries:
-    """One series with what happened on the way to it.
+    """A series with counts of the rows that were left out.
 
     Attributes:
         series: The series, stamps relative to the epoch.
-        biased: It comes from an IMU: its bias is estimated.
+        biased: Whether it comes from an IMU, so that its bias is estimated.
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
@@ -52,7 +56,7 @@ def epoch_ns(measurements: Sequence[Measurements]) -> int:
 
 
 def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
-    """Stamps (n,) in ns as seconds (n,) since `epoch` (ns): subtracted first, then scaled."""
+    """Convert stamps (n,), ns, to seconds (n,) since `epoch` (ns); the difference is taken in integers."""
     return (stamp_ns - epoch) / NS_PER_S
 
 
@@ -62,9 +66,9 @@ def prepare(
     """Clean, sort and split the measurements.
 
     Args:
-        measurements: As they came.
-        epoch: The stamp that becomes zero.
-        mountings: Source -> how its IMU is turned, where that is known.
+        measurements: Measurements as read.
+        epoch: Stamp (ns) that becomes zero.
+        mountings: Source -> mounting of its IMU, where that is known.
 
     Returns:
         The series, and notes on sources that were left out.
@@ -80,12 +84,12 @@ def prepare(
         covariance = None if m.covariance is None else m.covariance[finite][order]
         stuck = stuck_rows(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
-            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one number for long: stuck, left out"
+            told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
             notes.append(f"{m.source}: {told}")
             time, values = time[~stuck], values[~stuck]
             covariance = None if covariance is None else covariance[~stuck]
         if not m.is_exact and first_row_is_apart(m.kind, time, values):
-            notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts those after it, left out")
+            notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts the following rows, left out")
             time, values = time[1:], values[1:]
             covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
@@ -112,7 +116,8 @@ def prepare(
             continue
         late = held_back(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
-            notes.append(f"{m.source}: {int(late.sum())} {m.kind.name.lower()} rows came in bursts, left out")
+            told = f"{int(late.sum())} {m.kind.name.lower()} rows arrived in bursts with late stamps, left out"
+            notes.append(f"{m.source}: {told}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
         if _is_constant(m.kind, values):
@@ -129,14 +134,14 @@ def prepare(
 def prepare_blind(
     measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting]
 ) -> list[PreparedSeries]:
-    """Sort and split the measurements as somebody must who does not know what comes later: nothing is cleaned.
+    """Sort and split the measurements without using later rows: nothing is cleaned.
 
-    A rate is not used until it changes: until then it may be a field that nobody fills. Noise that no message states
-    is that of `QUANTITIES`.
+    A rate is not used until it changes, because until then the field may be unfilled. Noise that no message states is
+    that of `QUANTITIES`.
 
     Args:
         measurements, epoch: See `prepare`.
-        mountings: Source -> how its IMU is turned; without one its axes are taken as they are.
+        mountings: Source -> mounting of its IMU; without one its axes are used unchanged.
     """
     prepared = []
     for m in measurements:
@@ -166,11 +171,10 @@ def prepare_blind(
 
 
 def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
-    """Find rows of a backlog: messages that were held back and stamped as they came out.
+    """Find rows of a burst: messages that a stalled link delivered all at once with late stamps.
 
-    A link that stalls delivers what it kept all at once. Of such a burst only the last row is fresh; the others are
-    older than their stamps say, and a car seems to race. A burst is BURST_ROWS or more gaps in a row that are shorter
-    than BURST_PART of the usual gap.
+    Only the last row of a burst is current; the others are older than their stamps, and the car seems too fast. A burst
+    is BURST_ROWS or more gaps in a row that are shorter than BURST_PART of the median gap.
 
     Args:
         time_s: Shape (n,), sorted.
@@ -191,7 +195,7 @@ def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
 
 
 def _is_constant(kind: Kind, values: FloatArray) -> bool:
-    """A yaw rate or acceleration of exactly one value for a whole log is a field that nobody fills."""
+    """Whether a yaw rate or acceleration has one value for the whole log: then its field is not filled."""
     if kind not in RATES or len(values) < CONSTANT_MIN_ROWS:
         return False
     return bool((values == values[0]).all())
@@ -206,9 +210,10 @@ def _with_noise(
     *,
     looks_ahead: bool = True,
 ) -> Series:
-    """Take the message's covariance where it says something, else a first guess from the signal's own roughness.
+    """Build a series with the covariance of the messages where they state one, else with an initial guess.
 
-    Without `looks_ahead` that guess is the default, and how often rows come is not known either.
+    The guess comes from the roughness of the signal. Without `looks_ahead` it is the default, and the interval of the
+    rows is unknown.
     """
     n, width = len(time), values.shape[1]
     noise = np.zeros((n, 3))
@@ -247,7 +252,7 @@ def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
 
 
 def thinned(series: Series, factor: int) -> Series:
-    """Average blocks of `factor` rows, which is as good for finding slow parameters and quicker; no block has a gap."""
+    """Average blocks of `factor` rows, which suffices for slow parameters; blocks with a gap are dropped."""
     if factor < 2 or len(series) < 10 * factor:
         return series
     n = len(series) // factor * factor
@@ -263,7 +268,7 @@ def thinned(series: Series, factor: int) -> Series:
 
 
 def thinned_to(series: Series, rate_hz: float) -> Series:
-    """An inertial series or a speed averaged down to about `rate_hz`; another series as it is."""
+    """Average an inertial series or a speed down to about `rate_hz`; other series are returned unchanged."""
     if series.kind not in (*RATES, Kind.SPEED) or len(series) < 3:
         return series
     return thinned(series, int(1.0 / (rate_hz * max(float(np.median(np.diff(series.time_s))), 1e-4)) + 0.25))

@@ -1,4 +1,4 @@
-"""What the estimator finds: a track, and what became of each source's measurements."""
+"""Result of the estimator: a track, and a report on the measurements of each source."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_stri
 
 @dataclass(frozen=True)
 class SourceReport:
-    """What became of one source's measurements of one kind.
+    """Report on the measurements of one source and kind: counts, noise, latency and errors found.
 
     Attributes:
         source: Name of the source.
-        kind: What it measures; an IMU appears as ACCEL and as YAW_RATE.
+        kind: Measured quantity; an IMU appears as ACCEL and as YAW_RATE.
         n_read: Rows handed in.
         n_used: Rows that changed the estimate.
         n_gated: Rows that the chi-square gate rejected.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
-        n_held_back: Rows left out because they came in a burst, older than their stamps say.
+        n_held_back: Rows left out because they came in a burst and are older than their stamps.
         n_resets: Times that the gate gave in after too many rejections in a row (for ACCEL and YAW_RATE: after two,
             because an inertial sensor that stays off for longer shows a manoeuvre).
         nis_mean: Mean normalised innovation squared over the used rows; expectation `nis_dof`.
@@ -39,20 +39,20 @@ class SourceReport:
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
             innovations) or "default".
-        noise_scale: What the variance that the messages state was multiplied by; NaN where they state none.
-        stamp_error: POSITION: one sigma, s, by which its stamps err from row to row; 0: nothing shows that they do.
-        interval_s: Between two rows, as a rule.
-        latency: What was found or given, its sigma, and what was made of it.
-        compared: What was found against the source that all were compared with, whichever clock counts in the end.
+        noise_scale: Factor on the variance that the messages state; NaN where they state none.
+        stamp_error: POSITION: one sigma, s, of the random error of its stamps; 0: none was found.
+        interval_s: Median time between two rows.
+        latency: Latency that was found or given, its sigma and status.
+        compared: Latency relative to the reference source of the search, whichever clock the states use.
         bias: Additive bias at the middle of the log in the unit of the kind, NaN where none is modelled.
         bias_sigma: One sigma of the bias.
-        scale: SPEED: what the source reads for a true 1; a wheel that is taken for larger than it is reads above 1.
-        lever_arm_m: SPEED: by how much the estimated point (the IMU) is higher than the point whose speed is measured:
-            the source reads scale * (v - lever arm * pitch rate), the pitch rate positive nose down.
-        ahead_m: POSITION, VELOCITY, ACCEL: by how much it stands ahead of the point whose course is the heading.
+        scale: SPEED: ratio of measured to true speed; it is above 1 for a wheel that is smaller than assumed.
+        lever_arm_m: SPEED: height of the estimated point (the IMU) above the point whose speed is measured: the source
+            reads scale * (v - lever arm * pitch rate), the pitch rate positive nose down.
+        ahead_m: POSITION, VELOCITY, ACCEL: lever arm ahead of the point whose course is the heading.
         slow_error: POSITION: the coloured part of the noise, m, of each axis. ACCEL: gravity through the road's grade,
             m/s^2 (divided by 9.80665 m/s^2 it is radians).
-        follows_pitch_rate: ACCEL: gravity through what the pitch gyroscope turns was taken out first.
+        follows_pitch_rate: ACCEL: whether gravity was compensated with the pitch gyroscope.
         mounting: ACCEL, YAW_RATE: how the IMU was levelled, or None.
     """
 
@@ -93,7 +93,7 @@ class Gated:
     Attributes:
         stamp_ns: Shape (k,): as measured, latencies included.
         topic, quantity: The source and what it measures.
-        nis, bound: Shape (k,): the normalised innovation squared, and the largest that is believed.
+        nis, bound: Shape (k,): the normalised innovation squared, and the bound of the gate.
     """
 
     stamp_ns: Int64Array
@@ -107,6 +107,7 @@ class Gated:
 
 
 NOTHING_GATED = Gated(np.zeros(0, np.int64), constant_strings("", 0), constant_strings("", 0), np.zeros(0), np.zeros(0))
+"""Empty list of rejected measurements."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +123,9 @@ class Track:
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
-        manoeuvre: Sigma of the motion model -> what was found or given; of `model.ModelParameters`.
-        gated: What the gate rejected, one by one; nothing of the paper's filter, which has no gate.
-        contradictions: Sources that can't both be right, the one that matters most first.
+        manoeuvre: Name of a manoeuvre sigma of `model.ModelParameters` -> value that was found or given.
+        gated: Rows that the gate rejected; empty for the paper's filter, which has no gate.
+        contradictions: Sources that contradict each other, the most important first.
     """
 
     stamp_ns: Int64Array

@@ -1,4 +1,4 @@
-"""How well a log is predicted: what decides whether an error of a sensor is believed."""
+"""Log-likelihood of a prediction, by which the search decides whether to model an error of a sensor."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 GATE_PROBABILITY = 1.0 - 1e-5
-GAIN = 4.5  # of the log-likelihood, by each number that is fitted: three sigma
+"""Probability of the chi-square quantile to which a larger squared innovation is reduced. Chosen by hand."""
+GAIN = 4.5
+"""Least gain of log-likelihood per fitted parameter: three sigma of a parabola."""
 CLEAR_SIGMAS = 3.0
+"""Least gain in sigmas of the scatter between rows. Chosen as for other significance tests; not fitted."""
 
 
 def prediction_score(series: Sequence[Series], result: PassResult) -> float:
-    """Log-likelihood of the rows that are not an inertial sensor's; an outlier counts, but no more than as one."""
+    """Return the log-likelihood of all rows but those of inertial sensors; the loss of an outlier is bounded."""
     if not np.isfinite(result.last_state).all():
         return -np.inf
     total = 0.0
@@ -29,20 +32,20 @@ def prediction_score(series: Sequence[Series], result: PassResult) -> float:
 
 
 def row_scores(s: Series, nis: FloatArray) -> FloatArray:
-    """Shape (n,): what each row of a series adds to `prediction_score`; NaN before the start."""
+    """Return the log-likelihood (n,) of each row of a series, without constants; NaN before the start."""
     limit = gate_nis(GATE_PROBABILITY, s.width)
     return np.asarray(-0.5 * (np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
 
 
 def clearly_better(gain: FloatArray, least: float) -> bool:
-    """Whether rows are predicted better by more than `least`, in both halves, and in the whole that by three sigma.
+    """Whether rows are predicted better by more than `least` in both halves, and in the whole by three sigma more.
 
-    Where a model is wrong, as with errors that last, a few rows make another wrong one look better by chance: the sigma
-    is that of the rows' own scatter. What all rows share shows in both halves.
+    The sigma is that of the scatter between rows, because with errors that last a few rows may prefer a wrong model by
+    chance. A real gain shows in both halves.
 
     Args:
-        gain: Shape (n,): of the `row_scores` of one source; NaN counts for nothing.
-        least: Of the sum.
+        gain: Shape (n,): gain of each row of one source in `row_scores`; NaN is ignored.
+        least: Least gain of each half.
     """
     gain = gain[np.isfinite(gain)]
     if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= least:

@@ -1,7 +1,6 @@
-"""The ego among what others perceived: a station's sensors see the ego as they see everybody else.
+"""Find the ego among the objects that other stations perceived, so that it is not warned of itself.
 
-An object whose outline would overlap the ego's in most of the moments at which it was told so far can be nobody else.
-Without that the ego would be warned of itself.
+An object is the ego if its outline overlaps the ego's in more than half of its messages so far.
 """
 
 from __future__ import annotations
@@ -21,24 +20,25 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
 USUAL_LENGTH_M = 4.5
+"""Length of a car of unknown size, m. Chosen as a common car's."""
 USUAL_WIDTH_M = 1.8
-"""Of a car, where a message tells no size."""
+"""Width of a car of unknown size, m. Chosen as a common car's."""
 MAX_AGE_S = 1.0
-"""A newer ego state is needed to tell."""
+"""Greatest age of the ego state that is compared with an object, s. Chosen by hand; not fitted."""
 
 
 def without_seen_ego(
     signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
-    """The signal without what others told of the ego, and notes on that.
+    """Remove the perceived objects that are the ego; returns the signal and notes.
 
-    What becomes of a row depends on no later one.
+    The decision on a row uses no later row.
 
     Args:
-        signal: Remote vehicles; only its perceived objects are looked at.
+        signal: Remote vehicles; only its perceived objects are examined.
         ego: Online states of the ego.
-        size_m: Its length and width, None where it is not known.
-        local_map: Of the track; without it nothing is perceived.
+        size_m: Length and width of the ego, None where unknown.
+        local_map: Map of the track; without one no object can be placed.
     """
     perceived = perceived_rows(signal)
     if local_map is None or not perceived.any() or not len(ego.stamp_ns):
@@ -53,14 +53,14 @@ def without_seen_ego(
         n_objects += bool(is_ego[own].any())
     if not n_objects:
         return signal, ()
-    note = f"{n_objects} objects that others perceived are the ego itself: {int(is_ego.sum())} times, left out"
+    note = f"{n_objects} perceived objects are the ego itself: {int(is_ego.sum())} times, left out"
     return taken_rows(signal, np.flatnonzero(~is_ego)), (note,)
 
 
 def _overlaps(
     signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap
 ) -> npt.NDArray[np.bool_]:
-    """Where an object, headed like the ego, would overlap it, (n,): by the ego's newest state then, carried on."""
+    """Return a mask (n,) of the objects that overlap the ego, whose newest state is extrapolated to their stamps."""
     x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
     row = np.searchsorted(ego.stamp_ns, signal.stamp_ns, side="right") - 1
     state = ego.state[np.maximum(row, 0)]
@@ -80,4 +80,5 @@ def _overlaps(
 
 
 def _or(values: FloatArray, usual: float) -> FloatArray:
+    """Replace values that are not finite by a default."""
     return np.where(np.isfinite(values), values, usual)

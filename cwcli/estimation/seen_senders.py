@@ -1,11 +1,11 @@
-"""Senders among what others perceived: a car that speaks for itself and is seen by another station is there once.
+"""Find senders among the objects that other stations perceived, so that a car that sends and is seen is used once.
 
-Two cars can't be in one place. An object is a sender where that is a thousand times likelier than the nearest place
-that another car beside it could have, by the uncertainties that both messages state: so it is known of precise
-positions, and where positions are vague both stay. As the errors of a receiver last, many moments tell no more than
-one; the mean of the last ones counts. An object's number may pass to another car: where one moment disagrees, the
-object is kept, and what was known of it is forgotten. It is left out only while its sender's word is as fresh as its
-own: not when the radio has fallen silent, and of a sender that is heard less often than it is seen only in part.
+Two cars cannot be in one place. An object is a sender where that is a thousand times likelier than the nearest place of
+another car beside the sender, by the uncertainties that both messages state. So precise positions decide, and with
+vague ones both stay. The errors of a receiver last, so that many moments tell no more than one; the mean of the last
+moments is used. An object's number may pass to another car: at a moment that disagrees the object is kept and the run
+of moments begins anew. An object is left out only while the sender's message is as recent as its own: not after the
+sender has fallen silent, and only in part if the sender is heard less often than it is seen.
 """
 
 from __future__ import annotations
@@ -27,46 +27,50 @@ Rows = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
 MAX_AGE_S = 1.0
-"""A newer message of the sender is needed, and a newer moment of the object."""
+"""Greatest age of a sender's message and of the object's moment before, s. Chosen by hand; not fitted."""
 FRESH_S = 0.3
-"""Of the sender's word; an older one will do that is newer than the object's moment before."""
+"""A sender's message of at most this age is as recent as the object, s; so is one after the object's moment before.
+
+Chosen as the period of slow senders; not fitted."""
 WINDOW_S = 2.0
-"""Of the moments whose mean counts."""
+"""Duration of the moments that are averaged, s. Chosen by hand; not fitted."""
 LEAST_MOMENTS = 3
+"""Least number of moments in the mean. Chosen by hand; not fitted."""
 LEAST_ODDS = 13.8
-"""By how much the squared distance of another car must be greater: a likelihood ratio of 1000, as of joined ids."""
+"""Least excess of the squared distance to another car: a likelihood ratio of 1000, as for joined ids."""
 MOST_DISTANCE = 13.8
-"""Chi-square quantile of 0.999 with two degrees of freedom."""
+"""Greatest squared distance from the sender: the chi-square quantile of 0.999 with two degrees of freedom."""
 CLEARANCE_M = 0.5
-"""Between two cars beside each other, at least; people may touch."""
+"""Least distance between two cars beside each other, m; people may touch. Chosen by hand; not fitted."""
 LEAST_CAR_WIDTH_M = 1.0
+"""Road users narrower than this are no cars and need no clearance, m. Chosen by hand; not fitted."""
 SMALLEST_M = 0.5
-"""Length and width of a person, whom every road user without a stated size may be."""
+"""Length and width of a road user without a stated size, m. Chosen as a person's."""
 LEAST_VARIANCE_M2 = 1e-4
-"""(1 cm)^2: no position on the road is better known."""
+"""Least variance of a position, (1 cm)^2: no position on the road is better known."""
 POSITION_SIGMA_M, SPEED_SIGMA_MPS, HEADING_SIGMA_RAD = 1.5, 1.0, np.deg2rad(5.0)
-"""Of messages that state none."""
+"""Sigmas of messages that state none: position per axis, speed and heading. Chosen by hand; not fitted."""
 MANOEUVRE_MPS2 = 2.0
-"""One sigma of the acceleration since the sender's message."""
+"""One sigma of the sender's acceleration since its message, m/s^2. Chosen as strong everyday driving."""
 MOST_SIGMAS = 3.0
-"""By which the speeds or the headings may differ."""
+"""Greatest difference of the speeds and of the headings, in sigmas. Chosen by hand; not fitted."""
 LEAST_TURNING_MPS = 1.0
-"""Slower than this a heading says little."""
+"""Headings are not compared below this speed, m/s. Chosen by hand; not fitted."""
 NEAR_M = 50.0
-"""What is farther from everywhere that a sender was is not held against it."""
+"""Objects farther than this from every position of a sender are not compared with it, m. Chosen for speed."""
 
 
 @dataclass(frozen=True)
 class _Moments:
-    """One object held against one sender, a row a moment at which the object was told and the sender was heard.
+    """One object compared with one sender: a row per moment of the object with a recent message of the sender.
 
     Attributes:
-        rows: Of the signal.
-        along_m, across_m: Of the object from where the sender is by then, along its heading and to its left.
-        variance_along_m2, variance_across_m2: Of that, as both state it.
-        fits: Speeds and headings agree, as far as they are told.
-        is_fresh: The sender's word is as good as the object's, which tells nothing new.
-        length_m, width_m: How far off another road user is at least, before or behind the sender, or beside it.
+        rows: Rows of the object in the signal.
+        along_m, across_m: Position of the object relative to the extrapolated sender, along and left of its heading.
+        variance_along_m2, variance_across_m2: Variances of that, as both messages state them.
+        fits: Whether speeds and headings agree, as far as they are known.
+        is_fresh: Whether the sender's message is as recent as the object, which then adds nothing.
+        length_m, width_m: Least distance of another road user before or behind the sender, and beside it.
     """
 
     rows: Rows
@@ -81,13 +85,13 @@ class _Moments:
 
 
 def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
-    """The signal without what others told of cars that spoke for themselves then, and notes on that.
+    """Remove the perceived objects that are senders themselves; returns the signal and notes.
 
-    What becomes of a row depends on no later one, nor on what had not been received by then.
+    The decision on a row uses no later row and no message that had not been received by then.
 
     Args:
         signal: Remote vehicles; only its perceived objects may be left out.
-        local_map: Of the places; without it nothing is perceived.
+        local_map: Map for the positions; without one no object can be placed.
     """
     perceived = perceived_rows(signal)
     if local_map is None or not perceived.any() or perceived.all():
@@ -116,30 +120,30 @@ def without_seen_senders(signal: RemoteSignal, local_map: LocalMap | None) -> tu
     notes = []
     if n_known:
         times = f"{int(is_sender.sum())} times, left out"
-        notes.append(f"{n_known} objects that others perceived are senders that are heard themselves: {times}")
+        notes.append(f"{n_known} perceived objects are vehicles that send messages themselves: {times}")
     if n_unsure:
         notes.append(
-            f"{n_unsure} objects that others perceived may be senders that are heard themselves: the positions are too "
+            f"{n_unsure} perceived objects may be vehicles that send messages themselves: the positions are too "
             "uncertain to tell, both are kept"
         )
     return taken_rows(signal, np.flatnonzero(~is_sender)) if n_known else signal, tuple(notes)
 
 
 def _ranges(x_m: FloatArray, y_m: FloatArray, stamp_ns: Int64Array, groups: list[Rows]) -> FloatArray:
-    """Where and when each group of rows is, (groups, 3, 2): least and greatest x, y (m) and time (s)."""
+    """Return least and greatest x, y (m) and time (s) of each group of rows, (groups, 3, 2)."""
     time_s = (stamp_ns - stamp_ns[0]) / NS_PER_S
     return np.array([[(each[rows].min(), each[rows].max()) for each in (x_m, y_m, time_s)] for rows in groups])
 
 
 def _near(objects: FloatArray, sender: FloatArray) -> list[int]:
-    """Which objects were ever near where the sender was, at a common time."""
+    """Return the indices of the objects that were near the sender at a common time."""
     margin = np.array([NEAR_M, NEAR_M, MAX_AGE_S])
     meets = (objects[:, :, 0] <= sender[:, :, 1] + margin) & (sender[:, :, 0] <= objects[:, :, 1] + margin)
     return [int(k) for k in np.flatnonzero(meets.all(axis=1))]
 
 
 def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows, seen: Rows) -> _Moments:
-    """Hold an object against a sender's newest message at each moment, carried on at its speed."""
+    """Compare an object at each moment with the sender's newest message, extrapolated at its speed."""
     place = np.searchsorted(signal.stamp_ns[said], signal.stamp_ns[seen], side="right") - 1
     is_late = place >= 0
     oldest_ns = signal.stamp_ns[seen] - round(MAX_AGE_S * NS_PER_S)
@@ -186,15 +190,15 @@ def _moments(signal: RemoteSignal, x_m: FloatArray, y_m: FloatArray, said: Rows,
 
 
 def _judged(at: _Moments, stamp_ns: Int64Array, log_time_ns: Int64Array) -> tuple[BoolArray, FloatArray, BoolArray]:
-    """What the last moments say, as far as each agrees with the object being the sender; all (n,).
+    """Decide from the last moments whether an object is a sender; all results (n,).
 
     Args:
-        at: In the order in which they were received.
-        stamp_ns, log_time_ns: Of the signal's rows.
+        at: Moments in the order in which they were received.
+        stamp_ns, log_time_ns: Times of the signal's rows.
 
     Returns:
-        Whether the object is the sender and no car beside it; how far it is from it, squared and in sigmas (infinite
-        where it moves otherwise); and whether the two would overlap.
+        Whether the object is the sender and no car beside it; the squared distance in sigmas (infinite where the motion
+        differs); and whether the two would overlap.
     """
     n = len(at.rows)
     along, across = at.along_m, at.across_m
@@ -223,7 +227,7 @@ def _judged(at: _Moments, stamp_ns: Int64Array, log_time_ns: Int64Array) -> tupl
 def _distances(
     at: _Moments, along_m: FloatArray, across_m: FloatArray, along_m2: FloatArray, across_m2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Squared distances in sigmas: from the sender, and from the nearest place of another road user beside it."""
+    """Return squared distances in sigmas: from the sender, and from the nearest place of another road user."""
     along_m2, across_m2 = np.maximum(along_m2, LEAST_VARIANCE_M2), np.maximum(across_m2, LEAST_VARIANCE_M2)
     own = along_m**2 / along_m2 + across_m**2 / across_m2
     # Another car is beside this one or before or behind it; how far it is off in the other direction is its choice.
@@ -233,15 +237,16 @@ def _distances(
 
 
 def _as_received(signal: RemoteSignal, rows: Rows) -> Rows:
-    """The rows in the order in which they were received."""
+    """Sort rows by the time at which they were received."""
     return rows[np.argsort(signal.log_time_ns[rows], kind="stable")]
 
 
 def _stated(covariance_m2: FloatArray) -> FloatArray:
-    """Covariances (n, 3), the usual one where none is stated."""
+    """Replace covariances (n, 3) that are not stated by the default."""
     is_stated = np.isfinite(covariance_m2).all(axis=1, keepdims=True)
     return np.where(is_stated, covariance_m2, np.array([POSITION_SIGMA_M**2, 0.0, POSITION_SIGMA_M**2]))
 
 
 def _or(values: FloatArray, usual: float) -> FloatArray:
+    """Replace values that are not finite and positive by a default."""
     return np.where(np.isfinite(values) & (values > 0.0), values, usual)

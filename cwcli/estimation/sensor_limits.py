@@ -1,4 +1,4 @@
-"""What a sensor of a car can be: the ranges that nothing found from a log may leave.
+"""Ranges of the constants that a sensor of a car can have; values found from a log must lie within.
 
 A scale, a bias or a noise outside its range is no property of such a sensor. It is the sign of a wrong unit, sign, axis
 or time, and is told as a contradiction instead of being used. docs/estimation.md shows the same table.
@@ -17,8 +17,8 @@ class Limit:
     """The range of a parameter.
 
     Attributes:
-        low, high: What a value has to lie between.
-        unit: Of both, "" for a ratio.
+        low, high: Bounds of the value.
+        unit: Unit of both, "" for a ratio.
         source: Why no sensor lies outside.
     """
 
@@ -28,7 +28,7 @@ class Limit:
     source: str
 
     def holds(self, value: float) -> bool:
-        """Whether a value lies inside; NaN, which stands for nothing found, does."""
+        """Whether a value lies inside; True for NaN, which means that none was found."""
         return not (value <= self.low or value >= self.high)
 
 
@@ -39,6 +39,7 @@ SPEED_SCALE = Limit(
     "UN R39: a speedometer reads 0 to 10 % + 4 km/h too much, 20 % at 40 km/h; wheels of another size "
     "and worn tyres read less, by a few percent each",
 )
+"""Range of the scale of a speed; its field `source` has the reasons, as in all ranges here."""
 ACCEL_BIAS = Limit(
     -1.5,
     1.5,
@@ -46,13 +47,14 @@ ACCEL_BIAS = Limit(
     "zero-g offset of consumer MEMS accelerometers: 0.4 m/s^2 (Bosch BMI160) to 0.8 m/s^2 (InvenSense MPU-6050, "
     "vertical axis); beside it 0.7 m/s^2 of a road that rises by 7 % on the whole",
 )
-"""Beside gravity through the pitch at which the IMU is mounted, which `imu.ImuMounting` knows."""
+"""Bias without gravity through the mounting of the IMU, which `imu.ImuMounting` has."""
 YAW_RATE_BIAS = Limit(
     -0.1,
     0.1,
     "rad/s",
     "zero-rate offset of a phone's MEMS gyroscope (Bosch BMI160): 3 degrees/s, 0.05 rad/s; twice that",
 )
+"""Range of the bias of a gyroscope."""
 SLOW_POSITION_SIGMA = Limit(
     0.0,
     10.0,
@@ -60,9 +62,11 @@ SLOW_POSITION_SIGMA = Limit(
     "GPS Standard Positioning Service (2020), section 3.8: 15 m in 95 % at the worst site, 6 m on each axis; the rest "
     "is room for reflections between houses",
 )
+"""Range of the sigma of a slow error of positions, per axis."""
 GRADE_SIGMA = Limit(
     0.0, 1.2, "m/s^2", "gravity through a road whose grade scatters by 12 %: the steepest roads of a hilly town"
 )
+"""Range of the sigma of gravity through the grade of the road."""
 LATENCY = Limit(
     -0.5,
     1.25,
@@ -70,11 +74,15 @@ LATENCY = Limit(
     "a receiver that reports and smooths once a second is 1.0 s late (balzer-dresden-2014-03-26, velocity); nothing is "
     "early by more than the period of half a second that slow buses have",
 )
+"""Range of a latency; positive is late."""
 STAMP_SIGMA = Limit(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
+"""Range of the sigma of stamp errors."""
 SPEED_LEVER_ARM = Limit(-3.0, 3.0, "m", "from the road to the roof of a van")
+"""Range of the height of the estimated point above the point of a speed."""
 AHEAD = Limit(-6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm")
+"""Range of the lever arm ahead."""
 WHITE_NOISE: Mapping[Kind, Limit] = {
     Kind.POSITION: Limit(0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"),
     Kind.VELOCITY: Limit(0.0, 3.0, "m/s", "ten times that of a GNSS velocity by Doppler shifts in a town"),
@@ -83,11 +91,11 @@ WHITE_NOISE: Mapping[Kind, Limit] = {
     Kind.ACCEL: Limit(0.0, 5.0, "m/s^2", "half of gravity: an IMU on a shaking mount"),
     Kind.YAW_RATE: Limit(0.0, 0.3, "rad/s", "as much as a car turns at a street corner"),
 }
-"""One sigma by kind."""
+"""Range of the noise sigma of each kind."""
 
 
 def limit_of_error(name: str, kind: Kind) -> Limit:
-    """The range of an error of the sensor model (`sensor_model.Part`) of a source of this kind."""
+    """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
     if name == "slow":
         return GRADE_SIGMA if kind is Kind.ACCEL else SLOW_POSITION_SIGMA
     return {"scale": SPEED_SCALE, "lever": SPEED_LEVER_ARM, "ahead": AHEAD}[name]

@@ -1,4 +1,4 @@
-"""What a source's errors are made of beside white noise: slow errors, a scale, lever arms. Laid out as states.
+"""Errors of a source besides white noise, as states of the filter: slow errors, a scale, lever arms.
 
 - A POSITION's errors stay for seconds (multipath, the atmosphere): a Gauss-Markov error of each axis.
 - A forward accelerometer has gravity in it where the road rises: z = a + bias - g pitch. The pitch is a Gauss-Markov
@@ -30,16 +30,17 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 SCALE_PRIOR = 0.02
-"""One sigma: tyres differ by wear, pressure and size by a couple of percent."""
+"""One sigma of the scale of a speed. Chosen: tyres differ by wear, pressure and size by a couple of percent."""
 LEVER_PRIOR_M = 1.0
-"""One sigma: an IMU lies between the axles' height and a truck's roof."""
+"""One sigma of the height of an IMU above the wheels, m. Chosen: between the axles and a truck's roof."""
 AHEAD_PRIOR_M = 2.0
-"""One sigma: an antenna stands between the front and the rear of a car."""
+"""One sigma of the lever arm ahead, m. Chosen: an antenna stands between the front and the rear of a car."""
 TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
-"""By which gravity's forward part changes where a car turns by a radian: the road across is sloped like the one ahead,
-by 2 degrees (one sigma), and turning from one to the other is no pitch rate."""
+"""One sigma of the change of gravity's forward part while a car turns by a radian, m/s^2.
+
+Chosen: roads are sloped by 2 degrees (one sigma) in both directions, and a turn on a slope causes no pitch rate."""
 MAX_STATES = 23
-"""The kernel's 24 but for one, which the search for a latency adds."""
+"""Greatest number of states: the 24 of the kernel less one that the search for a latency adds."""
 
 
 Part = tuple[int, Literal["slow", "scale", "lever", "ahead"]]
@@ -61,11 +62,11 @@ class Slow:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """Which errors are modelled, by the index of the series.
+    """Selection of the modelled errors, by the index of the series.
 
     Attributes:
         slow: Slow errors of POSITION and ACCEL series.
-        follows: ACCEL series from which gravity by the pitch gyroscope is taken out; they have a slow error, too.
+        follows: ACCEL series whose gravity is compensated with the pitch gyroscope; they have a slow error, too.
         scaled, levered: SPEED series with a scale, with a lever arm.
         ahead: POSITION, VELOCITY and ACCEL series that stand ahead of the point whose course is the heading.
     """
@@ -78,7 +79,7 @@ class SensorModel:
 
     @property
     def parts(self) -> list[Part]:
-        """Every single error."""
+        """All modelled errors: index of the series and name."""
         return [
             *((i, "slow") for i in sorted(self.slow)),
             *((i, "scale") for i in sorted(self.scaled)),
@@ -87,7 +88,7 @@ class SensorModel:
         ]
 
     def without(self, part: Part) -> SensorModel:
-        """The model without one of its errors."""
+        """Return the model without one of its errors."""
         i, name = part
         if name == "slow":
             slow = {k: v for k, v in self.slow.items() if k != i}
@@ -101,7 +102,7 @@ class SensorModel:
 
 @dataclass(frozen=True)
 class Layout:
-    """Series and their parameter states.
+    """Layout of the filter state: series and their parameter states.
 
     Attributes:
         series: With the indices of their states.
@@ -120,8 +121,8 @@ def lay_out(base: Layout, model: SensorModel) -> Layout:
     """Add the states of a sensor model; what does not fit into the kernel is left out.
 
     Args:
-        base: Series with their biases alone.
-        model: By the index of `base.series`.
+        base: Series with their biases as the only parameter states.
+        model: Errors by the index of `base.series`.
     """
     series, walk, prior = list(base.series), base.walk.tolist(), base.prior.tolist()
     time_constant_s, turn_noise = dict(base.parameters.time_constant_s), dict(base.parameters.turn_noise)
@@ -159,7 +160,7 @@ def lay_out(base: Layout, model: SensorModel) -> Layout:
 
 
 def pitch_rate_of(series: Sequence[Series]) -> PitchRate | None:
-    """The first IMU's pitch rate on the clock of the corrected stamps; None without one."""
+    """Return the first IMU's pitch rate on the clock of the corrected stamps; None without one."""
     for s in series:
         if s.kind is Kind.ACCEL and s.pitch_rate is not None:
             return PitchRate(s.pitch_rate.time_s - s.latency_s, s.pitch_rate.value_radps)
@@ -167,7 +168,7 @@ def pitch_rate_of(series: Sequence[Series]) -> PitchRate | None:
 
 
 def without_gravity(s: Series, time_s: float) -> Series:
-    """An ACCEL series without the gravity of the pitch that its gyroscope shows within `time_s`."""
+    """Subtract gravity from an ACCEL series by its pitch: the gyroscope integrated with time constant `time_s`."""
     if s.pitch_rate is None:
         return s
     rate = s.pitch_rate

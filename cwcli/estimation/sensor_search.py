@@ -1,4 +1,4 @@
-"""Which errors of the sensors a log shows: each is used only where the log is predicted better with it.
+"""Search for errors of the sensors in a log: each is used only where the log is predicted better with it.
 
 The score is the filter's log-likelihood: each row is predicted from the rows before it alone. The states' priors are in
 it (it is a marginal likelihood), so that a scale or a lever arm that nothing shows gains nothing. What is fitted beside
@@ -28,36 +28,52 @@ from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-MIN_SPAN_S = 60.0  # a slow error has to come and go a few times
+MIN_SPAN_S = 60.0
+"""Least span of a log that is searched, s. Chosen: a slow error has to come and go a few times."""
 WINDOW_S = 240.0
+"""Longest span that is searched, s. Chosen for speed; not fitted."""
 THINNED_HZ = 10.0
+"""Rate to which inertial series and speeds are averaged, Hz. Chosen for speed; not fitted."""
 N_FITTED = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
-GRADE = Slow(0.2, 15.0)  # m/s^2, 1.2 degrees; a hill of a few hundred metres at town speed
-POSITION_TIME_S = 10.0  # where the climb begins
-TIME_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}  # a slope lasts; a body's pitch does not
-SIDE_SLIP_M = (
-    0.03  # less than the filter's own, as for latencies: a slow error of the fixes is seen against a long memory
-)
-MIN_TURNS = 5.0  # time constants in a log
-STEPS = (3.0, 3.0**0.5)  # of the time constant, or of sigma^2
+"""Number of fitted parameters of each error."""
+GRADE = Slow(0.2, 15.0)
+"""Initial error of an accelerometer by the grade (m/s^2, s). Chosen: 1.2 degrees, a hill of a few hundred metres."""
+POSITION_TIME_S = 10.0
+"""Time constant at which the search for a slow error of positions begins, s. Chosen by hand; not fitted."""
+TIME_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
+"""Least and greatest time constant of a slow error, s. Chosen: a slope lasts longer than the pitch of a body."""
+SIDE_SLIP_M = 0.03
+"""Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
+MIN_TURNS = 5.0
+"""Least number of time constants in a log. Chosen by hand; not fitted."""
+STEPS = (3.0, 3.0**0.5)
+"""Step factors of the climb, on the time constant or on sigma^2. Chosen by hand; not fitted."""
 RIDGE = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
-MIN_TURN_RAD = 0.5  # in a log without a turn nothing tells where a sensor stands
-WAY_S = 2.0  # between two fixes whose distance is a way and not noise
+"""Factors on the time constant over which a slow error is averaged. Chosen by hand; not fitted."""
+MIN_TURN_RAD = 0.5
+"""Least range of the heading from which a lever arm is searched, rad. Chosen: without a turn nothing shows one."""
+WAY_S = 2.0
+"""Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 CLEAR_SIGMAS = 3.0
-MAX_CLIMB = 9  # trials in the climb of one slow error
+"""Least lever arm ahead in sigmas, including those of the latency. Chosen as for other significance tests."""
+MAX_CLIMB = 9
+"""Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
 SETTLED = 1.1
+"""The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
 MAX_MATCHINGS = 3
-NARROWED = 0.5  # a parameter whose sigma is more than this part of its prior was not observed
+"""Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
+NARROWED = 0.5
+"""A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class FoundModel:
-    """What the log shows.
+    """Sensor model that was found in a log.
 
     Attributes:
         model: The sensor model to use.
-        status: What was made of each error that was looked for.
-        ahead_m: Place ahead and its sigma, of the series that have one.
+        status: Status of each error that was searched.
+        ahead_m: Lever arm ahead and its sigma, of the series that have one.
         beyond: What was found of the errors that lie beyond what such a sensor can have, and are not used.
     """
 
@@ -67,7 +83,7 @@ class FoundModel:
     beyond: Mapping[Part, float] = field(default_factory=dict)
 
     def without_ahead(self, series: Sequence[int]) -> FoundModel:
-        """The same, but where some series stand can't be told."""
+        """Return the result with the lever arms ahead of some series marked as not observable."""
         parts: list[Part] = [(i, "ahead") for i in series]
         model = replace(self.model, ahead=self.model.ahead - set(series))
         return replace(
@@ -104,7 +120,7 @@ def find_sensor_model(
 
 
 def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence[float]) -> SensorModel:
-    """All errors that the sources can have; the slow ones as far as known."""
+    """Return a model with all errors that the sources can have; slow errors begin at the known ones."""
     slow: dict[int, Slow] = {}
     follows, scaled, levered, ahead = set(), set(), set(), set()
     has_ground = any(s.kind in (Kind.POSITION, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
@@ -133,7 +149,7 @@ def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence
 
 
 def _slack_m(series: Sequence[Series], left_s: Sequence[float]) -> list[float]:
-    """How far each source's place ahead may seem to be off by what its stamps are late, one sigma."""
+    """Return one sigma (m) of the error of each lever arm ahead that the remaining latency may cause."""
     fixes = max((s for s in series if s.kind is Kind.POSITION), key=len)
     span_s = max(float(np.ptp(fixes.time_s)), WAY_S)
     few = fixes.values[:: max(1, int(WAY_S * len(fixes) / span_s))]
@@ -145,7 +161,7 @@ def _slack_m(series: Sequence[Series], left_s: Sequence[float]) -> list[float]:
 
 
 def _turned_rad(series: Sequence[Series]) -> float:
-    """How far the car's heading goes from one side to the other, as far as a gyroscope or a heading tells."""
+    """Return the range (rad) of the car's heading, by gyroscopes and headings."""
     turned = 0.0
     for s in series:
         if len(s) < MIN_ROWS_FOR_NOISE:
@@ -164,7 +180,7 @@ def _sigma(s: Series) -> float:
 
 @dataclass(frozen=True)
 class _Trial:
-    """A model and how well it predicts.
+    """Trial of a sensor model with its score.
 
     Attributes:
         model: The model.
@@ -186,7 +202,7 @@ class _Trials:
     """Passes over the same rows with different sensor models."""
 
     def __init__(self, base: Layout, slack_m: Sequence[float]) -> None:
-        """Cut a window, thin it, and leave out what the filter rejects without a sensor model."""
+        """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
         begin, end = _window(base.series)
         cut = [
             replace(thinned_to(s.at((s.time_s - s.latency_s >= begin) & (s.time_s - s.latency_s <= end)), THINNED_HZ),
@@ -249,7 +265,7 @@ class _Trials:
         return self._averaged(trial, i)
 
     def _averaged(self, trial: _Trial, i: int) -> _Trial:
-        """The mean of sigma^2, by likelihood, along the same sigma^2 / time constant: the mean of the covariances."""
+        """Average sigma^2, weighted by likelihood, along constant sigma^2 / time constant."""
         top = trial.model.slow[i]
         slows = [self._moved(self.base.series[i].kind, top, factor**0.5, factor) for factor in RIDGE]
         known = [top, *(slow for slow in slows if slow is not None)]
@@ -264,7 +280,7 @@ class _Trials:
         return self.try_model(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
 
     def _moved(self, kind: Kind, slow: Slow, wider: float, longer: float) -> Slow | None:
-        """Another slow error; None where its time constant is too short or too long for the log."""
+        """Return a slow error scaled by two factors; None where its time constant leaves its limits."""
         shortest, longest = TIME_LIMITS_S[kind]
         moved = Slow(slow.sigma * wider, slow.time_s * longer)
         return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TURNS) else None
@@ -276,11 +292,11 @@ class _Trials:
 
 
 def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
-    """What was found, if it predicts the whole log, outliers and all, better than without; else nothing.
+    """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one.
 
     Args:
-        found: The model and what was made of each error.
-        plain, modelled: The log without and with it, noise settled.
+        found: The found model.
+        plain, modelled: Layouts without and with it, with their noise.
     """
     scores = []
     for layout in (plain, modelled):
@@ -300,7 +316,7 @@ def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
 
 
 def _reduced(trials: _Trials, trial: _Trial) -> FoundModel:
-    """Leave out, one after the other, what the log is predicted as well without; begin with what matters least."""
+    """Drop errors without which the log is predicted as well, one after the other, the least useful first."""
     status = {part: _observed(trial, part) for part in trial.model.parts}
     for part, verdict in status.items():
         if verdict is ParameterStatus.NOT_OBSERVABLE:
@@ -347,7 +363,7 @@ def _value(trial: _Trial, part: Part) -> float:
 
 
 def _observed(trial: _Trial, part: Part) -> ParameterStatus:
-    """Has the log narrowed a constant's prior?"""
+    """Return whether the log narrowed the prior of an error's parameter: USED or NOT_OBSERVABLE."""
     i, name = part
     s = trial.layout.series[i]
     state = {"scale": s.scale_state, "lever": s.lever_state, "ahead": s.ahead_state}.get(name, -1)
@@ -364,17 +380,17 @@ def _ahead_m(trial: _Trial) -> dict[int, tuple[float, float]]:
 
 
 def _unclear(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
-    """The series whose place is no more than its own error and what is left of the latencies can make of it."""
+    """Return the series whose lever arm ahead is not significant against its sigma and that of the latency."""
     return [i for i, (value, sigma) in ahead_m.items() if not abs(value) > CLEAR_SIGMAS * np.hypot(sigma, slack_m[i])]
 
 
 def unclear_places(found: FoundModel, series: Sequence[Series], left_s: Sequence[float]) -> list[int]:
-    """The series whose place ahead may as well be a latency; for `left_s` see `find_sensor_model`."""
+    """Return the series whose lever arm ahead may as well be a latency; for `left_s` see `find_sensor_model`."""
     return _unclear({i: at for i, at in found.ahead_m.items() if i in found.model.ahead}, _slack_m(series, left_s))
 
 
 def _window(series: Sequence[Series]) -> tuple[float, float]:
-    """Where to look: from the first position on; of long logs the WINDOW_S in which the car goes farthest."""
+    """Return the searched span (s): from the first position; of long logs the WINDOW_S with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
     begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - LEAD_IN_S
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)

@@ -28,27 +28,29 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
 STEP_S = 0.05
-"""dT of eq. 2."""
+"""Sampling time dT of eq. 2, s."""
 JERK_SIGMA = 0.2
-"""Root of the jerk's spectral density, m/s^3 per root Hz."""
+"""Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise`."""
 YAW_ACCEL_SIGMA = 0.02
-"""Root of the yaw acceleration's spectral density, rad/s^2 per root Hz."""
-
+"""Root of the yaw acceleration's spectral density, rad/s^2 per root Hz. Chosen: see `process_noise`."""
 DERIVATIVE_SAMPLES = 8
-"""Jerk and yaw acceleration are the least-squares slope of the filtered acceleration and yaw rate over the last 0.35 s.
-The paper says that they are "computed from the measured" values, not how. A shorter window is noisier than it helps: at
-0.2 s the jerk family is the worse one on the paper's own drives. A longer one sees a manoeuvre too late for fig. 9."""
+"""Number of samples (0.35 s) whose least-squares slope gives jerk and yaw acceleration.
+
+The paper says that they are "computed from the measured" values, not how. Chosen on the paper's drives: with 0.2 s the
+models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
 MAX_PAUSE_S = 60.0
-"""There are no steps where nothing is measured for longer, as a pass counts such a pause as a minute."""
+"""Longer pauses of all measurements have no steps, s, because the filter counts such a pause as a minute."""
 DERIVED = slice(ACCEL, YAW_RATE + 1)
+"""Slice of the states whose slopes are appended: acceleration and yaw rate."""
 
 VECTOR_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
+"""Kinds of the paper's measurement vector, in its order."""
 
 
 def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YAW_ACCEL_SIGMA) -> FloatArray:
     """Return Q of eq. 4, which the paper leaves open.
 
-    Eq. 2 holds a and the yaw rate constant over a step. What a driver does to them within it is taken as white: a jerk
+    Eq. 2 holds a and the yaw rate constant over a step. Their changes within it are taken as white noise: a jerk
     of spectral density (0.2 m/s^3)^2/Hz lets the acceleration change by 0.2 m/s^2 (one sigma) within a second, a yaw
     acceleration of (0.02 rad/s^2)^2/Hz the yaw rate by 0.02 rad/s. Less would smooth more and lag more: at the values
     with which the filter's own covariance would give table 1's reductions of a and of the yaw rate (0.08 and 0.0016)
@@ -130,8 +132,8 @@ def with_derivatives(
 ) -> tuple[FloatArray, FloatArray]:
     """Add the jerk and the yaw acceleration that eq. 10 needs: see `DERIVATIVE_SAMPLES`.
 
-    Their covariance is that of a slope through values whose errors are independent from step to step. Where fewer steps
-    lie in a row before (at the start, after a pause) they are 0, with what is unknown of them.
+    Their covariance is that of a slope through values with independent errors. Where fewer steps lie in a row before
+    (at the start, after a pause) they are 0 with the variance of an unknown state.
 
     Args:
         state, covariance: Shapes (n, 6) and (n, 6, 6), at the steps.
@@ -157,13 +159,13 @@ def with_derivatives(
 
 
 def slope_weights(samples: int, step_s: float) -> FloatArray:
-    """What to multiply `samples` values by, oldest first, for their least-squares slope per second."""
+    """Return the weights (samples,), oldest first, that give the least-squares slope per second."""
     offsets = np.arange(samples) - (samples - 1) / 2.0
     return np.asarray(offsets / (offsets @ offsets) / step_s)
 
 
 def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES, *, step_s: float = STEP_S) -> FloatArray:
-    """Least-squares slope over the last `samples` values, per second; 0 until there are so many. Shape (n,)."""
+    """Return the least-squares slope per second over the last `samples` values, (n,); 0 until there are so many."""
     slope = np.zeros_like(values)
     if len(values) >= samples:
         slope[samples - 1 :] = np.convolve(values, slope_weights(samples, step_s)[::-1], mode="valid")
@@ -223,7 +225,7 @@ def _mean(values: FloatArray) -> float:
 
 
 def _steps(series: Sequence[Series], first: int, wanted: Int64Array, step_s: float) -> Int64Array:
-    """Numbers of the steps: from `first` to the last measurement without those in a pause, and the wanted ones."""
+    """Return the step numbers from `first` to the last measurement, without long pauses, and the wanted ones."""
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
     ends = np.unique(np.append(measured[measured >= first], first))
     apart = np.diff(ends)

@@ -1,9 +1,9 @@
-"""Whether two sources can both be right: way, turn, course and change of speed, step by step, without any filter.
+"""Compare two sources without a filter, step by step: distance, turn, course and change of speed.
 
-A wrong unit, sign or axis multiplies what a source says by a constant. So of each pair of sources the ratio is taken in
-every step in which one of them clearly moves, and its median over the log compared with what sensors can be. Each is
-looked at in steps of several lengths: a latency, a bend or a jump of the fixes changes the ratio of short steps and of
-long ones differently, a wrong unit does not. Only what contradicts in every length that has enough steps counts.
+A wrong unit, sign or axis multiplies the values of a source by a constant. So for each pair of sources the ratio is
+taken in every step with clear motion, and its median over the log is compared with the range of such sensors. Steps of
+several lengths are used: a latency, a bend or a jump of the fixes changes the ratio of short and long steps
+differently, a wrong unit does not. A contradiction must show in every length that has enough steps.
 """
 
 from __future__ import annotations
@@ -34,30 +34,33 @@ from cwcli.signals.columns import FloatArray
 STEPS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
 MIN_STEPS = 4
-"""Fewer clear steps of one length tell nothing: three agree by chance."""
+"""Least number of clear steps of one length. Chosen: three agree by chance."""
 ENOUGH_STEPS = 8
-"""So many clear steps of all lengths together have to tell the same: a car turns five times in four minutes of town."""
+"""Least number of clear steps of all lengths together. Chosen: a car turns five times in four minutes of town."""
 STUDENT_99: Mapping[int, float] = {4: 5.84, 5: 4.60, 6: 4.03, 7: 3.71, 8: 3.50, 9: 3.36, 10: 3.25, 15: 2.98, 20: 2.86}
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
 MEDIAN_EFFICIENCY = 1.2533
 """Sigma of a median of normal values over that of their mean."""
 LEAST_ROWS = 20
-"""A source with fewer rows takes no part."""
+"""Least number of rows of a source that is compared. Chosen by hand; not fitted."""
 TURN_RATIO = Limit(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
+"""Range of the ratio of two changes of heading."""
 SPEED_CHANGE_RATIO = Limit(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
+"""Range of the ratio of two changes of speed."""
 HEADING_OFFSET = Limit(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
+"""Range of the difference of two headings or courses."""
 LEAST_TURN_RAD = 0.25
 """Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
 LEAST_COURSE_TURN_RAD = 0.5
 """The same beside a course by fixes, rad: the chord of a step in which the car brakes and turns is off by up to 0.2."""
 CLEAR_SIGMAS = 4.0
-"""And it is so many sigma of what the noise of the fixes makes of it; a change of speed, too."""
+"""Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
 LEAST_SPEED_CHANGE_MPS = 2.0
 """Change of mean speed from one step to the next that is braking or accelerating and not a slope, m/s."""
 MOST_TURN_RAD = 2.5
@@ -65,17 +68,18 @@ MOST_TURN_RAD = 2.5
 LEAST_COURSE_SPEED_MPS = 4.0
 """Slower, a car may drive backwards for long, m/s; 14 km/h."""
 FIXES = (Kind.POSITION, Kind.VELOCITY)
+"""Kinds that come from fixes."""
 BIASES = (Check.YAW_RATE_BIAS, Check.ACCEL_BIAS)
-"""What can only contradict: that two agree where nothing happens does not tell that their units and signs do."""
+"""Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
 
 class Judgement(StrEnum):
-    """What the comparison of two sources says.
+    """Judgement on two sources.
 
     Attributes:
-        AGREE: They say the same, within what such sensors can differ by.
-        CONTRADICT: They can't both be right.
-        UNKNOWN: The log has too little in it to tell, or steps of different lengths tell different things.
+        AGREE: They agree within the limits of such sensors.
+        CONTRADICT: They cannot both be right.
+        UNKNOWN: The log does not suffice, or steps of different lengths disagree.
     """
 
     AGREE = "agree"
@@ -85,13 +89,13 @@ class Judgement(StrEnum):
 
 @dataclass(frozen=True)
 class Comparison:
-    """Two sources beside each other.
+    """Result of the comparison of two sources.
 
     Attributes:
-        check: What was compared.
+        check: Kind of comparison.
         one, other: The sources.
-        judgement: What it says.
-        number: What `one` says against `other`: a ratio, or a difference in SI units.
+        judgement: Whether they agree.
+        number: `one` relative to `other`: a ratio, or a difference in SI units.
     """
 
     check: Check
@@ -101,15 +105,15 @@ class Comparison:
     number: float
 
     def has(self, quantity: Quantity) -> bool:
-        """Whether it is about a source."""
+        """Whether a source is one of the two."""
         return quantity in (self.one, self.other)
 
     def opposite(self, quantity: Quantity) -> Quantity:
-        """The other one of the two sources."""
+        """Return the other one of the two sources."""
         return self.other if quantity == self.one else self.one
 
     def contradiction(self, who: Quantity) -> Contradiction:
-        """As a contradiction for which one of the two is blamed."""
+        """Return it as a contradiction with one of the two blamed."""
         number = self.number if who == self.one else self.check.inverse(self.number)
         against = self.opposite(who)
         return Contradiction(who, against, self.check.words(who.kind, against.kind, number))
@@ -132,7 +136,7 @@ class MedianInterval:
 
     @classmethod
     def of(cls, values: FloatArray) -> MedianInterval:
-        """Of a column (n,); unknown with fewer than MIN_STEPS values."""
+        """Compute median and interval of a column (n,); unknown with fewer than MIN_STEPS values."""
         n = len(values)
         if n < MIN_STEPS:
             return cls()
@@ -142,7 +146,7 @@ class MedianInterval:
         return cls(middle, middle - half, middle + half, n)
 
     def judged(self, limit: Limit) -> Judgement:
-        """Against a range: the whole interval lies inside or outside."""
+        """Judge the interval against a range: it agrees inside, contradicts outside, and is unknown across a bound."""
         if math.isnan(self.value):
             return Judgement.UNKNOWN
         if self.low > limit.high or self.high < limit.low:
@@ -152,12 +156,12 @@ class MedianInterval:
 
 @dataclass(frozen=True)
 class Measured:
-    """What steps of one length say of a pair.
+    """Comparison of a pair in steps of one length.
 
     Attributes:
-        judgement: UNKNOWN with a number: it may be either.
-        number: The ratio or difference that they show; NaN with too few steps.
-        n: In how many steps.
+        judgement: Whether the pair agrees.
+        number: Median ratio or difference; NaN with too few steps.
+        n: Number of steps.
         half: Half the width of its interval.
         is_possible: The number lies in the range of what such sensors can differ by.
     """
@@ -170,19 +174,20 @@ class Measured:
 
     @classmethod
     def of(cls, interval: MedianInterval, limit: Limit) -> Measured:
-        """A median against a range."""
+        """Compare a median with a range."""
         half = 0.5 * (interval.high - interval.low)
         return cls(interval.judged(limit), interval.value, interval.n, half, limit.holds(interval.value))
 
 
 NOTHING = Measured()
+"""Comparison of a pair that cannot be compared."""
 
 
 def compare_sources(series: Sequence[Series]) -> list[Comparison]:
-    """Compare each pair of sources in everything that both tell.
+    """Compare each pair of sources in all quantities that both have.
 
     Args:
-        series: With at least one position, positions first; stamps as they are.
+        series: Series with at least one position, positions first; stamps uncorrected.
     """
     usable = [s for s in series if len(s) >= LEAST_ROWS and not s.is_exact]
     if len(usable) < 2 or not any(s.kind is Kind.POSITION for s in usable):
@@ -208,10 +213,10 @@ def compare_sources(series: Sequence[Series]) -> list[Comparison]:
 
 
 def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
-    """What steps of all lengths say together, and the number that is known best.
+    """Judge steps of all lengths together; returns the judgement and the most precise number.
 
-    They contradict where steps of one length say so, those of every other length show a number that is impossible, too,
-    and there are enough of them together. They agree where one length says so and none contradicts.
+    They contradict where one length does, every other length shows an impossible number too, and there are enough steps
+    in total. They agree where one length does and none contradicts.
     """
     known = [each for each in measured if not math.isnan(each.number)]
     if not known:
@@ -225,12 +230,12 @@ def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
 
 
 def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
-    """The motions with the fixes' course and way turned round where the car drives backwards.
+    """Reverse course and distance of fixes in steps in which the car drives backwards.
 
-    It does where a speed is negative and a heading points against the course. One of both alone is a wrong sensor.
+    There a speed is negative and a heading points against the course; one of both alone is a wrong sensor.
 
     Args:
-        motions: Of the same steps.
+        motions: Motions of the sources in the same steps.
     """
     speeds = [m.distance_m for m in motions if m.kind is Kind.SPEED]
     headings = [m.angle_rad for m in motions if m.kind is Kind.HEADING]
@@ -250,7 +255,7 @@ def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
 
 
 def _ratio(one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: Limit) -> Measured:
-    """The median of one / other where the other lies clearly apart from zero."""
+    """Compare the median of one / other, over steps in which the other one clearly differs from zero, with a range."""
     with np.errstate(invalid="ignore"):
         rows = (np.abs(other) > least) & (np.abs(other) < most) & np.isfinite(one)
     return Measured.of(MedianInterval.of(one[rows] / other[rows]), limit)
@@ -259,9 +264,9 @@ def _ratio(one: FloatArray, other: FloatArray, least: FloatArray | float, most: 
 def _ratio_both_ways(
     one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: Limit
 ) -> Measured:
-    """The ratio one / other, from where the other clearly moves and from where the one does.
+    """Compare one / other with a range, over steps in which the other clearly moves and those in which the one does.
 
-    A sensor that does not react at all shows only where the other one is asked first.
+    A sensor that never reacts shows only in steps that are chosen by the other one.
     """
     forth = _ratio(one, other, least[1], most, limit)
     back = _ratio(other, one, least[0], most, Limit(1.0 / limit.high, 1.0 / limit.low, "", ""))
@@ -318,7 +323,7 @@ def _course(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
 
 
 def _speed_changes(m: StepMotion) -> FloatArray:
-    """The changes of speed, those of an accelerometer without its constant part."""
+    """Return the changes of speed; from those of an accelerometer the median is subtracted."""
     change = m.speed_change_mps
     known = change[np.isfinite(change)]
     return change - median(known) if m.kind is Kind.ACCEL and len(known) else change
@@ -346,3 +351,4 @@ _MEASURES: dict[Check, Callable[[StepMotion, StepMotion, float], Measured]] = {
     Check.SPEED_CHANGE: _speed_change,
     Check.ACCEL_BIAS: _accel_bias,
 }
+"""Function of each comparison: motions of two sources and step length (s) -> result."""

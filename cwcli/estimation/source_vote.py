@@ -1,8 +1,8 @@
-"""Which source is wrong where two contradict each other: the others vote before anything is estimated.
+"""Find the wrong one of two contradicting sources by the votes of the others, before anything is estimated.
 
 A source that two others contradict, while fewer agree with it, is outvoted and left out. Where two contradict each
 other and no third tells which of them is wrong, the positions count, since without them there is no estimate, and the
-other one is left out. Of two sources of which neither is a position both are left out then. Every case is told first.
+other one is left out. Of two sources of which neither is a position both are left out. Every case is reported first.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from cwcli.estimation.source_checks import Comparison, Judgement, compare_source
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 LEAST_GRAVITY_PART = 0.5
-"""Part of gravity that a mean specific force has to have so that it tells where down is; an IMU whose gravity was taken
-out already has none."""
+"""Least mean specific force relative to gravity that shows the vertical. Chosen by hand; not fitted.
+
+An IMU whose gravity was removed has none."""
 MOST_TILT_PART = 0.5
-"""An IMU whose vertical axis has less than this part of gravity is tilted by more than 60 degrees."""
+"""Least share of gravity along the vertical axis of an IMU that is not tilted: cos 60 degrees."""
 AXES = ("forward", "left", "vertical")
+"""Names of the axes of an IMU in texts."""
 
 
 @dataclass(frozen=True)
 class Vote:
-    """What the sources say of each other.
+    """Result of the vote of the sources.
 
     Attributes:
-        prepared: The series, those that are left out without rows.
-        contradictions: The one that matters most first.
+        prepared: The series; those that are left out have no rows.
+        contradictions: Contradictions, the most important first.
     """
 
     prepared: list[PreparedSeries]
@@ -42,10 +44,10 @@ class Vote:
 
 
 def vote(prepared: Sequence[PreparedSeries]) -> Vote:
-    """Compare the sources and leave out those that can't be right.
+    """Compare the sources and leave out those that cannot be right.
 
     Args:
-        prepared: Of one vehicle, positions first.
+        prepared: Series of one vehicle, positions first.
     """
     tilted = _tilted(prepared)
     out = {Quantity(each.who.source, kind) for each in tilted for kind in RATES}
@@ -61,10 +63,10 @@ def vote(prepared: Sequence[PreparedSeries]) -> Vote:
 
 
 def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
-    """Find out who is wrong, one source after the other: the one that most others contradict comes first.
+    """Find the wrong sources one after the other: the one that most others contradict comes first.
 
     Args:
-        comparisons: Of all pairs.
+        comparisons: Comparisons of all pairs.
     """
     left = [each for each in comparisons if each.judgement is not Judgement.UNKNOWN]
     found = []
@@ -85,7 +87,7 @@ def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
 
 
 def _accusation(comparisons: Sequence[Comparison], who: Quantity) -> tuple[Contradiction, int]:
-    """What contradicts a source, with the allies where it is outvoted, and how many more do than agree with it."""
+    """Return the main contradiction of a source, with allies if it is outvoted, and the votes against it."""
     contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.has(who)]
     main = min(contrary, key=lambda each: each.opposite(who).kind is not Kind.POSITION)
     votes = _votes_against(comparisons, who)
@@ -94,12 +96,12 @@ def _accusation(comparisons: Sequence[Comparison], who: Quantity) -> tuple[Contr
 
 
 def without_rows(s: Series) -> Series:
-    """The series without its rows: it stays in the tables, and takes no part."""
+    """Return the series without its rows: it stays in the tables but is not used."""
     return s.at(np.zeros(len(s), np.bool_))
 
 
 def _votes_against(comparisons: Sequence[Comparison], who: Quantity) -> int:
-    """How many other topics contradict a source, less those that agree with it."""
+    """Return the number of other topics that contradict a source minus the number that agree with it."""
     contrary, agreeing = (
         {each.opposite(who).source for each in comparisons if each.has(who) and each.judgement is judgement}
         - {who.source}
@@ -111,7 +113,7 @@ def _votes_against(comparisons: Sequence[Comparison], who: Quantity) -> int:
 def _allies(
     comparisons: Sequence[Comparison], who: Quantity, against: Quantity, contrary: Sequence[Comparison]
 ) -> tuple[Quantity, ...]:
-    """Other topics that contradict `who` and agree with the source that it contradicts."""
+    """Return sources of other topics that contradict `who` and agree with the source that it contradicts."""
     accusers = dict.fromkeys(each.opposite(who) for each in contrary)
     return tuple(
         each
@@ -122,7 +124,7 @@ def _allies(
 
 
 def _tilted(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
-    """IMUs whose vertical axis is not vertical: neither their forward axis nor their yaw rate is what it should be."""
+    """Return contradictions for IMUs whose vertical axis is not vertical, so that no axis measures what it should."""
     found = []
     for p in prepared:
         if p.mean_force_mps2 is None or p.series.kind is not Kind.ACCEL or not len(p.series):

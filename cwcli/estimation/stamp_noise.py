@@ -1,12 +1,12 @@
-"""The error of stamps: fixes that are stamped when they were received, and were under way for now longer, now shorter.
+"""Random error of stamps: fixes that are stamped at reception after a transmission of varying duration.
 
-A fix at p(t) that is stamped t + e lies v e behind, so that errors e with sigma_t add sigma_t^2 v v' to its noise:
-along the way alone, the more the faster the car goes, nothing where it stands. White noise acts in all directions at
-all speeds, and what the driver does shows in the fixes that follow, so the three part where the car moves. As every
-other error it is used only where the log is predicted better.
+A fix at p(t) that is stamped t + e lies v e behind, so that errors e with sigma_t add sigma_t^2 v v' to its noise: only
+along the path, growing with speed, nothing at standstill. White noise acts in all directions at all speeds, and
+manoeuvres show in the fixes that follow, so that a moving car separates the three. As every other error it is used only
+where the log is predicted better.
 
-Most logs have none, so it is looked for only where the innovations along the way are larger, against those across it,
-than they should be (a score test).
+Most logs have none, so the search runs only where the innovations along the path are larger, relative to those across
+it, than expected (a score test).
 """
 
 from __future__ import annotations
@@ -27,18 +27,28 @@ from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 FIRST_S = 0.005
-OCTAVE = 4  # steps of the grid, of sigma_t, of the white noise's sigma and of the motion's
-LOWEST, HIGHEST = -2 * OCTAVE, 7 * OCTAVE  # of sigma_t: 1.3 ms and 0.64 s
+"""Sigma of the stamp error at step 0 of the grid, s. Chosen by hand; not fitted."""
+OCTAVE = 4
+"""Number of grid steps in a factor of two, for all sigmas of the grid. Chosen by hand."""
+LOWEST, HIGHEST = -2 * OCTAVE, 7 * OCTAVE
+"""Least and greatest grid step of the stamp error: 1.3 ms and 0.64 s."""
 STRIDES = (OCTAVE, OCTAVE // 2)
+"""Strides of the climb in grid steps: octaves, then half octaves."""
 MOST_TRIALS = 150
-TRIED = (0, 2 * OCTAVE)  # 5 and 20 ms: where neither helps nothing is looked for
-WHITE_STEP = 2.0  # of the variance
+"""Greatest number of filter passes of one search. Chosen to bound the time; not fitted."""
+TRIED = (0, 2 * OCTAVE)
+"""Grid steps that are tried first, 5 and 20 ms: if neither helps, the search ends."""
+WHITE_STEP = 2.0
+"""Step factor of the white noise variance in the final refinement. Chosen by hand; not fitted."""
 MOST_WHITE_STEPS = 16
+"""Greatest number of such steps in one direction. Chosen by hand; not fitted."""
 MIN_ROWS = 50
-WAY_S = 2.0  # between two fixes whose distance is a way and not noise
+"""Least number of rows of a position that is examined. Chosen by hand; not fitted."""
+WAY_S = 2.0
+"""Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 
 Point = tuple[int | None, int, int, int]
-"""A place on the grid: the stamps' error (None: none), noise with what that adds, jerk and yaw acceleration."""
+"""Grid steps of a trial: stamp error (None: none), total noise, jerk and yaw acceleration."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +56,8 @@ class NoiseFit:
     """Series with their noise, and the motion model.
 
     Attributes:
-        series: With their noise.
-        factors: What the noise of each was multiplied by so far.
+        series: Series with their noise.
+        factors: Factor on the noise of each series so far.
         parameters: The motion model.
     """
 
@@ -60,7 +70,7 @@ Run = Callable[[Sequence[Series], ModelParameters], PassResult]
 
 
 def may_err(s: Series, nis: FloatArray) -> bool:
-    """Whether a position's innovations look as if its stamps erred: see `ekf.Pass`. An outlier counts as no more."""
+    """Whether the innovations of a position hint at stamp errors, by the score in `ekf.Pass`; outliers are bounded."""
     if s.kind is not Kind.POSITION or s.is_exact or len(s) < MIN_ROWS or np.ptp(s.time_s) < 2.0 * WAY_S:
         return False
     limit = gate_nis(GATE_PROBABILITY, s.width)
@@ -71,15 +81,15 @@ def may_err(s: Series, nis: FloatArray) -> bool:
 def with_stamp_errors(
     fit: NoiseFit, may: Sequence[bool], run: Run, scaled: Callable[[ModelParameters, Sequence[float]], ModelParameters]
 ) -> NoiseFit:
-    """The fit with the error of the stamps of each position that the log is predicted better with.
+    """Return the fit with stamp errors for those positions whose log is predicted better with them.
 
-    With and without it white noise and motion go where the log is predicted best, so that neither is helped by them.
+    White noise and motion are optimised with and without the error, so that they favour neither.
 
     Args:
-        fit: Settled without.
-        may: Of each series, see `may_err`.
-        run: A pass.
-        scaled: The motion model with its jerk and its yaw acceleration times these, within their limits.
+        fit: Fit without stamp errors.
+        may: For each series, see `may_err`.
+        run: Runs a filter pass.
+        scaled: Scales jerk and yaw acceleration sigma by two factors, within their limits.
     """
     for i in np.flatnonzero(may).tolist():
         fit = _Search(fit, i, run, scaled).found()
@@ -104,7 +114,7 @@ class _Search:
         self._scores: dict[Point, float] = {}
 
     def found(self) -> NoiseFit:
-        """The fit with the error and the noise and motion beside it; the fit itself where nothing shows one."""
+        """Return the fit with the stamp error and its noise and motion; the given fit if the log shows none."""
         plain = self._climbed((None, 0, 0, 0), (1, 2, 3), STRIDES[:1])
         if not any(self._score((step, *plain[1:])) > self._score(plain) for step in TRIED):
             return self._fit
@@ -117,9 +127,9 @@ class _Search:
         return self._known(best)
 
     def _known(self, best: Point) -> NoiseFit:
-        """The fit at the vertex of the parabola through the best and its neighbours, by the logarithm of sigma_t.
+        """Return the fit at the vertex of the parabola through the best point and its neighbours in log(sigma_t).
 
-        Its bend is the error's own sigma: white noise and motion give way at each of the three.
+        The curvature gives the sigma of the stamp error; white noise and motion are optimised at each of the three.
         """
         stride = STRIDES[-1]
         while True:
@@ -149,9 +159,9 @@ class _Search:
         return replace(self._fit, series=tuple(series))
 
     def _with_white(self, best: Point, error: Parameter) -> NoiseFit:
-        """The fit with the white noise that the log is predicted best with beside an error of the stamps.
+        """Return the fit with the likeliest white noise for a given stamp error.
 
-        On the grid it is a difference of the whole and what the stamps add, which is coarse where that is most of it.
+        On the grid white noise is total noise minus the stamps' share, which is coarse where that share is large.
         """
         white = self._white(best, error)
         score = self._passed_score(best, error, white)
@@ -165,7 +175,7 @@ class _Search:
         return self._at(best, error, white)
 
     def _climbed(self, point: Point, axes: Sequence[int], strides: Sequence[int] = STRIDES) -> Point:
-        """The best point that is reached along the axes, one after the other."""
+        """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
             moved = True
             while moved and len(self._scores) < MOST_TRIALS:
@@ -197,7 +207,7 @@ class _Search:
         return gated, self._run(gated, fit.parameters)
 
     def _white(self, point: Point, error: Parameter) -> float:
-        """What the noise is multiplied by at a point."""
+        """Return the factor on the white noise variance at a point."""
         # What the stamps add is taken off, in the mean over the axes: a step of theirs keeps the whole.
         white = 4.0 ** (point[1] / OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
         return max(float(white), self._least)
@@ -211,7 +221,7 @@ class _Search:
 
 
 def _moved(point: Point, axis: int, step: int) -> Point | None:
-    """The point that lies a step away along an axis; None where the stamps would err by too little or too much."""
+    """Return the point a step away along an axis; None where the stamp error leaves its bounds."""
     here = list(point)
     at = here[axis]
     assert at is not None

@@ -1,4 +1,4 @@
-"""Where the filter starts: from whatever arrives first, with a heading from the first thing that shows one."""
+"""Start of the filter: time and initial state, with a heading from the first source that shows one."""
 
 from __future__ import annotations
 
@@ -12,23 +12,33 @@ from cwcli.estimation.passes import N_MOTION, START_TOLERANCE_S, Series, Start
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
+"""Least displacement that shows a heading, m. Chosen by hand; not fitted."""
 MIN_DISPLACEMENT_S = 0.5
-CLEAR_SIGMAS = 10.0  # a heading from a displacement is then good to about 0.15 rad, which the filter's expansion bears
-UNKNOWN_HEADING_RAD = 1.8  # one sigma of a uniform circle
-UNKNOWN_TURN_RADPS = 0.1  # how far a car turns, per second, while nothing measures it
+"""Least time over which a displacement gives a speed, s. Chosen so that a burst of rows gives none."""
+CLEAR_SIGMAS = 10.0
+"""Least displacement that shows a heading, in sigmas of the position.
+
+Chosen: the heading is then good to about 0.15 rad, which the filter's linearisation bears."""
+UNKNOWN_HEADING_RAD = 1.8
+"""One sigma of an unknown heading, rad: that of a uniform distribution over the circle."""
+UNKNOWN_TURN_RADPS = 0.1
+"""One sigma of the turn while no source measures it, rad per second. Chosen by hand; not fitted."""
 GYRO_BIAS_RADPS = 0.01
+"""One sigma of a gyroscope's bias before it is estimated, rad/s. Chosen by hand; not fitted."""
 MAX_GYRO_GAP_S = 0.5
+"""A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
 UNKNOWN_SPEED_MPS = 10.0
+"""One sigma of an unknown speed, m/s. Chosen by hand; not fitted."""
 UNKNOWN_SIGMA = (0.0, 0.0, UNKNOWN_SPEED_MPS, UNKNOWN_HEADING_RAD, 2.0, 0.3, 1.0, 0.2)
-"""One sigma of the eight states before a heading is known; the position's is the measurement's."""
+"""Sigmas of the eight states before a heading is known; the position has that of its measurement."""
 
 
 def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Start:
-    """Choose the initial state.
+    """Find start time and initial state of the filter.
 
     The smoother may look ahead: it starts at the first measurement with the heading that a later displacement or
-    course shows (turned back by the gyroscope where there is one). The filter alone starts when a heading has shown
-    itself and a position is there.
+    course shows (turned back by the gyroscope where there is one). The filter alone starts when a heading and a
+    position are known.
 
     Args:
         series: At least one POSITION with one row.
@@ -37,7 +47,7 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
 
     Returns:
         The start; parameter states are zero with zero variance (the caller fills them). With `causal` its time is
-        infinite where no heading ever shows itself.
+        infinite where no heading ever becomes known.
     """
     if causal:
         begin = _known_s(series)
@@ -63,12 +73,12 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
 
 
 def first_heading_s(series: Sequence[Series]) -> float:
-    """When something first shows a heading; infinity where nothing does."""
+    """Return the time (s) at which a heading is first known; infinity if never."""
     return min((each[0] for each in _headings(series)), default=np.inf)
 
 
 def _known_s(series: Sequence[Series]) -> float:
-    """When both a heading and a position are known first; infinity where that never happens."""
+    """Return the time (s) at which a heading and a position are first known; infinity if never."""
     positions = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
     return max(first_heading_s(series), min(positions, default=np.inf))
 
@@ -79,11 +89,11 @@ def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float
 
 
 def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[float, float, float, float, float]]:
-    """The first heading of each source that shows one: what `_first_heading` returns of the earliest.
+    """Return the first heading of each source that shows one, as tuples like that of `_first_heading`.
 
     Args:
-        series: All.
-        newest: Of headings and velocities the last one instead.
+        series: All series.
+        newest: Return the last row of headings and velocities instead of the first.
     """
     candidates: list[tuple[float, float, float, float, float]] = []
     for s in series:
@@ -115,7 +125,7 @@ def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[f
 def _heading_of_course(
     series: Sequence[Series], when: float, course: float, course_sigma: float, speed_mps: float, speed_sigma: float
 ) -> tuple[float, float, float, float, float]:
-    """Return what `_first_heading` does of a course, which points backward where the vehicle reverses."""
+    """Convert a course to a tuple like that of `_first_heading`; a reversing vehicle is turned by half a turn."""
     if _sign_at(series, when) < 0:
         return when, course + np.pi, course_sigma, -abs(speed_mps), speed_sigma
     return when, course, course_sigma, speed_mps, speed_sigma
@@ -124,8 +134,8 @@ def _heading_of_course(
 def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
-    The noise is that of the rows so far: a later one changes nothing of when a heading has shown itself. What the
-    stamps' errors add is that of the speed of the last of them.
+    The noise is that of the rows so far, so that later rows do not change when a heading becomes known. The share of
+    stamp errors uses the speed at the last of these rows.
     """
     time = s.time_s - s.latency_s
     variance = np.maximum(s.noise[:, 0], s.noise[:, 2])
@@ -158,10 +168,10 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
 
 
 def _stamp_variance(s: Series) -> FloatArray:
-    """Shape (n,): what errors of the stamps add to the noise of each row, (sigma_t v)^2, in whatever direction.
+    """Return the variance (n,), m^2, that stamp errors add to each row: (sigma_t v)^2.
 
-    The speed is that over the time before, as far as it is clear of the stamps' errors: nothing looks ahead. Before
-    that it is a bound from what the car has moved, so that no displacement is taken for a way.
+    The speed is that over the time before the row, long enough against the stamp errors, so that nothing looks ahead.
+    At the first rows it is a bound from the displacement so far.
     """
     sigma_s = s.stamp_error.value
     if s.kind is not Kind.POSITION or not sigma_s > 0.0 or not len(s):
@@ -173,14 +183,14 @@ def _stamp_variance(s: Series) -> FloatArray:
 
 
 def _stamp_variance_at(s: Series, i: int) -> float:
-    """What errors of the stamps add to the noise of a row; of the first ones the speed is that of later rows."""
+    """Return the variance (m^2) that stamp errors add to a row; the first rows use the speed of later ones."""
     span = max(MIN_DISPLACEMENT_S, CLEAR_SIGMAS * s.stamp_error.value)
     known = min(int(np.searchsorted(s.time_s, s.time_s[0] + span)), len(s) - 1)
     return float(_stamp_variance(s)[max(i, known)])
 
 
 def _at(s: Series, when: float) -> int:
-    """Index of the last row not after `when`, or of the first row."""
+    """Return the index of the last row not after `when`, or of the first row."""
     return max(int(np.searchsorted(s.time_s - s.latency_s, when, side="right")) - 1, 0)
 
 
@@ -267,7 +277,7 @@ def start_with_parameters(series: Sequence[Series], prior: FloatArray, *, causal
 
 
 def within_reach(start: Start, series: Sequence[Series], output_s: FloatArray) -> Start:
-    """The start; one that never comes is put behind all rows and outputs, so that a pass can run."""
+    """Return the start; an infinite time is replaced by one after all rows and outputs, so that a pass can run."""
     if np.isfinite(start.time_s):
         return start
     ends = [float((s.time_s - s.latency_s).max()) for s in series if len(s)]
@@ -283,7 +293,7 @@ def hold_before_start(
     output_s: FloatArray,
     prior: FloatArray,
 ) -> None:
-    """Before the filter alone knows a heading, publish the last position with all else unknown (in place).
+    """Set the states before the start to the last position with all else unknown (in place).
 
     Args:
         state, covariance: Shapes (m, n) and (m, n, n), at `output_s`.

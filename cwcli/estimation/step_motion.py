@@ -1,7 +1,7 @@
-"""What each source alone says of the car's motion in equal steps of time, without any filter.
+"""Motion of the car in equal time steps by each source alone, without a filter.
 
-Positions say how far and which way the car went in a step, a speed how far, a heading which way, and an IMU by how much
-its speed and its heading changed. `source_checks` compares these with each other.
+Positions give distance and direction in a step, a speed the distance, a heading the direction, and an IMU the changes
+of speed and heading. `source_checks` compares these with each other.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 LEAST_GAP_S = 1.0
-"""Pauses of a source up to this long, s, are crossed by a straight line; half of the shortest step."""
+"""Longest pause of a source that is interpolated linearly, s: the shortest step. Chosen by hand; not fitted."""
 GAP_INTERVALS = 2.5
-"""Pauses of a slow source up to so many of its usual intervals are crossed, too."""
+"""Longest pause of a slow source that is interpolated, in its median intervals. Chosen by hand; not fitted."""
 LEAST_POSITION_SIGMA_M = 0.05
-"""Positions are not taken for better than this, m: the floor of a position's noise in `measurements.QUANTITIES`."""
+"""Least sigma of a position, m: that of `measurements.QUANTITIES`."""
 CLEAR_CHORD_SIGMAS = 6.0
-"""A way between two fixes tells a speed and a course where it is so many sigma of its own noise long."""
+"""Least distance between two fixes, in sigmas of its noise, that gives a speed and a course. Chosen by hand."""
 SHARED_FIX = 1.5**0.5
 """The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
 VELOCITY_COURSE_SIGMA_RAD = 0.05
 """One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
 LEAST_CHORD_M = 5.0
-"""And at least this long, m: about a car's length, so that a car that manoeuvres in a parking space tells nothing."""
+"""Least distance between two fixes that gives a speed and a course, m. Chosen: a car's length, to exclude parking."""
 MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
 """Factor from the median of the absolute values of normal errors to their standard deviation."""
 
 
 @dataclass(frozen=True)
 class StepMotion:
-    """A source's motion in n steps of equal length; NaN where it tells nothing.
+    """Motion by one source in n steps of equal length; NaN where it is unknown.
 
     Attributes:
         series: The source.
@@ -66,7 +66,7 @@ class StepMotion:
 
     @property
     def kind(self) -> Kind:
-        """What it measures."""
+        """Measured quantity of the source."""
         return self.series.kind
 
     @property
@@ -92,10 +92,10 @@ class StepMotion:
 
 
 def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
-    """What a source says of the motion between neighbouring edges.
+    """Compute the motion by a source between neighbouring edges.
 
     Args:
-        s: At least two rows.
+        s: Series with at least two rows.
         edges_s: Shape (n + 1,), increasing, equally spaced.
     """
     n = len(edges_s) - 1
@@ -129,24 +129,24 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
 
 
 def step_edges(series: Sequence[Series], step_s: float) -> FloatArray:
-    """Edges of steps over the time of the positions, (n + 1,); fewer than two where that is shorter than a step."""
+    """Return the edges (n + 1,), s, of steps over the time of the positions; fewer than two if it is shorter."""
     times = [s.time_s for s in series if s.kind is Kind.POSITION and len(s)]
     first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     return np.asarray(first + step_s * np.arange(int((last - first) / step_s) + 1))
 
 
 def _integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Trapezoidal integral from the first row on, (n,)."""
+    """Return the trapezoidal integral from the first row on, (n,)."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
 
 
 def _means(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Mean of a column between neighbouring edges, (n,)."""
+    """Return the means (n,) of a column between neighbouring edges."""
     return np.asarray(np.diff(np.interp(edges_s, time_s, _integral(time_s, values))) / np.diff(edges_s))
 
 
 def _is_covered(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
-    """Which steps lie within the rows and overlap no pause, (n,)."""
+    """Return a mask (n,) of the steps that lie within the rows and overlap no pause."""
     gap_s = np.diff(time_s)
     pauses = np.flatnonzero(gap_s > max(LEAST_GAP_S, GAP_INTERVALS * median(gap_s)))
     n = len(edges_s) - 1
@@ -158,7 +158,7 @@ def _is_covered(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
 
 
 def _white_sigma(s: Series) -> float:
-    """The white noise of positions on one axis, m, from their second differences, which motion hardly touches."""
+    """Return the white noise sigma (m) of positions per axis, from second differences, which motion hardly affects."""
     if len(s) < 3:
         return LEAST_POSITION_SIGMA_M
     rough = s.values[2:] - 2.0 * s.values[1:-1] + s.values[:-2]

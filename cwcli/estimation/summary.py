@@ -21,7 +21,7 @@ from cwcli.text import finite
 
 @dataclass(frozen=True)
 class TrackSummary:
-    """What is told of a track, without its arrays.
+    """Summary of a track without its arrays.
 
     Attributes:
         n_states, span_s, max_speed_mps: Its size.
@@ -41,7 +41,7 @@ class TrackSummary:
 
 
 def summarise(track: Track) -> TrackSummary:
-    """The summary of a track."""
+    """Summarise a track."""
     n = len(track.stamp_ns)
     variance = 0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1])
     return TrackSummary(
@@ -57,14 +57,14 @@ def summarise(track: Track) -> TrackSummary:
 
 
 def verdict_of(ego: TrackSummary, nees: Sequence[Nees] = ()) -> str:
-    """The sentence on the ego's track; with `nees` where there is a truth."""
+    """Return the sentence on the consistency of the ego's track; `nees` is used where there is a truth."""
     return verdict(
         ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees, contradictions=ego.contradictions
     )
 
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
-    """One table; its source is a topic, or "" for the track as a whole."""
+    """Return the table `estimate`; its source is a topic, or "" for the track as a whole."""
     rows: list[MetricRow] = []
     for vehicle, track in tracks.items():
         for report in track.sources:
@@ -76,7 +76,7 @@ def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
 
 
 def source_record(tracks: Mapping[str, TrackSummary]) -> str:
-    """Every source's diagnostics as JSON, for the metadata record: what can't be told from the channels later."""
+    """Return the diagnostics of every source as JSON for the metadata record, as the channels do not hold them."""
     return json.dumps(
         [
             {
@@ -131,5 +131,5 @@ def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
 
 
 def quantity_of(report: SourceReport) -> str:
-    """What a source measures, in words."""
+    """Return the name of the quantity that a source measures."""
     return report.kind.name.lower().replace("_", " ")

@@ -1,4 +1,4 @@
-"""The estimator's front door: measurements in, a track with diagnostics out."""
+"""Entry points of the estimator: measurements in, a track with diagnostics out."""
 
 from __future__ import annotations
 
@@ -43,11 +43,15 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED
 
 MIN_NIS_ROWS = 20
-LONG_LEAD_IN_S = 3.0  # without a position
+"""Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
+LONG_LEAD_IN_S = 3.0
+"""Time without a position after the start from which the start is refined, s. Chosen by hand; not fitted."""
 MOST_STARTS = 6
+"""Greatest number of refinements of the start. Chosen by hand; not fitted."""
 STARTS_AGREE_M = 0.5
+"""The start has converged when its position moves by less than this, m. Chosen by hand; not fitted."""
 IS_WORKER = "_CWCLI_WORKER"
-"""Environment variable that is there in a worker of a run over many logs: the other processors are other workers'."""
+"""Environment variable that is set in a worker of a run over many logs, where the other workers use the processors."""
 Group = TypeVar("Group")
 Result = TypeVar("Result")
 
@@ -62,7 +66,7 @@ def estimate_track(
     Args:
         measurements: Any mix of sources and kinds; at least one POSITION.
         config: Settings.
-        output_stamp_ns: Shape (m,), increasing: where the state is wanted. None: a grid of `config.rate_hz` over
+        output_stamp_ns: Shape (m,), increasing: times of the states. None: a grid of `config.rate_hz` over
             the span of the measurements.
 
     Returns:
@@ -86,15 +90,15 @@ def estimate_both(
     blind: bool,
     in_time: tuple[Sequence[Measurements], Int64Array] | None = None,
 ) -> tuple[Track, Track]:
-    """What really happened, and what the vehicle could have known: the tracks in hindsight and online.
+    """Estimate a vehicle's track in hindsight and online (by the filter alone); returns both.
 
-    The online one is of the filter alone. Where its parameters are those of the log they are looked for once for both.
+    Where the online track uses the parameters of the log, they are searched once for both.
 
     Args:
-        measurements, config, output_stamp_ns: See `estimate_track`; with `config.causal` the first track is that of the
-            filter, too.
+        measurements, config, output_stamp_ns: See `estimate_track`; with `config.causal` both tracks are those of the
+            filter.
         blind: The online track takes no parameter from the log, see `EstimatorConfig`.
-        in_time: Measurements and output stamps of the online track, where those are fewer.
+        in_time: Measurements and output stamps of the online track, if they are fewer.
 
     Raises:
         DataError: If no position is finite.
@@ -123,7 +127,7 @@ def _with_notes_on_calibration(track: Track, measurements: Sequence[Measurements
 
 @dataclass(frozen=True)
 class _Settled:
-    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes.
+    """Series before and after tuning, with the stamp of second 0 and notes.
 
     `contradictions` are those that the sources show before anything is estimated.
     """
@@ -136,7 +140,7 @@ class _Settled:
 
 
 def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _Settled:
-    """Clean the measurements, and find what the log shows of the sensors.
+    """Clean the measurements, and tune latencies, noise and sensor errors.
 
     Raises:
         DataError: If no position is finite.
@@ -161,7 +165,7 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
 
 
 def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64Array) -> Track:
-    """Start, filter and smooth; the arguments as of `estimate_track`."""
+    """Find the start, filter and smooth; for `config` and `output_stamp_ns` see `estimate_track`."""
     prepared, tuned, notes = settled.prepared, settled.tuned, list(settled.notes)
     output_s = seconds(output_stamp_ns, settled.epoch_ns)
     start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
@@ -188,7 +192,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
     for r in reports:
         if r.n_resets and r.kind not in RATES:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
-            notes.append(f"{r.source}: {r.kind.name.lower()} believed again after rejections, {often}")
+            notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
     state, covariance = at_antenna(tuned.series, result.state, result.covariance)
     return Track(
         output_stamp_ns,
@@ -205,7 +209,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
 
 
 def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: float) -> Gated:
-    """The rows that the gate rejected, of all series."""
+    """Collect the rows of all series that the gate rejected."""
     rows = [np.flatnonzero(status == UpdateStatus.GATED) for status in result.status]
     counts = [len(own) for own in rows]
     time_s = np.concatenate([s.time_s[own] for s, own in zip(tuned.series, rows, strict=True)])
@@ -223,11 +227,11 @@ def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: floa
 
 
 def _of_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
-    """What the positions' latency adds to the covariance, (m, 8, 8): v v' sigma^2 where x and y are.
+    """Return the covariance (m, 8, 8) due to the uncertain latency of the positions: v v' sigma^2 in x and y.
 
     A fix at p(t) that is stamped t + tau, corrected by tau + e, is taken for p at t - e: it lies v e ahead. All fixes
-    of a source have the same e, so no filter averages it out, and the positions of the states lie v e ahead like
-    them. Of several sources the one that is known best counts.
+    of a source have the same e, so the filter does not average it out, and the states lie v e ahead, too. Of several
+    sources the smallest sigma is used.
     """
     sigma_s = min(
         (
@@ -246,7 +250,7 @@ def _of_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
 def _prepared(
     measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
 ) -> tuple[list[PreparedSeries], list[str]]:
-    """The series and notes, as far as the calibration goes and nothing may be looked ahead."""
+    """Return the series and notes, with the calibration if there is one, and without looking ahead where required."""
     calibration = config.calibration
     if calibration is None:
         return (prepare_blind(measurements, epoch, {}), []) if config.blind else prepare(measurements, epoch)
@@ -259,10 +263,10 @@ def _prepared(
 
 
 def _start_again(tuned: TunedSeries, start: Start, reset_after: int) -> Start:
-    """Where no position comes for long after the start, begin about what the smoother finds there.
+    """Refine the start by the smoother if the first position comes long after it.
 
-    Until the first position the state hardly has a place, a speed or a heading, and the filter's expansion about a
-    guess that is far off makes it sure of what is wrong. The covariance stays that of the guess.
+    Until the first position place, speed and heading are hardly known, and a filter that is linearised far from the
+    truth becomes sure of a wrong state. The covariance of the start is kept.
     """
     first_s = min(float(s.time_s[0] - s.latency_s) for s in tuned.series if s.kind is Kind.POSITION and len(s))
     if first_s - start.time_s < LONG_LEAD_IN_S:
@@ -289,7 +293,7 @@ def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
 
 
 def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -> SourceReport:
-    """Sum up one series."""
+    """Build the report on one series."""
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
@@ -352,7 +356,7 @@ def _noise_scale(stated: Series, used: Series) -> float:
 
 
 def _parameter(found: FoundModel, part: Part, state: int, result: PassResult, offset: float) -> Parameter:
-    """A constant of a source, as it is at the end; `offset` is what its state 0 stands for."""
+    """Return a constant of a source from the last filter state; `offset` is its value at state 0."""
     status = found.status.get(part, ParameterStatus.OFF)
     if state < 0:
         return Parameter(found.beyond.get(part, float("nan")), status=status)
@@ -369,7 +373,7 @@ def estimate_tracks(
 
 
 def each_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
-    """`estimate` of each vehicle, in threads; a worker process uses one, as the other processors are other workers'."""
+    """Apply `estimate` to each group in threads; a worker process uses only one thread."""
     if len(groups) < 2 or IS_WORKER in os.environ:
         return [estimate(group) for group in groups]
     n_threads = min(len(groups), os.cpu_count() or 1)

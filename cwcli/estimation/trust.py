@@ -1,4 +1,4 @@
-"""Which states are to be trusted less: at the start, after a reset, across a gap."""
+"""Flags of states that deserve less trust: at the start, after a reset, across a gap."""
 
 from __future__ import annotations
 
@@ -15,10 +15,14 @@ from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import StateFlag
 
-SETTLING_S = 2.0  # acceleration and yaw rate need two of the jerk's time constants to be known
+SETTLING_S = 2.0
+"""Time for which states are flagged after a start or reset, s: two time constants of the jerk."""
 GAP_S = 2.0
+"""Least duration of a gap between used positions, s. Chosen by hand; not fitted."""
 GAP_STEPS = 3.0
+"""Least duration of a gap in usual steps of the positions. Chosen by hand; not fitted."""
 RECENT_STEPS = 5
+"""Number of last steps whose median is the usual step online. Chosen by hand; not fitted."""
 
 
 def state_flags(
@@ -36,8 +40,8 @@ def state_flags(
         series: At least one POSITION with a row.
         status: Per series, shape (k,): see `PassResult`.
         output_s: Shape (m,), increasing: times of the states.
-        start, restarts: Where the filter began.
-        causal: The states are those of the filter alone: then a flag uses nothing that is measured later.
+        start, restarts: Starts of the filter.
+        causal: The states are those of the filter alone; then a flag uses no later measurement.
 
     Returns:
         Shape (m,): `StateFlag`s.
@@ -69,7 +73,7 @@ def state_flags(
 def _gaps(
     series: Sequence[Series], status: Sequence[npt.NDArray[np.int8]], *, causal: bool
 ) -> list[tuple[float, float]]:
-    """Begin and end of each gap in the used positions, the time behind the last one included."""
+    """Return begin and end (s) of each gap in the used positions, and of the time after the last one."""
     used = [
         (s.time_s - s.latency_s)[found >= UpdateStatus.USED]
         for s, found in zip(series, status, strict=True)
@@ -86,12 +90,12 @@ def _gaps(
 
 
 def _usual_step(time_s: FloatArray) -> FloatArray:
-    """The median step of the whole log, (1,)."""
+    """Return the median step of the whole log, (1,), s."""
     return np.array([median(np.diff(time_s)) if len(time_s) > 1 else 0.0])
 
 
 def _recent_steps(time_s: FloatArray) -> FloatArray:
-    """The median of the last few steps before each time, (n,): as far as it is known then."""
+    """Return the median of the last few steps before each time, (n,), s; 0 where there is none."""
     known = np.concatenate([np.full(RECENT_STEPS, np.nan), np.diff(time_s)])
     recent = np.sort(np.lib.stride_tricks.sliding_window_view(known, RECENT_STEPS), axis=1)
     count = np.isfinite(recent).sum(axis=1)

@@ -1,4 +1,4 @@
-"""What the log itself shows before the last pass: latencies, noise, and how strongly the car manoeuvres."""
+"""Tune latencies, sensor errors, noise and manoeuvre intensity from the log before the last pass."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-ACCEL_BIAS_PRIOR = 3.0  # m/s^2: gravity through 18 degrees of pitch
-YAW_RATE_BIAS_PRIOR = 0.02  # rad/s
-MS_PER_MINUTE = 6e4  # of a rate in seconds per second
+ACCEL_BIAS_PRIOR = 3.0
+"""One sigma of an accelerometer's bias, m/s^2. Chosen: gravity through 18 degrees of pitch."""
+YAW_RATE_BIAS_PRIOR = 0.02
+"""One sigma of a gyroscope's bias, rad/s. Chosen by hand; not fitted."""
+MS_PER_MINUTE = 6e4
+"""Milliseconds per minute in a drift of one second per second."""
 
 
 @dataclass(frozen=True)
 class TunedSeries:
-    """Series with latency, noise, bias states and gates settled.
+    """Series with final latency, noise, bias states and gates.
 
     Attributes:
         series, latencies: Parallel to what was prepared.
         motion: Motion model, with the random walks of the parameter states.
         mean, prior: Shape (n,): prior means and variances of the parameter states; motion states are zero there.
-        compared: What the log itself says of each latency, see `SourceReport`.
-        parameters: Of the motion model.
-        sensors: What else than white noise was found of each series.
+        compared: Latencies found in the log, relative to the reference, see `SourceReport`.
+        parameters: Parameters of the motion model.
+        sensors: Sensor errors that were found besides white noise.
         notes: Remarks for the user.
     """
 
@@ -115,14 +118,14 @@ def _told(series: Sequence[Series], latencies: Sequence[Latency]) -> list[Told]:
 def _latencies_and_sensors(
     base: Layout, config: EstimatorConfig
 ) -> tuple[list[Latency], list[Latency], list[str], FoundModel]:
-    """Find the latencies and the sensors' errors: each as well as the other is known, then each once more.
+    """Find latencies and sensor errors in turn, each with the current values of the other.
 
     Args:
         base: Series with their biases alone; stamps as they are.
         config: Settings.
 
     Returns:
-        What the log says of the latencies; what is made of them; notes; the sensors' errors.
+        Latencies found in the log; latencies to apply; notes; sensor errors.
     """
     roles = latency_roles(base.series, config)
     told = _latencies(base, roles, config)
@@ -153,7 +156,7 @@ def _latencies_and_sensors(
 def _latencies(
     layout: Layout, roles: Sequence[Latency | None], config: EstimatorConfig
 ) -> tuple[list[Latency], list[Latency], list[str]]:
-    """What the log says of the latencies, what is made of them, and notes.
+    """Return the latencies found in the log, the latencies to apply, and notes.
 
     A latency beyond what sensors have is no latency: other drives are not told of it, and it is not corrected.
 
@@ -177,7 +180,7 @@ def _latencies(
 
 
 def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool = False) -> Layout:
-    """The layout with its stamps corrected; `likeliest`: by what is not significant, too."""
+    """Correct the stamps of a layout by the latencies; with `likeliest` also by those that are not significant."""
     corrections = [
         latency.found_s
         if likeliest and np.isfinite(latency.found_s) and latency.status is not LatencyStatus.CONTRADICTS
@@ -192,7 +195,7 @@ def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool 
 
 
 def _settled(layout: Layout) -> Layout:
-    """The layout with the noise that goes with it, roughly."""
+    """Return the layout with noise and manoeuvre intensity estimated from a window of the log."""
     series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, layout.prior, every_row=False)
     return replace(layout, series=series, parameters=parameters)
 

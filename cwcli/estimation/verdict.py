@@ -1,4 +1,4 @@
-"""One sentence on an estimate, from its numbers: consistent, or what is not and what to do."""
+"""Sentence on the consistency of an estimate, with its faults and what to do about them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from cwcli.estimation.measurements import RATES
 from cwcli.estimation.result import SourceReport
 
 FACTOR = 2.0
-"""Of a variance: what lies within it, outside its bounds or not, hardly changes what may be made of a state."""
+"""Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
 MANY_GATED = 0.05
+"""Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
 MANY_BRIDGED = 0.2
+"""Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
 MOST_TOLD = 2
+"""Greatest number of faults in the sentence; chosen for a short sentence."""
 
 
 @dataclass(frozen=True)
 class Nees:
-    """How the errors of a quantity compare with what the covariance says of them.
+    """Errors of a quantity relative to their covariance.
 
     Attributes:
         name: The quantity.
@@ -33,7 +36,7 @@ class Nees:
 
     @property
     def is_inside(self) -> bool | None:
-        """Whether it lies in its bounds; None where nothing is known."""
+        """Whether it lies within its bounds; None where it is unknown."""
         return None if math.isnan(self.per_dof) else self.bounds[0] <= self.per_dof <= self.bounds[1]
 
 
@@ -61,7 +64,7 @@ def verdict(
     if not n_states:
         return "nothing was estimated"
     surer = [
-        f"the {each.name} errs by {math.sqrt(each.per_dof):.1f} times its sigma: take its covariance times "
+        f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
         f"{each.per_dof:.2g}"
         for each in nees
         if each.is_inside is False and each.per_dof > FACTOR
@@ -76,7 +79,7 @@ def verdict(
         *(_name(s) for s in sources if s.nis_inside is False and _nis(s) < 1.0 / FACTOR),
     ]
     if careful:
-        return f"consistent, and more careful than need be: less of {_listed(careful)} than the covariance says"
+        return f"consistent, with a covariance larger than necessary for {_listed(careful)}"
     outside = [_name(s) for s in sources if s.nis_inside is False]
     outside += [f"NEES of the {each.name}" for each in nees if each.is_inside is False]
     if outside:

@@ -1,1 +1,1 @@
-"""How good is what the stages made of a log: one file per stage, headline metrics of `cwcli.metrics.headline`."""
+"""Evaluation of the stages' results on a log, one file per stage; headline metrics of `cwcli.metrics.headline`."""

@@ -1,4 +1,4 @@
-"""Real conflicts, by the declared definition, and which of them were warned of."""
+"""Real conflicts, by the definition in the configuration, and verdicts on the warnings of them."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import WarningConfig
 
 TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"
+"""Verdicts on a warning: see `EventVerdict.kind`."""
 MISSED = "missed"
+"""Outcome of a conflict without a warning."""
 
 
 @dataclass(frozen=True)
 class RealConflict:
-    """A stretch of time in which the conflict definition held.
+    """A span of time in which the definition of a conflict held.
 
     Attributes:
         onset_ns, end_ns: When it began and ended, linear between the samples of the measure.
@@ -33,7 +35,7 @@ class RealConflict:
 
 @dataclass(frozen=True)
 class EventVerdict:
-    """What became of an event.
+    """Verdict on a warning.
 
     Attributes:
         kind: "true": raised before a conflict; "late": raised during one; "false": no conflict followed;
@@ -52,7 +54,7 @@ class EventVerdict:
 
 
 def real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
-    """Conflicts of one pair; two that are less than the hold-off apart are one."""
+    """Find the conflicts of a pair; two that are less than the hold-off apart are joined."""
     measure = config.definition.margin(pair)
     stamp = pair.stamp_ns
     inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
@@ -75,7 +77,7 @@ def real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
 
 
 def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
-    """When the measure crossed 0 between two neighbouring samples; the inner one's stamp if that can't be said."""
+    """Return when the measure crossed 0 between two neighbouring samples; the inner one's stamp if that is unknown."""
     at = int(stamp_ns[inside])
     if not 0 <= outside < len(stamp_ns):
         return at
@@ -89,7 +91,7 @@ def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside
 def judge(
     raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], pair: Pair, config: WarningConfig
 ) -> EventVerdict:
-    """The verdict on one event, raised at `raised_ns` and held until `last_ns`."""
+    """Judge a warning that was raised at `raised_ns` and held until `last_ns`."""
     max_lead_ns = round(config.max_lead_s * NS_PER_S)
     closest_ns, closest_m = _closest(pair, raised_ns, raised_ns + max_lead_ns)
     for index, conflict in enumerate(conflicts):

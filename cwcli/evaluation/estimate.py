@@ -1,4 +1,4 @@
-"""How good `estimate` is: its result against the truth, and headline metrics."""
+"""Evaluation of `estimate`: errors of its result against the truth, and headline metrics."""
 
 from __future__ import annotations
 
@@ -37,15 +37,19 @@ from cwcli.stages.estimate import EstimateConfig, Made
 from cwcli.stages.inputs.sources import Sources, read_sources
 
 MAX_GAP_S = 0.5
+"""Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAX_FIX_GAP_S = 1.5
+"""Longest gap between fixes that is interpolated, s. Chosen for fixes at 1 Hz."""
 DRIVEN_GAP_S = 1.0
+"""Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 MIN_TRUTH_ROWS = 10
+"""Least number of truth rows for a comparison. Chosen by hand; not fitted."""
 ELLIPSE_95 = -2.0 * float(np.log(0.05))
-"""Chi-square quantile with two degrees of freedom."""
+"""Chi-square quantile of 95 % with two degrees of freedom."""
 
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
-    """The result with the radio link, and with the errors of the ego's track if the log has a truth of it."""
+    """Add the radio link to the result, and the errors of the ego's track if the log has a truth of it."""
     made: Made = result.made
     errors = against_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
     link = Link(made.remotes, made.ego, made.local_map)
@@ -95,13 +99,13 @@ def _mounting(truth: Signal) -> tuple[str, ...]:
 
 
 def driven_m(states: VehicleStates) -> float:
-    """The way between states that are less than DRIVEN_GAP_S apart."""
+    """Return the distance (m) between states that are less than DRIVEN_GAP_S apart."""
     steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
     return float(steps[np.diff(states.stamp_ns) < DRIVEN_GAP_S * NS_PER_S].sum())
 
 
 def _truth_notes(read: Sources) -> tuple[str, ...]:
-    """Why a log with candidates for the truth has none. The binding's own note names another option."""
+    """Return notes on why no truth is used although there are candidates; the binding's note names another option."""
     told = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
     return tuple(
         f"{note.rpartition(';')[0]}; none is used (choose one with --truth)" for note in read.notes if told in note
@@ -109,7 +113,7 @@ def _truth_notes(read: Sources) -> tuple[str, ...]:
 
 
 def _sources(log: Log, record: Record, truth: str) -> Sources:
-    """The position and truth signals, chosen and read as `cwcli estimate` did."""
+    """Read the position and truth signals as `cwcli estimate` did."""
     used = sources_of(record)
     wanted = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
     chosen = {role.value: used.topics[role.value] for role in wanted if role in used.topics}
@@ -122,7 +126,7 @@ def _sources(log: Log, record: Record, truth: str) -> Sources:
 def _fixes(
     signals: Sequence[Signal], local_map: LocalMap | None, reports: Sequence[Any]
 ) -> tuple[Int64Array, FloatArray] | None:
-    """Stamps (n,), corrected by the latency that was found, and positions (n, 2) of the fixes."""
+    """Return stamps (n,), corrected by the latency that was found, and positions (n, 2) of the fixes."""
     signal = signals[0] if signals else None
     if isinstance(signal, PositionSignal) and local_map is not None:
         x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
@@ -139,11 +143,12 @@ def _fixes(
 
 
 def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth | None:
-    """The truth that `cwcli estimate` found in an annotated log; None where there is none to compare with.
+    """Read the truth of the ego from an annotated log; None where there is no usable one.
 
     Args:
-        record: Of `estimate`.
-        states: The ego's, in stamp order.
+        log: The annotated log.
+        record: Record of `estimate`.
+        states: States of the ego, in stamp order.
 
     Raises:
         InputError: The log is damaged.
@@ -163,7 +168,7 @@ def _in_map(
     fixes: tuple[Int64Array, FloatArray] | None,
     record: Mapping[str, str],
 ) -> tuple[EgoTruth, PoseSignal | PositionSignal, npt.NDArray[np.bool_]] | None:
-    """The truth while the ego is known, its signal, and which of its rows they are; None without a usable truth."""
+    """Return the truth in the span of the states, its signal and the mask of its rows; None without a usable one."""
     signal = truths[0] if truths else None
     if not isinstance(signal, PoseSignal | PositionSignal) or (
         isinstance(signal, PositionSignal) and local_map is None
@@ -193,7 +198,7 @@ def _add_truth(
     fixes: tuple[Int64Array, FloatArray] | None,
     record: Mapping[str, str],
 ) -> EgoTruth | None:
-    """Errors at the truth's stamps; None without a usable truth."""
+    """Add the errors at the truth's stamps and return the truth; None without a usable one."""
     found = _in_map(states, truths, local_map, fixes, record)
     if found is None:
         return None
@@ -229,7 +234,7 @@ def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.b
 
 
 def covariance_at(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
-    """Shape (n, 8, 8): the covariance of the state nearest in time. The states are in stamp order."""
+    """Return the covariances (n, 8, 8) of the states nearest in time; the states are in stamp order."""
     stamp_ns = states.stamp_ns
     after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
     nearest = np.where(at_ns - stamp_ns[after - 1] < stamp_ns[after] - at_ns, after - 1, after)
@@ -237,7 +242,7 @@ def covariance_at(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
 
 
 def _add_consistency(headline: Headline, reports: Sequence[Any]) -> None:
-    """NIS by quantity, shares of the sources inside their bounds and of the measurements that were gated."""
+    """Add NIS by quantity, the share of sources inside their bounds, and the share of gated measurements."""
     own = [report for report in reports if isinstance(report, dict) and report.get("vehicle") == EGO_ID]
     others = [report for report in reports if isinstance(report, dict) and report.get("vehicle") != EGO_ID]
     for quantity in dict.fromkeys(str(report.get("quantity")) for report in own):

@@ -1,7 +1,7 @@
-"""The headline metrics of one annotated log: how good is what each stage made of it?
+"""Headline metrics of one annotated log.
 
 Everything is computed from the log itself: its channels, its truth channels if it has any, and the records
-`cwcli.run.<stage>`. A table of a stage that has just run is used where it saves work; the result is the same without.
+`cwcli.run.<stage>`. Tables of stages that have just run save work; the result is the same without them.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from cwcli.metrics.table import Table
 from cwcli.stages import STAGES
 
 FIRST = ("estimate", "predict", "warn", "track")
-"""The order in which the table has their rows; the other stages follow as they run."""
+"""Stages whose rows come first in the table, in this order; the other stages follow in the order of `run`."""
 
 
 def evaluate_log(
     log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None, system: System | None = None
 ) -> Table:
-    """The headline metrics of a log (`cwcli.metrics.headline.METRICS`), those that it has the channels for.
+    """Compute the headline metrics of a log (`cwcli.metrics.headline.METRICS`) for which it has the channels.
 
     Args:
         log: An annotated log, on disk or in memory.
         truth: `auto`: the ego's truth channel, if the log has one (and only one); `none`: no truth is used; else the
             topic of the ego's truth.
         tables: Tables by name of the stages that made the channels, or None.
-        system: Another system in the log, which is judged too, or None.
+        system: Another system in the log, which is evaluated too, or None.
 
     Returns:
         The table `metrics`, in long form: stage, metric, value, unit, n, low, high, and pool, total and weight, from
@@ -40,9 +40,9 @@ def evaluate_log(
         user.
 
     Raises:
-        UsageError: The truth topic is not in the log, or can't be one; or so of another system's topics.
-        MissingSignalError: There is nothing to hold another system against, or its channel is empty.
-        DataError: A channel was written by another version, or nothing of another system's can be used.
+        UsageError: A topic of the truth or of another system is not in the log or has the wrong type.
+        MissingSignalError: There is nothing to compare another system with, or its channel is empty.
+        DataError: A channel was written by another version, or no message of another system can be used.
     """
     if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")

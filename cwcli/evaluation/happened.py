@@ -1,4 +1,4 @@
-"""What really happened between the ego and the others of an annotated log: their pairs and conflicts."""
+"""Actual motion of the ego and the others of an annotated log: their pairs and real conflicts."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from cwcli.warning.types import WarningConfig, outline_of
 
 @dataclass(frozen=True)
 class Happened:
-    """The host and the others.
+    """Actual motion of the host and the others.
 
     Attributes:
-        host: Its track.
-        pairs: Vehicle -> the host and it.
-        conflicts: Vehicle -> the real conflicts with it, in order of time.
-        config: The definition of a conflict and the limits of a verdict, as `cwcli warn` used them, else the defaults.
+        host: Track of the host.
+        pairs: Vehicle -> pair of the host and it.
+        conflicts: Vehicle -> real conflicts with it, in order of time.
+        config: Definition of a conflict and limits of a verdict as `cwcli warn` used them, else the defaults.
     """
 
     host: ActualTrack
@@ -38,17 +38,17 @@ class Happened:
 
     @property
     def host_hours(self) -> float:
-        """Length of the host's track."""
+        """Duration of the host's track, hours."""
         return float(self.host.stamp_ns[-1] - self.host.stamp_ns[0]) / NS_PER_H
 
     @property
     def n_conflicts(self) -> int:
-        """With all vehicles."""
+        """Number of real conflicts with all vehicles."""
         return sum(map(len, self.conflicts.values()))
 
 
 def recorded(log: Log, selection: Selection, role: str) -> VehicleStates | None:
-    """How vehicles really moved, in the chosen span: their states in hindsight; None without them."""
+    """Read the states of vehicles in hindsight in the chosen span; None if the log has none."""
     topic = bind(log.channels, selection.topics, required=(), optional=(role,), where=log.name).topic(role)
     if topic is None:
         return None
@@ -57,7 +57,7 @@ def recorded(log: Log, selection: Selection, role: str) -> VehicleStates | None:
 
 
 def recorded_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> dict[str, ActualTrack]:
-    """Vehicle -> how it really moved."""
+    """Read the track of each vehicle in hindsight."""
     found: dict[str, ActualTrack] = {}
     for role in roles:
         states = recorded(log, selection, role)
@@ -70,7 +70,7 @@ def recorded_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> dic
 
 
 def what_happened(log: Log) -> Happened | None:
-    """What the states of an annotated log tell; None where they are missing."""
+    """Find pairs and real conflicts from the states of an annotated log; None where states are missing."""
     record, is_of_targets = warn_record(run_records(log))
     configuration = configuration_of(record)
     topics = {channel.topic for channel in log.channels}

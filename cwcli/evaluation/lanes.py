@@ -1,4 +1,4 @@
-"""Headline metrics of `lanes`: how often found, how steady, and how near to labels or to a rendered truth."""
+"""Headline metrics of `lanes`: share of frames with a lane, steadiness, and errors against labels or a truth."""
 
 from __future__ import annotations
 
@@ -23,21 +23,23 @@ from cwcli.vision.camera import Camera
 from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 
 MATCH_NS = 5_000_000
-"""A label and a frame are of one image if their stamps differ by no more."""
+"""A label and a frame belong to one image if their stamps differ by at most this, ns. Chosen by hand; not fitted."""
 PREVIEW_ATOL_M = 1e-6
+"""Two preview distances that differ by at most this are the same, m."""
 MOST_ROWS = 4096
+"""Greatest number of image rows at which a boundary is sampled. Chosen to bound the work; not fitted."""
 
 PREVIEW_METRICS = (
     ("lanes.lateral_deviation_rmse_m", 1.0),
     ("lanes.heading_deviation_rmse_deg", math.degrees(1.0)),
     ("lanes.curvature_rmse_1pm", 1.0),
 )
-"""Of each quantity at the preview point the metric, and the size of its unit in that of the metric."""
+"""Metric of each quantity at the preview point, with the factor from the quantity's unit to that of the metric."""
 GROUND_DISTANCES_M = (5.0, 10.0, 20.0, 30.0)
-"""Where the truth of a rendered road tells the boundaries' places, and the metrics are of them."""
+"""Distances ahead at which boundaries are compared with the truth of a rendered road, m."""
 
 Image = tuple[float, float, float, float]
-"""Width and height of the image that was searched, and of the camera's."""
+"""Width and height of the searched image, then of the camera's image, px."""
 
 
 def add_metrics(subject: Subject) -> None:
@@ -81,14 +83,14 @@ def _add_truth(headline: Headline, log: Log, channel: ChannelInfo, lanes: LaneRo
 
 
 def _preview_errors(lanes: LaneRows, truth: LaneRows) -> FloatArray:
-    """The quantities minus the truth's, shape (n, 3), at the frames that both have and at the same preview distance."""
+    """Return quantities minus truth (n, 3) at the frames that both have; NaN where the preview distances differ."""
     mine, other = _matches(lanes.stamp_ns, truth.stamp_ns)
     is_same_point = np.abs(lanes.preview_m[mine] - truth.preview_m[other]) <= PREVIEW_ATOL_M
     return np.where(is_same_point[:, None], lanes.preview[mine] - truth.preview[other], np.nan)
 
 
 def _add_places(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows, other: Rows) -> None:
-    """Places of both boundaries on the road against a rendered truth, which tells them at some distances."""
+    """Add the lateral errors of both boundaries on the road against a rendered truth, at its distances."""
     errors: dict[float, list[float]] = {distance_m: [] for distance_m in GROUND_DISTANCES_M}
     for k, side in enumerate(SIDES):
         if "ground_x_m" not in truth.fields or f"ground_{side}_y_m" not in truth.fields:
@@ -106,7 +108,7 @@ def _add_places(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
 
 
 def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[Rows, Rows]:
-    """Rows of the same image in both."""
+    """Return the rows in both that belong to the same image."""
     if not len(ours_ns) or not len(theirs_ns):
         none = np.zeros(0, np.intp)
         return none, none
@@ -122,7 +124,7 @@ def _matches(ours_ns: Int64Array, theirs_ns: Int64Array) -> tuple[Rows, Rows]:
 
 
 def _add_labels(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows, other: Rows) -> None:
-    """TuSimple's scores against the two labelled lines beside the camera's axis."""
+    """Add TuSimple's scores against the two labelled lines next to the camera's axis."""
     sizes = np.concatenate([lanes.search_size, lanes.image_size], axis=1)
     scores: list[TuSimpleScore] = []
     for row, label in zip(mine.tolist(), other.tolist(), strict=True):
@@ -141,7 +143,7 @@ def _add_labels(headline: Headline, lanes: LaneRows, truth: Columns, mine: Rows,
 
 
 def _lines(drawn: BoundaryLines, rows_px: FloatArray, sizes: Image, lens: Camera | None = None) -> FloatArray:
-    """Columns (2, h) in the camera's image of both boundaries of a frame at rows from the top; NaN where they ended.
+    """Return the columns (2, h) of both boundaries in the camera's image at rows from the top; NaN beyond their ends.
 
     A boundary ends at the image's edge and where the line ends that `cwcli lanes` draws (`BoundaryLines`). The lens is
     that of the camera, if the boundaries are those of its rectified image.
@@ -157,7 +159,7 @@ def _lines(drawn: BoundaryLines, rows_px: FloatArray, sizes: Image, lens: Camera
 
 
 def _seen_through(lens: Camera, drawn: BoundaryLines, rows_px: FloatArray, sizes: Image) -> FloatArray:
-    """`_lines` of a rectified image: each of its rows' points, where the camera sees them, joined by straight lines."""
+    """Return `_lines` for a rectified image: its points are distorted by the lens and joined by straight lines."""
     search_w, search_h, image_w, image_h = sizes
     lowest_px = lowest_row_px(lens)
     dense_px = np.linspace(0.0, lowest_px, min(int(lowest_px) + 1, MOST_ROWS))

@@ -23,39 +23,43 @@ from cwcli.signals.remotes import joined_remotes, perceived_rows, taken_rows
 from cwcli.signals.resample import resample
 
 AGE_SHARE = 0.95
+"""Quantile of the age of the newest message that is reported."""
 MAX_GAP_S = 0.5
+"""Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
 COLUMNS: Mapping[str, ColumnDoc] = {
     "station": ColumnDoc(doc="id of the sender"),
     "received": ColumnDoc(doc="messages received and in order"),
-    "sent": ColumnDoc(doc="by the sender's count; NaN where it does not count"),
-    "loss_share": ColumnDoc(doc="of those sent"),
-    "rate_hz": ColumnDoc(unit="Hz", doc="sent, or received where the sender does not count"),
-    "latency_median_s": ColumnDoc(unit="s", doc="from generation to reception; NaN where the clocks don't allow it"),
-    "latency_p95_s": ColumnDoc(unit="s", doc="95 % of them are below"),
-    "age_p95_s": ColumnDoc(unit="s", doc="of the newest message known: for 95 % of the time it was younger"),
+    "sent": ColumnDoc(doc="messages sent, by the sender's message count; NaN where it does not count"),
+    "loss_share": ColumnDoc(doc="share of the sent messages that were not received"),
+    "rate_hz": ColumnDoc(unit="Hz", doc="messages sent per second; received ones where the sender does not count"),
+    "latency_median_s": ColumnDoc(
+        unit="s", doc="median time from generation to reception; NaN where the clocks differ"
+    ),
+    "latency_p95_s": ColumnDoc(unit="s", doc="95 % quantile of the time from generation to reception"),
+    "age_p95_s": ColumnDoc(unit="s", doc="age of the newest message: it was younger for 95 % of the time"),
     "gaps": ColumnDoc(doc="pauses of more than five periods, and of 1 s at least"),
     "longest_gap_s": ColumnDoc(unit="s", doc="the longest pause"),
-    "absences": ColumnDoc(doc="pauses in which the sender's count may have gone round: no loss"),
+    "absences": ColumnDoc(doc="pauses so long that the message count may have wrapped; they count as no loss"),
     "range_m": ColumnDoc(unit="m", doc="greatest distance of reception from the ego"),
 }
-"""Of the table `link`, one row a station."""
+"""Columns of the table `link`, which has one row per station."""
 
 
 class Link:
-    """The link of a log.
+    """Summary of the radio link of a log.
 
     Attributes:
-        stations: One each.
-        reception: By distance.
+        stations: Summary of each station.
+        reception: Messages sent and received by distance.
     """
 
     def __init__(self, signals: Sequence[Signal], ego: Track, local_map: LocalMap | None) -> None:
-        """Find it.
+        """Summarise the link.
 
         Args:
-            signals: The channels of remote vehicles; Cartesian ones came over no radio.
-            ego: The receiver's track.
-            local_map: Of the track, None where it has no place on the earth.
+            signals: Signals of remote vehicles; Cartesian ones were not received by radio and are ignored.
+            ego: Track of the receiver.
+            local_map: Map of the track, None where it is not georeferenced.
         """
         remotes = [signal for signal in signals if isinstance(signal, RemoteSignal) and signal.x_m is None]
         self.stations: list[StationLink] = []
@@ -66,7 +70,7 @@ class Link:
             self.stations, self.reception = links_of(signal, _distance_m(signal, ego, local_map))
 
     def sections(self) -> tuple[Section, ...]:
-        """For people: stations, and the reception by distance; nothing without remote vehicles."""
+        """Return sections on the stations and on the reception by distance; none without remote vehicles."""
         if not self.stations:
             return ()
         titles = tuple(f"{name.removesuffix(f'_{doc.unit}')} [{doc.unit}]" if doc.unit else name
@@ -90,7 +94,7 @@ class Link:
         return tuple(sections)
 
     def tables(self) -> dict[str, Table]:
-        """The table `link`."""
+        """Return the table `link`; nothing without remote vehicles."""
         if not self.stations:
             return {}
         columns = dict(zip(COLUMNS, zip(*map(_row, self.stations), strict=True), strict=True))
@@ -101,7 +105,7 @@ class Link:
         return {"link": Table("link", made, dict(COLUMNS))}
 
     def entries(self) -> dict[str, str]:
-        """For the record: the sums of which the headline metrics are made."""
+        """Return the record's entry with the sums for the headline metrics."""
         if not self.stations:
             return {}
         counted = [each for each in self.stations if math.isfinite(each.n_sent)]
@@ -155,7 +159,7 @@ def _row(link: StationLink) -> tuple[str | float | int, ...]:
 
 
 def _distance_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
-    """From the ego's position at each message's reception, shape (n,); NaN where either is not known."""
+    """Return the distance (n,), m, of each sender from the ego at reception; NaN where a position is unknown."""
     if local_map is None:
         return np.full(len(signal.stamp_ns), np.nan)
     altitude_m = np.nan_to_num(signal.altitude_m, nan=0.0)

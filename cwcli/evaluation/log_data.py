@@ -1,4 +1,4 @@
-"""Headline metrics of the data: what became of the input's messages."""
+"""Headline metrics of the data: messages read, used, rejected and repaired."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cwcli.signals.units import NS_PER_S
 
 
 def add_data(headline: Headline, log: Log) -> None:
-    """Add the counts of every stage's inputs, a topic once for each role; cwcli's own channels don't count."""
+    """Add the message counts of all stages' inputs, each topic once per role, without cwcli's own channels."""
     headline.count("data.duration_s", max(log.end_ns - log.start_ns, 0) / NS_PER_S)
     inputs: dict[tuple[str, str], dict[str, Any]] = {}
     for record in run_records(log).values():

@@ -1,4 +1,4 @@
-"""How good `observe` is: the lateral motion against a truth channel, in its result and as headline metrics."""
+"""Evaluation of `observe`: errors of the lateral motion against a truth, in its result and as headline metrics."""
 
 from __future__ import annotations
 
@@ -21,21 +21,24 @@ from cwcli.signals.role import Role
 from cwcli.stages.observe import Made, ObserveConfig
 
 MAX_GAP_S = 0.5
+"""Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
 SETTLED_S = 2.0
-"""Errors count from here on after each start of the observer."""
+"""Frames up to this time after each start of the observer are not evaluated, s. Chosen by hand; not fitted."""
 Z_90 = 1.6448536269514722
+"""Half-width of the central 90 % of a normal distribution, in sigmas."""
 METRICS_OF: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
     "yaw_rate_radps": ("observer.yaw_rate_rmse_degps", math.degrees(1.0)),
     "lateral_deviation_m": ("observer.lateral_deviation_rmse_m", 1.0),
     "heading_deviation_rad": ("observer.heading_deviation_rmse_deg", math.degrees(1.0)),
 }
-"""State -> metric, and its unit's size in that of the metric."""
+"""State -> metric, with the factor from the state's unit to that of the metric."""
 AT_PREVIEW = ("lateral_deviation_m", "heading_deviation_rad")
+"""States that are compared at the preview point; they are the last ones of a row."""
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
-    """The result with its errors, if the log has a truth of the lateral motion."""
+    """Add the errors to the result, if the log has a truth of the lateral motion."""
     made: Made = result.made
     if made.truth is None or not len(made.truth):
         return result.judged()
@@ -63,10 +66,10 @@ def add_metrics(subject: Subject) -> None:
 
 
 def truth_errors(track: LateralTrack, truth: Columns) -> Table:
-    """Observed minus true of each state, over the frames that are settled; one row a state.
+    """Build a table with one row per state: statistics of observed minus true over the settled frames.
 
-    The lane's place and direction are compared at the observer's own preview point; where the truth does not tell them
-    there, the frame is left out, and counted.
+    Deviations from the lane are compared at the observer's preview point; frames without a truth there are left out and
+    counted.
     """
     true_ns, true_state = read_lateral_truth(truth)
     settled = _is_settled(track)
@@ -94,15 +97,15 @@ def truth_errors(track: LateralTrack, truth: Columns) -> Table:
     }
     docs = {
         "n": ColumnDoc(doc=f"frames with a state and a truth, from {SETTLED_S:g} s after each start of the observer"),
-        "left_out": ColumnDoc(doc="frames with a state and a truth that does not tell the lane at their preview point"),
-        "rms": ColumnDoc(doc="of observed minus true, in the unit of the state; likewise bias, p95, max"),
+        "left_out": ColumnDoc(doc="frames with a state whose truth has no lane at their preview point"),
+        "rms": ColumnDoc(doc="root mean square of observed minus true, in the unit of the state, as bias, p95 and max"),
         "inside_90": ColumnDoc(doc="share of the errors within 1.645 of the observer's sigmas"),
     }
     return Table("observer_errors", columns, docs)
 
 
 def truth_section(errors: Table, topic: str) -> Section:
-    """The errors against a truth channel."""
+    """Build the section with the errors against a truth channel."""
     rows = tuple(
         (
             str(row["state"]),
@@ -124,11 +127,11 @@ def _left_out_notes(errors: Table) -> tuple[str, ...]:
     left_out = max(row["left_out"] for row in errors.records())
     if not left_out:
         return ()
-    return (f"{left_out} frames have no true place in the lane: the truth does not tell it at their preview point",)
+    return (f"{left_out} frames are not compared with the lane: the truth has no lane at their preview point",)
 
 
 def _is_settled(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Where the observer began at least `SETTLED_S` before, shape (n,)."""
+    """Return a mask (n,) of the frames at least `SETTLED_S` after a start of the observer."""
     began = np.where(track.status == FrameStatus.STARTED, track.stamp_ns, np.iinfo(np.int64).min)
     began = np.maximum.accumulate(began) if len(began) else began
     has_begun = began > np.iinfo(np.int64).min

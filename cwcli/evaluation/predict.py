@@ -1,4 +1,4 @@
-"""How good `predict` is: every motion model, and the published paths, against what then happened."""
+"""Evaluation of `predict`: errors of every motion model and of the published paths against the later tracks."""
 
 from __future__ import annotations
 
@@ -34,13 +34,16 @@ from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
+"""Times ahead at which errors of paths are reported, s."""
 MAX_GAP_S = 0.5
+"""Longest gap of a track that is interpolated, s. Chosen by hand; not fitted."""
 MAX_TRUTH_GAP_S = 1.0
+"""Longest gap of a truth that is interpolated, s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Which paths are compared: horizon and step (s), and how they are integrated."""
+    """Settings of compared paths: horizon and step (s), and how they are integrated."""
 
     horizon_s: float
     step_s: float
@@ -48,7 +51,7 @@ class Asked:
 
 
 def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
-    """The result with the errors of every motion model, each vehicle against its own later track in hindsight."""
+    """Add the errors of every motion model to the result, each vehicle against its own later track in hindsight."""
     asked = Asked(config.horizon_s, config.step_s, config.discretisation)
     records = []
     for role, states in result.made.items():
@@ -89,7 +92,7 @@ def add_metrics(subject: Subject) -> None:
 
 
 def _add_published(headline: Headline, who: str, published: AnyPaths, states: VehicleStates) -> None:
-    """The published paths against the vehicles' own later states."""
+    """Add the errors of the published paths against the vehicles' own later states."""
     tracks = dict(tracks_of(states.ids, states.stamp_ns))
     found = []
     for vehicle, rows in rows_by_id(published.ids):
@@ -105,13 +108,16 @@ def _add_published(headline: Headline, who: str, published: AnyPaths, states: Ve
 def against_track(
     paths: Paths, start_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
 ) -> HorizonErrors:
-    """Errors at every step of paths that start at `start_ns` (n,) up to the last horizon, by a track (m,), (m, 2)."""
+    """Return the errors of paths that start at `start_ns` (n,) at every step up to the last horizon.
+
+    The track is given by stamps (m,) and positions (m, 2), m.
+    """
     steps = paths.time_s[(paths.time_s > 0.0) & (paths.time_s <= ERROR_HORIZONS_S[-1] + 1e-9)]
     return horizon_errors(paths, start_ns, stamp_ns, xy, steps.tolist(), max_gap_s)
 
 
 def add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -> None:
-    """Rows at each horizon that is a step of the paths; starts whose outcome is known count."""
+    """Add errors at each horizon that is a step of the paths; only starts with a known outcome count."""
     step_s = found[0].horizon_s
     distance = np.concatenate([each.distance_m for each in found])
     is_known = np.concatenate([each.is_known for each in found])
@@ -131,7 +137,7 @@ def add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) ->
 
 
 def _asked(log: Log) -> Asked:
-    """What matters of the stage's configuration for the models' errors; the defaults where it does not fit."""
+    """Return horizon, step and integration from the record of the stage, or the defaults."""
     used: Mapping[str, object] = json_entry(run_records(log).get("predict", {}), "configuration", dict)
     default = PredictConfig()
     horizon_s, step_s = (
@@ -142,7 +148,7 @@ def _asked(log: Log) -> Asked:
 
 
 def _add_models(headline: Headline, table: Table) -> None:
-    """Every motion model at the horizons, the remote vehicles together."""
+    """Add the errors of every motion model at the horizons, of all remote vehicles together."""
     sums: dict[tuple[str, str, str], list[float]] = {}
     for row in table.records():
         horizon = f"{row['horizon_s']:.1f}"
@@ -162,7 +168,7 @@ def _add_models(headline: Headline, table: Table) -> None:
 
 
 def error_horizons(horizon_s: float) -> list[float]:
-    """Where errors are told: every half second up to the horizon, and the horizon itself."""
+    """Return the times ahead (s) at which errors are reported: every half second up to the horizon, and the horizon."""
     horizons = [h for h in ERROR_HORIZONS_S if h <= horizon_s + 1e-9]
     if not horizons or abs(horizons[-1] - horizon_s) > 1e-9:
         horizons.append(horizon_s)
@@ -170,7 +176,7 @@ def error_horizons(horizon_s: float) -> list[float]:
 
 
 def _starts(log: Log, who: str) -> VehicleStates | None:
-    """The online states of the ego or the remote vehicles, if the log's paths start from them."""
+    """Read the online states of the ego or the remote vehicles, if the log's paths start from them."""
     used = json_entry(run_records(log).get("predict", {}), "configuration", dict)
     topic = (EGO_ONLINE if who == "ego" else REMOTE_ONLINE).topic
     if used.get("states") != "online" or all(channel.topic != topic for channel in log.channels):
@@ -179,12 +185,12 @@ def _starts(log: Log, who: str) -> VehicleStates | None:
 
 
 def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | None = None) -> list[dict[str, Any]]:
-    """One record per vehicle, model and horizon: every model from the same starts, against the vehicle's own track.
+    """Compute the errors of every model from the same starts: one record per vehicle, model and horizon.
 
     Args:
-        states: The starts.
-        asked: Which paths.
-        happened: What the vehicles really did; None: the starts tell.
+        states: Start states.
+        asked: Settings of the paths.
+        happened: Actual states of the vehicles; None: the start states.
     """
     tracks = {} if happened is None else dict(tracks_of(happened.ids, happened.stamp_ns))
     horizons = error_horizons(asked.horizon_s)
@@ -237,7 +243,7 @@ def _table(records: list[dict[str, Any]]) -> Table:
 
 
 def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
-    """Errors at the horizon: each model, for the ego and for all remote vehicles together."""
+    """Build the section with errors at the horizon: each model, for the ego and for all remote vehicles together."""
     rows: list[tuple[Cell, ...]] = []
     for group, is_member in (("ego", True), ("remote", False)):
         chosen = [
@@ -266,6 +272,6 @@ def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
 
 
 def _pooled(records: list[dict[str, Any]], name: str) -> float:
-    """Mean of a per-vehicle mean, weighted by the number of starts; NaN without any."""
+    """Return the mean of a column over vehicles, weighted by their numbers of starts; NaN without any."""
     n = sum(int(r["n"]) for r in records)
     return sum(float(r[name]) * int(r["n"]) for r in records if r["n"]) / n if n else math.nan

@@ -1,4 +1,4 @@
-"""How good `predict-lane` is: its paths, and those of the other models, against what then happened."""
+"""Evaluation of `predict-lane`: errors of its paths and of the other models' against the later track."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, Made, PredictLaneConfig
 
 COURSE_SCHEMA = EGO_STATE.schema
-"""Its heading is the direction of motion, not that of the car's axis."""
+"""Schema of states whose heading is the course and not the yaw of the car."""
 
 
 def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
-    """The result with the errors of every path model: against the truth, else the track in which it is placed."""
+    """Add the errors of every path model to the result: against the truth, else against the track."""
     made: Made = result.made
     reference = _truth_poses(made.truths, log, made.lateral, made.body.observed) or made.poses
     table = _errors(made.body, reference, config)
@@ -38,7 +38,7 @@ def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> St
 
 
 def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: Observed) -> Poses | None:
-    """The true track in its own frame, and the true pose at each frame; None without a truth that tells the yaw."""
+    """Return the true track and the true pose at each frame; None without a truth that has a yaw."""
     truth = next((each for each in truths if isinstance(each, PoseSignal)), None)
     if truth is None or not np.isfinite(truth.yaw_rad).any():
         return None
@@ -58,7 +58,7 @@ def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, 
 
 
 def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
-    """Each path model and constant velocity from the same starts, at the poses where the track has the car."""
+    """Build the table with the errors of each path model and of constant velocity, from the same starts and poses."""
     track = body.observed.track
     horizons = error_horizons(config.horizon_s)
     made = {BASELINE: _straight_on(body)}
@@ -85,7 +85,7 @@ def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
 
 
 def _straight_on(body: BodyPaths) -> Paths:
-    """Constant velocity: v ahead, v_y to the left, no covariance."""
+    """Return the paths of constant velocity: v ahead, v_y to the left, no covariance."""
     track, t = body.observed.track, body.paths.time_s
     v, lateral = track.speed_mps[:, None], track.state[:, :1]
     x_m, y_m = v * t, lateral * t
@@ -94,7 +94,7 @@ def _straight_on(body: BodyPaths) -> Paths:
 
 
 def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
-    """Share of the outcomes inside the 90 % band across the path, at each horizon; NaN without a covariance."""
+    """Return the share of outcomes inside the 90 % band across the path at each horizon; NaN without a covariance."""
     shares = []
     for column, horizon_s in enumerate(errors.horizon_s):
         at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
@@ -107,7 +107,7 @@ def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
 
 
 def _section(table: Table, horizon_s: float, source: str) -> Section:
-    """Errors at the horizon, a row a model."""
+    """Build the section with errors at the horizon, one row per model."""
     rows: list[tuple[Cell, ...]] = [
         (
             str(row["model"]),

@@ -1,4 +1,4 @@
-"""Whether a careful driver would have avoided the conflicts that really happened."""
+"""Share of the real conflicts that a careful driver would have avoided."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ from cwcli.metrics.headline import Headline
 from cwcli.signals.units import NS_PER_S
 
 CAREFUL = "careful human"
+"""Name of the driver model in `control.preventable.DRIVERS`."""
 MAX_CONFLICTS = 100
-"""Judged of a log: each takes tens of milliseconds. The metric's `n` tells how many were."""
+"""Greatest number of conflicts of a log that are simulated. Chosen for speed: each takes tens of milliseconds."""
 
 
 @dataclass(frozen=True)
 class Careful:
-    """What a careful driver would have made of a conflict.
+    """Outcome of a conflict with a careful driver.
 
     Attributes:
         at_ns: When the outlines first touched, or the centres were nearest.
-        outcome: Of the careful and competent human of UN Regulation 157, in control from 8 s before.
+        outcome: Outcome with the careful and competent human of UN Regulation 157, in control from 8 s before.
     """
 
     at_ns: int
@@ -33,13 +34,13 @@ class Careful:
 
     @property
     def braked_ns(self) -> int | None:
-        """When it would have braked first; None: never."""
+        """Time at which it would have braked first; None: never."""
         braked_s = self.outcome.braked_s
         return self.at_ns - round(braked_s * NS_PER_S) if np.isfinite(braked_s) else None
 
 
 def careful_driver(pair: Pair, conflict: RealConflict) -> Careful | None:
-    """The careful driver in a conflict; None where the two are not both known right before it."""
+    """Simulate the careful driver in a conflict; None where not both vehicles are known right before it."""
     touches = pair.value(GAP) <= 0.0  # NaN does not
     rows = np.flatnonzero(touches & (pair.stamp_ns >= conflict.onset_ns) & (pair.stamp_ns <= conflict.end_ns))
     at_ns = conflict.closest_ns

@@ -1,4 +1,4 @@
-"""How `estimate` and `warn` were configured, from their records: so that a log is judged as it was made."""
+"""Read the configuration of `estimate` and `warn` from their records, so that the evaluation uses the same."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cwcli.stages.inputs.sources import SourceConfig
 from cwcli.warning.types import Use, WarningConfig
 
 OLD_THRESHOLDS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
-"""Where earlier versions recorded the threshold of a conflict by these measures."""
+"""Sign and key of the conflict threshold in records of earlier versions, by measure."""
 
 
 def sources_of(record: Record) -> SourceConfig:
-    """Which channels `estimate` read, and how."""
+    """Return the configuration of the channels that `estimate` read."""
     given = configuration_of(record).get("sources")
     given = given if isinstance(given, dict) else {}
     topics, station = given.get("topics"), given.get("ego_station")
@@ -30,14 +30,14 @@ def sources_of(record: Record) -> SourceConfig:
 
 
 def warn_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
-    """The record of the warnings of collisions, and whether they are of tracked targets."""
+    """Return the record of the collision warnings, and whether they concern tracked targets."""
     of_targets = "warn" not in records and "warn-targets" in records
     record = records.get("warn-targets" if of_targets else "warn", {})
     return record, of_targets or configuration_of(record).get("source") == "targets"  # so in older logs
 
 
 def rule_of(record: Record) -> WarningConfig:
-    """The thresholds of `warn`."""
+    """Return the configuration of `warn` with its thresholds; the defaults for what is missing or does not fit."""
     given = configuration_of(record).get("rule")
     given = given if isinstance(given, dict) else {}
     fitting: dict[str, Any] = {}

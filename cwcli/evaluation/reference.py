@@ -1,4 +1,4 @@
-"""What a state of the ego is held against: the truth, or cwcli's hindsight where a log has no truth."""
+"""Reference for states of the ego: the truth, or cwcli's states in hindsight where a log has no truth."""
 
 from __future__ import annotations
 
@@ -19,17 +19,18 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE
 
 MAX_GAP_S = 0.5
+"""Longest gap of a motion that is interpolated, s. Chosen by hand; not fitted."""
 LATE_S = 1.0
-"""A delay of the online states that is told."""
+"""Median delay of the online states from which a note reports it, s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The ego in the map at n times.
+    """Motion of the ego in the map at n times.
 
     Attributes:
         xy_m: Shape (n, 2).
-        heading_rad, speed_mps, yaw_rate_radps: Shape (n,), NaN where not known.
+        heading_rad, speed_mps, yaw_rate_radps: Shape (n,), NaN where unknown.
     """
 
     xy_m: FloatArray
@@ -39,11 +40,11 @@ class Motion:
 
     @classmethod
     def of_states(cls, state: FloatArray) -> Motion:
-        """Of states (n, 8)."""
+        """Return the motion of states (n, 8)."""
         return cls(state[:, :2], state[:, HEADING], state[:, SPEED], state[:, YAW_RATE])
 
     def at(self, stamp_ns: Int64Array, at_ns: Int64Array) -> Motion:
-        """At other times, linear between its own; NaN outside them and in gaps."""
+        """Interpolate the motion linearly at other times; NaN outside its own and in gaps."""
         xy_m, speed, yaw_rate = (
             resample(stamp_ns, values, at_ns, max_gap_s=MAX_GAP_S)
             for values in (self.xy_m, self.speed_mps, self.yaw_rate_radps)
@@ -54,7 +55,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Reference:
-    """The ego as it was, at stamps (n,), and whether that is `truth` or `hindsight`."""
+    """Reference motion of the ego at stamps (n,), and whether it is `truth` or `hindsight`."""
 
     stamp_ns: Int64Array
     motion: Motion
@@ -62,7 +63,7 @@ class Reference:
 
 
 def reference_of(subject: Subject) -> Reference:
-    """The truth, or cwcli's states where there is none.
+    """Return the truth as the reference motion, or cwcli's states where there is none.
 
     Raises:
         MissingSignalError: The log has neither.

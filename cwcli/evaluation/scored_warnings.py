@@ -1,4 +1,4 @@
-"""Warnings against what really happened: a verdict on each, the conflicts, and counts of both."""
+"""Score warnings against the actual motion: a verdict on each, the real conflicts, and counts of both."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ from cwcli.warning.pair import PairEvaluation
 from cwcli.warning.rows import WarningRows
 
 NS_PER_H = 3600 * NS_PER_S
+"""Nanoseconds in an hour."""
 
 
 @dataclass(frozen=True)
 class WarningScores:
-    """What became of the warnings and of the conflicts of a log.
+    """Counts of warnings by verdict and of conflicts by outcome.
 
     Attributes:
         n_true, n_late, n_false, n_undecided: Warnings by verdict (`cwcli.evaluation.conflicts.Verdict`).
         n_conflicts, n_in_time, n_warned_late: Real conflicts; those whose first warning came before they began, and
             after it.
-        lead_times_s: Of the conflicts that were warned of.
+        lead_times_s: Lead times of the conflicts with a warning.
         host_hours: Length of the host's track.
     """
 
@@ -54,12 +55,12 @@ class WarningScores:
 
     @property
     def n_events(self) -> int:
-        """Warnings."""
+        """Number of warnings."""
         return self.n_true + self.n_late + self.n_false + self.n_undecided
 
 
 def count_verdicts(pairs: Iterable[Sequence[EventVerdict]], *, n_conflicts: int, host_hours: float) -> WarningScores:
-    """Count what became of the warnings of each pair, in order of time, and of the conflicts of all."""
+    """Count the verdicts on the warnings of each pair, in order of time, and the outcomes of all conflicts."""
     kinds: list[str] = []
     first: list[str] = []
     leads: list[float] = []
@@ -86,7 +87,7 @@ def count_verdicts(pairs: Iterable[Sequence[EventVerdict]], *, n_conflicts: int,
 
 @dataclass(frozen=True)
 class ScoredPair:
-    """A pair with what really happened."""
+    """A pair with its actual motion, real conflicts and verdicts."""
 
     evaluation: PairEvaluation
     actual: Pair
@@ -96,16 +97,16 @@ class ScoredPair:
 
 @dataclass(frozen=True)
 class ScoredWarnings:
-    """Warnings of one host against all others, and what really happened.
+    """Warnings of one host against all others, scored by the actual motion.
 
     Attributes:
-        rows: The life of the warnings.
-        events: One row an event (warning), with its verdict.
-        conflicts: One row a real conflict, warned of or missed.
-        pairs: One row a pair: counts of evaluations and criticality measures of what really happened.
-        series: One row an evaluation of a pair that came within reach.
+        rows: Rows of the warnings over time.
+        events: One row per event (warning), with its verdict.
+        conflicts: One row per real conflict, warned of or missed.
+        pairs: One row per pair: counts of evaluations and criticality measures of the actual motion.
+        series: One row per evaluation of a pair that came within reach.
         scores: One row: counts of true, false, late, undecided and missed.
-        counts: What was done with the evaluations, by name.
+        counts: Numbers of evaluations by outcome.
     """
 
     rows: WarningRows
@@ -118,16 +119,16 @@ class ScoredWarnings:
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """All tables."""
+        """All tables, in the order of the output."""
         return (self.events, self.conflicts, self.pairs, self.series, self.scores)
 
 
 def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
-    """Score warnings against what really happened.
+    """Score warnings against the actual motion.
 
     Args:
         found: The warnings.
-        actual: Vehicle id -> what it really did; who is missing is taken from `VehicleTrack.state`.
+        actual: Vehicle id -> actual track; for missing ones `VehicleTrack.state` is used.
     """
     host, ids = found.host, found.ids
     pairs = [_scored(found, evaluation, actual or {}) for evaluation in found.pairs]
@@ -148,7 +149,7 @@ def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = No
 
 
 def _scored(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
-    """The pair with its real motion, conflicts and verdicts."""
+    """Score the warnings of one pair."""
     host, other, config = found.host, evaluation.other, found.config
     own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
@@ -163,7 +164,7 @@ def _scored(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[st
 
 
 def _with_verdicts(events: Table, verdicts: Sequence[EventVerdict]) -> Table:
-    """The events, in order of their ids, with what became of each."""
+    """Add the verdicts to the events, which are in order of their ids."""
     records = [
         {
             "verdict": verdict.kind,
@@ -178,7 +179,7 @@ def _with_verdicts(events: Table, verdicts: Sequence[EventVerdict]) -> Table:
 
 
 def _conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], int], *, host_id: str) -> Table:
-    """One row a real conflict: when, how near, and the first event that was about it (0: missed)."""
+    """Build a table with one row per real conflict: when, how near, and its first event (0: missed)."""
     rows: list[dict[str, Any]] = []
     for at, pair in enumerate(pairs):
         for index, conflict in enumerate(pair.conflicts):
@@ -202,7 +203,7 @@ def _conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], 
 
 
 def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
-    """One row a pair: evaluations, and the criticality of what really happened."""
+    """Build a table with one row per pair: counts of evaluations, and the criticality of the actual motion."""
     measures = [measure for measure in MEASURES.values() if measure.with_warnings]
     rows: list[dict[str, Any]] = []
     for pair in pairs:
@@ -228,7 +229,7 @@ def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
 
 
 def _scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
-    """Counts over all pairs, in one row."""
+    """Build the table with one row of counts over all pairs."""
     leads = scores.lead_times_s
     row = {
         "rule": rule,
@@ -255,11 +256,13 @@ _VERDICT_TYPES: dict[str, type] = {
     "closest_stamp_ns": int,
     "closest_distance_m": float,
 }
+"""Types of the columns that verdicts add to the table of events."""
 _VERDICT_DOCS = {
     "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
     "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
 }
+"""Descriptions of the columns that verdicts add."""
 _CONFLICT_TYPES: dict[str, type] = {
     "host_id": str,
     "other_id": str,
@@ -271,6 +274,7 @@ _CONFLICT_TYPES: dict[str, type] = {
     "lead_time_s": float,
     "outcome": str,
 }
+"""Types of the columns of the table `conflicts`."""
 _PAIR_TYPES: dict[str, type] = {
     "host_id": str,
     "other_id": str,
@@ -284,3 +288,4 @@ _PAIR_TYPES: dict[str, type] = {
     "n_events": int,
     "n_conflicts": int,
 }
+"""Types of the columns of the table `pairs`; the measures follow them."""

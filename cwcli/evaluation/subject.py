@@ -1,4 +1,4 @@
-"""A log whose headline metrics are asked for: what the evaluation of every stage is given."""
+"""Context of the evaluation of a log, which the evaluation of every stage receives."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray, Int64Array
 
 AUTO, NO_TRUTH = "auto", "none"
+"""Values of the option `--truth` that name no topic: the only truth channel of the log, and no truth."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class EgoTruth:
     Attributes:
         topic: Its channel.
         stamp_ns, xy: Stamps (n,) and positions (n, 2), m.
-        speed_mps, heading_rad, yaw_rate_radps: Shape (n,), or None where the channel does not tell them.
+        speed_mps, heading_rad, yaw_rate_radps: Shape (n,), or None where the channel does not have them.
     """
 
     topic: str
@@ -35,12 +36,12 @@ class EgoTruth:
 
 @dataclass(frozen=True)
 class Ego:
-    """What later metrics need of the ego.
+    """States and truth of the ego for later metrics.
 
     Attributes:
-        states: Its states in stamp order, or None where the log has none.
-        truth: Its truth, or None.
-        notes: Why channels were not used, for the user.
+        states: States in stamp order, or None where the log has none.
+        truth: Truth, or None.
+        notes: Notes on channels that were not used.
     """
 
     states: VehicleStates | None = None
@@ -50,16 +51,16 @@ class Ego:
 
 @dataclass
 class Subject:
-    """A log and its metrics.
+    """A log under evaluation, with its options and metrics.
 
     Attributes:
         log: An annotated log.
         truth: `auto`, `none`, or the topic of the ego's truth.
         tables: Tables by name of the stages that have just made the channels.
-        headline: Gets the rows.
-        ego: From the evaluation of `estimate`, which comes first.
-        system: Another system in the log, that is judged too.
-        notes: For the user.
+        headline: Collects the rows.
+        ego: States and truth of the ego, from the evaluation of `estimate`, which comes first.
+        system: Another system in the log that is evaluated too.
+        notes: Notes for the user.
     """
 
     log: Log

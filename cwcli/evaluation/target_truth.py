@@ -1,4 +1,4 @@
-"""Tracks against the truth of the targets, when the log has one."""
+"""Score tracks against the truth of the targets, when the log has one."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from cwcli.tracking.gospa import TargetErrors, TargetMoments, TrackingScores, sc
 from cwcli.tracking.tracker import TrackResult
 
 CUTOFF_M = 5.0
+"""Cut-off distance of GOSPA, m. Chosen by hand; not fitted."""
 COMPONENTS = (("x", "m"), ("y", "m"), ("vx", "m/s"), ("vy", "m/s"))
+"""Names and units of the components of a target's error."""
 MAX_TARGETS_SHOWN = 20
+"""Greatest number of targets in the summary; chosen for a short table."""
 
 
 @dataclass(frozen=True)
@@ -47,17 +50,17 @@ def scores_of(
     in_map: bool,
     local_map: LocalMap | None,
 ) -> tuple[TruthScores | None, tuple[str, ...]]:
-    """Compare the tracks with the truth at the moments of the scans, and say how the frames were brought together.
+    """Score the tracks against the truth at the times of the scans.
 
     Args:
-        truth: Where the targets were.
+        truth: True positions of the targets.
         result: The tracks.
-        moments_ns: When to compare; the truth is interpolated to them, never across a gap.
-        in_map: The tracks' frame is the map.
-        local_map: Where the map lies on the earth, if that is known.
+        moments_ns: Times of comparison; the truth is interpolated to them, never across a gap.
+        in_map: Whether the tracks are in the map frame.
+        local_map: Georeference of the map, if known.
 
     Returns:
-        None where the frames don't fit, or no moment has a truth.
+        The scores, and notes on how the frames were aligned; None where the frames differ or no time has a truth.
     """
     is_geographic = truth.latitude_deg is not None and np.isfinite(truth.latitude_deg).all()
     notes: list[str] = []
@@ -71,7 +74,7 @@ def scores_of(
         frame = "the map" if in_map else "the car's frame"
         return None, (f"{truth.source}: the truth is in {truth.frame_id} and the tracks are in {frame}: not compared",)
     elif in_map and local_map is not None:
-        notes.append(f"{truth.source}: its map is taken to be that of the ego state")
+        notes.append(f"{truth.source}: its map frame is assumed to be that of the ego state")
     velocity = np.column_stack([truth.vx_mps, truth.vy_mps])
     if not np.isfinite(velocity).all():
         velocity = _driven(truth, xy)
@@ -86,7 +89,7 @@ def scores_of(
 
 
 def _driven(truth: TargetTruthSignal, xy: FloatArray) -> FloatArray:
-    """Velocities (n, 2) of each target as central differences; NaN for one with a single row."""
+    """Return the velocities (n, 2) of the targets as central differences; NaN for a target with a single row."""
     out = np.full_like(xy, np.nan)
     for code in np.unique(truth.id.codes):
         rows = np.flatnonzero(truth.id.codes == code)
@@ -97,7 +100,7 @@ def _driven(truth: TargetTruthSignal, xy: FloatArray) -> FloatArray:
 
 
 def score_record(result: TrackResult, errors: TruthScores | None) -> str:
-    """What the metrics need, as JSON for the record `cwcli.run.track`: sums, so that logs can be pooled."""
+    """Return the sums for the metrics as JSON for the record `cwcli.run.track`, so that logs can be pooled."""
     entry: dict[str, Any] = {
         "tracks": len(result.tracks),
         "nis_inside": [check.is_inside for check in result.consistency.values() if check.dof > 0.0],
@@ -118,7 +121,7 @@ def score_record(result: TrackResult, errors: TruthScores | None) -> str:
 
 
 def score_rows(errors: TruthScores) -> list[MetricRow]:
-    """The scores as rows of the stage's table."""
+    """Return the scores as rows of the stage's table."""
     rows: list[MetricRow] = []
     topic, names, scores = errors.topic, errors.names, errors.scores
     for target in scores.targets:
@@ -148,7 +151,7 @@ def _gospa_parts(scores: TrackingScores) -> tuple[tuple[str, float, str], ...]:
 
 
 def score_sections(errors: TruthScores, n_tracks: int) -> tuple[Section, ...]:
-    """The scores for the summary: GOSPA where there is more than one target or track."""
+    """Build the sections of the summary; GOSPA where there is more than one target or track."""
     found = [_errors_section(errors)]
     if len(errors.scores.targets) > 1 or n_tracks > 1:
         found.append(_gospa_section(errors))

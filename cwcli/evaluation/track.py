@@ -1,4 +1,4 @@
-"""How good `track` is: its result against the truth of the targets, and headline metrics from its record."""
+"""Evaluation of `track`: scores against the truth of the targets, and headline metrics from its record."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cwcli.stages.track import Made, TrackConfig
 
 
 def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageResult:
-    """The result with the scores of its tracks, if the log has the targets' truth; their sums go into the record."""
+    """Add the scores of the tracks to the result, if the log has a truth; their sums go into the record."""
     made: Made = result.made
     truth = next((each for each in made.truths if isinstance(each, TargetTruthSignal)), None)
     if truth is None:
@@ -36,7 +36,7 @@ def judge_result(log: Log, config: TrackConfig, result: StageResult) -> StageRes
 
 
 def add_metrics(subject: Subject) -> None:
-    """Add the metrics of the tracks; nothing if the log has none, or if an older version made them."""
+    """Add the metrics of the tracks; nothing if the log has none, or if an older version wrote them."""
     headline, log = subject.headline, subject.log
     record = run_records(log).get("track", {})
     entry: Mapping[str, Any] = json_entry(record, "scores", dict)

@@ -1,4 +1,4 @@
-"""The estimate against a truth channel: alignment of the frames, then song2016's table 1."""
+"""Compare the estimate with a truth channel: align the frames, then compute song2016's table 1 and NEES."""
 
 from __future__ import annotations
 
@@ -24,11 +24,15 @@ from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
 from cwcli.stages.summaries import NIS_WORDS, bounds_text
 
 MAX_GAP_S = 0.5
+"""Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
 MIN_ROWS = 20
+"""Least number of truth rows for a comparison. Chosen by hand; not fitted."""
 PER_AXIS = {"position": "position on one axis"}
-"""What the paper's table calls position: everywhere else an error of position is the distance on the plane."""
+"""Label of a quantity whose error is meant per axis; in all other tables it is the distance on the plane."""
 DOF = {"position": 2, "speed": 1, "heading": 1}
+"""Degrees of freedom of each quantity with a NEES."""
 STATE_OF = {"position": X, "speed": SPEED, "heading": HEADING}
+"""Index of the first state of each quantity with a NEES."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +41,9 @@ class TruthErrors:
 
     Attributes:
         topic: The truth channel.
-        rows: Per quantity: measured and estimated, as in song2016's table 1.
-        nees: Of position, speed and heading, as far as the truth has them.
-        n: Truth rows compared.
+        rows: Errors of each quantity, measured and estimated, as in song2016's table 1.
+        nees: NEES of position, speed and heading, as far as the truth has them.
+        n: Number of truth rows compared.
         notes: How the frames were aligned, and how the truth's device is mounted.
     """
 
@@ -51,7 +55,7 @@ class TruthErrors:
 
 
 def truth_section(errors: TruthErrors) -> Section:
-    """The errors for the summary."""
+    """Build the section with the errors for the summary."""
     rows: list[tuple[Cell, ...]] = [
         (
             PER_AXIS.get(row.name, row.name),
@@ -70,7 +74,7 @@ def truth_section(errors: TruthErrors) -> Section:
 
 
 def nees_section(errors: TruthErrors) -> Section:
-    """How the errors compare with the covariance, for the summary."""
+    """Build the section with the NEES for the summary."""
     rows: list[tuple[Cell, ...]] = [
         (each.name, each.per_dof, bounds_text(*each.bounds), NIS_WORDS[each.is_inside]) for each in errors.nees
     ]
@@ -80,7 +84,7 @@ def nees_section(errors: TruthErrors) -> Section:
 
 
 def truth_rows(errors: TruthErrors) -> list[MetricRow]:
-    """The errors as rows of the stage's table."""
+    """Return the errors as rows of the stage's table."""
     values = [
         (error.name, metric, value, unit)
         for error in errors.rows
@@ -150,13 +154,13 @@ def against_truth(
 
 
 def mounting_notes(signal: PoseSignal) -> tuple[str, ...]:
-    """How the device of a truth is turned against the direction of travel, where that is clear."""
+    """Return a note on the angle of a truth's device against the direction of travel, where it is significant."""
     mounting = signal.mounting
     return (mounting.note(signal.source),) if mounting is not None and mounting.is_significant else ()
 
 
 def _nees(name: str, error: FloatArray, covariance: FloatArray) -> Nees:
-    """Of one quantity; error (n,) or (n, 2), covariance (n, 8, 8)."""
+    """Compute the NEES of one quantity from its error (n,) or (n, 2) and the covariance (n, 8, 8)."""
     first, dof = STATE_OF[name], DOF[name]
     error = (wrap_angle(error) if name == "heading" else error).reshape(len(error), dof)
     known = np.isfinite(error).all(axis=1)
@@ -169,7 +173,7 @@ def _nees(name: str, error: FloatArray, covariance: FloatArray) -> Nees:
 
 
 def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
-    """Stamps and values of the first source of a kind; an IMU as mounted serves for acceleration and yaw rate."""
+    """Return stamps and values of the first source of a kind; an IMU is used for acceleration and yaw rate."""
     source = next((m for m in measurements if m.kind is kind), None)
     if source is not None:
         values = source.values[:, 0]
@@ -186,12 +190,12 @@ def truth_xy(
     origin: tuple[float, float, float] | None,
     measured_xy: FloatArray,
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """The truth's positions in the map frame, and how they got there.
+    """Convert the positions of a truth to the map frame; returns them and notes on how they were placed.
 
     Args:
         signal: The truth.
-        inside: Shape (all,): its n rows that are wanted.
-        local_map: The map's place on the earth, or None where it has none.
+        inside: Shape (all,): mask of its n wanted rows.
+        local_map: Georeference of the map, or None where it has none.
         origin: Latitude, longitude (deg) and altitude (m) of a Cartesian truth's origin, or None.
         measured_xy: Shape (n, 2): measured positions at the same rows, for a truth whose origin is not known.
 

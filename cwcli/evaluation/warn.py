@@ -1,4 +1,4 @@
-"""How good the warnings are: against the conflicts that really happened."""
+"""Evaluation of the warnings against the real conflicts."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from cwcli.warning.types import WarningConfig
 
 
 def judge_result(log: Log, config: WarnConfig | WarnLaneConfig, result: StageResult) -> StageResult:
-    """The result with a verdict on each warning, the real conflicts, and the counts of both, rule by rule.
+    """Add verdicts on the warnings, the real conflicts and the counts of both to the result, rule by rule.
 
-    What a departure from the lane was is not known: of `warn-lane` nothing is judged.
+    True departures from the lane are not known, so warnings of `warn-lane` get no verdict.
     """
     made: Made | None = result.made
     if made is None:
@@ -99,7 +99,7 @@ def add_metrics(subject: Subject) -> None:
 
 
 def _rules(records: Mapping[str, Record]) -> list[str]:
-    """The rules that warned, by name."""
+    """Return the names of the rules that were evaluated."""
     record, _ = warn_record(records)
     of_lane = [LANE_DEPARTURE] if "warn-lane" in records else []
     if of_lane and not record:
@@ -113,7 +113,7 @@ def _rules(records: Mapping[str, Record]) -> list[str]:
 
 
 def add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
-    """Add the scores of one rule under a prefix of metrics; those of `warnings` and of another system have counts."""
+    """Add the scores of one rule under a prefix of metrics, with counts for `warnings` and for another system."""
     n_warned = found.n_in_time + found.n_warned_late
     decided = found.n_events - found.n_undecided
     is_whole = metric_of(f"{prefix}.count") is not None
@@ -135,7 +135,7 @@ def add_scores(headline: Headline, prefix: str, found: WarningScores) -> None:
 
 
 def judge_warnings(real: Happened, events: Sequence[WarningEvent], rules: Sequence[str]) -> dict[str, WarningScores]:
-    """Judge the warnings of an annotated log as `cwcli warn` did: rule -> scores."""
+    """Judge the warnings of an annotated log as `cwcli warn` did; returns scores by rule."""
     found = {}
     for rule in rules:
         verdicts = (
@@ -148,7 +148,7 @@ def judge_warnings(real: Happened, events: Sequence[WarningEvent], rules: Sequen
 
 
 def _spans(events: Sequence[WarningEvent], rule: str) -> dict[str, list[tuple[int, int]]]:
-    """Vehicle -> when each warning of it by a rule was raised and last held, in order of time."""
+    """Return by vehicle when each warning of a rule was raised and last held, in order of time."""
     found: dict[str, list[tuple[int, int]]] = {}
     for event in events:
         if event.rule == rule:

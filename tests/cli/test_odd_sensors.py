@@ -120,9 +120,9 @@ CASES = {
         lambda messages: IN_G(IN_DEGREES(messages)), ("accelerations taken as g", "taken as degrees per second")
     ),
     "IMU upside down": Case(UPSIDE_DOWN, ("taken as mounted upside down",)),
-    "speed that sticks": Case(stuck, ("speed rows repeat one number for long",)),
+    "speed that sticks": Case(stuck, ("speed rows repeat one value for long",)),
     "fixes twice": Case(twice, ("duplicate message",)),
-    "first speed 0": Case(zero_first, ("the first speed row contradicts those after it",)),
+    "first speed 0": Case(zero_first, ("the first speed row contradicts the following rows",)),
 }
 
 

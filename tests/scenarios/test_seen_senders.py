@@ -88,7 +88,7 @@ def test_one_car_is_one_warning(tmp_path: Path, scenario: str, seed: int) -> Non
     both, notes, ids = warned(drive(tmp_path / "both.mcap", scenario, seed, with_objects=True))
     assert [who for who, _ in both] == [who for who, _ in alone] == list(sender)
     assert both[0][1] == pytest.approx(alone[0][1], abs=0.011)  # a hundredth is the host's step
-    assert any("are senders that are heard themselves" in note for note in notes)
+    assert any("are vehicles that send messages themselves" in note for note in notes)
     assert ids >= sender
 
 

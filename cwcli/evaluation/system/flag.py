@@ -21,23 +21,27 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.text import count
 
 STAMPS = frozenset({*HEADER_STAMP, *JSON_STAMPS, *PROTOBUF_STAMP, *CDR_FOXGLOVE_STAMP, "stamp.sec", "stamp.nanosec"})
+"""Fields that may hold the stamp of a message."""
 MAX_LISTED = 40
+"""Greatest number of fields that an error lists; chosen for short messages."""
 MESSAGES_LISTED = 1000
+"""Number of messages that are searched for fields. Chosen for speed; not fitted."""
 MOSTLY = 0.5
+"""Share of messages above which a flag that is set is doubtful as a warning. Chosen by hand; not fitted."""
 
 Int8Array = npt.NDArray[np.int8]
 HOLDS, NOT, UNSAID, UNLIKE = 1, 0, -1, -2
-"""What a message says: the condition holds, it does not, nothing, or what can't be compared."""
+"""Answers of a message: the condition holds, it does not, the field is missing, or its value is not comparable."""
 
 
 @dataclass(frozen=True)
 class Flag:
-    """When a condition held.
+    """Times at which a condition held.
 
     Attributes:
-        time_ns: Shape (n,), in order: when each message that says something could be known.
-        is_set: Shape (n,).
-        notes: What the user should know.
+        time_ns: Shape (n,), in order: when each message with the field was available.
+        is_set: Shape (n,): whether the condition held.
+        notes: Notes for the user.
     """
 
     time_ns: Int64Array
@@ -45,9 +49,9 @@ class Flag:
     notes: tuple[str, ...] = ()
 
     def spans(self) -> list[tuple[int, int]]:
-        """When each warning was raised, and the last message in which it stood.
+        """Return for each warning the times (ns) of the first and the last message in which it was set.
 
-        A flag that is set in the first message is no warning: nobody knows when it was raised.
+        A flag that is set in the first message is no warning, because the time at which it was raised is unknown.
         """
         change = np.diff(self.is_set.astype(np.int8))
         raised = np.flatnonzero(change == 1) + 1
@@ -58,7 +62,7 @@ class Flag:
 
 @dataclass(frozen=True)
 class _Said:
-    """What each message says, by log time: `HOLDS` and so on."""
+    """Answer of each message (`HOLDS` and so on), in order of log time."""
 
     log_time_ns: Int64Array
     said: Int8Array
@@ -90,14 +94,14 @@ def read_flag(log: Log, topic: str, condition: Condition) -> Flag:
         notes.append(f"{topic}: in {n_unlike} of {n} messages `{condition.text}` can't be compared: taken as not set")
     kept = said.said != UNSAID
     if not kept.all():
-        notes.append(f"{topic}: {n - int(kept.sum())} of {n} messages do not tell: the flag is taken to stay as it was")
+        notes.append(f"{topic}: {n - int(kept.sum())} of {n} messages lack the field: the flag is taken as unchanged")
     shift_ns, note = _clock_shift(columns, topic)
     flag = Flag(said.log_time_ns[kept] + shift_ns, said.said[kept] == HOLDS)
     return Flag(flag.time_ns, flag.is_set, (*notes, *note, *_oddities(flag, topic, condition)))
 
 
 def _oddities(flag: Flag, topic: str, condition: Condition) -> list[str]:
-    """A flag that never changes, or is hardly ever down."""
+    """Return notes on a flag that never changes, or is set most of the time."""
     n, share = len(flag.is_set), float(flag.is_set.mean())
     if share == 0.0:
         return [f"{topic}: `{condition.text}` holds in none of {count(n, 'message')}: it never warned"]
@@ -112,10 +116,10 @@ def _oddities(flag: Flag, topic: str, condition: Condition) -> list[str]:
 
 
 def _clock_shift(columns: Columns, topic: str) -> tuple[int, list[str]]:
-    """What is added to log times where the messages' stamps are of another clock, and a note about it.
+    """Return the shift (ns) of log times to the clock of the stamps, and a note if it is not 0.
 
-    A warning counts from when others could know it: its log time. Where the logger's clock is not that of the stamps,
-    in which all states are, the usual difference is taken off.
+    A warning counts from its log time, when others could know it. Where the clock of the recorder is not that of the
+    stamps, which all states use, the median difference is removed.
     """
     stamp_ns, has_stamp = stamps(columns)
     if not has_stamp.any():
@@ -130,7 +134,7 @@ def _clock_shift(columns: Columns, topic: str) -> tuple[int, list[str]]:
 
 
 def _by_column(columns: Columns, condition: Condition) -> _Said | None:
-    """Where the field is a column of its own; None where it is not."""
+    """Evaluate the condition on a column; None where the field is not a column of its own."""
     if not condition.is_plain:
         return None
     found = columns.fields.get(condition.plain_path)
@@ -147,7 +151,7 @@ def _by_column(columns: Columns, condition: Condition) -> _Said | None:
 
 
 def _by_tree(log: Log, topic: str, condition: Condition) -> _Said:
-    """Message by message, for what lies in lists."""
+    """Evaluate the condition message by message, for fields within lists."""
     log_time_ns: list[int] = []
     answers: list[int] = []
     n_fields = 0
@@ -173,7 +177,7 @@ def _answer(value: object, condition: Condition) -> int:
 
 
 def _no_such_field(log: Log, topic: str, condition: Condition, *, is_unlike: bool) -> UsageError:
-    """The error of a condition that fits no message, with the fields that there are."""
+    """Return the error of a condition that fits no message, with the fields that there are."""
     option = f"--topic warning={topic}:{condition.text}"
     known: dict[str, str] = {}
     for _, message in islice(log.trees(topic), MESSAGES_LISTED):

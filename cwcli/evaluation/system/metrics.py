@@ -1,4 +1,4 @@
-"""Headline metrics of another system, beside cwcli's own."""
+"""Headline metrics of another system in the same log."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from cwcli.pipeline.records import run_records
 
 
 def add_system(subject: Subject) -> None:
-    """Add the metrics of what is named of another system.
+    """Add the metrics of another system: of those of its warnings, state and path whose topics are named.
 
     Raises:
-        UsageError: A field is not there, or holds nothing that can be compared.
-        MissingSignalError: There is nothing to hold it against, or its channel is empty.
-        DataError: Nothing of its channel can be used.
+        UsageError: A field does not exist, or holds nothing that can be compared.
+        MissingSignalError: There is nothing to compare it with, or its channel is empty.
+        DataError: No message of its channel can be used.
     """
     system = subject.system
     if system.condition is not None:

@@ -1,7 +1,7 @@
-"""Another system's paths of the ego against what then happened.
+"""Errors of another system's paths of the ego against its later track.
 
-A planner's path is what it wants, not what it expects of a human driver: an error is right only where the car was
-driven by it.
+A planner's path is a plan and no prediction of a human driver: its errors are meaningful only where the planner drove
+the car.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.role import Role
 
 STEP_S = 0.1
+"""Step of the resampled paths, s."""
 VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehicle"})
 """Frames whose origin is the car and whose x axis points ahead."""
 MIN_SPEED_MPS = 0.1
-"""A path is gone along no slower than this, so that its time stays finite; where it ends so slowly, the car stands."""
+"""Least speed along a path, m/s, so that its duration stays finite; below it the car stands at the path's end."""
 
 
 def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) -> None:
@@ -32,13 +33,13 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
 
     Args:
         subject: The log.
-        topic: Of the paths.
-        known: A frame of the same system, and where it lies in the map; None: not known.
+        topic: Topic of the paths.
+        known: Name and placement of a frame of the same system; None: unknown.
 
     Raises:
         UsageError: Its messages are no paths.
-        MissingSignalError: There is nothing to hold them against.
-        DataError: None of them can be used, or they are of another time than the states.
+        MissingSignalError: There is nothing to compare them with.
+        DataError: None of them can be used, or their times are not those of the states.
     """
     reference = reference_of(subject)
     signal = read_system(subject, "ego_path", topic, (Role.PLANNED_PATH,))
@@ -67,7 +68,7 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
         xy_m[at] = _along(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
-        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: gone along by {how}")
+        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
     stamp_ns = signal.stamp_ns[rows]
     paths = _paths(time_s, xy_m)
     with subject.headline.of(against(SYSTEM, HINDSIGHT)):
@@ -87,7 +88,7 @@ def _points(signal: PathSignal, k: int) -> slice:
 
 
 def _placing(subject: Subject, signal: PathSignal, ego: Motion, known: tuple[str, Placing] | None) -> Placing | None:
-    """Where the paths' frame lies in the map; None for the car's own frame."""
+    """Return the placement of the paths' frame in the map; None for the car's own frame, or if it can't be found."""
     if signal.frame_id in VEHICLE_FRAMES:
         return None
     if known is not None and known[0] == signal.frame_id:
@@ -103,7 +104,7 @@ def _placing(subject: Subject, signal: PathSignal, ego: Motion, known: tuple[str
 
 
 def _times(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
-    """When a car that goes along a path is at each of its points, from where it is nearest to it now."""
+    """Return the times (s) at which a car that follows a path reaches its points; 0 at the point nearest to the car."""
     step_m = np.hypot(*np.diff(xy_m, axis=0).T)
     mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_SPEED_MPS)
     at_s = np.concatenate([[0.0], np.cumsum(step_m / mean_mps)])
@@ -116,7 +117,7 @@ def _times(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatA
 
 
 def _along(time_s: FloatArray, at_s: FloatArray, xy_m: FloatArray, *, stands: bool) -> FloatArray:
-    """The points of a path at given times, NaN before and behind it; at its end where the car stands there."""
+    """Interpolate a path at given times; NaN before and after it, or its end if the car stands there."""
     behind = None if stands else np.nan
     return np.column_stack([np.interp(time_s, at_s, values, left=np.nan, right=behind) for values in xy_m.T])
 

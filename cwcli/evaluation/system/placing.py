@@ -1,4 +1,4 @@
-"""Where another system's coordinates lie in the map: a turn and a shift, found from where the ego was."""
+"""Placement of another system's frame in the map: a rotation and a shift, fitted to the ego's track."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 
 MIN_EXTENT_M = 5.0
-"""RMS distance from their middle of the points from which a turn can be found; nearer together, none is."""
+"""Least RMS distance of the points from their mean, m, for which a rotation is fitted. Chosen by hand; not fitted."""
 MIN_POINTS = 3
+"""Least number of points for a fit."""
 
 
 @dataclass(frozen=True)
 class Placing:
-    """From another frame to the map.
+    """Transformation of another frame to the map.
 
     Attributes:
         turn_rad: Heading of the frame's x axis in the map, counter-clockwise from east.
-        pivot_m: Shape (2,): a point of the frame.
-        place_m: Shape (2,): where it is in the map.
+        pivot_m: Shape (2,): a point in the frame.
+        place_m: Shape (2,): the same point in the map.
     """
 
     turn_rad: float
@@ -30,29 +31,29 @@ class Placing:
     place_m: FloatArray
 
     def xy(self, xy_m: FloatArray) -> FloatArray:
-        """Points (n, 2) in the map."""
+        """Transform points (n, 2), m, to the map."""
         cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
         return np.asarray((xy_m - self.pivot_m) @ np.array([[cosine, sine], [-sine, cosine]]) + self.place_m)
 
     def heading(self, yaw_rad: FloatArray) -> FloatArray:
-        """Headings (n,) in the map."""
+        """Transform yaw angles (n,) to headings in the map."""
         return np.asarray(wrap_angle(yaw_rad + self.turn_rad))
 
     def note(self, topic: str, frame: str) -> str:
-        """What was done, for the user."""
+        """Return a note for the user on the fitted rotation and shift."""
         origin = self.xy(np.zeros((1, 2)))[0]
         named = f"its frame {frame}" if frame else "its frame"
         return (
-            f"{topic}: {named} was laid onto the track by a turn of {math.degrees(self.turn_rad):.2f} deg and a shift "
-            f"of ({origin[0]:.2f}, {origin[1]:.2f}) m; a constant error of these does not show"
+            f"{topic}: {named} was aligned with the track by a rotation of {math.degrees(self.turn_rad):.2f} deg and "
+            f"a shift of ({origin[0]:.2f}, {origin[1]:.2f}) m; a constant error of these does not show"
         )
 
 
 def fitted(xy_m: FloatArray, onto_m: FloatArray) -> Placing | None:
-    """The placing that lays points (n, 2) onto others, rows with NaN left out; None with fewer than three.
+    """Fit the placement that moves points (n, 2) onto others; rows with NaN are ignored; None with fewer than three.
 
-    The turn is that of least squares (Umeyama 1991, eq. 40 to 42, in the plane, without a scale); the shift is the
-    median, so that a jump of either moves nothing.
+    The rotation is that of least squares (Umeyama 1991, eq. 40 to 42, in the plane, without a scale); the shift is the
+    median, which a jump does not affect.
     """
     known = np.isfinite(xy_m).all(axis=1) & np.isfinite(onto_m).all(axis=1)
     if int(known.sum()) < MIN_POINTS:

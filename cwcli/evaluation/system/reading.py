@@ -1,4 +1,4 @@
-"""Another system's channel as a signal, and what of it could not be used."""
+"""Read another system's channel as a signal, with a note on unusable messages."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) 
     """Read a topic that is named for a role of another system.
 
     Args:
-        subject: The log; gets notes of messages that can't be used.
-        name: The role, as `--topic` has it.
-        topic: The topic, which the log has.
-        roles: Input roles whose builders can read it, the best first.
+        subject: The log; receives notes on unusable messages.
+        name: Name of the role in `--topic`.
+        topic: Topic in the log.
+        roles: Input roles whose builders can read it, the preferred one first.
 
     Raises:
-        UsageError: Its messages are of no type that can be read so.
+        UsageError: No builder of the roles can read its messages.
         DataError: None of its messages can be used.
-        MissingSignalError: It has none.
+        MissingSignalError: It has no message.
     """
     log = subject.log
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
@@ -37,7 +37,7 @@ def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) 
     }
     if topic not in usable:
         raise UsageError(
-            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read so",
+            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read as {name}",
             where=log.name,
             found=tuple(f"{each} ({schemas[each]})" for each in usable) or ("no topic that can",),
         )

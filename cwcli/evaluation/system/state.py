@@ -1,4 +1,4 @@
-"""Another system's state of the ego against the truth, or against cwcli's own hindsight where there is none."""
+"""Errors of another system's state of the ego against the truth, or against cwcli's states in hindsight."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 
 MIN_ROWS = 10
+"""Least number of compared states. Chosen by hand; not fitted."""
 
 
 def add_state(subject: Subject, topic: str) -> tuple[str, Placing]:
     """Add the errors of another system's state of the ego, at the stamps of the reference.
 
     Returns:
-        The frame of its poses, and where that lies in the map.
+        The frame of its poses, and the placement of that frame in the map.
 
     Raises:
         UsageError: Its messages are no poses.
-        MissingSignalError: There is nothing to hold it against.
-        DataError: Nothing of it can be used, or it is of another time than the states.
+        MissingSignalError: There is nothing to compare it with.
+        DataError: No message can be used, or their times are not those of the states.
     """
     reference = reference_of(subject)
     signal = read_system(subject, "ego_state", topic, (Role.EGO_POSITION, Role.TRUTH))
@@ -54,7 +55,7 @@ def add_state(subject: Subject, topic: str) -> tuple[str, Placing]:
 
 
 def _own_xy(subject: Subject, signal: PoseSignal | PositionSignal) -> FloatArray:
-    """Its positions: in the map where they are on the globe, else in their own frame."""
+    """Return positions (n, 2), m: in the map where they are geographic, else in their own frame."""
     local_map: LocalMap | None = map_of(run_records(subject.log).get("estimate", {}))
     if signal.latitude_deg is None or signal.longitude_deg is None:
         return np.column_stack([signal.x_m, signal.y_m])
@@ -67,7 +68,7 @@ def _own_xy(subject: Subject, signal: PoseSignal | PositionSignal) -> FloatArray
 
 
 def _motion(signal: PoseSignal | PositionSignal, xy_m: FloatArray) -> Motion:
-    """What it tells, in its own frame."""
+    """Return the motion of a signal in its own frame; NaN for what it does not have."""
     nothing = np.full(len(signal.stamp_ns), np.nan)
     if isinstance(signal, PositionSignal):
         return Motion(xy_m, nothing, nothing, nothing)

@@ -1,4 +1,4 @@
-"""`--topic ROLE=/name` of another system: which roles there are, and what is named."""
+"""Topics of another system, from options `--topic ROLE=/name`, and their roles."""
 
 from __future__ import annotations
 
@@ -15,17 +15,18 @@ WORDS = {
     "ego_path": "its planned or predicted path of the ego: a Trajectory or a Path",
     "ego_state": "its state of the ego: an Odometry or another pose",
 }
-"""Role -> what can be named for it."""
+"""Role -> description of the topics that fit it."""
 ROLES = ", ".join(WORDS)
+"""Names of the roles, separated by commas."""
 
 
 @dataclass(frozen=True)
 class System:
-    """What of a log is another system's; "" and None for what it does not have.
+    """Topics of another system in a log; "" and None for those that it does not have.
 
     Attributes:
-        warning, condition: The topic of its warnings, and what a message says when it warns.
-        ego_path, ego_state: Topics.
+        warning, condition: Topic of its warnings, and the condition that holds while it warns.
+        ego_path, ego_state: Topics of its path and its state of the ego.
     """
 
     warning: str = ""
@@ -35,14 +36,14 @@ class System:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """All that are named."""
+        """All topics that are named."""
         return tuple(topic for topic in (self.warning, self.ego_path, self.ego_state) if topic)
 
     def require_topics(self, log: Log) -> None:
-        """Check that the log has what is named.
+        """Check that the log has the named topics.
 
         Raises:
-            UsageError: It has not.
+            UsageError: A topic is missing.
         """
         there = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name})" for channel in log.channels))
         known = {channel.topic for channel in log.channels}
@@ -55,7 +56,7 @@ def parse_system(options: Sequence[str]) -> System:
     """Read `ROLE=/name` options.
 
     Raises:
-        UsageError: One is none, is there twice, names no role, or has no condition where it needs one.
+        UsageError: An option is malformed, given twice, names no role, or lacks a condition.
     """
     named = parse_overrides(options)
     for role, topic in named.items():

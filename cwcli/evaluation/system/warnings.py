@@ -1,8 +1,8 @@
-"""Another system's warnings against the conflicts that really happened.
+"""Verdicts on another system's warnings against the real conflicts.
 
-A flag says that there is danger, not from whom. So each warning is held against the conflicts with every vehicle. It is
-about the earliest one that it fits, by the same limits as cwcli's own warnings (`cwcli.evaluation.conflicts.judge`); a
-conflict counts as warned of when a warning fits it, whoever else that warning fits.
+A flag tells of danger but not from which vehicle. So each warning is compared with the conflicts with every vehicle. It
+is assigned to the earliest one that fits by the limits of cwcli's own warnings (`cwcli.evaluation.conflicts.judge`). A
+conflict counts as warned of if a warning fits it, even if that warning fits others too.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 NOBODY = ""
+"""Vehicle id of a warning without a conflict."""
 
 
 @dataclass(frozen=True)
 class JudgedFlag:
-    """One warning of a flag.
+    """Verdict on one warning of a flag.
 
     Attributes:
-        raised_ns, last_ns: The first and the last message in which it stood.
+        raised_ns, last_ns: Times of the first and the last message in which it was set.
         kind: As in `cwcli.evaluation.conflicts.EventVerdict`.
-        other_id, conflict: The conflict that it is about, or `NOBODY` and None.
+        other_id, conflict: Vehicle and conflict to which it is assigned, or `NOBODY` and None.
         lead_time_s: From the warning to the beginning of the conflict; NaN without one.
     """
 
@@ -44,18 +45,18 @@ class JudgedFlag:
 
 @dataclass(frozen=True)
 class FlagScores:
-    """What became of a flag's warnings and of the conflicts."""
+    """Verdicts on a flag's warnings, and counts of warnings and conflicts."""
 
     judged: tuple[JudgedFlag, ...]
     scores: WarningScores
 
 
 def judge_flag(spans: Sequence[tuple[int, int]], real: Happened) -> FlagScores:
-    """Hold warnings, in order of time, against all conflicts.
+    """Judge warnings, in order of time, against all conflicts.
 
     Args:
-        spans: When each was raised, and the last message in which it stood.
-        real: What happened.
+        spans: Times (ns) of the first and the last message of each warning.
+        real: Actual motion and conflicts.
     """
     times = np.array(spans, np.int64).reshape(-1, 2)
     raised_ns, last_ns = times[:, 0], times[:, 1]
@@ -103,9 +104,9 @@ def judge_flag(spans: Sequence[tuple[int, int]], real: Happened) -> FlagScores:
 
 
 def _is_known(raised_ns: Int64Array, real: Happened) -> BoolArray:
-    """Whether the vehicle that was nearest at each warning is known for as long as a conflict could follow.
+    """Return a mask of the warnings whose nearest vehicle is known for as long as a conflict could follow.
 
-    Where nobody was known at the warning, nothing can be said of it.
+    It is False where no vehicle is known at the warning.
     """
     horizon_ns = round(real.config.horizon_s * NS_PER_S)
     nearest_m = np.full(len(raised_ns), np.inf)
@@ -119,7 +120,7 @@ def _is_known(raised_ns: Int64Array, real: Happened) -> BoolArray:
 
 
 def _distance_at(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Of the centres at the next known stamp, NaN where there is none within the gap that is bridged."""
+    """Return the distance (m) of the centres at the next known stamp; NaN where there is none within `max_gap_s`."""
     known = np.flatnonzero(np.isfinite(pair.distance_m))
     stamp_ns = pair.stamp_ns[known]
     after = np.searchsorted(stamp_ns, at_ns)
@@ -131,7 +132,7 @@ def _distance_at(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], n
 
 
 def _covers(pair: Pair, begin_ns: Int64Array, end_ns: Int64Array) -> BoolArray:
-    """Whether the distance is known from each beginning, at which it is, to the end without a gap."""
+    """Return a mask: the distance is known from begin to end without a gap; it must be known at the begin."""
     stamp_ns = pair.stamp_ns[np.isfinite(pair.distance_m)]
     gap_ns = pair.max_gap_s * NS_PER_S
     ends = np.append(np.flatnonzero(np.diff(stamp_ns) > gap_ns), len(stamp_ns) - 1)

@@ -73,8 +73,8 @@ def test_states_that_come_late_are_counted_and_the_clock_is_doubted_where_most_d
     few, most = np.full(1000, 5 * MS), np.full(1000, 1200 * MS)
     few[7:9] = 1800 * MS
     told = [Knowledge("/ego", "this log", stamp_ns, stamp_ns + delay_ns).notes for delay_ns in (few, most, few * 0)]
-    known = "are known more than 1 s after their stamps"
+    known = "are available more than 1 s after their stamps"
     assert told[0] == [f"/ego: 2 of 1000 states {known} (up to 1.8 s), and so are paths and warnings"]
-    ending = "and so are paths and warnings; if the stamps are off, --clock log"
+    ending = "and so are paths and warnings; if the stamps are wrong, use --clock log"
     assert told[1] == [f"/ego: 1000 of 1000 states {known} (up to 1.2 s), {ending}"]
     assert told[2] == []

@@ -50,7 +50,7 @@ def test_what_lies_on_the_ego_is_left_out_and_its_neighbours_stay() -> None:
     signal = seen({"5:1": (1.0, -0.6), "5:2": (0.0, 3.5), "5:3": (6.0, 0.0), "5:4": (0.0, -1.9)})
     left, notes = without_seen_ego(signal, ego_track(), (None, None), PLACE)
     assert sorted({left.station.values[code] for code in left.station.codes}) == ["5:2", "5:3", "5:4"]
-    assert notes == ("1 objects that others perceived are the ego itself: 30 times, left out",)
+    assert notes == ("1 perceived objects are the ego itself: 30 times, left out",)
 
 
 def test_a_wide_ego_takes_more_room() -> None:

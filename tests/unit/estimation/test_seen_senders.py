@@ -63,7 +63,7 @@ def test_a_sender_that_is_seen_is_there_once() -> None:
     """From the third moment on: two are no proof."""
     counts, notes = left(sender(), seen(east_m=0.3, north_m=-0.2))
     assert counts == {"7": N, "9:1": 2}
-    assert notes == ("1 objects that others perceived are senders that are heard themselves: 38 times, left out",)
+    assert notes == ("1 perceived objects are vehicles that send messages themselves: 38 times, left out",)
 
 
 @pytest.mark.parametrize(
@@ -86,13 +86,13 @@ def test_another_car_stays(other: dict[str, float]) -> None:
 def test_where_positions_are_vague_both_stay_and_it_is_said() -> None:
     counts, notes = left(sender(sigma_m=1.0), seen())
     assert counts == {"7": N, "9:1": N}
-    assert notes[0].startswith("1 objects that others perceived may be senders")
+    assert notes[0].startswith("1 perceived objects may be vehicles")
 
 
 def test_between_two_senders_in_one_place_nobody_decides() -> None:
     counts, notes = left(sender("7", north_m=0.3), sender("8", north_m=-0.3), seen())
     assert counts == {"7": N, "8": N, "9:1": N}
-    assert notes[0].startswith("1 objects that others perceived may be senders")
+    assert notes[0].startswith("1 perceived objects may be vehicles")
 
 
 def kept_s(*parts: RemoteSignal) -> FloatArray:

@@ -34,7 +34,7 @@ def test_what_lies_in_its_bounds_is_consistent() -> None:
     [
         (1.4, "consistent within a factor of 2 in variance: /imu yaw rate outside the 95 % bounds"),
         (0.6, "consistent within a factor of 2 in variance: /imu yaw rate outside the 95 % bounds"),
-        (0.4, "consistent, and more careful than need be: less of /imu yaw rate than the covariance says"),
+        (0.4, "consistent, with a covariance larger than necessary for /imu yaw rate"),
         (
             4.0,
             "not consistent: /imu yaw rate scatters by 2.0 times its sigma: its messages understate its noise, "
@@ -53,7 +53,8 @@ def test_noise_found_from_the_log_that_is_too_small_lasts() -> None:
 
 def test_errors_that_are_larger_than_the_covariance_says_come_first() -> None:
     found = _said(replace(IMU, nis_mean=9.0, nis_inside=False), nees=(Nees("speed", 16.0, (0.7, 1.3)), TRUE))
-    assert found.startswith("not consistent: the speed errs by 4.0 times its sigma: take its covariance times 16; /imu")
+    expected = "not consistent: the speed error is 4.0 times its sigma: multiply its covariance by 16; /imu"
+    assert found.startswith(expected)
 
 
 def test_rejected_rows_resets_and_bridged_gaps_are_told() -> None:
@@ -91,5 +92,5 @@ def test_sources_that_contradict_each_other_come_before_all_else() -> None:
     both = verdict((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
     assert both.startswith(
         f"not consistent: {told} (imu accel (/imu) agrees with ego_position (/gps); ego_speed (/wheel) is left out of "
-        "the estimate); the speed errs by 4.0 times its sigma"
+        "the estimate); the speed error is 4.0 times its sigma"
     )

@@ -111,7 +111,7 @@ def test_an_odometry_in_its_own_frame(tmp_path: Path, truth: bool) -> None:
         abs=0.01,
     )
     assert {row.states for row in rows.values()} == {"system vs truth" if truth else "system vs hindsight"}
-    assert "its frame odom was laid onto the track by a turn of 40.0" in notes
+    assert "its frame odom was aligned with the track by a rotation of 40.0" in notes
 
 
 def test_an_odometry_of_another_time(tmp_path: Path) -> None:
@@ -172,7 +172,7 @@ def test_a_trajectory_that_is_a_metre_per_second_too_fast(tmp_path: Path, encodi
             assert row.n == 151
             assert row.states == f"system vs {states}"
     assert rows["system.prediction.ego.ade_2.5s_m"].value == pytest.approx(np.mean(0.1 * np.arange(1, 26)), abs=1e-6)
-    assert ("151 of 151 paths have no times: gone along by the speeds they give" in notes) is not settings.get(
+    assert ("151 of 151 paths have no times: computed from the speeds they give" in notes) is not settings.get(
         "timed", True
     )
 
@@ -193,7 +193,7 @@ def test_a_path_with_and_without_stamps(tmp_path: Path, stamped: bool) -> None:
     path = written(tmp_path / "a.mcap", "nav_msgs/msg/Path", messages, "/path")
     rows, notes = scored(path, straight, "ego_path=/path")
     assert rows["system.prediction.ego.fde_2.0s_m"].value == pytest.approx(1.0, abs=0.03)
-    assert ("gone along by the car's own speed" in notes) is not stamped
+    assert ("computed from the car's own speed" in notes) is not stamped
 
 
 def test_the_frame_of_an_odometry_places_the_path(tmp_path: Path) -> None:
@@ -278,10 +278,10 @@ def test_broken_paths_are_counted_and_none_is_left(tmp_path: Path) -> None:
 def test_messages_of_another_type_and_logs_without_states(tmp_path: Path) -> None:
     messages = [(k / 10, trajectory(k / 10)) for k in range(11)]
     path = written(tmp_path / "a.mcap", "autoware_planning_msgs/msg/Trajectory", messages, "/plan")
-    with pytest.raises(UsageError, match="Trajectory can't be read so") as caught:
+    with pytest.raises(UsageError, match="Trajectory can't be read as") as caught:
         scored(path, straight, "ego_state=/plan")
     assert caught.value.exit_code == 2
-    with pytest.raises(UsageError, match="VehicleState can't be read so") as caught:
+    with pytest.raises(UsageError, match="VehicleState can't be read as") as caught:
         scored(path, straight, "ego_path=/cwcli/ego/state")
     assert caught.value.found == ("/plan (autoware_planning_msgs/msg/Trajectory)",)
     with Log.open(path) as log, pytest.raises(MissingSignalError, match="holds no states of the ego"):

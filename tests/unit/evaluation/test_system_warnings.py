@@ -171,7 +171,7 @@ def test_messages_of_other_components_change_nothing(tmp_path: Path) -> None:
     system = parse_system(["warning=/adas/fcw:status[name=='adas: fcw'].level>=2"])
     table = evaluate_log(log, system=system)
     assert rows_of(table)["system.warnings.count"].value == 2
-    assert "/adas/fcw: 1000 of 1500 messages do not tell: the flag is taken to stay as it was" in notes_of(table)
+    assert "/adas/fcw: 1000 of 1500 messages lack the field: the flag is taken as unchanged" in notes_of(table)
 
 
 @pytest.mark.parametrize(
