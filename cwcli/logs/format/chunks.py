@@ -30,7 +30,7 @@ BLOCK_BYTES = 1 << 16
 MEGABYTE = 1_000_000
 """The number of bytes in a megabyte, for messages to users."""
 MESSAGE_COST_BYTES = 500
-"""Bytes that take as long to decompress as one message takes to scan, decode and check. Measured once, and rounded."""
+"""Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 CRC_AT = PREFIX.size + 24
 """Bytes from the start of a chunk record to its CRC (MCAP specification: two times and a size stand before it)."""
 _U32 = struct.Struct("<I")
