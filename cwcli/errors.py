@@ -6,6 +6,14 @@ leaves with exit code 70 and a traceback (see `cwcli.cli.main`).
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from cwcli.url import redact_urls
+
+DISTRIBUTION = "cwcli-drive"
+"""Name of the package for pip, as in `pyproject.toml`. `cwcli` on the Python package index is a stranger's package (for
+the ConnectWise API), so no text tells anybody to install that."""
+
 EXIT_DONE = 0
 EXIT_GATE_FAILED = 1
 EXIT_USAGE = 2
@@ -34,8 +42,17 @@ EXIT_CODES = {
 """Every code with which `cwcli` ends -> what it means, and more of it or "". Help and docs are made from this."""
 
 
+SIMILAR_SHARE = 0.1
+"""Two names are suggested if their likeness (`SequenceMatcher.ratio`, 0 to 1) to what was given differs by no more."""
+
+
+def install_hint(extra: str) -> str:
+    """The command that installs the packages of an extra, for `CwcliError.hint`."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
+
+
 class CwcliError(Exception):
-    """An error with a user-facing line.
+    """An error with a user-facing line. No secret of a URL stands in it, whoever wrote its words.
 
     Args:
         what: What is wrong, in one line, without a trailing full stop.
@@ -47,11 +64,12 @@ class CwcliError(Exception):
     exit_code = EXIT_BUG
 
     def __init__(self, what: str, *, where: str = "", found: tuple[str, ...] = (), hint: str = "") -> None:
+        what, where = redact_urls(what), redact_urls(where)
         super().__init__(f"{where}: {what}" if where else what)
         self.what = what
         self.where = where
-        self.found = found
-        self.hint = hint
+        self.found = tuple(redact_urls(entry) for entry in found)
+        self.hint = redact_urls(hint)
 
 
 class Terminated(SystemExit):
@@ -95,3 +113,20 @@ class OutputError(CwcliError):
     """The output can't be written."""
 
     exit_code = EXIT_OUTPUT
+
+
+def names_hint(name: str, known: Iterable[str], label: str = "one of") -> str:
+    """A hint for a name that is none of a list: the closest names, else all of them.
+
+    Args:
+        name: What was given.
+        known: The names that there are.
+        label: What stands before all names.
+    """
+    from difflib import SequenceMatcher, get_close_matches
+
+    names = list(known)
+    near = get_close_matches(name, names, n=2)
+    shares = [SequenceMatcher(None, name, each).ratio() for each in near]
+    near = [each for each, share in zip(near, shares, strict=True) if share >= shares[0] - SIMILAR_SHARE]
+    return f"did you mean {' or '.join(near)}?" if near else f"{label}: {', '.join(names)}"

@@ -36,7 +36,7 @@ def check_target(target: str | Path, *, force: bool = False) -> None:
 
     Raises:
         OutputError: It is a directory, exists, is an input, or its folder is missing or not writable.
-        UsageError: Standard output is a terminal.
+        UsageError: It is a URL, or standard output is a terminal.
     """
     if str(target) == STDOUT:
         _stdout_descriptor()
@@ -61,7 +61,7 @@ def check_targets(
 
     Raises:
         OutputError: One can't or must not be written.
-        UsageError: Two are the same file, or standard output is a terminal.
+        UsageError: Two are the same file, one is a URL, or standard output is a terminal.
     """
     for each in inputs:
         note_input(each)
@@ -84,7 +84,14 @@ def _place(target: str | Path) -> object:
     return os.path.realpath(target)
 
 
+def _refuse_url(name: str) -> None:
+    """A URL would be taken for folders, whose names would hold its password."""
+    if "://" in name:
+        raise UsageError("the output must lie on this machine", where=name, hint="copy it there afterwards")
+
+
 def _check_folder(folder: str | Path) -> None:
+    _refuse_url(str(folder))
     path = Path(folder)
     try:
         path.stat()
@@ -117,6 +124,7 @@ def _no_folder(path: str | Path, error: Exception) -> OutputError:
 def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
     """A target's real path, and whether it is a device, a pipe or a socket; raises as `check_target`."""
     name = str(target)
+    _refuse_url(name)
     try:
         with medium(name):
             path = Path(os.path.realpath(target))

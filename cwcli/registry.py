@@ -12,12 +12,14 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import fields, replace
 from functools import lru_cache, wraps
 from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar
 
-from cwcli.errors import CwcliError, PluginError, Terminated, UsageError
+from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
 MAX_BYTES = 1 << 20
@@ -30,6 +32,8 @@ PLAIN: dict[str, tuple[type, ...]] = {
     "float | None": (float, int, type(None)),
 }
 """Annotation of a field -> what its value may be, where that can be said in a word."""
+_plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
+"""Whether the registries hold their built-in entries alone, whatever is installed."""
 Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
@@ -137,7 +141,7 @@ class Registry(Mapping[str, T]):
             UsageError: There is none.
         """
         if name not in self:
-            raise UsageError(f"there is no {self.what} '{name}'", hint=f"one of: {', '.join(self)}")
+            raise UsageError(f"there is no {self.what} '{name}'", hint=names_hint(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
@@ -168,6 +172,8 @@ class Registry(Mapping[str, T]):
 
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
+        if _plugins_hidden.get():
+            return out
         for found in _installed(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)
             if name in self._builtin or name in self._taken:
@@ -176,6 +182,16 @@ class Registry(Mapping[str, T]):
                 raise plugin.error(f"has the name of one of the package {out[name].package}")
             out[name] = plugin
         return out
+
+
+@contextmanager
+def hide_plugins() -> Iterator[None]:
+    """Leave the entries of other packages out of every registry: for documents about cwcli alone."""
+    token = _plugins_hidden.set(True)
+    try:
+        yield
+    finally:
+        _plugins_hidden.reset(token)
 
 
 def named(target: str) -> Any:

@@ -11,6 +11,7 @@ import re
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.plugins import event_priority
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -25,6 +26,18 @@ TOP_PAGES = {
 LINK = re.compile(r"(?<=\]\()(?![a-z]+:|#)([^)#\s]+)")
 FOLDERS = {"docs/papers": "docs/papers/README.md"}
 """Folders that pages link to, and the page that stands for each."""
+
+
+@event_priority(-100)
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Take out the scripts that would be fetched from elsewhere: the plug-in `offline`, which runs before, adds one.
+
+    It is for searching in a copy on a disk with browsers that start no worker there; a copy without a network did not
+    have it anyway.
+    """
+    polyfills = config.extra.get("polyfills", [])
+    config.extra["polyfills"] = [each for each in polyfills if "//" not in str(each)]
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

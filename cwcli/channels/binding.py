@@ -33,7 +33,7 @@ from cwcli.channels.published import (
     OWN_PREFIX,
     TARGETS,
 )
-from cwcli.errors import MissingSignalError, UsageError
+from cwcli.errors import MissingSignalError, UsageError, names_hint
 from cwcli.signals.input_rows import CAN_FIELDS, CAN_SCHEMAS
 from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, is_beside, normalise
 from cwcli.signals.role import Role
@@ -228,7 +228,9 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
     """Check that every role (name -> topic) exists; else a UsageError that names the option."""
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
-            raise UsageError(f"{name_of_option} {name}={value}: there is no role {name}", hint=_role_names())
+            raise UsageError(
+                f"{name_of_option} {name}={value}: there is no role {name}", hint=names_hint(name, EVERY_ROLE, "roles")
+            )
         _mappings(name, value)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import sys
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ import typer.main
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
 from cwcli.cli.options.complete import offer
-from cwcli.cli.options.configfile import TalkOptions
+from cwcli.cli.options.configfile import TalkOptions, configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
 from cwcli.cli.options.fast import skip_coercion
 from cwcli.cli.options.stage import every_stage
@@ -26,7 +27,10 @@ from cwcli.errors import EXIT_CODES, UsageError
 from cwcli.input import remembering_inputs
 from cwcli.pipeline.stage import imported
 from cwcli.stages import STAGES
+from cwcli.text import shown
 
+MAX_VALUE = 60
+"""Characters of a wrong value that are shown."""
 MAX_WITHOUT_HEADINGS = 15
 """The options of a command with no more than this stand in one list."""
 EXIT_WORDS = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
@@ -153,6 +157,8 @@ def dispatch(arguments: list[str]) -> int:
         return done.exit_code
     except typer.TyperException as error:
         raise _usage_error(error, arguments) from error
+    except UsageError as error:
+        raise _with_origin(error, arguments) from error
     return code if isinstance(code, int) else 0
 
 
@@ -161,4 +167,38 @@ def _usage_error(error: typer.TyperException, arguments: list[str]) -> UsageErro
     named = [argument for argument in arguments[:1] if argument in COMMANDS]
     command = context.command_path if context is not None else " ".join(["cwcli", *named])
     what = " ".join(error.format_message().split()).removesuffix(".")
+    variable = _variable(error, context)
+    if variable is not None:
+        reason = " ".join(str(getattr(error, "message", what)).split()).removesuffix(".")
+        option = error.param.opts[0]  # type: ignore[attr-defined]
+        return UsageError(
+            f"the environment variable {variable}={shown(os.environ[variable], MAX_VALUE)}: {reason}",
+            hint=f"see {option} in `{command} --help`",
+        )
     return UsageError(what[:1].lower() + what[1:], hint=f"see `{command} --help`")
+
+
+def _with_origin(error: UsageError, arguments: list[str]) -> UsageError:
+    """The error, and which environment variable or key of a file an option in it has its value from."""
+    given = {argument.partition("=")[0] for argument in arguments}
+    command = arguments[0].replace("-", "_") if arguments else ""
+    for option in re.findall(r"--[a-z][a-z0-9-]*", error.what):
+        name = option[2:].replace("-", "_")
+        variables = [f"{ENVIRONMENT_PREFIX}_{each}".upper() for each in (name, f"{command}_{name}")]
+        origin = next((f"the environment variable {each}" for each in variables if os.environ.get(each)), None)
+        origin = origin or configured_options().get(option)
+        if origin is not None and option not in given:
+            hint = f"{option} comes from {origin}" + (f"; {error.hint}" if error.hint else "")
+            return UsageError(error.what, where=error.where, found=error.found, hint=hint)
+    return error
+
+
+def _variable(error: typer.TyperException, context: Any) -> str | None:
+    """The environment variable whose value is wrong, None where the value comes from elsewhere."""
+    option = getattr(error, "param", None)
+    if context is None or option is None:
+        return None
+    source = context.get_parameter_source(option.name)
+    variable = getattr(option, "envvar", None)
+    is_from_there = source is not None and source.name == "ENVIRONMENT"
+    return variable if is_from_there and isinstance(variable, str) and variable in os.environ else None

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from cwcli import __version__
-from cwcli.cli.text import join_names, paragraph, printable, shown
-from cwcli.errors import CwcliError
+from cwcli.cli.text import paragraph, printable, shown
+from cwcli.errors import CwcliError, names_hint
 
 MAX_FOUND_WIDTH = 100  # paths and topics are long; a terminal wraps them
 MAX_FOUND = 200
@@ -140,7 +140,4 @@ def report_error(error: CwcliError) -> None:
 
 def closest(name: str, known: list[str]) -> str:
     """A hint for a misspelt name: the closest known ones, else all of them."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, known, n=2)
-    return f"did you mean {join_names(near)}?" if near else f"known: {', '.join(known)}"
+    return names_hint(name, known, "known")

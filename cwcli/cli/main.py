@@ -41,7 +41,7 @@ def run(arguments: Sequence[str]) -> int:
         _flush()
     except CwcliError as error:
         code = error.exit_code
-        _report(error)
+        _report(_error_without_secrets(error, arguments))
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
         _say("interrupted")
@@ -50,7 +50,7 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit:
         raise
     except BaseException as error:  # one that is no Exception would end Python with 1, the code of a failed gate
-        code = _report_unexpected(error)
+        code = _report_unexpected(error, arguments)
     try:
         _flush()
     except BrokenPipeError:
@@ -111,21 +111,46 @@ def _say(text: str) -> None:
         print(text, file=sys.stderr)
 
 
-def _report_unexpected(error: BaseException) -> int:
+def _report_unexpected(error: BaseException, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and error.errno in DISK_FULL:  # on the way to standard output
         _report(_full(error))
         return EXIT_OUTPUT
-    _report_bug()
+    _report_bug(arguments)
     return EXIT_BUG
 
 
-def _report_bug() -> None:
+def _report_bug(arguments: Sequence[str]) -> None:
     import traceback
 
     from cwcli import __version__
+    from cwcli.cli.text import shown
 
-    with contextlib.suppress(OSError):
-        traceback.print_exc()
     kind, value = sys.exc_info()[:2]
-    _say(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {str(value)[:200]}")
+    trace = _without_secrets(traceback.format_exc(), arguments)
+    _say("\n".join(shown(line) for line in trace.splitlines()))
+    what = shown(_without_secrets(str(value), arguments), 200)
+    _say(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {what}")
     _say("  hint:  please report it with the lines above and your command (README.md, section Bugs)")
+
+
+def _error_without_secrets(error: CwcliError, arguments: Sequence[str]) -> CwcliError:
+    """The error where its words repeat a part of a URL of the command line: what is left of one that was split."""
+    if not any("://" in argument for argument in arguments):
+        return error
+    safe = CwcliError(
+        _without_secrets(error.what, arguments),
+        where=_without_secrets(error.where, arguments),
+        found=tuple(_without_secrets(entry, arguments) for entry in error.found),
+        hint=_without_secrets(error.hint, arguments),
+    )
+    safe.exit_code = error.exit_code
+    return safe
+
+
+def _without_secrets(text: str, arguments: Sequence[str]) -> str:
+    """Words of others without the secrets of the URLs on the command line, wherever they stand."""
+    from cwcli.url import redact_urls
+
+    for argument in arguments:
+        text = redact_urls(text, argument)
+    return redact_urls(text)

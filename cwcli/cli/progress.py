@@ -9,6 +9,7 @@ import time
 from types import TracebackType
 
 from cwcli.cli.text import WIDTH, display_width, printable
+from cwcli.url import redact_urls
 
 SHOW_AFTER_S = 1.0
 REFRESH_S = 0.2
@@ -34,7 +35,7 @@ class Progress:
 
     def step(self, what: str) -> None:
         """Begin the next step."""
-        self._what = printable(what)
+        self._what = printable(redact_urls(what))
         self._fraction = self._left = None
 
     def __call__(self, done: float, total: float, skipped: float = 0) -> None:

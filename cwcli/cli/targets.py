@@ -1,11 +1,38 @@
-"""What the commands that look at runs write: a table, and summaries."""
+"""What commands write: whether the name of a file fits what it will hold, and the tables and summaries of runs."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.errors import UsageError
+
+
+def check_suffix(output: str, suffixes: Sequence[str], *, what: str, required: bool = True) -> str:
+    """Refuse a file name that tells another format than the one that is written.
+
+    Args:
+        output: Name of the file, or `-` for standard output, which has no suffix.
+        suffixes: Those of the formats, in lower case, with their dots; the first is the usual one.
+        what: What is written, with its article: "an image".
+        required: Refuse a name without a suffix, too; else it may be a device or a pipe.
+
+    Returns:
+        The suffix in lower case, or "".
+
+    Raises:
+        UsageError: The name has another suffix, or none where one is required.
+    """
+    suffix = "" if output == "-" else Path(output).suffix.lower()
+    if suffix not in suffixes and (suffix or required):
+        *others, last = suffixes
+        known = f"{', '.join(others)} or {last}" if others else last
+        raise UsageError(
+            f"-o {output}: {what} ends in {known}",
+            hint=f"-o {Path(output).stem or 'output'}{suffixes[0]}",
+        )
+    return suffix
 
 
 def check_outputs(

@@ -12,7 +12,7 @@ from cwcli.dynamics.filter import observe_filter
 from cwcli.dynamics.samples import LaneSamples, LateralTrack, Samples
 from cwcli.dynamics.steering import RATES
 from cwcli.dynamics.vehicle import Vehicle
-from cwcli.errors import DataError, UsageError
+from cwcli.errors import DataError, UsageError, names_hint
 
 
 class Observer(Protocol):
@@ -60,9 +60,9 @@ def observe(
     """
     config = config or ObserverConfig()
     if config.method not in METHODS:
-        raise UsageError(f"there is no observer '{config.method}'", hint=f"one of: {', '.join(METHODS)}")
+        raise UsageError(f"there is no observer '{config.method}'", hint=names_hint(config.method, METHODS))
     if config.steer_rate not in RATES:
-        raise UsageError(f"there is no steering rate '{config.steer_rate}'", hint=f"one of: {', '.join(RATES)}")
+        raise UsageError(f"there is no steering rate '{config.steer_rate}'", hint=names_hint(config.steer_rate, RATES))
     stamps = {"lanes": lanes.stamp_ns, "speed": speed.stamp_ns}
     stamps |= {} if yaw_rate is None else {"yaw rate": yaw_rate.stamp_ns}
     stamps |= {} if steer is None else {"steering angle": steer.stamp_ns}

@@ -117,6 +117,16 @@ class LogFolder:
         return [path.stat().st_size if path.is_file() else -1 for path in (self.out / name for name in paths)]
 
 
+def id_of_annotated(path: Path) -> str | None:
+    """The id of the drive whose annotated log in an output folder this is; None for any other file."""
+    try:
+        resolved = path.resolve()
+        is_of_run = resolved.name == ANNOTATED and (resolved.parent / ENTRY).is_file()
+    except (OSError, ValueError):  # whoever reads it tells what is wrong
+        return None
+    return resolved.parent.name if is_of_run else None
+
+
 @dataclass(frozen=True)
 class RecordedLog:
     """What is known of one log of a run.

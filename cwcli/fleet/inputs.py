@@ -11,16 +11,18 @@ from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
 from cwcli.logs.read.recording import METADATA, is_recording, logs_in
-from cwcli.logs.read.remote import FILE_SCHEME, blocks, file_system, is_remote, names_below, unreadable
+from cwcli.logs.read.remote import FILE_SCHEME, blocks, file_system, is_remote, names_below
+from cwcli.logs.read.remote_errors import unreadable
 from cwcli.logs.read.source import no_more_than
+from cwcli.url import name_url, path_of_url
 
 
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Every log once, as (source, path): the name for people, and the absolute path or the URL.
+    """Every log once, as (source, path): the name for people, and the absolute path, or the URL with its secrets.
 
     A folder with a recorder's metadata.yaml is one log; another one stands for the logs that lie right in it. Patterns
     (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes first.
-    What is named twice, also through a link, is one log.
+    What is named twice, also through a link or with two signatures of one URL, is one log.
 
     Args:
         arguments: Files, folders, patterns and URLs.
@@ -39,7 +41,8 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
         if not outside:
             raise UsageError("the log lies in the output folder", where=argument, hint="name another folder with -d")
         for source, path in outside.items():
-            found.setdefault(path, (source, path))
+            name = name_url(source) if is_remote(source) else source
+            found.setdefault(name if is_remote(source) else path, (name, path))
     return list(found.values())
 
 
@@ -93,7 +96,7 @@ def _expanded_remote(url: str) -> list[str]:
     if url.endswith("/") and METADATA in names_below(url):
         return [url]
     system, path = file_system(f"{url}*.mcap" if url.endswith("/") else url)
-    if not glob.has_magic(path):
+    if not glob.has_magic(path_of_url(url) if not url.endswith("/") else path):
         return [url]
     try:
         matches = sorted(name for name in system.glob(path) if not system.isdir(name))
@@ -131,7 +134,7 @@ def local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in no_more_than(max_bytes, blocks(url), url):
+            for block in no_more_than(max_bytes, blocks(url), name_url(url)):
                 try:
                     target.write(block)
                 except OSError as error:

@@ -7,6 +7,8 @@ import re
 import unicodedata
 from collections.abc import Sequence
 
+from cwcli.url import HIDDEN
+
 MAX_LENGTH = 80
 MAX_BYTES = 160
 """In UTF-8; file systems take 255, and more comes behind."""
@@ -86,6 +88,11 @@ def log_ids(sources: Sequence[str]) -> list[str]:
 
 def _parts(source: str) -> list[str]:
     """Folders and stem, without what means nothing."""
+    digest = ""
+    if "://" in source:  # as `name_url` names it: who reads it, and with which signature, is no part of the name
+        source, _, rest = source.replace(f"{HIDDEN}@", "").replace(f"#{HIDDEN}", "").partition(f"?{HIDDEN}")
+        digest = f"-{rest[2:-1]}" if rest else ""
     *folders, name = source.replace("\\", "/").rstrip("/").split("/")
     stem = name[: -len(".mcap")] if name.lower().endswith(".mcap") and len(name) > len(".mcap") else name
+    stem += digest
     return [*(folder for folder in folders if folder not in ("", ".", "..")), stem]

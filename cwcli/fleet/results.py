@@ -16,6 +16,7 @@ from cwcli.logs.read.recording import is_recording
 from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS
 from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
 from cwcli.metrics.table import Table
+from cwcli.url import name_url
 
 if TYPE_CHECKING:
     from cwcli.evaluation.system.topics import System
@@ -88,8 +89,10 @@ def read_metrics(
         if system is not None:
             raise UsageError("--topic needs the annotated logs, not their table of metrics", where=source)
         return RunMetrics(source, tuple(_of_table(path)))
-    step(f"evaluating {source}")
-    return RunMetrics(source, (_of_log(source, path.name if source != STDIN else "<stdin>", how),), is_one_log=True)
+    name = name_url(source)
+    step(f"evaluating {name}")
+    log = _of_log(source, Path(name).name if source != STDIN else "<stdin>", how)
+    return RunMetrics(name, (log,), is_one_log=True)
 
 
 def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) -> RunMetrics:

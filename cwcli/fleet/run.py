@@ -41,6 +41,7 @@ from cwcli.input import inputs_below, note_input, remembering_inputs
 from cwcli.logs.read.remote import is_remote
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection
+from cwcli.url import name_url
 
 Report = Callable[[Task, str, int, int], None]
 PARTS = (LOGS, METRICS, DETAILS, TABLES, SCRATCH)
@@ -181,7 +182,7 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
         if known in by_id:
             continue
         entry = LogFolder(out, known).entry()
-        if entry is None or entry.get("source") in sources:  # cut off, or it has another name now
+        if entry is None or name_url(str(entry.get("source"))) in sources:  # cut off, or it has another name now
             LogFolder(out, known).clear()
         else:
             others.append(known)

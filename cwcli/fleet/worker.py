@@ -29,6 +29,7 @@ from cwcli.pipeline.execute import Outcome, run_stages
 from cwcli.pipeline.missing import SignalsFor
 from cwcli.pipeline.selection import select
 from cwcli.stages import STAGES
+from cwcli.url import redact_urls
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def _work(task: Task, plan: Plan) -> str:
         entry["error"] = error_entry(error)
     except Exception as error:
         outputs = []
-        entry["error"] = bug_entry(error)
+        entry["error"] = bug_entry(error, task.path)
     record(folder, entry, outputs)
     return str(entry["status"])
 
@@ -164,13 +165,13 @@ def error_entry(error: CwcliError) -> dict[str, Any]:
     }
 
 
-def bug_entry(error: Exception) -> dict[str, Any]:
-    """Any other error: a bug, with where it came from."""
+def bug_entry(error: Exception, path: str = "") -> dict[str, Any]:
+    """Any other error: a bug, with where it came from; `path` is the log, whose secrets it may repeat."""
     frames = traceback.extract_tb(error.__traceback__)
     found = [f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in frames[-5:]]
     return {
         "exit_code": EXIT_BUG,
-        "what": f"a bug in cwcli {__version__}: {type(error).__name__}: {str(error)[:200]}",
+        "what": f"a bug in cwcli {__version__}: {type(error).__name__}: {redact_urls(str(error), path)[:200]}",
         "where": "",
         "found": found,
         "hint": "run `cwcli run` on this log alone for the whole traceback, and please report it",

@@ -37,5 +37,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="as of PET",
     misleads="behind a vehicle, as PET; masses are not sent",
-    with_warnings=False,
 )

@@ -44,5 +44,4 @@ MEASURE = Measure(
     is_symmetric=False,
     undefined="the two were never known at one time",
     misleads="of a long drive: one bad second hardly shows in the mean",
-    with_warnings=False,
 )

@@ -30,5 +30,4 @@ MEASURE = Measure(
     is_symmetric=False,
     undefined="as of PET, or the two drive within 30 degrees of one line",
     misleads="in a queue: it is as long as one stands",
-    with_warnings=False,
 )

@@ -35,5 +35,4 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or do not close",
     misleads="of a driver who brakes already: the reaction is counted again",
     is_pointwise=True,
-    with_warnings=False,
 )

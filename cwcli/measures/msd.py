@@ -27,5 +27,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="it knows no reaction and a dry road",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -156,4 +156,5 @@ MEASURE = Measure(
     undefined="no spot was left by one less than 5 s before the other came",
     misleads="behind a vehicle: there it is the time gap, which is small for hours in dense traffic",
     is_series=False,
+    with_warnings=True,
 )

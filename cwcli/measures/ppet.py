@@ -33,5 +33,4 @@ MEASURE = Measure(
     undefined="the ways cross under less than 30 degrees, or one has left the area, or stands",
     misleads="of one that brakes for the crossing",
     is_pointwise=True,
-    with_warnings=False,
 )

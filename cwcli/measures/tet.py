@@ -30,5 +30,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="the two were never known at one time",
     misleads="of a long drive: it adds up what was never near",
-    with_warnings=False,
 )

@@ -30,5 +30,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="the two were never known at one time",
     misleads="as TET",
-    with_warnings=False,
 )

@@ -44,5 +44,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="of two that pass each other on any road: it is for finding candidates, not conflicts",
     is_pointwise=True,
-    with_warnings=False,
 )

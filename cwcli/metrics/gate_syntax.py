@@ -17,7 +17,7 @@ import math
 import re
 from dataclasses import dataclass
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 
 MAX_LENGTH = 2000
 MAX_DEPTH = 50
@@ -212,7 +212,7 @@ class _Parser:
             return Share(self._inside())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
-            raise UsageError(f"a gate has no function {text}", hint=f"known: {', '.join(known)}")
+            raise UsageError(f"a gate has no function {text}", hint=names_hint(text, known, "known"))
         self._need("(")
         kind, inner, start = self._next("a metric")
         if kind != "name" or self._peek()[1] == "(":
@@ -253,6 +253,7 @@ class _Parser:
 
     def _error(self, expected: str, start: int) -> UsageError:
         found = self._text[start : start + 20].strip()
+        found = "a URL" if "://" in self._text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"
         return UsageError(
             f"can't read the gate `{self._text.strip()}`: expected {expected} at character {start + 1}, {what}",

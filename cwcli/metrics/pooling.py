@@ -18,6 +18,8 @@ MIN_LOGS = 5
 """With fewer logs a bootstrap over them tells nothing."""
 N_RESAMPLES = 2000
 POOLED_ID = "(pooled)"
+QUALITY = "data."
+"""How the names of metrics of the recorded data begin; all others are of what stages made of them."""
 
 
 @dataclass(frozen=True)

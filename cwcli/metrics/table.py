@@ -264,8 +264,10 @@ def _arrow_array(column: TableColumn) -> pa.Array:
     import pyarrow as pa
 
     if isinstance(column, Strings):
-        codes = pa.array(column.codes, mask=column.codes < 0)
-        return pa.DictionaryArray.from_arrays(codes, pa.array(column.values, pa.string()))
+        # Arrow leaves memory as it found it behind a dictionary with equal values, and writes that into the file
+        distinct = column.merge_equal()
+        codes = pa.array(distinct.codes, mask=distinct.codes < 0)
+        return pa.DictionaryArray.from_arrays(codes, pa.array(distinct.values, pa.string()))
     if isinstance(column, Ragged):
         return pa.ListArray.from_arrays(pa.array(column.offsets, pa.int32()), pa.array(column.values))
     if not isinstance(column, np.ndarray):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from cwcli.errors import UsageError
 from cwcli.pipeline.call import Selection
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import duration
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -26,7 +27,31 @@ def select(log: Log, topic: Sequence[str], start: str | None, end: str | None) -
     from cwcli.channels.binding import parse_overrides
 
     start_ns, end_ns = _span(start, end, log.start_ns, "--{}")
+    if log.n_messages:
+        _require_overlap(log, start, start_ns, end, end_ns)
     return Selection(topics=parse_overrides(topic), start_ns=start_ns, end_ns=end_ns)
+
+
+def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str | None, end_ns: int | None) -> None:
+    """Refuse a span outside the log.
+
+    Raises:
+        UsageError: The log ends before the span begins, or begins after it has ended.
+    """
+    duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
+    hint = f"the log lasts {duration(duration_s)}, from {_iso(log.start_ns)} to {_iso(log.end_ns)}"
+    if start_ns is not None and start_ns > log.end_ns:
+        raise UsageError(f"--start {start} is after the end of the log", where=log.name, hint=hint)
+    if end_ns is not None and end_ns <= log.start_ns:
+        raise UsageError(f"--end {end} is not after the start of the log", where=log.name, hint=hint)
+
+
+def _iso(stamp_ns: int) -> str:
+    """UTC to the second; nanoseconds for a time that no calendar has."""
+    try:
+        return f"{datetime.fromtimestamp(stamp_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ}"
+    except (OverflowError, ValueError, OSError):
+        return f"{stamp_ns} ns"
 
 
 def check_selection(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:

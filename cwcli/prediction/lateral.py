@@ -18,7 +18,7 @@ from cwcli.dynamics.near_lane import LEAST_M
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.single_track import steady_lateral_lever
 from cwcli.dynamics.vehicle import Vehicle
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.covariances import turned
@@ -67,7 +67,7 @@ class LateralPathConfig:
             UsageError: Unknown model, or times that are not positive or do not fit.
         """
         if self.model not in LATERAL_MODELS:
-            raise UsageError(f"there is no path model '{self.model}'", hint=f"one of: {', '.join(LATERAL_MODELS)}")
+            raise UsageError(f"there is no path model '{self.model}'", hint=names_hint(self.model, LATERAL_MODELS))
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError
 from cwcli.evaluation.system.topics import System
+from cwcli.fleet.folder import id_of_annotated
 from cwcli.fleet.results import read_metrics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
@@ -121,7 +123,7 @@ def _of_one_log(
     with Log.open(source, recover=recover) as log:
         require_results(log)
         if not run.is_folder:
-            name = log.name.rpartition("/")[2]
+            name = id_of_annotated(Path(source)) or log.name.rpartition("/")[2]
             entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, system, is_needed=bool(gates)))
         results = check_gates(gates, [log_metrics(entry)])
         section, story, badges = "", None, []

@@ -30,8 +30,8 @@ def find_browser() -> str:
     found = next((path for path in map(shutil.which, BROWSERS) if path), None)
     if found is None:
         raise UsageError(
-            "--pdf needs Chromium, and none is installed",
-            hint="install it (Debian: apt-get install chromium), or write the page and print it from a browser",
+            "a PDF needs Chromium, and none is installed",
+            hint="install it (Debian: apt-get install chromium), or write report.html and print it from a browser",
         )
     return found
 

@@ -11,6 +11,7 @@ from cwcli.fleet.folder import MANIFEST, NOT_DONE, RecordedLog, read_output
 from cwcli.fleet.results import read_metrics_table
 from cwcli.logs.read.recording import is_recording
 from cwcli.metrics.pooling import MetricRow, rows_of
+from cwcli.url import name_url
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ def read_run(source: str) -> Run:
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if not is_folder:
-        return Run(Path(source).name, (Entry(path.stem, path.name, source, path),), (), is_folder=False)
+        shown = Path(name_url(source))
+        return Run(shown.name, (Entry(shown.stem, shown.name, str(shown), path),), (), is_folder=False)
     run = read_output(path)
     if run is None:
         raise InputError(

@@ -1,6 +1,6 @@
 """CAN frames (`can_msgs/Frame`) as signals, by the DBC files that describe the bus.
 
-cantools reads the files (an extra, `cwcli[can]`); the bits are taken out of all frames at once.
+cantools reads the files (an extra, `cwcli-drive[can]`); the bits are taken out of all frames at once.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.signals.columns import Columns, FloatArray, Ragged
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.mapping import MAPPED, UNITS, FieldMapping, Term
@@ -117,6 +117,20 @@ def _message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
     raise _wrong(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
+def list_signals(files: Sequence[str]) -> list[str]:
+    """The signals of DBC files as `MESSAGE.SIGNAL`, in the order of the files.
+
+    Raises:
+        UsageError: A file can't be read, or cantools is not installed.
+    """
+    return [
+        f"{message.name}.{signal.name}"
+        for file in files
+        for message in _database(file).messages
+        for signal in message.signals
+    ]
+
+
 def _database(file: str) -> Any:
     from cwcli.input import read_file
 
@@ -124,7 +138,7 @@ def _database(file: str) -> Any:
         from cantools import database
         from cantools.database.errors import Error
     except ImportError as error:
-        raise UsageError("CAN frames need cantools", hint="pip install 'cwcli[can]'") from error
+        raise UsageError("CAN frames need cantools", hint=install_hint("can")) from error
     try:
         data = read_file(file)
         try:

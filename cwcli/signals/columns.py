@@ -53,6 +53,12 @@ class Strings:
         """The given rows, in the given order."""
         return Strings(self.codes[rows], self.values)
 
+    def merge_equal(self) -> Strings:
+        """The same rows with every value held once: writers of dictionaries rely on that."""
+        index: dict[str, int] = {}
+        code_of = np.array([*(index.setdefault(value, len(index)) for value in self.values), -1], np.int32)
+        return self if len(index) == len(self.values) else Strings(code_of[self.codes], tuple(index))
+
 
 def constant_strings(value: str, n: int) -> Strings:
     """`n` rows of one string."""

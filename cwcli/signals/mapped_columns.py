@@ -144,5 +144,5 @@ def _no_numbers(columns: Columns, mapping: FieldMapping, term: Term) -> UsageErr
     return UsageError(
         f"--map {mapping.role}={mapping.text}: {columns.schema_name or 'the message'} has no number in {place}",
         where=columns.topic,
-        hint="`cwcli info LOG --fields TOPIC` lists its fields; an element of a sequence is named with [0]",
+        hint="`cwcli info LOG` shows fields to try for unused topics; [0] names the first element of a sequence",
     )

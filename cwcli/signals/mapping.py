@@ -20,7 +20,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
 from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2
@@ -182,7 +182,7 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     """
     quantities = MAPPED.get(role)
     if quantities is None:
-        raise UsageError(f"--map {role}: its fields can't be mapped", hint=f"roles that can: {', '.join(MAPPED)}")
+        raise UsageError(f"--map {role}: its fields can't be mapped", hint=names_hint(role, MAPPED, "roles that can"))
     sources: list[FieldMapping] = []
     for one in text.split(NEXT):
         n_before = sources[-1].n_given if sources else quantities.n_needed

@@ -14,7 +14,7 @@ from cwcli.cli.main import run
 from cwcli.cli.options.configfile import WRITES as READ_WRITES
 from cwcli.cli.options.toml import toml
 from cwcli.errors import EXIT_USAGE
-from tests.cli.conftest import Run
+from tests.cli.conftest import SAMPLES, Run
 
 
 def test_defaults_come_back_as_they_were(cwcli: Run, tmp_path: Path) -> None:
@@ -93,6 +93,52 @@ def test_values_of_the_environment_are_checked_too(cwcli: Run, name: str, value:
     done = cwcli("config", env={name: value})
     assert (done.returncode, done.stdout) == (2, b"")
     assert words in done.stderr.decode()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("CWCLI_ESTIMATE_MODEL", "foo", "CWCLI_ESTIMATE_MODEL=foo: it must be one of cwcli, song2016"),
+        ("CWCLI_QUIET", "maybe", "CWCLI_QUIET=maybe: it must be true or false"),
+        ("CWCLI_START", "noon", "hint: --start comes from the environment variable CWCLI_START; for example 12.5"),
+        ("CWCLI_START", "50", "hint: --start comes from the environment variable CWCLI_START; the log lasts 10.0 s"),
+    ],
+)
+def test_a_wrong_value_of_the_environment_names_its_variable(cwcli: Run, name: str, value: str, words: str) -> None:
+    log = SAMPLES / "intersection.mcap"
+    done = cwcli("estimate", log, "-o", "out.mcap", env={name: value})
+    assert done.returncode == EXIT_USAGE
+    assert words in " ".join(done.stderr.decode().split())
+    if name == "CWCLI_START":  # the command line counts more: the variable is not to blame
+        done = cwcli("estimate", log, "-o", "out.mcap", "--start", "60", env={name: value})
+        assert "--start 60" in done.stderr.decode() and name not in done.stderr.decode()
+
+
+def test_a_wrong_value_of_a_file_that_only_a_log_tells_names_file_and_key(cwcli: Run, tmp_path: Path) -> None:
+    (tmp_path / "c.toml").write_text("start = 50\n")
+    done = cwcli("estimate", SAMPLES / "intersection.mcap", "-o", "out.mcap", "--config", "c.toml")
+    assert done.returncode == EXIT_USAGE
+    assert "--start comes from start in c.toml; the log lasts 10.0 s" in " ".join(done.stderr.decode().split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["estimate", "LOG", "--topic", "ego_postion=/gps/fix"], "did you mean ego_position?"),
+        (["estimate", "LOG", "--map", "ego_sped=/gps/fix:a"], "did you mean ego_speed?"),
+        (["report", "LOG", "-o", "r.html", "--topic", "warnng=/a"], "did you mean warning?"),
+        (["export", "LOG", "--what", "warnngs"], "did you mean warnings?"),
+        (["export", "LOG", "--format", "geojsn"], "did you mean geojson?"),
+        (["reproduce", "song2015"], "did you mean song2016?"),
+        (["predict", "LOG", "--model", "ctrw"], "did you mean ctrv"),
+        (["estimate", "LOG", "--model", "cwclj"], "did you mean cwcli?"),
+    ],
+)
+def test_a_misspelt_name_gets_the_closest_one(cwcli: Run, arguments: list[str], words: str) -> None:
+    log = SAMPLES / "intersection.mcap"
+    done = cwcli(*(log if each == "LOG" else each for each in arguments))
+    assert done.returncode == EXIT_USAGE
+    assert words in " ".join(done.stderr.decode().split())
 
 
 def test_times_of_two_kinds_can_only_be_compared_in_a_log(cwcli: Run, tmp_path: Path) -> None:

@@ -252,7 +252,7 @@ def test_a_station_that_may_be_the_ego_is_told(cwcli: Run, intersection: Path, t
             writer.add_message(channel_id, message.log_time, message.data, message.publish_time)
         writer.finish()
     notes = json.loads(cwcli("info", path, "--json").stdout)["notes"]
-    assert notes == ["a station of /v2x/bsm can be the ego: --ego-station ID"]
+    assert notes == ["a station of /v2x/bsm can be the ego: --ego-station d9583520"]
 
 
 def test_drift_is_not_told_from_scatter() -> None:
@@ -281,3 +281,14 @@ def test_log_times_of_all_64_bits_are_examined(tmp_path: Path, last_ns: int) -> 
     assert (found.messages, found.gaps, found.undecodable) == (41, 1, 0)
     assert found.rate_hz == pytest.approx(10.0)
     assert found.longest_gap_s == pytest.approx((last_ns - T0_NS) / 1e9 - 3.9)
+
+
+@pytest.mark.parametrize(
+    ("role", "schema", "takes_many"), [("truth", "nav_msgs/msg/Odometry", False), ("imu", "sensor_msgs/msg/Imu", True)]
+)
+def test_several_topics_are_offered_only_where_a_role_takes_several(role: str, schema: str, takes_many: bool) -> None:
+    topics = ("/truth/a", "/truth/b") if role == "truth" else ("/a", "/b")
+    channels = [ChannelInfo(k, topic, schema, "ros2msg", "cdr", 5) for k, topic in enumerate(topics)]
+    tries = reasons(channels, bind(channels, {}, required=(), optional=(role,)))[topics[0]].tries
+    assert f"--topic {role}={topics[0]}" in tries
+    assert (f"--topic {role}={','.join(topics)}" in tries) == takes_many

@@ -15,6 +15,7 @@ from junitparser import Failure, JUnitXml, Skipped
 
 from cwcli import __version__
 from cwcli.cli.main import run
+from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
 from cwcli.metrics.gates import Status, check_gates
 from cwcli.metrics.headline import Headline
 from cwcli.metrics.pooling import LogMetrics
@@ -251,6 +252,33 @@ def test_compare_finds_a_planted_regression(tmp_path: Path, capsys: pytest.Captu
     assert run(["compare", str(after), str(before), "--fail-on", "worse"]) == 0
     assert run(["compare", str(before), str(after), "--fail-on", "worse", "--tolerance", "0.1"]) == 0
     assert run(["compare", str(before), str(before), "--fail-on", "unclear", "--fail-on", "missing"]) == 0
+
+
+@pytest.mark.parametrize("is_raw", [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize("kind", ["log", "folder"])
+def test_compare_refuses_what_no_stage_has_run_on(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, is_raw: tuple[bool, bool]
+) -> None:
+    """A recorded log, or a folder of them that is no output of a run, on either side."""
+    raw = ROOT / "sample_logs" / "intersection.mcap"
+    annotated = fleet / "logs" / "intersection" / "annotated.mcap"
+    if kind == "folder":
+        raw, annotated = raw.parent, annotated.parent
+    named = [raw if each else annotated for each in is_raw]
+    assert run(["compare", *map(str, named), "--markdown", str(tmp_path / "out.md")]) == EXIT_MISSING_SIGNAL
+    found = capsys.readouterr()
+    said = " ".join(found.err.split())
+    assert f"error: {raw}: no stage of cwcli has run on" in said and "hint: run `cwcli run " in said
+    assert (found.out, list(tmp_path.iterdir())) == ("", [])
+
+
+def test_compare_refuses_runs_without_a_common_log(
+    fleet: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    annotated = fleet / "logs" / "straight" / "annotated.mcap"
+    assert run(["compare", str(fleet), str(annotated)]) == EXIT_USAGE
+    said = " ".join(capsys.readouterr().err.split())
+    assert "no log in common" in said and "intersection and straight in the first, annotated.mcap in the second" in said
 
 
 def test_compare_is_seeded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

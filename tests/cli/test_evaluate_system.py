@@ -213,3 +213,18 @@ def test_a_run_over_several_logs(drive: Path, tmp_path: Path, capsys: pytest.Cap
     page = tmp_path / "report.html"
     assert run(["report", str(tmp_path / "out"), "-o", str(page), option, "--quiet"]) == 0
     assert page.read_text(encoding="utf-8").count("Warnings of /adas/fcw") == 2
+
+
+def test_the_page_of_one_drive_of_a_run_has_the_drives_name(
+    drive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every annotated log of a run is called annotated.mcap; tab, header and log say which drive it is."""
+    (tmp_path / "tuesday.mcap").write_bytes((drive / "drive.mcap").read_bytes())
+    assert run(["run", str(tmp_path / "tuesday.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    monkeypatch.chdir(tmp_path / "out" / "logs" / "tuesday")
+    for source in (tmp_path / "out", Path("annotated.mcap").resolve(), Path("annotated.mcap")):
+        assert run(["report", str(source), "-o", str(tmp_path / "r.html"), "--force", "--quiet"]) == 0
+        text = (tmp_path / "r.html").read_text(encoding="utf-8")
+        assert "<title>cwcli report: tuesday</title>" in text
+        assert '<p class="kicker">cwcli report · tuesday</p>' in text
+        assert "annotated.mcap" not in text

@@ -209,3 +209,15 @@ def test_online_states_may_be_missing(cars: tuple[Path, Path], estimated: Path, 
     assert run(["join", str(cars[0]), str(lacking), "-o", str(both), "--quiet"]) == 0
     with Log.open(both) as log:
         assert "/cwcli/remote/online" not in {channel.topic for channel in log.channels}
+
+
+def test_names_of_others_move_no_cursor(
+    cars: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    hostile = tmp_path / "x\x1b[31m.mcap"
+    hostile.write_bytes(cars[1].read_bytes())
+    for k, more in enumerate(([], ["--id", "y\x1b]0;z\x07"])):
+        assert run(["join", str(cars[0]), str(hostile), "-o", str(tmp_path / f"both{k}.mcap"), *more]) == 0
+        said = "".join(capsys.readouterr())
+        assert "\x1b" not in said and "\x07" not in said
+        assert ("y\\x1b]0;z\\x07" if more else "x\\x1b[31m") in said

@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.cli.commands.plot import WHAT
 from cwcli.cli.main import run
-from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE, MissingSignalError
+from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE, MissingSignalError
 from cwcli.evaluation.subject import EgoTruth
 from cwcli.logs.read.reader import Log
 from cwcli.report import plots
@@ -40,6 +40,12 @@ def test_each_plot_is_drawn_and_the_same_each_time(annotated: Path, tmp_path: Pa
     drawn = (tmp_path / "a.svg").read_bytes()
     assert drawn == (tmp_path / "b.svg").read_bytes()
     assert drawn.count(b"<path") > 20 and b"<svg" in drawn
+
+
+def test_view_names_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["view", str(tmp_path / "nope.mcap")]) == EXIT_BAD_INPUT
+    said = capsys.readouterr().err
+    assert "there is no such file" in said and "Rerun" not in said
 
 
 def test_a_png_is_one(annotated: Path, tmp_path: Path) -> None:

@@ -112,10 +112,43 @@ def test_without_a_browser_one_line_says_so(
     annotated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf"]) == EXIT_USAGE
-    said = capsys.readouterr().err
-    assert said.startswith("error: --pdf needs Chromium") and said.count("error: ") == 1
-    assert not (tmp_path / "r.pdf").exists()
+    for more in (["--pdf"], []):
+        assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), *more]) == EXIT_USAGE
+        said = capsys.readouterr().err
+        assert said.startswith("error: a PDF needs Chromium") and said.count("error: ") == 1
+        assert not (tmp_path / "r.pdf").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "said"),
+    [
+        ("r.md", [], "a page ends in .html, .htm or .pdf"),
+        ("r.png", [], "a page ends in .html, .htm or .pdf"),
+        ("r.html", ["--pdf"], "a PDF ends in .pdf"),
+    ],
+)
+def test_a_name_of_another_format_is_refused(
+    annotated: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    more: list[str],
+    said: str,
+) -> None:
+    monkeypatch.setattr(pdf_module, "find_browser", lambda: fake_browser(tmp_path, "true\n"))
+    assert run(["report", str(annotated), "-o", str(tmp_path / name), *more]) == EXIT_USAGE
+    assert said in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / name).exists()
+
+
+def test_a_name_in_pdf_is_printed_without_being_asked(
+    annotated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pdf_module, "find_browser", lambda: "chromium")
+    monkeypatch.setattr(pdf_module, "printed", lambda html, browser: b"%PDF- of the page")
+    assert run(["report", str(annotated), "-o", str(tmp_path / "r.PDF"), "--quiet"]) == 0
+    assert (tmp_path / "r.PDF").read_bytes() == b"%PDF- of the page"
 
 
 def test_a_browser_that_fails_leaves_no_file(

@@ -17,6 +17,7 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.text import count, finite
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
+from cwcli.url import name_url
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration, Constant
@@ -81,7 +82,7 @@ def command(
                 if len(logs) == 1:
                     raise
                 worst = error if worst is None or error.exit_code > worst.exit_code else worst
-                console.note(f"{error.where or log}: {error.what}; left out")
+                console.note(f"{error.where or name_url(log)}: {error.what}; left out")
     if not drives:
         assert worst is not None
         raise worst
@@ -126,7 +127,7 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
             refuse_faults(Outcome(log.name, results=[result], faults=log.faults.counts()), log.start_ns)
         pitch = camera_pitch(log)
     cameras = {} if pitch is None else {pitch.topic: (pitch.pitch_rad, pitch.sigma_rad)}
-    return Drive(Path(name).name, result.made.ego, cameras)
+    return Drive(Path(log.name).name, result.made.ego, cameras)
 
 
 def _rows(found: Calibration) -> list[tuple[Cell, ...]]:

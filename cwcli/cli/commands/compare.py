@@ -18,7 +18,7 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import Cell, table
 from cwcli.cli.targets import check_outputs
 from cwcli.cli.text import count, finite, interval, join_names, number, printable
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, names_hint
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
@@ -86,7 +86,8 @@ def command(
     """Say what got better and what got worse between two runs over the same logs, and whether it could be chance.
 
     Logs are paired by their id. Each headline metric is called improved, worse, same, unclear or missing; the chance
-    that any of them is called improved or worse without reason is at most 2 %. See docs/evaluation.md.
+    that any of them is called improved or worse without reason is at most 2 %. The exit code is 4 where no stage has
+    run on a log, and 2 where no log is in both. See docs/evaluation.md.
     """
     from cwcli.fleet.results import read_metrics
     from cwcli.metrics.compare import compare_runs, comparison_table
@@ -110,8 +111,15 @@ def command(
         if pages is not None:
             progress.step("comparing warnings")
             differing = differences(*pages)
+    for run in runs:
+        _require_stage_results(run)
     before, after = _paired(*runs)
     comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
+    if not comparison.n_pairs and not fail_on:
+        raise UsageError(
+            f"{before.source} and {after.source} have no log in common, so nothing can be compared",
+            hint=f"logs are paired by their id: {_ids(before)} in the first, {_ids(after)} in the second",
+        )
     failed = _failed(comparison, fail_on or ())
     with Together() as together:
         if metrics is not None:
@@ -132,11 +140,31 @@ def command(
 def _check(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
     for verdict in fail_on:
         if verdict not in FAIL_ON:
-            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=f"one of: {', '.join(FAIL_ON)}")
+            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAIL_ON))
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance {tolerance:g} is not between 0 and 1")
     if seed < 0:
         raise UsageError(f"--seed {seed} is negative")
+
+
+def _require_stage_results(run: RunMetrics) -> None:
+    """Refuse a run of recorded logs that no stage has run on: only the quality of their data could be compared.
+
+    Raises:
+        MissingSignalError: No log of the run has a result of a stage.
+    """
+    from cwcli.metrics.pooling import QUALITY
+
+    scored = [log for log in run.logs if not log.error]
+    if not scored or any(not name.startswith(QUALITY) for log in scored for name in log.rows):
+        return
+    subject, target = ("it", "-o annotated.mcap") if run.is_one_log else ("any of its logs", "-d out/")
+    logs = "LOG" if run.is_one_log else "logs/*.mcap"
+    raise MissingSignalError(
+        f"no stage of cwcli has run on {subject}, so there is nothing to compare",
+        where=run.source,
+        hint=f"run `cwcli run {logs} {target}` first, and compare what it writes",
+    )
 
 
 def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetrics]:
@@ -146,6 +174,11 @@ def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetri
     if before.is_one_log and after.is_one_log:
         return before, replace(after, logs=(replace(after.logs[0], id=before.logs[0].id),))
     return before, after
+
+
+def _ids(run: RunMetrics) -> str:
+    """The ids of the logs that could be scored."""
+    return _some([log.id for log in run.logs if not log.error]) or "none"
 
 
 def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:

@@ -34,8 +34,6 @@ EXAMPLES = (
 )
 BESIDE = ("metric", "the system", "cwcli", "states", "n")
 MAX_SHOWN = 20
-QUALITY = "data."
-"""What the metrics of the data begin with: a log has them before any stage has run."""
 MAX_IN_MARKDOWN = 200
 
 Document = dict[str, Any]
@@ -81,7 +79,7 @@ def command(
     from cwcli.fleet.results import read_metrics
     from cwcli.metrics.gate_syntax import parse
     from cwcli.metrics.gates import check_gates
-    from cwcli.metrics.pooling import pooled_rows, run_table
+    from cwcli.metrics.pooling import QUALITY, pooled_rows, run_table
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, write_file
 

@@ -13,7 +13,7 @@ from cwcli.cli.console import Console, is_terminal, stdout_or_file
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.export.formats import TRACK_FORMATS
 from cwcli.text import join_names, printable
 
@@ -33,6 +33,8 @@ WHAT = (
 )
 TABLES = ("csv", "parquet")
 ROS_LOG = "ros2"
+LOG_SUFFIX = ".mcap"
+"""Of files of formats that are logs; it does not tell which of them."""
 FORMATS = (*TABLES, *TRACK_FORMATS, ROS_LOG)
 MOST_NAMED = 10
 
@@ -54,7 +56,7 @@ def command(
         typer.Option(
             "--format",
             metavar="FORMAT",
-            show_default="by the name of the file, else csv",
+            show_default="by the end of the file's name (logs: .osi.mcap, .ros2.mcap); without one csv",
             help=f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}. Tracks alone (ego, remote, targets) have all of them.",
         ),
     ] = None,
@@ -148,10 +150,10 @@ def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
     for name in names:
         if name not in CONTENTS:
             raise UsageError(
-                f"--what {name!r}: there is no such thing to export", hint=f"it is one of {', '.join(CONTENTS)}"
+                f"--what {name!r}: there is no such thing to export", hint=names_hint(name, CONTENTS, "it is one of")
             )
     if form not in FORMATS:
-        raise UsageError(f"--format {form!r}: there is no such format", hint=f"it is one of {', '.join(FORMATS)}")
+        raise UsageError(f"--format {form!r}: there is no such format", hint=names_hint(form, FORMATS, "it is one of"))
     if form == ROS_LOG and (names or vehicle is not None):
         option = "--what" if names else "--id"
         raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")
@@ -162,13 +164,39 @@ def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
         raise UsageError(f"--what {','.join(names)}: a table holds one of them", hint="export them one by one")
 
 
-def _format_of(output: str) -> str:
-    """The format that a file's name tells; csv where it tells none."""
+def known_suffixes() -> dict[str, str]:
+    """How names of files end -> the format that this means."""
     from cwcli.export.formats import track_format
 
-    suffix = Path(output).suffix.lower()
-    known = {f".{name}": name for name in TABLES} | {track_format(name).suffix: name for name in TRACK_FORMATS}
-    return known.get(suffix, TABLES[0])
+    of_tracks = {suffix: name for name in TRACK_FORMATS for suffix in track_format(name).suffixes}
+    return {f".{name}": name for name in TABLES} | of_tracks | {f".{ROS_LOG}{LOG_SUFFIX}": ROS_LOG}
+
+
+def _format_of(output: str) -> str:
+    """The format that a file's name tells; csv for a name without a suffix.
+
+    Raises:
+        UsageError: No format, or more than one, has files of that suffix.
+    """
+    name = Path(output).name.lower()
+    known = known_suffixes()
+    for ending, form in known.items():
+        if name.endswith(ending):
+            return form
+    suffix = Path(name).suffix
+    if not suffix:
+        return TABLES[0]
+    if suffix == LOG_SUFFIX:
+        forms = [(form, ending) for ending, form in known.items() if ending.endswith(LOG_SUFFIX)]
+        raise UsageError(
+            f"-o {output}: {join_names([form for form, _ in forms])} are both written as {LOG_SUFFIX}",
+            hint=f"choose one with --format, or end the name in {' or '.join(ending for _, ending in forms)}",
+        )
+    endings = [f"{form} ({', '.join(each for each in known if known[each] == form)})" for form in FORMATS]
+    raise UsageError(
+        f"-o {output}: no format ends in {suffix}",
+        hint=f"choose one with --format, or by the end of the name: {', '.join(endings)}",
+    )
 
 
 def _encode(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:

@@ -108,19 +108,21 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         for binding in (each for one in bound for each in (one, *one.parts)):
             roles.setdefault(binding.topic, []).append(str(role))
     why = reasons(log.channels, bindings)
+    if reading.dbc:
+        _explain_can_channels(log, why, reading.dbc)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     return {
         "name": log.name,
-        "size_bytes": len(log.file),
+        "size_bytes": sum(map(len, log.file.files)),
         "profile": log.profile,
-        "library": log.library,
+        "library": _container(log) or log.library,
         "start_ns": log.start_ns,
         "end_ns": log.end_ns,
         "start": utc(log.start_ns),
         "duration_s": duration_s,
         "messages": log.n_messages,
         "chunks": log.n_chunks,
-        "compression": list(log.compressions),
+        "compression": [] if _container(log) else list(log.compressions),
         "channels": [
             _channel(channel, duration_s, roles.get(channel.topic, []), why.get(channel.topic))
             for channel in log.channels
@@ -133,17 +135,45 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
     }
 
 
+def _container(log: Log) -> str:
+    """What the log was converted from when it was opened, by the first of its files; "" for an MCAP file."""
+    from cwcli.logs.read.converted import BAG_MAGIC, DATABASE_MAGIC
+
+    head = bytes(log.file.files[0][:16])
+    kinds = {BAG_MAGIC: "converted from a ROS 1 bag", DATABASE_MAGIC: "converted from a rosbag2 database"}
+    return next((words for magic, words in kinds.items() if head.startswith(magic)), "")
+
+
+def _explain_can_channels(log: Log, why: dict[str, Reason], files: list[str]) -> None:
+    """Say of each channel of CAN frames without a role which signals of the DBC files a role could take."""
+    from cwcli.channels.reasons import explain_can_frames
+    from cwcli.signals.can import list_signals
+    from cwcli.signals.input_rows import CAN_SCHEMAS
+    from cwcli.signals.inputs import normalise
+
+    signals = list_signals(files)
+    for channel in log.channels:
+        if channel.topic in why and channel.message_count and normalise(channel.schema_name) in CAN_SCHEMAS:
+            why[channel.topic] = explain_can_frames(channel.topic, signals, files)
+
+
 def _of_stations(log: Log, bindings: Bindings) -> list[str]:
     """What to say of a log without the ego's position whose radios may have heard it."""
+    from cwcli.pipeline.stations import MOST_NAMED, stations_heard
     from cwcli.signals.inputs import input_for
     from cwcli.signals.role import Role
+    from cwcli.text import printable
 
     role = Role.EGO_POSITION
     if role in bindings or role in bindings.undecided:
         return []
     entries = {each.topic: input_for(role, each.schema_name) for each in log.channels if each.message_count != 0}
     topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
-    return [f"a station of {', '.join(topics)} can be the ego: --ego-station ID"] if topics else []
+    if not topics:
+        return []
+    heard = stations_heard(log).most_common(MOST_NAMED)
+    named = " or ".join(printable(station) for station, _ in heard) or "ID"
+    return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 
 
 def _channel(channel: Any, duration_s: float, roles: list[str], reason: Reason | None) -> Document:

@@ -23,6 +23,7 @@ from cwcli.cli.options.shared import (
 )
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
+from cwcli.cli.text import shown
 from cwcli.errors import UsageError
 
 EXAMPLES = (
@@ -96,8 +97,8 @@ def command(
     )
     with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
         with opened(other) as second:
-            progress.step(f"estimating {log} and {other}")
-            name = name or Path(other.rstrip("/")).name.split(".")[0] or "other"
+            progress.step(f"estimating {ego.name} and {second.name}")
+            name = name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
             joined = join_logs(ego, second, estimate, name=name, late_s=late)
             faults = {each.name: each.faults.counts() for each in (ego, second)}
         progress.step(f"writing {target}")
@@ -116,7 +117,7 @@ def command(
         console.document("join", said)
         return
     for topic, n in joined.n_states.items():
-        console.summary(f"{topic}: {n} states of {name}")
+        console.summary(f"{shown(topic)}: {n} states of {shown(name)}")
     for note in joined.notes:
         console.note(note)
     for where, counts in faults.items():

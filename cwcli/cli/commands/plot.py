@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -11,6 +10,7 @@ from cwcli.cli.console import Console, closest
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
 from cwcli.cli.report import print_written
+from cwcli.cli.targets import check_suffix
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli plot annotated.mcap --what error -o error.png", "cwcli plot annotated.mcap --what ape -o ape.svg")
@@ -40,9 +40,7 @@ def command(
     check_targets([output], force=force, inputs=log)
     if what not in KNOWN:
         raise UsageError(f"--what {what!r}: there is no such plot", hint=closest(what, list(KNOWN)))
-    form = Path(output).suffix.lower().removeprefix(".")
-    if form not in FORMATS:
-        raise UsageError(f"-o {output}: an image ends in .png or .svg", hint=f"-o {Path(output).stem or 'plot'}.png")
+    form = check_suffix(output, [f".{name}" for name in FORMATS], what="an image").removeprefix(".")
     with Log.open(one_log(log, as_one)) as opened:
         drive = read_drive(opened)
     write_file(output, draw(drive, what, form), force=force)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +13,7 @@ from cwcli.cli.options.runs import GatesOption, SystemOption
 from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written
+from cwcli.cli.targets import check_suffix
 from cwcli.cli.text import count
 
 EXAMPLES = (
@@ -21,6 +23,8 @@ EXAMPLES = (
     'cwcli report a.mcap -o r.html --tiles "$SERVER" --tiles-attribution "$OWNER"',
     "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
+PDF_SUFFIX = ".pdf"
+PAGE_SUFFIXES = (".html", ".htm", PDF_SUFFIX)
 
 SourceArgument = Annotated[
     str,
@@ -49,7 +53,7 @@ AttributionOption = Annotated[
     str | None,
     typer.Option("--tiles-attribution", metavar="TEXT", show_default=False, help="Whose map the tiles are."),
 ]
-PdfOption = Annotated[bool, typer.Option("--pdf", help="Print the page to a PDF instead, by Chromium.")]
+PdfOption = Annotated[bool, typer.Option("--pdf", help="Print a PDF instead, by Chromium; -o x.pdf does it, too.")]
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
 
@@ -70,7 +74,7 @@ def command(
     The page needs no network (but for --tiles): what happened in a sentence, the map, the warnings with the predicted
     paths, the signals with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays
     under 6 MB: of many logs the failed and the warned ones come first, and the page says what is left out. A failed
-    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
+    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system.topics import parse_system
@@ -80,10 +84,13 @@ def command(
     from cwcli.report.tiles import parse_tiles
 
     basemap = parse_tiles(tiles, tiles_attribution)
+    target = str(stdout_or_file(output))
+    pdf = pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
     browser = find_browser() if pdf else None
     system = parse_system(topics) if topics else None
-    target = str(stdout_or_file(output))
     check_targets([target], force=force, inputs=[source])
+    suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
+    check_suffix(target, suffixes, what=what, required=False)
     bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:

@@ -15,7 +15,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_result, print_written
-from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError
+from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, names_hint
 
 if TYPE_CHECKING:
     from cwcli.output import Together
@@ -115,7 +115,7 @@ def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
     known = {_plain(name): name for name in load_expectations(paper).figures}
     for text in only:
         if _plain(text) not in known:
-            raise UsageError(f"{paper} has no '{text}'", hint=f"one of: {', '.join(known)}")
+            raise UsageError(f"{paper} has no '{text}'", hint=names_hint(text, known))
     return tuple(known[_plain(text)] for text in only)
 
 
@@ -226,7 +226,7 @@ def command(
             "--seeds",
             metavar="N",
             show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
-            help="Seeds of each scenario.",
+            help="Seeds of each scenario; a note tells where fewer are taken.",
         ),
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes; the numbers don't depend on it.")] = 2,
@@ -280,7 +280,7 @@ def command(
     """
     entry = PAPERS.get(paper)
     if entry is None:
-        raise UsageError(f"there is no reproduction of '{paper}'", hint=f"one of: {', '.join(PAPERS)}")
+        raise UsageError(f"there is no reproduction of '{paper}'", hint=names_hint(paper, PAPERS))
     n_seeds = entry.seeds if seeds is None else seeds
     n_frames = entry.frames if frames is None else frames
     _check(paper, entry, n_seeds, jobs, frames=frames, labelled=labelled)

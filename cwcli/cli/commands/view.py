@@ -11,7 +11,8 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, LogArgument
 from cwcli.cli.report import print_written
-from cwcli.errors import UsageError
+from cwcli.cli.targets import check_suffix
+from cwcli.errors import InputError, UsageError
 
 EXAMPLES = ("cwcli view annotated.mcap", "cwcli view annotated.mcap -o annotated.rrd")
 
@@ -33,13 +34,15 @@ def command(
     """
     from cwcli.export.recording import recorded, require_rerun, show
     from cwcli.logs.read.reader import Log
+    from cwcli.logs.read.remote import is_remote
     from cwcli.output import check_targets, write_file
 
     if output is not None:
         check_targets([output], force=force, inputs=log)
-        if Path(output).suffix.lower() != ".rrd":
-            raise UsageError(f"-o {output}: a recording ends in .rrd", hint=f"-o {Path(output).stem or 'log'}.rrd")
+        check_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
+    if not more and path != "-" and not is_remote(path) and not Path(path).exists():
+        raise InputError("there is no such file", where=path)
     if more or not Path(path).is_file():
         raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
     require_rerun()

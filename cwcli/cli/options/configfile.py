@@ -16,6 +16,7 @@ What is written where, and what is overwritten, is said on the command line alon
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -30,6 +31,8 @@ FOUND_NAME = "cwcli.toml"
 NO_FILE = "none"
 OF_STAGE = "__"
 """Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
+
+_ORIGINS: ContextVar[dict[str, str]] = ContextVar("origins", default={})  # noqa: B039 - never changed in place
 
 WRITES = frozenset(
     {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots", "report"}
@@ -52,9 +55,11 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
     document = _load(value)
     options = {parameter.name: parameter for parameter in ctx.command.params if parameter.name is not None}
     defaults: dict[str, Any] = {}
+    origins: dict[str, str] = {}
     for key, entry in _top_level(value, document).items():
         if key in options:
             defaults[key] = _checked(ctx, value, key, entry, options[key])
+            origins[options[key].opts[0]] = f"{key} in {value}"
     command = str(ctx.info_name)
     for table, entries in document.items():
         if not isinstance(entries, dict):
@@ -68,13 +73,20 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
                 shown = [name.removeprefix(prefix) for name in own if not getattr(options[name], "hidden", False)]
                 raise _unknown(value, f"{table}.{key}", sorted(shown))
             defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
+            origins[options[option].opts[0]] = f"{table}.{key} in {value}"
     _check_selection(value, defaults)
     if is_found and defaults:
         from cwcli.cli.console import Console
 
         Console(quiet=bool(ctx.params.get("quiet"))).note(f"defaults from {value} (--config {NO_FILE} does without)")
     ctx.default_map = defaults
+    _ORIGINS.set(origins)
     return value
+
+
+def configured_options() -> dict[str, str]:
+    """Option -> key and file of its value, for those that the configuration of this run has set."""
+    return _ORIGINS.get()
 
 
 def _found() -> str | None:

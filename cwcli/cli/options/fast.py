@@ -11,6 +11,8 @@ from typing import Any, Literal, get_args, get_origin
 
 import typer
 
+from cwcli.errors import names_hint
+
 
 class _PlainCoercion:
     """Stands in for Typer's runtime parameter: same method, no pydantic for plain values."""
@@ -36,6 +38,9 @@ class _PlainCoercion:
             if error.__cause__ is None:  # Typer's own words
                 raise
             what = f"it must be {_wanted(self._annotation, self._info)}, not {_shown(value)}"
+            if get_origin(self._annotation) is Literal:
+                near = names_hint(str(value), map(str, get_args(self._annotation)))
+                what += f" ({near})" if near.endswith("?") else ""
             raise typer.BadParameter(what, ctx=ctx, param=param) from error
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cwcli.channels.binding import parse_overrides
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, names_hint
 from cwcli.logs.read.reader import Log
 from cwcli.signals.field_condition import EXAMPLES, Condition, parse_condition
 
@@ -62,7 +62,7 @@ def parse_system(options: Sequence[str]) -> System:
         if role not in WORDS:
             raise UsageError(
                 f"--topic {role}={topic}: there is no role {role} of another system",
-                hint="; ".join(f"{name}: {words}" for name, words in WORDS.items()),
+                hint=names_hint(role, WORDS, "roles"),
             )
     topic, colon, text = named.get("warning", "").partition(":")
     condition = None

@@ -43,7 +43,7 @@ class TrackFormat:
     """A format.
 
     Attributes:
-        suffix: Of its files.
+        suffixes: How the names of its files may end, in lower case, the usual way first. No two formats share one.
         what: What it is, and who reads it, in one line.
         encode: Tracks -> the content of a file.
         is_of_one: A file holds one track.
@@ -52,7 +52,7 @@ class TrackFormat:
         is_of_all: It holds the ego and all others together, unless something else is asked for.
     """
 
-    suffix: str
+    suffixes: tuple[str, ...]
     what: str
     encode: Callable[[Sequence[Track]], bytes]
     is_of_one: bool = False

@@ -35,4 +35,4 @@ def _feature(track: Track) -> dict[str, Any]:
     }
 
 
-FORMAT = TrackFormat(".geojson", "GeoJSON (RFC 7946), for GIS tools", encode, on_globe=True)
+FORMAT = TrackFormat((".geojson",), "GeoJSON (RFC 7946), for GIS tools", encode, on_globe=True)

@@ -30,4 +30,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join([*parts, "</gpx>\n"]).encode()
 
 
-FORMAT = TrackFormat(".gpx", "GPX 1.1, for maps and GNSS tools", encode, on_globe=True)
+FORMAT = TrackFormat((".gpx",), "GPX 1.1, for maps and GNSS tools", encode, on_globe=True)

@@ -23,4 +23,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat(".txt", "KITTI poses, for evo; without times", encode, is_of_one=True)
+FORMAT = TrackFormat((".kitti", ".txt"), "KITTI poses, for evo; without times", encode, is_of_one=True)

@@ -29,4 +29,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join([*parts, "</Document>\n</kml>\n"]).encode()
 
 
-FORMAT = TrackFormat(".kml", "KML 2.2, for Google Earth", encode, on_globe=True)
+FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode, on_globe=True)

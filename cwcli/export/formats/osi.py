@@ -164,4 +164,6 @@ def _states(track: Track, at_ns: Int64Array) -> FloatArray:
     return np.column_stack([found[:, :3], heading, found[:, 3:]])
 
 
-FORMAT = TrackFormat(".mcap", "ASAM OSI trace, for simulators and their tools", encode, is_text=False, is_of_all=True)
+FORMAT = TrackFormat(
+    (".osi.mcap",), "ASAM OSI trace, for simulators and their tools", encode, is_text=False, is_of_all=True
+)

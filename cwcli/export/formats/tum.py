@@ -24,4 +24,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat(".tum", "TUM trajectory, for evo and SLAM tools", encode, is_of_one=True)
+FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode, is_of_one=True)

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import json_walk
 from cwcli.kernels.message_scan import intern_spans
-from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, merge_equal, take_ragged
+from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, take_ragged
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
 ABSENT, NULL, BOOL, INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
@@ -273,7 +273,7 @@ class JsonSlot:
         for row in np.flatnonzero(np.isin(tags, (BOOL, INT, FLOAT))).tolist():
             codes[row] = len(texts)
             texts.append(_spelled(int(tags[row]), values[row : row + 1]))
-        return first_seen(merge_equal(Strings(codes, tuple(texts))))
+        return first_seen(Strings(codes, tuple(texts)).merge_equal())
 
     def _code_elements(
         self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array

@@ -119,7 +119,7 @@ class StringSlot:
     def finish(self, rows: Int64Array) -> Strings:
         """Return the strings of the given rows. Bytes that are not UTF-8 become escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
-        return first_seen(merge_equal(Strings(self.codes[rows], values)))
+        return first_seen(Strings(self.codes[rows], values).merge_equal())
 
 
 class SpanSlot(StringSlot):
@@ -233,13 +233,6 @@ def first_seen(strings: Strings) -> Strings:
     new_code = np.full(len(strings.values) + 1, -1, np.int32)
     new_code[codes[order]] = np.arange(len(codes), dtype=np.int32)
     return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
-
-
-def merge_equal(strings: Strings) -> Strings:
-    """Return the same strings with one code per text: different bytes may decode to the same text."""
-    index: dict[str, int] = {}
-    codes = np.array([index.setdefault(value, len(index)) for value in strings.values] + [-1], np.int32)
-    return Strings(codes[strings.codes], tuple(index))
 
 
 def _address(array: npt.NDArray[np.generic]) -> int:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from cwcli.errors import InputError
@@ -126,11 +126,14 @@ class JoinedFile(InputFile):
 class Numbering:
     """Assigns ids of the log to the schemas and channels of its parts, of which each part has its own.
 
-    Channels with equal definitions are one channel. A part keeps its ids if no other part uses them.
+    Equal schemas are one schema, however many records of a part hold them. Channels of two parts are one channel if
+    topic, schema and message encoding are equal; if a part has several such channels, each is paired with a different
+    one of the other part, preferably with equal metadata. The log's channel gets the metadata of the first part. A part
+    keeps its ids if no other part uses them.
     """
 
-    _schemas: dict[Any, int] = field(default_factory=dict)
-    _channels: dict[Any, int] = field(default_factory=dict)
+    _schemas: dict[Any, dict[int, Any]] = field(default_factory=dict)
+    _channels: dict[Any, dict[int, Any]] = field(default_factory=dict)
 
     def number(
         self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]
@@ -140,34 +143,53 @@ class Numbering:
         Raises:
             InputError: The log needs more than 65,534 ids.
         """
-        schema_ids = {0: 0, **_numbered(((each.id, each[1:]) for each in schemas.values()), self._schemas)}
-        keys = (
-            (each.id, (schema_ids.get(each.schema_id, 0), each[2:4], tuple(sorted(each.metadata.items()))))
+        of_schemas = ((each.id, each[1:], None) for each in schemas.values())
+        schema_ids = {0: 0, **_numbered(of_schemas, self._schemas, is_shared=True)}
+        of_channels = (
+            (
+                each.id,
+                (schema_ids.get(each.schema_id, 0), each.topic, each.message_encoding),
+                tuple(sorted(each.metadata.items())),
+            )
             for each in channels.values()
         )
-        return schema_ids, _numbered(keys, self._channels)
+        return schema_ids, _numbered(of_channels, self._channels, is_shared=False)
 
 
-def _numbered(entries: Iterable[tuple[int, Any]], known: dict[Any, int]) -> dict[int, int]:
-    """Map old ids to new ids: equal contents get the same id, unless one part repeats a content.
+def _numbered(
+    entries: Iterable[tuple[int, Any, Any]], known: dict[Any, dict[int, Any]], *, is_shared: bool
+) -> dict[int, int]:
+    """Return id in the part -> id in the log.
 
     Args:
-        entries: Old id and content.
-        known: Content and its repetition -> new id; extended here.
+        entries: Id in the part, content, and details in which equal entries of two parts may differ.
+        known: Content -> id in the log -> details; extended here.
+        is_shared: Entries of one part with equal content share one id.
     """
-    seen: Counter[Any] = Counter()
-    taken = set(known.values())
-    numbered = {}
-    for own_id, content in sorted(entries, key=lambda entry: entry[0]):
-        key = content, seen[content]
-        seen[content] += 1
-        if key not in known:
+    taken = {new_id for ids in known.values() for new_id in ids}
+    numbered: dict[int, int] = {}
+    rest = []
+    used: set[int] = set()
+    ordered = sorted(entries, key=itemgetter(0))
+    for own_id, content, details in ordered:  # entries that are equal in full go first
+        same = (new_id for new_id, known_ in known.get(content, {}).items() if known_ == details)
+        new_id = next((each for each in same if is_shared or each not in used), None)
+        if new_id is None:
+            rest.append((own_id, content, details))
+        else:
+            numbered[own_id] = new_id
+            used.add(new_id)
+    for own_id, content, details in rest:
+        ids = known.setdefault(content, {})
+        new_id = next((each for each in ids if is_shared or each not in used), None)
+        if new_id is None:
             new_id = own_id if own_id not in taken and own_id < NOBODY else max(taken, default=0) + 1
             if new_id >= NOBODY:
                 raise InputError("its parts have more than 65,534 ids of schemas or channels")
-            known[key] = new_id
+            ids[new_id] = details
             taken.add(new_id)
-        numbered[own_id] = known[key]
+        numbered[own_id] = new_id
+        used.add(new_id)
     return numbered
 
 

@@ -16,6 +16,7 @@ from cwcli.input import InputFile, read_file
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.read.bounded_yaml import load_yaml
 from cwcli.logs.read.remote import blocks, is_remote, names_below
+from cwcli.url import name_url
 
 METADATA = "metadata.yaml"
 SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
@@ -165,7 +166,8 @@ def _is_empty(name: str) -> bool:
 
 def joined_name(names: Sequence[str]) -> str:
     """What a log of these parts is called."""
-    return f"{names[0]} and {len(names) - 1} more" if len(names) > 1 else names[0]
+    first = name_url(names[0])
+    return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 
 def _found(listed: str, names: Sequence[str]) -> str | None:

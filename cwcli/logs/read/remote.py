@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cwcli.errors import InputError, UsageError
+from cwcli.errors import UsageError, install_hint
+from cwcli.logs.read.remote_errors import unreadable
+from cwcli.url import name_url, redact_urls
 
 FILE_SCHEME = "file://"
 MAX_SCHEME_CHARS = 40
@@ -63,6 +65,7 @@ def file_system(url: str) -> tuple[Any, str]:
     """The store of a URL, and what it calls the file.
 
     Raises:
+        InputError: The store does not answer.
         UsageError: Its scheme is not read, it is no URL, or it needs a package that is not installed.
     """
     scheme = url.partition("://")[0]
@@ -76,20 +79,16 @@ def file_system(url: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(
-            "remote logs need a package that is not installed", where=url, hint="pip install 'cwcli[remote]'"
+            "remote logs need a package that is not installed", where=name_url(url), hint=install_hint("remote")
         ) from error
     try:
         system, path = url_to_fs(url)
-    except Exception as error:  # the store's own package is missing, or it can't make sense of the URL
-        what = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise UsageError(what, where=url, hint="pip install 'cwcli[remote]' reads s3://") from error
+    except (ImportError, ValueError) as error:  # the store's own package is missing, or it can't make sense of the URL
+        raise UsageError(
+            redact_urls(next(iter(str(error).splitlines()), type(error).__name__), url),
+            where=name_url(url),
+            hint=f"{install_hint('remote')} reads s3://",
+        ) from error
+    except Exception as error:  # some stores connect at once
+        raise unreadable(url, error) from error
     return system, str(path)
-
-
-def unreadable(url: str, error: Exception) -> InputError:
-    """The error that a URL can't be read, for the store's reason."""
-    reason = " ".join(str(error).split()) or type(error).__name__
-    if isinstance(error, FileNotFoundError) and reason.rpartition("/")[2] == url.rstrip("/").rpartition("/")[2]:
-        why = " ".join(str(error.__cause__ or "").split())
-        reason = f"there is no such file{f' ({why})' if why else ''}"
-    return InputError(f"it can't be read: {reason}", where=url)

@@ -17,6 +17,7 @@ from cwcli.logs.format.faults import no_mcap
 from cwcli.logs.format.records import MAGIC
 from cwcli.logs.read.converted import converted
 from cwcli.logs.read.remote import FILE_SCHEME, blocks, is_remote, names_below
+from cwcli.url import name_url
 
 if TYPE_CHECKING:
     from cwcli.logs.read.recording import Opener
@@ -55,7 +56,7 @@ def open_source(
         return _parts(source, name, opener)
     if str(source) == STDIN:
         return _standard_input(max_pipe_bytes)
-    name = str(source) if name is None else name
+    name = name_url(str(source)) if name is None else name
     if is_remote(str(source)):
         return _remote(str(source), name, opener, max_pipe_bytes)
     path = Path(str(source).removeprefix(FILE_SCHEME))

@@ -12,8 +12,10 @@ import pytest
 
 from cwcli.errors import OutputError
 from cwcli.fleet import local
+from cwcli.fleet.fork_server import ForkServer
 from cwcli.fleet.local import WorkerDied, run_local
 from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.spawned import SpawningServer
 from cwcli.fleet.worker import Done
 
 PLAN = Plan(())
@@ -43,6 +45,13 @@ def no_disk(task: Task, plan: Plan) -> Done:
     raise OutputError("no space is left on the disk")
 
 
+@pytest.fixture(params=[ForkServer, SpawningServer], ids=["forked", "spawned"])
+def server(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Either way of starting workers; the second is that of systems that can't fork."""
+    monkeypatch.setattr(local, "_server", request.param)
+
+
+@pytest.mark.usefixtures("server")
 @pytest.mark.parametrize("do", [die_on_b, leave_on_b])
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_log_that_kills_its_workers_stops_no_other(do: Callable[[Task, Plan], Done], jobs: int) -> None:
@@ -72,11 +81,13 @@ def test_no_thread_outlives_the_run() -> None:
         assert set(threading.enumerate()) <= before
 
 
+@pytest.mark.usefixtures("server")
 def test_an_error_of_the_folder_ends_the_run() -> None:
     with pytest.raises(OutputError, match="no space"):
         list(run_local([task("a"), task("c")], PLAN, 2, no_disk))
 
 
+@pytest.mark.usefixtures("server")
 def test_stopping_early_leaves_no_worker() -> None:
     running = run_local([task(f"a{k}") for k in range(50)], PLAN, 2, die_on_b)
     _, done = next(running)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import json
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 import zstandard
-from mcap.writer import CompressionType
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 
 from cwcli.errors import InputError, UsageError
 from cwcli.logs.read.reader import Log
@@ -48,6 +51,57 @@ def test_parts_read_as_the_whole(whole: Path, tmp_path: Path, ids: str, layout: 
         counts = {each.topic: each.message_count for each in expected.channels}
         assert {each.topic: each.message_count for each in log.channels} == counts
         assert log.faults.counts() == {}
+
+
+def write_part(path: Path, channels: list[tuple[int, str, dict[str, str]]], first: int) -> Path:
+    """A part whose channels have a schema record each, all of the same type, as rosbag2 splits them."""
+    stream = BytesIO()
+    writer = Writer(stream)
+    writer.start(profile="", library="test")
+    made = [
+        writer.register_channel(topic, "json", writer.register_schema("Same", "jsonschema", b"{}"), metadata)
+        for _, topic, metadata in channels
+    ]
+    for k in range(10):
+        for channel_id, (sender, _, _) in zip(made, channels, strict=True):
+            at_ns = T0_NS + (first + k) * 10_000_000
+            writer.add_message(channel_id, at_ns, json.dumps({"sender": sender}).encode(), at_ns, k)
+    writer.finish()
+    path.write_bytes(stream.getvalue())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("parts", "expected"),
+    [
+        pytest.param([[(1, "/a", {}), (2, "/b", {})], [(2, "/b", {}), (1, "/a", {})]], ["/a", "/b"], id="turned"),
+        pytest.param([[(2, "/b", {}), (1, "/a", {})], [(1, "/a", {})]], ["/a", "/b"], id="one-is-silent"),
+        pytest.param([[(1, "/a", {"qos": "1"})], [(1, "/a", {"qos": "2"})]], ["/a"], id="metadata-differ"),
+        pytest.param(
+            [
+                [(1, "/a", {"from": "1"}), (2, "/a", {"from": "2"})],
+                [(2, "/a", {"from": "2"}), (1, "/a", {"from": "1"})],
+                [(2, "/a", {"from": "2"})],
+            ],
+            ["/a", "/a"],
+            id="two-senders-of-one-topic",
+        ),
+    ],
+)
+def test_channels_of_equal_topic_and_type_are_one_across_parts(
+    tmp_path: Path, parts: list[list[tuple[int, str, dict[str, str]]]], expected: list[str]
+) -> None:
+    """Every message is on the channel of its own sender, in the log and in its copy."""
+    paths = [write_part(tmp_path / f"drive_{k}.mcap", each, 10 * k) for k, each in enumerate(parts)]
+    with Log.open(names(paths)) as log:
+        annotate(log, (), {}, tmp_path / "copy.mcap")
+        assert sorted(each.topic for each in log.channels) == expected
+        assert sum(each.message_count or 0 for each in log.channels) == 10 * sum(map(len, parts))
+    senders: dict[int, set[int]] = {}
+    with (tmp_path / "copy.mcap").open("rb") as stream:
+        for _, channel, message in make_reader(stream).iter_messages():
+            senders.setdefault(channel.id, set()).add(json.loads(message.data)["sender"])
+    assert sorted(map(sorted, senders.values())) == [[k + 1] for k in range(len(expected))]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

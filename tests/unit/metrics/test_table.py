@@ -86,6 +86,14 @@ def test_same_table_gives_the_same_bytes(tmp_path: Path, suffix: str) -> None:
     assert (tmp_path / f"a{suffix}").read_bytes() == (tmp_path / f"b{suffix}").read_bytes()
 
 
+def test_a_dictionary_holds_each_value_once() -> None:
+    """Behind a dictionary with equal values Arrow writes memory as it finds it: files of equal tables differed."""
+    twice = Strings(np.array([2, 0, -1, 1, 0], np.int32), ("/imu", "/gps", "/imu"))
+    column = arrow_table(Table("t", {"topic": twice}))["topic"].combine_chunks()
+    assert column.dictionary.to_pylist() == ["/imu", "/gps"]
+    assert column.to_pylist() == ["/imu", "/imu", None, "/gps", "/imu"]
+
+
 def test_sliced_columns_are_written_right(tmp_path: Path) -> None:
     """Views with strides, as stages cut them out of larger arrays."""
     states = np.arange(24.0).reshape(6, 4)

@@ -24,9 +24,10 @@ from cwcli.signals.radio.frames import CONTENTS
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from tests.unit.signals.radio import packing
+from tests.unit.signals.radio.security import secured
 from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
 
-SAMPLES = Path(__file__).parents[4] / "sample_logs"
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 BTP_CAM = b"\x07\xd1\x00\x00"
 
 
@@ -39,7 +40,7 @@ def remote(schema: str, *messages: bytes) -> tuple[RemoteSignal, Quality]:
     return signal, quality
 
 
-def secured(message: bytes, *, signed: bool) -> bytes:
+def official_secured(message: bytes, *, signed: bool) -> bytes:
     """A message inside IEEE 1609.2, by an independent encoder (canonical OER)."""
     data = ITS_IEEE1609_2.Ieee1609Dot2.Ieee1609Dot2Data
     plain = {"protocolVersion": 3, "content": ("unsecuredData", message)}
@@ -53,6 +54,12 @@ def secured(message: bytes, *, signed: bool) -> bytes:
     data.set_val({"protocolVersion": 3, "content": ("signedData", content)} if signed else plain)
     packed: bytes = data.to_coer()
     return packed
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_the_hand_written_envelope_is_that_of_the_encoder(signed: bool) -> None:
+    for message in (b"four", bytes(200)):
+        assert secured(message, signed=signed) == official_secured(message, signed=signed)
 
 
 def test_what_is_secured_is_unwrapped_and_what_is_signed_is_said() -> None:

@@ -1,0 +1,144 @@
+"""The process that forks workers: it imports what every log needs once, and reaches its parent through pipes alone.
+
+Python's own fork server listens on a socket with a name in the folder for temporary files, and a run that is killed
+leaves that folder behind. This one is given its end of a pair of sockets when it starts; for each worker the parent
+sends one end of another pair through it. None of them has a name, so a killed run leaves nothing.
+
+A worker reads (function, arguments) and answers (is an error, value), pickled, until its socket is closed. It ends at
+once when the leash, a pipe of which the parent alone holds the other end, is closed: the parent has gone, or says so.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for
+
+from cwcli.estimation.track import IS_WORKER
+from cwcli.fleet.worker_call import PipeWorker, WorkerLost
+
+
+class ForkServer:
+    """Starts workers. Everything that it started ends with `stop`, or with this process.
+
+    Raises:
+        OSError: No process can be started.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._control, far = socket.socketpair()
+        held, self._leash = os.pipe()
+        # it imports from where this process does, and not from the current folder, as `-c` alone would
+        path = f"import sys; sys.path[:] = {sys.path!r}"
+        command = f"{path}; from {__name__} import serve; serve({far.fileno()}, {held})"
+        # Ctrl-C is this process's matter: while it imports, the server would print a traceback
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-c", command], pass_fds=(far.fileno(), held), stdin=subprocess.DEVNULL
+            )
+        except BaseException:
+            self._control.close()
+            os.close(self._leash)
+            raise
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            far.close()
+            os.close(held)
+
+    def start_worker(self) -> PipeWorker:
+        """A new worker.
+
+        Raises:
+            WorkerLost: The server has gone, or was stopped.
+        """
+        near, far = socket.socketpair()
+        with far:
+            try:
+                with self._lock:
+                    socket.send_fds(self._control, [b"w"], [far.fileno()])
+            except OSError as error:
+                near.close()
+                raise WorkerLost from error
+        return PipeWorker(Connection(near.detach()))
+
+    def stop(self) -> None:
+        """End all workers at once."""
+        with self._lock:
+            leash, self._leash = self._leash, -1
+            if leash >= 0:
+                os.close(leash)
+            self._control.close()
+
+    def join(self) -> None:
+        """Wait until the server has gone; it goes when its last worker has gone."""
+        self._process.wait()
+
+
+def serve(control: int, leash: int) -> None:
+    """The server's whole life: import, then fork a worker for each socket that comes, until the parent has gone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    for descriptor in (control, leash):
+        os.set_inheritable(descriptor, False)
+    os.environ[IS_WORKER] = "1"
+    import cwcli.fleet.warm  # noqa: F401
+
+    children: set[int] = set()
+    with socket.socket(fileno=control) as calls:
+        while True:
+            try:
+                message, descriptors, *_ = socket.recv_fds(calls, 1, 1)
+            except OSError:
+                break
+            if not message:
+                break
+            children -= {child for child in children if _has_ended(child)}
+            for descriptor in descriptors:
+                os.set_inheritable(descriptor, False)
+                child = os.fork()
+                if not child:
+                    calls.close()
+                    _work(descriptor, leash)
+                os.close(descriptor)
+                children.add(child)
+    for child in children:
+        with suppress(ChildProcessError):
+            os.waitpid(child, 0)
+
+
+def _has_ended(child: int) -> bool:
+    return os.waitpid(child, os.WNOHANG)[0] != 0
+
+
+def _work(descriptor: int, leash: int) -> None:
+    """A worker's whole life; does not return."""
+    code = 1
+    try:
+        threading.Thread(target=_leave_after, args=(leash,), daemon=True).start()
+        with Connection(descriptor) as connection, suppress(OSError, EOFError):
+            while True:
+                function, arguments = connection.recv()
+                try:
+                    answer = False, function(*arguments)
+                except Exception as error:
+                    answer = True, error
+                connection.send(answer)
+        code = 0
+    finally:
+        with suppress(Exception):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
+
+
+def _leave_after(leash: int) -> None:
+    wait_for([leash])
+    os._exit(1)

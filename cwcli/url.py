@@ -1,0 +1,176 @@
+"""URLs in names and messages: without the passwords, tokens and signatures that they carry.
+
+`redact_url` is the only place that decides what of a URL may be printed or written. The URL as the user gave it goes
+to the store alone.
+
+What is hidden: user name and password, the whole query, the fragment. A host, a port and a path stay; a secret that a
+service puts into a path can't be told from a folder's name.
+
+Syntax: https://www.rfc-editor.org/rfc/rfc3986#section-3
+"""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+HIDDEN = "***"
+"""What stands for a part of a URL that is not shown."""
+CONTAINER_SCHEMES = frozenset({"abfs", "abfss", "wasb", "wasbs"})
+"""Schemes of Azure, where `container@account` names a container in front of the `@`, and no user."""
+QUERY_SCHEMES = frozenset({"http", "https"})
+"""Schemes where every `?` begins a query. In others it may be a pattern (`s3://bucket/drive-?.mcap`)."""
+SIGNATURE_PREFIXES = ("x-amz-", "x-goog-", "x-oss-", "x-cos-", "x-obs-")
+"""Beginnings of the parameters with which object stores sign a URL: Amazon, Google, Alibaba, Tencent, Huawei."""
+SIGNATURE_NAMES = frozenset(
+    {"access_token", "access-token", "accesskeyid", "api_key", "api-key", "apikey", "auth", "auth_token"}
+    | {"authorization", "awsaccesskeyid", "client_secret", "credential", "credentials", "expire", "expires"}
+    | {"googleaccessid", "hmac", "id_token", "jwt", "key-pair-id", "ossaccesskeyid", "pass", "passwd", "password"}
+    | {"pwd", "secret", "security-token", "sig", "signature", "token"}
+)
+"""Names of parameters that say who may read, not what is read; compared without regard to case. A name that could be
+either, `key` for example, is not among them: two files must never be taken for one."""
+SAS_NAMES = frozenset(
+    {"saoid", "scid", "se", "sip", "ske", "skoid", "sks", "skt", "sktid", "skv"}
+    | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
+)
+"""Parameters of Azure's shared access signatures, where `sig` is among them.
+https://learn.microsoft.com/rest/api/storageservices/create-service-sas"""
+DIGEST_ROUNDS = 50_000
+"""Of PBKDF2; 30 ms a URL. A guess at a short secret in a parameter of an unknown name costs as much."""
+DIGEST_LENGTH = 8
+"""Hexadecimal digits; so few that many secrets have the same ones."""
+MIN_SECRET_LENGTH = 3
+"""Shorter values are not looked for in the words of others: `t=1` would hide every 1."""
+
+# plain strings, as `re` compiles them when the first URL comes: most runs have none
+_SCHEME = r"[A-Za-z][A-Za-z0-9+.\-]*://"
+_URL = _SCHEME + r"[^\s<>\"`\\^{|}]*"
+_TRAILING = "'),.;:]"
+_NAME_WITH_DIGEST = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
+
+
+def redact_url(url: str) -> str:
+    """A URL without its secrets: `https://***@host/drive.mcap?***#***`. Other text comes back as it is."""
+    found = list(re.finditer(_SCHEME, url)) if "://" in url else []
+    if not found:
+        return url
+    if named := re.fullmatch(_NAME_WITH_DIGEST, url):
+        return redact_url(named[1]) + named[2]
+    # one URL may hold another: `simplecache::https://...`, `https://host/?from=https://...`
+    begin, end = found[0].start(), found[0].end()
+    scheme = url[begin : end - 3].lower()
+    if len(found) > 1 and not set("?#") & set(url[end : found[1].start()]):
+        return url[: found[1].start()] + redact_url(url[found[1].start() :])
+    user, host, path, query, fragment = _split(scheme, url[end:])
+    if user is not None:
+        is_container = scheme in CONTAINER_SCHEMES and ":" not in user
+        host = f"{user if is_container else HIDDEN}@{host}"
+    shown = f"{url[:end]}{host}{path}"
+    shown += f"?{HIDDEN}" if query is not None else ""
+    return shown + (f"#{HIDDEN}" if fragment is not None else "")
+
+
+def redact_urls(text: str, url: str = "") -> str:
+    """Words that others wrote, an error's for example, without the secrets of the URLs in them.
+
+    Args:
+        text: The words.
+        url: The URL of which they speak. Its secrets are hidden wherever they stand, also without the rest of the URL.
+    """
+    text = text.replace(url, redact_url(url)) if url else text
+    if "://" in text:
+        text = re.sub(_URL, _redact_match, text)
+    for secret in _secrets(url):
+        text = text.replace(secret, HIDDEN)
+    return text
+
+
+@lru_cache(maxsize=10_000)
+def name_url(url: str) -> str:
+    """What a log with this URL is called: the URL without its secrets, told apart from others that look alike then.
+
+    Two signatures of one file are one name. Parameters that may say which file is meant (`?id=7`) give the name a
+    salted digest: `https://host/download?*** (3f2a91cc)`.
+    """
+    shown = redact_url(url)
+    scheme, _, rest = url.rpartition("::")[2].partition("://")
+    query = _split(scheme.lower(), rest)[3]
+    telling = _telling(query) if query is not None else []
+    if not telling:
+        return shown
+    import hashlib
+
+    salt = f"cwcli {shown}".encode("utf-8", "surrogateescape")
+    basis = repr(telling).encode("utf-8", "surrogateescape")
+    digest = hashlib.pbkdf2_hmac("sha256", basis, salt, DIGEST_ROUNDS).hex()
+    return f"{shown} ({digest[:DIGEST_LENGTH]})"
+
+
+def path_of_url(url: str) -> str:
+    """The path of a URL, without host, query and fragment: where a pattern may stand."""
+    scheme, _, rest = url.partition("://")
+    return _split(scheme.lower(), rest)[2]
+
+
+def _telling(query: str) -> list[tuple[str, str]]:
+    """The parameters of a query that may say which file is meant, in order of their names."""
+    from urllib.parse import parse_qsl
+
+    pairs = parse_qsl(query, keep_blank_values=True)
+    names = {name.lower() for name, _ in pairs}
+    signing = SIGNATURE_NAMES | (SAS_NAMES if "sig" in names else frozenset())
+    return sorted(
+        (name, value)
+        for name, value in pairs
+        if name.lower() not in signing and not name.lower().startswith(SIGNATURE_PREFIXES)
+    )
+
+
+def _redact_match(match: re.Match[str]) -> str:
+    found = match.group()
+    url = found.rstrip(_TRAILING)
+    return redact_url(url) + found[len(url) :]
+
+
+def _split(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, str | None]:
+    """User information, host, path, query and fragment of what stands behind `scheme://`; None where there is none."""
+    authority = re.match(r"[^/?#]*", rest)
+    assert authority is not None
+    length = authority.end()
+    if "@" not in authority.group() and "@" in rest and _is_cut_password(authority.group()):
+        length = rest.rindex("@") + 1  # the password holds a character that should have been escaped
+        length += len(re.match(r"[^/?#]*", rest[length:]).group())  # type: ignore[union-attr]
+    user, at, host = rest[:length].rpartition("@")
+    tail = rest[length:]
+    tail, hash_mark, fragment = tail.partition("#")
+    at_query = tail.find("?")
+    if at_query >= 0 and scheme not in QUERY_SCHEMES and "=" not in tail[at_query:]:
+        at_query = -1
+    path, query = (tail, None) if at_query < 0 else (tail[:at_query], tail[at_query + 1 :])
+    return user if at else None, host, path, query, fragment if hash_mark else None
+
+
+def _is_cut_password(authority: str) -> bool:
+    """Whether what stands in front of the first `/`, `?` or `#` is no host with a port."""
+    _, colon, port = authority.rpartition("]")[2].partition(":")
+    return bool(colon) and not port.isdecimal()
+
+
+def _secrets(url: str) -> list[str]:
+    """What is hidden of a URL, in every spelling that a library may give it; the longest first."""
+    match = re.search(_SCHEME, url) if "://" in url else None
+    if match is None:
+        return []
+    from urllib.parse import unquote, unquote_plus
+
+    scheme = match.group()[:-3].lower()
+    user, _, _, query, fragment = _split(scheme, url[match.end() :])
+    if scheme in CONTAINER_SCHEMES and user is not None and ":" not in user:
+        user = None
+    name, _, password = (user or "").partition(":")
+    raw = [user or "", name, password, query or "", fragment or ""]
+    for pair in re.split("[&;]", query or ""):
+        raw.append(pair.partition("=")[2])
+    every = {spelling for each in raw for spelling in (each, unquote(each), unquote_plus(each))}
+    return sorted((each for each in every if len(each) >= MIN_SECRET_LENGTH), key=lambda each: (-len(each), each))
