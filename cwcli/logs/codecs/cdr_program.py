@@ -115,7 +115,7 @@ def compile_program(
         max_align: 8, or 4 for XCDR2.
 
     Raises:
-        SchemaError: A message is not defined, holds itself or a wstring, or is too large.
+        SchemaError: A message is not defined, contains itself or a wstring, or is too large.
     """
     compiler = _Compiler(definitions, wants, blobs, max_align)
     compiler.message(root, "", ())
@@ -143,7 +143,7 @@ class _Compiler:
     def message(self, name: str, prefix: str, parents: tuple[str, ...]) -> None:
         """Compile the fields of a message whose leaves' paths begin with `prefix`."""
         if name in parents or len(parents) > MAX_NESTING:
-            raise SchemaError(f"{name} holds itself")
+            raise SchemaError(f"{name} contains itself")
         fields = find_definition(self.definitions, name)
         self.n_fields += len(fields) + 1
         if self.n_fields > MAX_FIELDS:

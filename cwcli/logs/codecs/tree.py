@@ -119,7 +119,7 @@ def _check(name: str, definitions: Definitions, parents: tuple[str, ...]) -> Non
         SchemaError: A message contains itself or a wstring, or is not defined.
     """
     if name in parents or len(parents) > MAX_NESTING:
-        raise SchemaError(f"{name} holds itself")
+        raise SchemaError(f"{name} contains itself")
     for each in find_definition(definitions, name):
         if each.type == WSTRING:
             raise SchemaError(f"{each.name} is a wstring, which CDR encoders write in different ways")

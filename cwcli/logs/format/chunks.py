@@ -44,9 +44,9 @@ class ChunkError(Exception):
     """A chunk that can't be read.
 
     Attributes:
-        is_crc: It was decompressed, but its CRC does not fit.
+        is_crc: It was decompressed, but its CRC is wrong.
         is_foreign: Its compression is unknown: the file need not be damaged.
-        hint: What to do.
+        hint: Advice to the user.
     """
 
     def __init__(self, what: str, *, is_crc: bool = False, is_foreign: bool = False, hint: str = RECOVER_HINT) -> None:
@@ -205,7 +205,7 @@ def _check_crc(file: InputFile, chunk: ChunkIndex, payload: memoryview) -> None:
     at = chunk.chunk_start + CRC_AT
     (crc,) = _U32.unpack(file[at : at + _U32.size])
     if crc and crc != zlib.crc32(payload):
-        raise ChunkError("a chunk's CRC does not fit", is_crc=True)
+        raise ChunkError("a chunk's CRC is wrong", is_crc=True)
 
 
 def whole_records(payload: memoryview) -> memoryview:
@@ -269,7 +269,7 @@ def _unlz4(stored: memoryview, size: int) -> memoryview:
         stream = lz4.frame.LZ4FrameDecompressor()
         payload = stream.decompress(stored, max_length=size + 1)
         if not stream.eof:
-            raise ChunkError("a chunk's lz4 frame does not end where it should")
+            raise ChunkError("a chunk's lz4 frame has no end")
         return memoryview(payload)
     except (RuntimeError, EOFError, MemoryError, ValueError) as error:
         raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error

@@ -104,8 +104,8 @@ class Faults:
             "chunks lost": self.chunks_lost,
             "of these with a wrong CRC": self.crc_mismatches,
             "chunks read in part": self.chunks_partial,
-            "message indexes that do not fit": self.broken_indexes,
-            "channels whose messages the summary counts wrongly": len(self.miscounted),
+            "message indexes that differ from their chunk": self.broken_indexes,
+            "channels with a wrong message count in the summary": len(self.miscounted),
             "bytes lost": self.bytes_lost,
             "messages lost": self.messages_lost,
         }

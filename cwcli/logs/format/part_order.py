@@ -49,7 +49,7 @@ def arrange(file: JoinedFile, indexes: Sequence[Index]) -> list[Index]:
             kept.append((part, index))
     kept.sort(key=lambda each: _span(each[1]) or (0, 0))
     parts = [part for part, _ in kept]
-    _note(file, "parts that are there twice", repeated)
+    _note(file, "repeated parts", repeated)
     if not file.listing:
         _note_numbers(file, parts)
     else:
@@ -111,7 +111,7 @@ def _note_times(file: JoinedFile, parts: Sequence[tuple[InputFile, tuple[int, in
     if overlaps:
         file.notes[f"parts that overlap in time ({_names(overlaps)})"] = len(overlaps)
     if gaps:
-        file.notes[f"silences between parts ({_names(gaps)})"] = len(gaps)
+        file.notes[f"gaps between parts ({_names(gaps)})"] = len(gaps)
 
 
 def _check_listing(file: JoinedFile, parts: Sequence[tuple[InputFile, Index]]) -> None:

@@ -403,5 +403,5 @@ def read_message_index(data: Data, start: int, end: int) -> tuple[int, int, int]
     (channel_id,) = fields.numbers(_U16)
     (length,) = fields.numbers(_U32)
     if length > end - fields.at or length % INDEX_ENTRY_BYTES:
-        raise RecordError("a message index's length does not fit")
+        raise RecordError("a message index has a wrong length")
     return channel_id, fields.at, fields.at + length

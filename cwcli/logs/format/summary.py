@@ -76,7 +76,7 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
         raise RecordError("the footer points to no summary")
     summary = file[start : footer_at + FOOTER_BYTES - 4]
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
-        raise RecordError("the summary's CRC does not fit")
+        raise RecordError("the summary's CRC is wrong")
     index = Index(has_end=True)
     at = n = n_alike = 0
     while at < footer_at - start:

@@ -1,7 +1,7 @@
-"""Transforms between frames of reference, message by message: `tf2_msgs/TFMessage`, `foxglove.FrameTransform(s)`.
+"""Reads transforms between frames of reference: `tf2_msgs/TFMessage`, `foxglove.FrameTransform(s)`.
 
-They hold names inside lists of messages, which columns don't, and only the first ones are of interest: a camera stays
-where it is mounted.
+They hold texts inside lists of messages, which columns do not, and only the first messages matter: a camera stays where
+it is mounted.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
 
 LISTS = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"})
+"""The message types with a list of transforms."""
 SINGLE = frozenset({"foxglove_msgs/FrameTransform", "foxglove.FrameTransform"})
+"""The message types with one transform."""
 MAX_MESSAGES = 2000
-"""Of each topic."""
+"""The number of messages that are read of each topic. Chosen by hand."""
 MAX_LIST = 10_000
+"""The greatest number of transforms in a message. Chosen by hand."""
 
 
 class BadTransform(ValueError):
@@ -30,12 +33,12 @@ class BadTransform(ValueError):
 
 
 def is_transforms(channel: ChannelInfo) -> bool:
-    """Whether a channel holds transforms that can be read."""
+    """Tell whether a channel holds transforms that can be read."""
     return _name(channel) in LISTS | SINGLE and channel.message_encoding in _DECODERS
 
 
 def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
-    """The transforms of each message, the first `MAX_MESSAGES`; None for one that can't be read."""
+    """Yield the transforms of each of the first `MAX_MESSAGES` messages; None for one that can't be read."""
     decode = _DECODERS[channel.message_encoding]
     name = _name(channel)
     reader.check_indexes([channel.id])
@@ -57,7 +60,11 @@ def _name(channel: ChannelInfo) -> str:
 
 
 def _cdr(payload: bytes, name: str) -> list[Transform]:
-    """XCDR1. TransformStamped and FrameTransform are laid out alike: time, parent, child, translation, rotation."""
+    """Decode XCDR1. TransformStamped and FrameTransform agree: time, parent, child, translation, rotation.
+
+    Raises:
+        BadTransform: The message can't be read.
+    """
     payload = unpacked_message(payload)
     if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
         raise BadTransform("not plain CDR")
@@ -118,7 +125,11 @@ def _protobuf(payload: bytes, name: str) -> list[Transform]:
 
 
 def _json(payload: bytes, name: str) -> list[Transform]:
-    """With foxglove's or ROS's field names."""
+    """Decode JSON with the field names of Foxglove or of ROS.
+
+    Raises:
+        BadTransform: The message can't be read.
+    """
     try:
         document = json.loads(payload)
         messages = document["transforms"] if name in LISTS else [document]

@@ -156,7 +156,7 @@ def _fitting(type_name: str, values: NumericArray) -> NumericArray:
     """
     n_unfit = int(np.count_nonzero(unfit_numbers(type_name, values)))
     if n_unfit:
-        raise ColumnError(f"{n_unfit} of {values.size} numbers are none of {type_name}")
+        raise ColumnError(f"{n_unfit} of {values.size} numbers do not fit in {type_name}")
     return values
 
 
