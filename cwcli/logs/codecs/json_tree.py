@@ -37,7 +37,7 @@ class Key:
 
 @dataclass
 class KeyTree:
-    """The known keys.
+    """The known keys of a JSON channel.
 
     Attributes:
         root: Keys of the message.

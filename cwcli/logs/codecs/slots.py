@@ -62,7 +62,7 @@ class FixedSlot:
         self.array = np.zeros((0,) if count is None else (0, count), dtype)
 
     def grow(self, capacity: int) -> None:
-        """Make room for `capacity` rows."""
+        """Allocate memory for `capacity` rows."""
         if len(self.array) < capacity:
             grown = np.zeros((capacity, *self.array.shape[1:]), self.array.dtype)
             grown[: len(self.array)] = self.array
@@ -92,7 +92,7 @@ class StringSlot:
         self._known: dict[bytes, int] = {}
 
     def grow(self, capacity: int) -> None:
-        """Make room for `capacity` rows."""
+        """Allocate memory for `capacity` rows."""
         if len(self.codes) < capacity:
             grown = np.zeros(capacity, np.int32)
             grown[: len(self.codes)] = self.codes

@@ -69,7 +69,7 @@ class Data(Protocol):
 
 
 class RecordError(ValueError):
-    """Bytes that can't be the record that they should be."""
+    """Bytes that are not a valid record of the expected kind."""
 
 
 class Schema(NamedTuple):

@@ -54,8 +54,8 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
         ValueError: The log times go back.
     """
     if isinstance(channel, StreamedChannel):
-        made = channel.rows(0, len(channel))
-        channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, made)
+        columns = channel.rows(0, len(channel))
+        channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, columns)
     descriptor = message_schema(channel.schema_name).descriptor
     flat = _flat_fields(descriptor, channel)
     if flat is None:

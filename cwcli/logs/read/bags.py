@@ -174,8 +174,8 @@ def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
     def flush() -> None:
         if data:
             times = [time_ns for each in entries.values() for time_ns, _ in each]
-            made = {channel_id: np.array(each, INDEX_ENTRY) for channel_id, each in entries.items()}
-            writer.chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), made))
+            arrays = {channel_id: np.array(each, INDEX_ENTRY) for channel_id, each in entries.items()}
+            writer.chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), arrays))
             data.clear()
             entries.clear()
 

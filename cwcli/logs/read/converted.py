@@ -92,13 +92,13 @@ def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFi
     journals = [] if is_ros1 else open_journals(file)
     try:
         fill = partial(convert_bag, file, notes, None if is_ros1 else journals, max(max_bytes, len(file)))
-        made = _made(file, fill, journals)
+        log_file = _made(file, fill, journals)
     except BaseException:
         for each in journals:
             each.close()
         raise
-    made.notes = {**file.notes, **notes}
-    return made
+    log_file.notes = {**file.notes, **notes}
+    return log_file
 
 
 def _made(file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()) -> InputFile:
@@ -141,7 +141,7 @@ class _Blocks:
         self._pieces = _pieces(file)
 
     def read(self, size: int = -1) -> bytes:
-        """The next piece, whatever size is asked for; the reader takes what it gets."""
+        """Return the next block, whatever size is asked for, as the reader accepts."""
         return next(self._pieces, b"")
 
 

@@ -71,16 +71,16 @@ def _cdr(payload: bytes, name: str) -> list[Transform]:
     order = "<" if payload[1] else ">"
     body, at = memoryview(payload)[4:], 0
 
-    def take(code: str, size: int) -> tuple[Any, ...]:
+    def read_numbers(code: str, size: int) -> tuple[Any, ...]:
         nonlocal at
         at += -at % size
-        made = struct.unpack_from(order + code, body, at)
+        numbers = struct.unpack_from(order + code, body, at)
         at += struct.calcsize(order + code)
-        return made
+        return numbers
 
-    def text() -> str:
+    def read_text() -> str:
         nonlocal at
-        (length,) = take("I", 4)
+        (length,) = read_numbers("I", 4)
         if length > len(body) - at:
             raise BadTransform("cut short")
         octets = bytes(body[at : at + length])
@@ -88,18 +88,18 @@ def _cdr(payload: bytes, name: str) -> list[Transform]:
         return octets.rstrip(b"\0").decode("utf-8", "replace")
 
     try:
-        (n,) = take("I", 4) if name in LISTS else (1,)
+        (n,) = read_numbers("I", 4) if name in LISTS else (1,)
         if n > MAX_LIST:
             raise BadTransform("too many transforms")
-        made = []
+        transforms = []
         for _ in range(n):
-            take("iI", 4)
-            parent, child = text(), text()
-            numbers = take("7d", 8)
-            made.append(_transform(parent, child, numbers[:3], numbers[3:]))
+            read_numbers("iI", 4)
+            parent, child = read_text(), read_text()
+            values = read_numbers("7d", 8)
+            transforms.append(_transform(parent, child, values[:3], values[3:]))
     except struct.error as error:
         raise BadTransform("cut short") from error
-    return made
+    return transforms
 
 
 def _protobuf(payload: bytes, name: str) -> list[Transform]:
@@ -133,12 +133,12 @@ def _json(payload: bytes, name: str) -> list[Transform]:
     try:
         document = json.loads(payload)
         messages = document["transforms"] if name in LISTS else [document]
-        made = []
+        transforms = []
         for each in messages:
             pose: Mapping[str, Any] = each.get("transform", each)
             parent = each.get("parent_frame_id") or each.get("header", {}).get("frame_id", "")
             translation, rotation = pose["translation"], pose["rotation"]
-            made.append(
+            transforms.append(
                 _transform(
                     str(parent),
                     str(each["child_frame_id"]),
@@ -148,7 +148,7 @@ def _json(payload: bytes, name: str) -> list[Transform]:
             )
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise BadTransform("not a transform") from error
-    return made
+    return transforms
 
 
 def _transform(parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...]) -> Transform:

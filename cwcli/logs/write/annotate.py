@@ -212,7 +212,7 @@ def with_memory(
             refuse_existing([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
         if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
-            what = f"a message of {channel.topic} would be logged before 1970, as one that it is made from"
+            what = f"a message of {channel.topic} would be logged before 1970: its source is logged after 2262"
             raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
     refuse_existing(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)

@@ -17,7 +17,7 @@ MIN_ROWS_PER_LENGTH = 8
 
 @dataclass(frozen=True)
 class ByteRows:
-    """Row `i` is `data[offsets[i]:offsets[i + 1]]`.
+    """Rows of bytes of varying length: row `i` is `data[offsets[i]:offsets[i + 1]]`.
 
     Attributes:
         data: Shape (total,), uint8.
@@ -32,7 +32,7 @@ class ByteRows:
 
     @property
     def sizes(self) -> Int64Array:
-        """Shape (n,): length of each row."""
+        """Return the length of each row in bytes, shape (n,)."""
         return np.diff(self.offsets)
 
     def rows(self, start: int, stop: int) -> ByteRows:
