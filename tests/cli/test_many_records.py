@@ -141,7 +141,7 @@ def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> Non
     (tmp_path / "in.mcap").write_bytes(hiding(whole.read_bytes(), "/fix"))
     with Log.open(tmp_path / "in.mcap") as log:
         found = log.columns("/fix")
-        assert log.faults.counts() == {"message indexes that do not fit": 1}
+        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
     assert found.log_time_ns.tolist() == [T0_NS + k for k in range(0, 200, 2)]
 
 
@@ -153,7 +153,7 @@ def test_statistics_that_count_other_messages_are_a_fault(tmp_path: Path) -> Non
     (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.statistics(counted)))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len(log.columns("/x")) == 2
-        assert log.faults.counts() == {"channels whose messages the summary counts wrongly": 1}
+        assert log.faults.counts() == {"channels with a wrong message count in the summary": 1}
 
 
 def test_statistics_without_counts_are_no_fault(tmp_path: Path) -> None:
@@ -183,4 +183,4 @@ def test_endless_pipe_that_begins_as_a_log(tmp_path: Path) -> None:
         ended = bounded(tmp_path, "info", "-", "--max-input", "0.05", most_mb=200, stdin=source.stdout)
         source.kill()
     assert ended.code == 3
-    assert "error: <stdin>: more than 0.05 GB came in" in ended.shown
+    assert "error: <stdin>: more than 0.05 GB were received" in ended.shown

@@ -1,4 +1,4 @@
-"""CDR messages (`cdr` with `ros2msg` schemas) to columns."""
+"""Decodes CDR messages (`cdr` with `ros2msg` schemas) to columns."""
 
 from __future__ import annotations
 
@@ -31,16 +31,18 @@ REASONS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
+"""Status of the kernel for a message that it could not decode -> reason shown to users."""
 MAX_KEPT_SCHEMA_BYTES = 1 << 16
+"""Size in bytes of the largest schema whose compiled program is cached. Chosen by hand."""
 MAX_ROOM_BYTES = 1 << 28
-"""Of room that is made before a message is seen. A schema can ask for any number of bytes a row, whatever comes."""
+"""Memory in bytes that is allocated before a message is seen: a schema can ask for rows of any size. Chosen by hand."""
 
 
 @lru_cache(maxsize=32)
 def _compiled(
     schema_name: str, schema_data: bytes, wanted: frozenset[str] | None, blobs: frozenset[str]
 ) -> tuple[Program, npt.NDArray[np.int32]]:
-    """The program of a schema, and its operations for XCDR2: the same for every file, and never changed."""
+    """Compile a schema to a program, and to its operations for XCDR2; `wanted`: leaf paths, None for all."""
     root, definitions = parse_definitions(schema_name, schema_data.decode(errors="replace"))
 
     def wants(path: str, is_octets: bool) -> bool:
@@ -53,21 +55,21 @@ def _compiled(
 
 
 class CdrDecoder:
-    """Decodes one channel.
+    """Decodes the messages of one channel.
 
-    A column's type follows from the schema alone: sequences are `Ragged` also when all are equally long; leaves inside
-    fixed arrays of messages are (n, k). Left out are strings inside sequences and arrays, and octet sequences unless
+    A column's type follows from the schema alone: sequences are `Ragged` even if all are equally long; leaves inside
+    fixed arrays of messages are (n, k). Strings inside sequences and arrays are left out, and octet sequences unless
     they are named.
 
     Args:
-        schema_name: As the file gives it.
+        schema_name: Name of the schema in the file.
         schema_data: `ros2msg` text.
         fields: Wanted leaves, or None for all.
-        blobs: Octet sequences that `blobs` gives out.
+        blobs: Paths of the octet sequences that the method `blobs` returns.
         n_expected: Number of messages, if known.
 
     Raises:
-        SchemaError: The schema can't be understood, or holds what is not decoded.
+        SchemaError: The schema can't be understood, or holds something that cwcli does not decode.
     """
 
     def __init__(
@@ -86,7 +88,7 @@ class CdrDecoder:
 
     @property
     def empty_row_bytes(self) -> int:
-        """An empty message can't be decoded."""
+        """Return 0, because an empty message can't be decoded."""
         return 0
 
     def restart(self, n_expected: int = 0) -> None:
@@ -103,7 +105,7 @@ class CdrDecoder:
             slot.grow(self._capacity)
 
     def add(self, payloads: Payloads) -> None:
-        """Decode a batch."""
+        """Decode a batch of messages."""
         for part in unpacked(payloads) if len(payloads) else ():
             self._add(part)
 
@@ -149,9 +151,9 @@ class CdrDecoder:
             self._reasons[reason] = self._reasons.get(reason, 0) + count
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A blob field of each message of the last batch; b"" for one that is too short to have got a row.
+        """Return a blob field of each message of the last batch, b"" for a message that is too short.
 
-        Of messages that are packed one by one those of the last part alone: they are to be added one by one.
+        Messages that are compressed one by one must be added one by one, because only the last part is returned.
         """
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
             if leaf.path == path and isinstance(slot, SpanSlot):
@@ -161,13 +163,13 @@ class CdrDecoder:
         raise KeyError(path)
 
     def outcome(self) -> Outcome:
-        """What became of the messages."""
+        """Return which messages were decoded, and why others were not."""
         is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
         is_ok[is_ok] = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
         return Outcome(is_ok, self._reasons)
 
     def finish(self, rows: Int64Array) -> dict[str, Field]:
-        """The given messages as columns."""
+        """Return leaf path -> column for the given messages."""
         is_long_enough = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
         if not is_long_enough.all():
             rows = (np.cumsum(is_long_enough) - 1)[rows]
@@ -185,6 +187,7 @@ class CdrDecoder:
         return fields
 
     def _fixed(self) -> list[tuple[Leaf, FixedSlot]]:
+        """Return the leaves of fixed size with their buffers."""
         pairs = zip(self._program.slots, self._slots, strict=True)
         return [(leaf, slot) for leaf, slot in pairs if isinstance(slot, FixedSlot)]
 
@@ -197,10 +200,12 @@ class CdrDecoder:
 
 
 def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+    """Return an empty column buffer for a leaf."""
     if leaf.kind == "fixed":
         return FixedSlot(leaf.dtype, leaf.count)
     return StringSlot() if leaf.kind == "string" else SpanSlot()
 
 
 def _truth(leaf: Leaf, values: NumericArray) -> NumericArray:
+    """Return the values, as truth values if the schema declares the leaf as bool."""
     return values != 0 if leaf.is_bool else values

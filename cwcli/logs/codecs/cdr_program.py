@@ -1,6 +1,6 @@
 """Compiles a `ros2msg` definition into the operations of `cwcli.kernels.cdr`.
 
-CDR (XCDR1): primitives are aligned to their size, counted from behind the four bytes of the encapsulation header; a
+CDR (XCDR1): primitives are aligned to their size, counted from the end of the four-byte encapsulation header; a
 string is a 32-bit length (with the final NUL) and its bytes; a sequence is a 32-bit count and its elements. Runs of
 primitives whose padding is known become one operation.
 
@@ -39,16 +39,22 @@ from cwcli.logs.codecs.ros2msg import (
 )
 
 MAX_LOOPS = 16
+"""The greatest depth of sequences and arrays inside each other. Chosen by hand; the kernel's stack has this size."""
 MAX_NESTING = 64
+"""The greatest depth of messages inside each other. Chosen by hand."""
 MAX_FIELDS = 1 << 16
-"""Of a message and all messages in it: nested types can double them at every level, whether they are wanted or not."""
+"""The greatest number of fields of a message and all messages in it: nested types can double them at every level,
+whether they are wanted or not. Chosen by hand."""
 MAX_ELEMENTS = 1 << 24
-"""Of a leaf in all the fixed arrays around it."""
+"""The greatest number of elements of a leaf in one message, in all fixed arrays around it. Chosen by hand."""
 MAX_SKIP_BYTES = 1 << 30
-"""In one operation, whose numbers are int32."""
+"""The greatest number of bytes that one operation skips: the numbers of an operation are int32."""
 MAX_ALIGN = 8
+"""The largest alignment in bytes of XCDR1 (DDS-XTypes 1.3, 7.4.1)."""
 MAX_ALIGN_V2 = 4
+"""The largest alignment in bytes of XCDR2 (DDS-XTypes 1.3, 7.4.3)."""
 OCTETS = ("uint8", "byte")
+"""The primitive types whose sequences are treated as blobs of bytes."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +62,11 @@ class Leaf:
     """A column that a program fills.
 
     Attributes:
-        path: Dotted.
+        path: Dotted path.
         kind: "fixed", "string", "ragged" or "blob".
         dtype: NumPy type of an element, "" for strings and blobs.
         count: Elements of a fixed array, or of all fixed arrays around a leaf; None for a scalar or a sequence.
-        is_bool: Shown as truth values.
+        is_bool: The column holds truth values.
     """
 
     path: str
@@ -88,7 +94,7 @@ class Program:
 
 
 Wants = Callable[[str, bool], bool]
-"""Whether a leaf is wanted, from its path and whether it is a sequence of octets."""
+"""A function that tells whether a leaf is wanted, from its path and whether it is a sequence of octets."""
 
 
 def compile_program(
@@ -104,12 +110,12 @@ def compile_program(
     Args:
         root: Short name of the message.
         definitions: From `ros2msg.parse_definitions`.
-        wants: Which leaves become columns; the others are walked over.
-        blobs: Octet sequences of which only the place is wanted.
+        wants: Tells which leaves become columns; the others are skipped.
+        blobs: Paths of octet sequences of which only the place is stored.
         max_align: 8, or 4 for XCDR2.
 
     Raises:
-        SchemaError: A message is not defined, holds itself or a wstring, or is too large.
+        SchemaError: A message is not defined, contains itself or a wstring, or is too large.
     """
     compiler = _Compiler(definitions, wants, blobs, max_align)
     compiler.message(root, "", ())
@@ -119,6 +125,8 @@ def compile_program(
 
 @dataclass
 class _Compiler:
+    """Collects operations and leaves; the position so far is `residue` modulo `modulus`, for the alignment."""
+
     definitions: Definitions
     wants: Wants
     blobs: frozenset[str]
@@ -133,8 +141,9 @@ class _Compiler:
     residue: int = 0
 
     def message(self, name: str, prefix: str, parents: tuple[str, ...]) -> None:
+        """Compile the fields of a message whose leaves' paths begin with `prefix`."""
         if name in parents or len(parents) > MAX_NESTING:
-            raise SchemaError(f"{name} holds itself")
+            raise SchemaError(f"{name} contains itself")
         fields = find_definition(self.definitions, name)
         self.n_fields += len(fields) + 1
         if self.n_fields > MAX_FIELDS:
@@ -187,7 +196,7 @@ class _Compiler:
 
     @contextmanager
     def _within(self, each: MessageField) -> Iterator[None]:
-        """What is emitted inside is done once, or in a loop."""
+        """Enclose the operations emitted inside in a loop, if the field is a sequence or an array."""
         if not each.is_sequence and each.length is None:
             yield
             return
@@ -208,7 +217,7 @@ class _Compiler:
         self._forget()
 
     def _primitives(self, dtype: str, count: int, use: tuple[int, int] | None) -> None:
-        """`count` primitives, skipped, or used by (code, slot)."""
+        """Emit `count` primitives: skipped, or stored by the operation `use` (code, slot)."""
         size = int(dtype[1])
         align = min(size, self.max_align)
         padding = -self.residue % align if align <= self.modulus else None
@@ -223,7 +232,7 @@ class _Compiler:
         self.residue = (self.residue + padding + size * count) % self.modulus
 
     def _skip(self, align: int, n_bytes: int) -> None:
-        """Skip bytes; joined with a skip right before, unless a loop begins or ends there."""
+        """Emit a skip, joined with a skip right before it unless a loop begins or ends there."""
         last = self.operations[-1] if self.operations else None
         if last is not None and last[0] == OP_SKIP and align == 1 and last[2] + n_bytes <= MAX_SKIP_BYTES:
             last[2] += n_bytes
@@ -234,13 +243,15 @@ class _Compiler:
         self.operations.append([code, align, size, count, slot, 0])
 
     def _forget(self) -> None:
-        """The position's alignment is not known any more."""
+        """Mark the alignment of the position as unknown."""
         self.modulus, self.residue = 1, 0
 
     def _slot(self, leaf: Leaf) -> int:
+        """Add a fixed, string or blob leaf and return its slot."""
         self.slots.append(leaf)
         return len(self.slots) - 1
 
     def _ragged(self, leaf: Leaf) -> int:
+        """Add a ragged leaf and return its slot."""
         self.ragged.append(leaf)
         return len(self.ragged) - 1

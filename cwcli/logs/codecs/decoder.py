@@ -1,4 +1,4 @@
-"""What every message encoding offers to the reader."""
+"""The interface of the decoders of message encodings."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cwcli.signals.columns import Field, Int64Array
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of the messages that were added, in their order.
+    """Which of the added messages were decoded, in their order.
 
     Attributes:
-        is_ok: Shape (n,): messages that could be decoded.
-        reasons: Why the others could not -> how many.
+        is_ok: Shape (n,): the message was decoded.
+        reasons: Reason why messages were not decoded -> how many.
     """
 
     is_ok: BoolArray
@@ -28,23 +28,23 @@ class Decoder(Protocol):
 
     @property
     def empty_row_bytes(self) -> int:
-        """What a message that leaves everything out takes in memory."""
+        """Memory in bytes that a message without any field takes."""
 
     def restart(self, n_expected: int = 0) -> None:
-        """Forget all messages; this many are to come."""
+        """Forget all messages; `n_expected` messages will follow."""
 
     def add(self, payloads: Payloads) -> None:
-        """Decode a batch."""
+        """Decode a batch of messages."""
 
     def outcome(self) -> Outcome:
-        """What became of the messages."""
+        """Return which messages were decoded, and why others were not."""
 
     def finish(self, rows: Int64Array) -> dict[str, Field]:
-        """Leaf path -> column, for the given messages in the given order; all of them decodable."""
+        """Return leaf path -> column for the given decodable messages, in the given order."""
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A blob field of each message of the last batch; b"" where there is none.
+        """Return a blob field of each message of the last batch, b"" for a message without it.
 
         Raises:
-            KeyError: It is not a blob of this decoder.
+            KeyError: The path is not a blob of this decoder.
         """

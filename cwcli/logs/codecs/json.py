@@ -1,7 +1,6 @@
-"""JSON messages to columns; see `json_columns` for what becomes of which value.
+"""Decodes JSON messages to columns; see `json_columns` for the types of the columns.
 
-The kernel decodes what is usual; Python's json module decides over every message that is not. Both fill the same
-columns.
+The kernel decodes common messages, Python's json module all others. Both fill the same columns.
 """
 
 from __future__ import annotations
@@ -21,24 +20,26 @@ from cwcli.logs.codecs.slots import BoolArray, Payloads, grown_capacity
 from cwcli.signals.columns import Field, Int64Array
 
 SLOT_BYTES = 9
-"""A value and its tag."""
+"""Memory in bytes of one leaf in one message: a value of 8 bytes and its tag."""
 INVALID = "the message is not valid JSON"
+"""The reason shown to users for a message that can't be parsed."""
 NO_OBJECT = "the message is not a JSON object"
+"""The reason shown to users for a message that is valid JSON but no object."""
 
 
 @lru_cache(maxsize=16)
 def _known_tree(fields: tuple[str, ...], blobs: tuple[str, ...]) -> tuple[KeyTree, Tables]:
-    """The tree of wanted leaves, which learns nothing: the same for every file."""
+    """Return the key tree of the wanted leaves, which learns no further keys, and its tables for the kernel."""
     tree = KeyTree.of(fields, blobs)
     return tree, tree.tables()
 
 
 class JsonDecoder:
-    """Decodes one channel. The schema is not looked at: the messages themselves tell what they hold.
+    """Decodes the messages of one channel. The schema is ignored: the keys come from the messages.
 
     Args:
         fields: Wanted leaves, or None for all.
-        blobs: Strings of base64 that `blobs` gives out.
+        blobs: Paths of the base64 strings that the method `blobs` returns.
         n_expected: Number of messages, if known.
     """
 
@@ -54,7 +55,7 @@ class JsonDecoder:
 
     @property
     def empty_row_bytes(self) -> int:
-        """What a message that leaves everything out takes in memory."""
+        """Return the memory in bytes that a message without any field takes."""
         return SLOT_BYTES * sum(slot is not None for slot in self._slots)
 
     def restart(self, n_expected: int = 0) -> None:
@@ -69,11 +70,11 @@ class JsonDecoder:
         self._batch = (0, 0)
 
     def add(self, payloads: Payloads) -> None:
-        """Decode a batch."""
+        """Decode a batch of messages."""
         n, first = len(payloads), self._n
         if not n:
             return
-        # An element of an array takes two bytes at least: itself, and the comma or bracket behind it.
+        # An element of an array takes at least two bytes: itself, and the comma or bracket after it.
         self._batch = (n, max(payloads.n_bytes // 2 + 8, self._batch[1]))
         self._capacity = grown_capacity(self._capacity, first + n)
         for room in self._rooms:
@@ -96,15 +97,15 @@ class JsonDecoder:
         self._n += n
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A base64 field of each message of the last batch, still in base64."""
+        """Return a base64 field of each message of the last batch, still in base64."""
         return self._blob_rows[path]
 
     def outcome(self) -> Outcome:
-        """What became of the messages."""
+        """Return which messages were decoded, and why others were not."""
         return Outcome(np.concatenate([np.zeros(0, np.bool_), *self._is_ok]), self._reasons)
 
     def finish(self, rows: Int64Array) -> dict[str, Field]:
-        """The given messages as columns."""
+        """Return leaf path -> column for the given messages."""
         fields: dict[str, Field] = {}
         if not self._n:
             return fields
@@ -116,13 +117,13 @@ class JsonDecoder:
         return fields
 
     def _add_room(self) -> None:
-        """Make room for leaves that the tree has learned."""
+        """Add buffers for the leaves that the tree has learned."""
         n_new = len(self._tree.paths) - len(self._slots)
         self._rooms.append(Room(n_new))
         self._slots += [None] * n_new
 
     def _slot(self, k: int) -> JsonSlot:
-        """The values of a leaf that is in the batch."""
+        """Return the column of a leaf, created at its first occurrence."""
         slot = self._slots[k]
         if slot is None:
             leaf, rooms = k, iter(self._rooms)
@@ -132,7 +133,7 @@ class JsonDecoder:
         return slot
 
     def _walk_all(self, payloads: Payloads, status: npt.NDArray[np.uint8]) -> None:
-        """Walk the batch; learn from messages with unknown keys, and go on with them."""
+        """Decode the batch with the kernel; at a message with unknown keys learn them and decode it again."""
         n = len(payloads)
         at = self._walk(payloads, status, 0)
         learned = -1
@@ -148,6 +149,7 @@ class JsonDecoder:
             at = self._walk(payloads, status, at)
 
     def _walk(self, payloads: Payloads, status: npt.NDArray[np.uint8], begin: int) -> int:
+        """Run the kernel from message `begin` on; return the message at which it stopped."""
         places = np.concatenate([room.addresses for room in self._rooms], axis=1)
         n_slots = len(self._slots)
         keys, entries, nodes = self._tables
@@ -172,7 +174,7 @@ class JsonDecoder:
         )
 
     def _learn(self, message: bytes) -> None:
-        """Add the message's keys."""
+        """Add the keys of a message to the tree."""
         try:
             value = json.loads(message)
         except (ValueError, RecursionError):
@@ -184,14 +186,14 @@ class JsonDecoder:
         self._tables = self._tree.tables()
 
     def _decide(self, message: bytes, row: int, status: int, instead: list[dict[int, Elements]]) -> bool:
-        """Decode one message with the json module where the kernel did not; returns whether that was possible."""
+        """Decode one message with the json module; return whether that was possible."""
         try:
             if status == kernel.STATUS_NOT_ASCII:
                 message.decode("utf-8", "surrogatepass")
                 return True
             value = json.loads(message)
         except (ValueError, RecursionError):
-            for room in self._rooms:  # what the kernel has noted of it is not to be read
+            for room in self._rooms:  # drop what the kernel has stored of the message
                 room.tags[:, self._n + row] = ABSENT
             return self._refuse(INVALID)
         if not isinstance(value, dict):
@@ -245,4 +247,5 @@ class JsonDecoder:
 
 
 def _n_elements(instead: list[dict[int, Elements]], slot: int, row: int) -> int:
+    """Return how many elements the json module has found for a column in a row."""
     return len(instead[slot][row][0]) if slot >= 0 and row in instead[slot] else 0

@@ -1,13 +1,13 @@
-"""The column of one JSON leaf: what its values were in each message decides what it becomes.
+"""The column of one JSON leaf, whose type follows from the values in all messages.
 
 - numbers: int64 if all are integers, else float64; truth values: bool;
 - absent and null: NaN, and the column is float64;
-- one string among them: `Strings` (absent: -1), numbers as they are spelled;
+- at least one string: `Strings` (absent: -1), with numbers as text;
 - arrays of numbers: (n, k) if all messages have k of them, else `Ragged`; nested arrays are flattened; leaves of
   objects in arrays are `Ragged`, and an object that lacks the leaf adds nothing; null and strings in arrays are NaN.
 
-Arrays of which most hold one string are that string: a number in one of the others is spelled with its point, several
-values are `[...]`. Other arrays of nothing but strings, and arrays that are always empty, are left out.
+If most arrays hold a single string, the column is `Strings`: a number in the other arrays becomes text with a decimal
+point, several values become `[...]`. Other arrays of strings, and arrays that are always empty, are left out.
 """
 
 from __future__ import annotations
@@ -25,19 +25,24 @@ from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, take_ragged
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
 ABSENT, NULL, BOOL, INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
+"""The kernel's tags of values: absent, null, truth value, integer."""
 FLOAT, STRING, ARRAY, ESCAPED = json_walk.T_FLOAT, json_walk.T_STRING, json_walk.T_ARRAY, json_walk.T_ESCAPED
+"""The kernel's tags of values: floating-point number, string, array, string with escapes."""
 CODED = 8
+"""The tag of a string that is interned: its value is its code. The kernel's own tags end at 7."""
 SEVERAL = "[...]"
-"""An array of several values in a column of texts."""
+"""The text that stands for an array of several values in a column of texts."""
 MAX_INT = (1 << 63) - 1
+"""The greatest integer that an int64 column holds."""
 TagArray = npt.NDArray[np.uint8]
 MAX_PIECE_BYTES = 64 << 20
+"""The greatest size in bytes of one allocation for the elements of several leaves. Chosen by hand."""
 Elements = tuple[list[int], list[int]]
-"""Tags and values of the elements of one message."""
+"""The tags and the values of the elements of one message."""
 
 
 def scalar(value: object) -> tuple[int, int]:
-    """Tag and value of a Python number, truth value or null."""
+    """Return tag and value (as the bits of an int64) of a Python number, truth value or None."""
     if value is None:
         return NULL, 0
     if isinstance(value, bool):
@@ -52,14 +57,16 @@ def scalar(value: object) -> tuple[int, int]:
 
 
 class Room:
-    """Where the kernel writes the values of some leaves, one row a leaf: most of the names that a signal may have are
-    in no message of a file, and cost next to nothing.
+    """Buffers into which the kernel writes the values of some leaves, one row per leaf.
+
+    Most of the names that a signal may have occur in no message of a file, and then cost next to nothing.
 
     Attributes:
-        tags, values: Shape (leaves, capacity), a column a message; see `cwcli.kernels.json_walk`. New columns are zero.
-        element_tags, element_values: Of each leaf: the kernel's buffer for elements of arrays, in the current batch.
+        tags, values: Shape (leaves, capacity), one column per message; see `cwcli.kernels.json_walk`. New columns are
+            zero.
+        element_tags, element_values: Per leaf, the buffer for elements of arrays in the current batch.
         cursors: Shape (leaves, n): elements of the batch up to each of its messages.
-        addresses: Of tags, values, the elements' tags and values, and cursors; shape (5, leaves).
+        addresses: Shape (5, leaves): memory addresses of tags, values, elements' tags and values, and cursors.
     """
 
     def __init__(self, n_leaves: int) -> None:
@@ -75,7 +82,13 @@ class Room:
         return len(self.tags)
 
     def begin(self, capacity: int, n_messages: int, n_elements: int) -> None:
-        """Before a batch: make room for messages in all, for those of the batch, and for the batch's elements."""
+        """Allocate memory before a batch.
+
+        Args:
+            capacity: Messages in all.
+            n_messages: Messages of the batch.
+            n_elements: Greatest number of array elements of a leaf in the batch.
+        """
         n_earlier = self.tags.shape[1]
         if n_earlier < capacity:
             tags, values = np.zeros((len(self), capacity), np.uint8), np.zeros((len(self), capacity), np.int64)
@@ -102,27 +115,29 @@ class Room:
 
 
 def _buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[npt.NDArray[Any]]:
-    """Room for elements costs nothing until it is written to; but of one piece it must fit the memory."""
+    """Allocate n buffers: together if that is small, because untouched memory costs nothing but must be available."""
     if n * size * np.dtype(dtype).itemsize <= MAX_PIECE_BYTES:
         return list(np.empty((n, size), dtype))
     return [np.empty(size, dtype) for _ in range(n)]
 
 
 def _address(array: npt.NDArray[np.generic]) -> int:
+    """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address
 
 
 def _row_addresses(matrix: npt.NDArray[np.generic]) -> Int64Array:
+    """Return the memory address of each row of a matrix, shape (rows,)."""
     return _address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
 
 
 class JsonSlot:
-    """The values of one leaf, message by message, from the first batch on that has one.
+    """The values of one leaf in each message, from the first batch on in which the leaf occurs.
 
     Args:
-        room, leaf: Where the kernel writes them. The value of a string is its code.
-        n_earlier: Messages before that batch.
+        room, leaf: The buffers, and the row in them, that the kernel fills. The value of a string is its code.
+        n_earlier: Number of messages before that batch.
     """
 
     def __init__(self, room: Room, leaf: int, n_earlier: int) -> None:
@@ -136,30 +151,30 @@ class JsonSlot:
 
     @property
     def tags(self) -> TagArray:
-        """One row a message."""
+        """Return the tag of the leaf in each message, shape (capacity,)."""
         tags: TagArray = self._room.tags[self._leaf]
         return tags
 
     @property
     def values(self) -> Int64Array:
-        """One row a message."""
+        """Return the value of the leaf in each message, shape (capacity,)."""
         values: Int64Array = self._room.values[self._leaf]
         return values
 
     def end(
         self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements], used: int, no_counts: Int64Array
     ) -> None:
-        """After a batch: keep its elements, with those of `instead` for some rows, and code its strings.
+        """Store the elements of a batch, with those of `instead` for some rows, and intern its strings.
 
         Args:
             payloads, first_row: The batch.
             instead: Row -> elements that the json module found.
-            used: Elements that the kernel found.
+            used: Number of elements that the kernel found.
             no_counts: As many zeros as there are messages in the batch.
         """
         if used or instead:
             self._keep_elements(payloads, used, instead)
-        else:  # most names that a role may have are in no message of the file
+        else:  # most names that a role may have occur in no message of the file
             self._counts.append(no_counts)
         largest = self.tags[first_row : first_row + len(payloads)].max()
         self._is_seen = self._is_seen or bool(largest or used or instead)
@@ -183,21 +198,22 @@ class JsonSlot:
         self._element_values.append(values)
 
     def put_string(self, row: int, text: str) -> None:
-        """Set one row."""
+        """Set the string of one message."""
         self.tags[row], self.values[row] = CODED, self.code(text)
 
     def code(self, text: str) -> int:
-        """The code of a string."""
+        """Return the code of a string, new if it is not known."""
         return self._code(text.encode(errors="surrogatepass"))
 
     def _code(self, octets: bytes) -> int:
+        """Return the code of a string in UTF-8, new if it is not known."""
         code = self._known.setdefault(octets, len(self._strings))
         if code == len(self._strings):
             self._strings.append(octets)
         return code
 
     def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
-        """The strings of the batch as they stand in the messages; they are not kept."""
+        """Return the bytes of the batch's strings without escapes, and forget them."""
         whole = payloads.data.data
         n = len(payloads)
         tags, values = self.tags[first_row : first_row + n], self.values[first_row : first_row + n]
@@ -217,7 +233,7 @@ class JsonSlot:
         return found
 
     def finish(self, rows: Int64Array) -> Field | None:
-        """The column for the given messages, or None if the leaf is in none of them."""
+        """Return the column for the given messages, or None if the leaf occurs in none of them."""
         if not self._is_seen:
             return None
         tags, values = self.tags[rows], self.values[rows]
@@ -237,7 +253,7 @@ class JsonSlot:
     def _texts(
         self, tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array
     ) -> Strings | None:
-        """The column of arrays of which most hold one string, None of others."""
+        """Return the column of strings if most arrays hold a single string, else None."""
         sizes, first = np.diff(element_tags.offsets), element_tags.offsets[:-1]
         alone, tags, values = np.flatnonzero(sizes == 1), tags.copy(), values.copy()
         tags[sizes > 1] = ARRAY
@@ -262,20 +278,20 @@ class JsonSlot:
     def _code_elements(
         self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array
     ) -> None:
-        """Turn places of strings into codes, in rows of one element; of each row of the batch the place of its last."""
+        """Replace places of strings by codes, in rows of one element; `at`: index of the last element of each row."""
         for row in rows[np.isin(tags[at[rows]], (STRING, ESCAPED))].tolist():
             k = int(at[row])
             begin = int(payloads.starts[row]) + (int(values[k]) >> 32)
             text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
             try:
                 values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
-            except ValueError:  # a message that was refused, for this or another fault, has left what stood before it
+            except ValueError:  # an invalid message leaves the elements before its fault in the buffers
                 tags[k] = NULL
             else:
                 tags[k] = CODED
 
     def _code_strings(self, payloads: Payloads, first_row: int) -> None:
-        """Turn places in the messages into codes."""
+        """Replace places of strings in the messages of the batch by codes."""
         n, data, starts = len(payloads), payloads.data, payloads.starts
         tags = self.tags[first_row : first_row + n]
         values = self.values[first_row : first_row + n]
@@ -293,6 +309,7 @@ class JsonSlot:
 
 
 def _numbers(tags: TagArray, values: Int64Array) -> NumericArray:
+    """Return a column of truth values, of integers, or of floats if the kinds are mixed."""
     kinds = set(np.unique(tags).tolist())
     if kinds == {BOOL}:
         is_true: NumericArray = values != 0
@@ -303,13 +320,14 @@ def _numbers(tags: TagArray, values: Int64Array) -> NumericArray:
 
 
 def _floats(tags: TagArray, values: Int64Array) -> FloatArray:
+    """Return a column of floats, NaN for everything but numbers and truth values."""
     floats = np.where(tags == FLOAT, values.view(np.float64), values.astype(np.float64))
     floats[~np.isin(tags, (BOOL, INT, FLOAT))] = np.nan
     return floats
 
 
 def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array) -> Field | None:
-    """A column of arrays; a lone number stands for an array of one."""
+    """Return a column of arrays, a single number as an array of one; None if all elements are strings."""
     inner = element_tags.values.astype(np.uint8)
     sizes = np.diff(element_tags.offsets)
     alone = np.flatnonzero(np.isin(tags, (NULL, BOOL, INT, FLOAT)) & (sizes == 0))
@@ -326,6 +344,7 @@ def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_
 
 
 def _spelled(tag: int, value: Int64Array) -> str:
+    """Return a number or truth value as text."""
     if tag == BOOL:
         return "true" if value[0] else "false"
     return str(int(value[0])) if tag == INT else repr(float(value.view(np.float64)[0]))

@@ -1,4 +1,4 @@
-"""The keys of a JSON channel, as a tree that grows with what its messages hold."""
+"""The keys of a JSON channel, as a tree that grows with the messages."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 MAX_DEPTH = 256
-"""Of objects inside each other whose keys are learned; what is deeper is left out."""
+"""The greatest depth of objects inside each other whose keys are learned; deeper ones are left out. Chosen by hand."""
 MAX_KEYS = 4096
-"""Keys that are learned; further ones are left out: they are data rather than names."""
+"""The greatest number of keys that are learned; with more of them keys are data rather than names. Chosen by hand."""
 
 Tables = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]
 
 _NEEDS_ESCAPE = re.compile(r'["\\\x00-\x1f]')
+"""The characters that JSON texts must escape (RFC 8259, 7)."""
 
 
 @dataclass
@@ -24,9 +25,9 @@ class Key:
     """A key of an object.
 
     Attributes:
-        path: Dotted, from the message down.
+        path: Dotted path from the message.
         slot: Number of its column, or -1.
-        below: The keys of the object that is its value (or of the objects in its array), or None.
+        below: Keys of the object that is its value (or of the objects in its array), or None.
     """
 
     path: str
@@ -36,11 +37,11 @@ class Key:
 
 @dataclass
 class KeyTree:
-    """The known keys.
+    """The known keys of a JSON channel.
 
     Attributes:
         root: Keys of the message.
-        paths: Path of each slot.
+        paths: Path of the key of each slot.
         learns: Unknown keys become columns.
     """
 
@@ -50,7 +51,7 @@ class KeyTree:
 
     @classmethod
     def of(cls, fields: Collection[str] | None, blobs: Collection[str] = ()) -> KeyTree:
-        """The tree of the wanted leaves, or one that learns."""
+        """Return the tree of the wanted leaves; with None for `fields` a tree that learns all keys."""
         tree = cls(learns=fields is None)
         for path in dict.fromkeys((*(fields or ()), *blobs)):
             keys = tree.root
@@ -64,7 +65,7 @@ class KeyTree:
         return tree
 
     def learn(self, value: object, keys: dict[str, Key], prefix: str = "", depth: int = 0) -> None:
-        """Add the keys of an object, or of the objects in an array."""
+        """Add the keys of an object, or of the objects in an array, to `keys`."""
         if depth > MAX_DEPTH:
             return
         if isinstance(value, list):
@@ -85,7 +86,7 @@ class KeyTree:
                     self.learn(inner, key.below, f"{key.path}.", depth + 1)
 
     def tables(self) -> Tables:
-        """Keys, entries and nodes, as the kernel wants them."""
+        """Return keys, entries and nodes as arrays for `cwcli.kernels.json_walk`."""
         text = bytearray()
         entries: list[list[int]] = []
         nodes: list[list[int]] = [[0, 0]]
@@ -115,7 +116,7 @@ class KeyTree:
 
 
 def elements(value: list[object]) -> Iterator[object]:
-    """What lists inside each other hold, in order, however deep: recursion would end at the stack's end."""
+    """Yield the elements of nested lists in order, without recursion, so that any depth works."""
     waiting = [iter(value)]
     while waiting:
         for each in waiting[-1]:

@@ -1,7 +1,7 @@
-"""Protobuf messages to columns.
+"""Decodes protobuf messages to columns.
 
-The kernel decodes what is usual; the official parser decides over every message that is not (text beyond ASCII, groups,
-wire types that are not the declared ones, damage). Both fill the same columns.
+The kernel decodes common messages, the official parser all others (text beyond ASCII, groups, undeclared wire types,
+damage). Both fill the same columns.
 """
 
 from __future__ import annotations
@@ -32,25 +32,26 @@ from cwcli.logs.codecs.slots import (
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
 
 MAX_ROOM_BYTES = 1 << 28
-"""Of room that is made before a message is seen."""
+"""Memory in bytes that is allocated before a message is seen. Chosen by hand."""
 MAX_GROWTH = 8
-"""Bytes in a column per byte of a message: a packed varint of one byte becomes an int64."""
+"""Bytes of a sequence column per byte of a message: a packed varint of one byte becomes an int64."""
 UNDECODABLE = "the message is not a valid one of its schema"
+"""The reason shown to users for a message that the official parser refuses."""
 
 
 class ProtobufDecoder:
-    """Decodes one channel.
+    """Decodes the messages of one channel.
 
-    A scalar that is left out of a message has its default, 0, as the format means it. A field that the schema marks as
-    optional, and all that lies in a message that is left out, is NaN in a float column (strings: -1) where it is
-    absent. Repeated scalars are (n, k) if all messages have the same number of them, else `Ragged`; leaves of repeated
-    messages always are `Ragged`. Left out are bytes, repeated strings, maps, and what a message type holds of itself.
+    An absent scalar is 0, the default of the format. An absent field that the schema marks as optional, and every field
+    of an absent message, is NaN in a float column (strings: -1). Repeated scalars are (n, k) if all messages have the
+    same number of them, else `Ragged`; leaves of repeated messages are always `Ragged`. Bytes, repeated strings, maps
+    and messages inside a message of their own type are left out.
 
     Args:
         schema_name: Full name of the message type.
         schema_data: Serialised `FileDescriptorSet`.
         fields: Wanted leaves, or None for all.
-        blobs: Bytes fields that `blobs` gives out.
+        blobs: Paths of the bytes fields that the method `blobs` returns.
         n_expected: Number of messages, if known.
 
     Raises:
@@ -91,7 +92,7 @@ class ProtobufDecoder:
         self._n_undecodable = 0
 
     def add(self, payloads: Payloads) -> None:
-        """Decode a batch."""
+        """Decode a batch of messages."""
         n, first = len(payloads), self._n
         if not n:
             return
@@ -131,20 +132,20 @@ class ProtobufDecoder:
         self._n += n
 
     def blobs(self, path: str) -> list[bytes | memoryview]:
-        """A blob field of each message of the last batch."""
+        """Return a blob field of each message of the last batch."""
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
             if leaf.path == path and isinstance(slot, SpanSlot):
                 return slot.views()
         raise KeyError(path)
 
     def outcome(self) -> Outcome:
-        """What became of the messages."""
+        """Return which messages were decoded, and why others were not."""
         is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
         n_bad = int((~is_ok).sum())
         return Outcome(is_ok, {UNDECODABLE: n_bad} if n_bad else {})
 
     def finish(self, rows: Int64Array) -> dict[str, Field]:
-        """The given messages as columns."""
+        """Return leaf path -> column for the given messages."""
         fields: dict[str, Field] = {}
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
             if isinstance(slot, SpanSlot):
@@ -163,7 +164,7 @@ class ProtobufDecoder:
         return fields
 
     def _check_enumerations(self, is_ok: BoolArray, first: int) -> None:
-        """Values that a closed enumeration does not know are for the official parser."""
+        """Clear `is_ok` for messages whose closed enumerations need the official parser."""
         n = len(is_ok)
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
             if leaf.closed and isinstance(slot, FixedSlot):
@@ -173,7 +174,7 @@ class ProtobufDecoder:
                 is_ok &= ragged.cursors == np.concatenate([[0], ragged.cursors[:-1]])
 
     def _decode_odd(self, message: bytes, first: int, row: int, instead: list[dict[int, NumericArray]]) -> bool:
-        """Decode one message with the official parser; returns whether that was possible."""
+        """Decode one message with the official parser; return whether that was possible."""
         if self._parser is None:
             from google.protobuf.message_factory import GetMessageClass
 
@@ -203,7 +204,7 @@ class ProtobufDecoder:
 
 
 def find_message(schema_name: str, schema_data: bytes) -> Any:
-    """The descriptor of a message type, in a pool of its own: the same name may mean something else in another file.
+    """Return the descriptor of a message type from its own pool: another file may define the same name differently.
 
     Raises:
         SchemaError: The schema can't be understood.
@@ -217,16 +218,16 @@ def find_message(schema_name: str, schema_data: bytes) -> Any:
         raise SchemaError("the schema is not a FileDescriptorSet") from error
     pool = DescriptorPool()
 
-    def add(name: str) -> None:
+    def add_with_dependencies(name: str) -> None:
         each = waiting.pop(name, None)
         if each is not None:
             for dependency in each.dependency:
-                add(dependency)
+                add_with_dependencies(dependency)
             pool.Add(each)
 
     try:
         while waiting:
-            add(next(iter(waiting)))
+            add_with_dependencies(next(iter(waiting)))
         return pool.FindMessageTypeByName(schema_name)
     except (TypeError, KeyError, ValueError, RecursionError) as error:
         reason = str(error).strip().splitlines()[0][:120] if str(error).strip() else "it is incomplete"
@@ -234,13 +235,14 @@ def find_message(schema_name: str, schema_data: bytes) -> Any:
 
 
 def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+    """Return an empty column buffer for a leaf."""
     if leaf.kind == "fixed":
         return FixedSlot(leaf.dtype)
     return StringSlot() if leaf.kind == "string" else SpanSlot()
 
 
 def _value(parsed: Any, leaf: Leaf) -> tuple[bool, Any]:
-    """Whether a leaf is there, and its value or its default."""
+    """Return whether a leaf is present, and its value or default."""
     at, is_there = parsed, True
     for each in leaf.chain:
         if each.has_presence and not at.HasField(each.name):
@@ -250,7 +252,7 @@ def _value(parsed: Any, leaf: Leaf) -> tuple[bool, Any]:
 
 
 def _values(parsed: Any, chain: tuple[Any, ...]) -> Iterator[Any]:
-    """All values of a leaf below repeated fields, in order."""
+    """Yield all values of a leaf below repeated fields, in order."""
     each, rest = chain[0], chain[1:]
     value = getattr(parsed, each.name)
     for one in value if is_repeated(each) else (value,):
@@ -261,6 +263,7 @@ def _values(parsed: Any, chain: tuple[Any, ...]) -> Iterator[Any]:
 
 
 def _absent_numbers(values: NumericArray, is_there: BoolArray | None) -> NumericArray:
+    """Return the values as floats with NaN for absent ones; unchanged if none is absent."""
     if is_there is None or is_there.all():
         return values
     shown = values.astype(np.float64)
@@ -269,6 +272,7 @@ def _absent_numbers(values: NumericArray, is_there: BoolArray | None) -> Numeric
 
 
 def _absent_strings(strings: Strings, is_there: BoolArray | None) -> Strings:
+    """Return the strings with code -1 for absent ones."""
     if is_there is None or is_there.all():
         return strings
     codes = np.where(is_there, strings.codes, np.int32(-1)).astype(np.int32)

@@ -49,12 +49,16 @@ KINDS: dict[int, tuple[int, str]] = {
     17: (ZIGZAG32, "i4"),
     18: (ZIGZAG64, "i8"),
 }
-"""`FieldDescriptor.type` -> kind of the kernel, and NumPy type."""
+"""Field type (`FieldDescriptorProto.Type`) -> kind of the kernel, and NumPy type ("" for other than numbers)."""
 TYPE_ENUM = 14
+"""The field type (`FieldDescriptorProto.Type`) of an enum."""
 MAX_LEAVES = 1 << 14
+"""The greatest number of columns of a message type; further leaves are left out. Chosen by hand."""
 MAX_FIELDS = 1 << 16
-"""Of a message and all messages in it: nested types can double them at every level."""
+"""The greatest number of fields of a message and all messages in it: nested types can double them at every level.
+Chosen by hand."""
 MAX_NESTING = 64
+"""The greatest depth of messages inside each other. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +66,12 @@ class Leaf:
     """A column that the tables fill.
 
     Attributes:
-        path: Dotted.
+        path: Dotted path.
         chain: Field descriptors from the root to the leaf.
         kind: "fixed", "string", "blob", or "ragged".
         dtype: NumPy type of an element, "" for strings and blobs.
-        presence: Slot of the flags that tell whether it was there, or -1: it always is, if only as its default.
-        in_element: It lies in a repeated message.
+        presence: Slot of the flags that tell whether the leaf is present, or -1 if it always has a value or default.
+        in_element: The leaf lies in a repeated message.
         closed: The values of a closed enumeration, or ().
     """
 
@@ -82,13 +86,13 @@ class Leaf:
 
 @dataclass
 class Tables:
-    """What the kernel needs, and the columns that it fills.
+    """The tables of a message type for the kernel, and the columns that it fills.
 
     Attributes:
-        fields, nodes, elements: As the kernel's arguments.
+        fields, nodes, elements: Arguments of the kernel.
         slots: Fixed, string and blob leaves by slot.
         ragged: Ragged leaves by slot.
-        n_presence, n_oneofs: Numbers of such slots.
+        n_presence, n_oneofs: Number of slots for presence flags and for oneofs.
     """
 
     fields: npt.NDArray[np.int32]
@@ -104,9 +108,9 @@ def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: 
     """Compile a message type.
 
     Args:
-        descriptor: Of the root message.
-        wants: Which leaves become columns, None for all; the others are only checked.
-        blobs: Bytes fields of which only the place is wanted.
+        descriptor: Descriptor of the root message.
+        wants: Tells which leaves become columns, None for all; the others are only checked.
+        blobs: Paths of bytes fields of which only the place is stored.
 
     Raises:
         SchemaError: It is too large, or nested too deeply.
@@ -131,19 +135,19 @@ def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: 
 
 
 def is_repeated(each: Any) -> bool:
-    """Whether a field is repeated."""
+    """Tell whether a field descriptor is of a repeated field."""
     known = getattr(each, "is_repeated", None)
     return bool(known) if known is not None else each.label == 3
 
 
 @dataclass(frozen=True)
 class _Place:
-    """Where a message lies in the tree.
+    """The position of a message in the tree of messages.
 
     Attributes:
-        prefix: Of its leaves' paths.
-        chain: Field descriptors down to it.
-        types: Full names of the messages around it, itself not.
+        prefix: Beginning of its leaves' paths.
+        chain: Field descriptors from the root to it.
+        types: Full names of the messages around it, without itself.
         presence: Slot of the nearest optional field above.
         element_slots: Ragged slots that the repeated message around it fills, or None outside of one.
     """
@@ -157,6 +161,8 @@ class _Place:
 
 @dataclass
 class _Compiler:
+    """Collects the kernel's nodes and the leaves of a message type."""
+
     wants: Callable[[str], bool] | None
     blobs: frozenset[str]
     nodes: list[list[list[int]]] = field(default_factory=list)
@@ -170,7 +176,7 @@ class _Compiler:
     n_fields: int = 0
 
     def node(self, descriptor: Any, place: _Place) -> int:
-        """A message whose leaves may be wanted; returns its node."""
+        """Add a message whose leaves may be wanted; return its node."""
         self._count(descriptor)
         if len(place.types) > MAX_NESTING:
             raise SchemaError(f"its messages are nested more than {MAX_NESTING} deep")
@@ -200,6 +206,7 @@ class _Compiler:
         return index
 
     def _message(self, each: Any, row: list[int], place: _Place, presence: int) -> None:
+        """Add the message inside a field, and set its node in the field's row."""
         path = place.prefix + each.name
         inner_type = each.message_type
         types = (*place.types, each.containing_type.full_name)
@@ -216,6 +223,7 @@ class _Compiler:
                 self.elements += [slot, np.dtype(self.ragged[slot].dtype).itemsize]
 
     def _scalar(self, each: Any, row: list[int], dtype: str, place: _Place, presence: int) -> None:
+        """Add the column of a number, and set its slot in the field's row."""
         path, chain = place.prefix + each.name, (*place.chain, each)
         closed: tuple[int, ...] = ()
         if each.type == TYPE_ENUM and getattr(each.enum_type, "is_closed", False):
@@ -231,7 +239,7 @@ class _Compiler:
             place.element_slots.append(len(self.ragged) - 1)
 
     def _check_only(self, descriptor: Any) -> int:
-        """A message of which no leaf is wanted: one node per type, which may lead back to itself."""
+        """Return the node of a message type without wanted leaves: one per type, which may lead back to itself."""
         known = self.checked.get(descriptor.full_name)
         if known is None:
             self._count(descriptor)
@@ -241,7 +249,7 @@ class _Compiler:
         return known
 
     def fill_checked(self) -> None:
-        """The fields of the messages that are checked only."""
+        """Fill in the fields of the messages without wanted leaves."""
         while self.unchecked:
             index, descriptor = self.unchecked.pop()
             oneofs: dict[str, int] = {}
@@ -252,11 +260,17 @@ class _Compiler:
                 self.nodes[index].append(row)
 
     def _count(self, descriptor: Any) -> None:
+        """Count the fields of a message.
+
+        Raises:
+            SchemaError: There are more than `MAX_FIELDS`.
+        """
         self.n_fields += len(descriptor.fields) + 1
         if self.n_fields > MAX_FIELDS:
             raise SchemaError(f"its messages hold more than {MAX_FIELDS:,} fields")
 
     def _row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
+        """Return the kernel's row of a field, which stores nothing yet."""
         oneof = -1
         if each.containing_oneof is not None and len(each.containing_oneof.fields) > 1:
             if each.containing_oneof.name not in oneofs:
@@ -269,7 +283,7 @@ class _Compiler:
         return (self.wants is None or self.wants(path)) and len(self.slots) + len(self.ragged) < MAX_LEAVES
 
     def _reaches(self, prefix: str) -> bool:
-        """Whether a wanted leaf lies below."""
+        """Tell whether a wanted leaf has a path with this prefix."""
         if self.wants is None:
             return True
         return self.wants(prefix) or any(blob.startswith(prefix) for blob in self.blobs)

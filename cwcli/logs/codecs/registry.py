@@ -1,4 +1,4 @@
-"""The message encodings that cwcli reads. A further one is a file beside this and a line here."""
+"""The message encodings that cwcli reads. A further encoding is a file in this folder and a line here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.logs.codecs.ros2msg import SchemaError
 
 
 class ChannelLike(Protocol):
-    """What a decoder needs to know of a channel."""
+    """The encodings and the schema of a channel."""
 
     @property
     def message_encoding(self) -> str: ...
@@ -27,7 +27,7 @@ Maker = Callable[[ChannelLike, Fields, Collection[str], int], Decoder]
 
 
 def make_decoder(channel: ChannelLike, fields: Fields, *, blobs: Collection[str] = (), n_expected: int = 0) -> Decoder:
-    """A decoder for a channel; one for each channel of each file, so that nothing is shared between files.
+    """Return a new decoder for a channel; no decoder is shared between files.
 
     Raises:
         SchemaError: The encoding is unknown, or the schema can't be used.
@@ -60,9 +60,10 @@ def _json(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expect
 
 
 ANY = "*"
+"""The schema encoding of a registry entry that accepts every schema."""
 DECODERS: dict[tuple[str, str], Maker] = {
     ("cdr", "ros2msg"): _cdr,
     ("protobuf", "protobuf"): _protobuf,
     ("json", ANY): _json,
 }
-"""(message encoding, schema encoding) -> decoder."""
+"""The message encoding and schema encoding of a channel (MCAP registry) -> function that makes its decoder."""

@@ -1,4 +1,4 @@
-"""`ros2msg` schema texts: message definitions, one behind the other, as ROS 2 concatenates them.
+"""Parses `ros2msg` schema texts: message definitions one after the other, as ROS 2 concatenates them.
 
 Source: https://docs.ros.org/en/rolling/Concepts/Basic/About-Interfaces.html and the MCAP registry's `ros2msg`.
 Constants, default values, bounds and comments do not change the bytes of a message and are skipped.
@@ -24,18 +24,25 @@ PRIMITIVES: dict[str, str] = {
     "float32": "f4",
     "float64": "f8",
 }
-"""Type -> NumPy type. `char` is signed, as the official decoder reads it."""
+"""Primitive type -> NumPy type (ROS 2 interface definitions). `char` is signed, as the official decoder reads it."""
 
 STRING = "string"
+"""The type name of texts in UTF-8."""
 WSTRING = "wstring"
+"""The type name of texts in UTF-16, which cwcli does not decode."""
 _PREDEFINED = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
 }
+"""The messages that a schema may use without a definition (builtin_interfaces)."""
 _SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
+"""The pattern of the line between two message definitions."""
 _NAME_LINE = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
+"""The pattern of the line that names the message of a definition."""
 _TYPE = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
+"""The pattern of a field's type: name, bound of a string, bound and length of an array."""
 _CONSTANT = re.compile(r"^\w+\s*=")
+"""The pattern of a constant's name and equals sign."""
 
 
 class SchemaError(ValueError):
@@ -48,7 +55,7 @@ class MessageField(NamedTuple):
     Attributes:
         name: Its name.
         type: A primitive, `string`, `wstring`, or a message by its short name `package/Name`.
-        is_sequence: Its length stands in the message.
+        is_sequence: The number of elements is part of the message.
         length: Elements of a fixed array, or None.
     """
 
@@ -59,15 +66,15 @@ class MessageField(NamedTuple):
 
 
 MAX_ARRAY = 1 << 24
-"""Elements of a fixed array."""
+"""The greatest number of elements of a fixed array. Chosen by hand."""
 MAX_DIGITS = 18
-"""Of a length."""
+"""The greatest number of digits in the length of an array: a number of that size fits in 64 bits."""
 
 Definitions = dict[str, tuple[MessageField, ...]]
 
 
 def parse_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
-    """The messages of a schema.
+    """Parse the messages of a schema.
 
     Returns:
         Short name of the root message, and the fields of each message by short name.
@@ -90,13 +97,13 @@ def parse_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
 
 
 def short_name(name: str) -> str:
-    """`sensor_msgs/msg/Imu` -> `sensor_msgs/Imu`."""
+    """Return package and name of a message type: `sensor_msgs/msg/Imu` -> `sensor_msgs/Imu`."""
     parts = name.split("/")
     return f"{parts[0]}/{parts[-1]}"
 
 
 def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, ...]:
-    """The fields of a message.
+    """Return the fields of a message.
 
     Raises:
         SchemaError: It is not defined.
@@ -108,6 +115,11 @@ def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, 
 
 
 def _fields(package: str, body: str) -> tuple[MessageField, ...]:
+    """Parse the field lines of one definition.
+
+    Raises:
+        SchemaError: A line is not a field, or an array is too long.
+    """
     fields = []
     for raw_line in body.replace("\t", " ").splitlines():
         line = raw_line.partition("#")[0].strip()
@@ -135,6 +147,7 @@ def _fields(package: str, body: str) -> tuple[MessageField, ...]:
 
 
 def _resolved(base: str, package: str) -> str:
+    """Return a primitive or the short name of a message type that a definition of `package` names."""
     if base in PRIMITIVES or base in (STRING, WSTRING):
         return base
     if base == "Header":

@@ -1,4 +1,4 @@
-"""Where decoders put the leaves: growing columns, filled by the kernels batch by batch through their addresses."""
+"""Growing column buffers of the decoders, filled by the kernels batch by batch through their memory addresses."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from cwcli.signals.columns import Int64Array, NumericArray, Ragged, Strings
 BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
 SPAN_BYTES = 16
+"""Size in bytes of a span: start and length as int64."""
 
 
 @dataclass(frozen=True)
 class Payloads:
-    """Messages of one channel.
+    """The encoded messages of one channel.
 
     Attributes:
-        data: What they lie in: a chunk, or the file.
-        starts, ends: Shape (n,), int64.
+        data: Bytes of a chunk or of the file, shape (size,).
+        starts, ends: Places of the messages in `data`, shape (n,), int64.
     """
 
     data: ByteArray
@@ -34,24 +35,24 @@ class Payloads:
 
     @property
     def n_bytes(self) -> int:
-        """Bytes of all messages."""
+        """Return the total size of the messages in bytes."""
         return int((self.ends - self.starts).sum())
 
     def rows(self, start: int, stop: int) -> Payloads:
-        """Messages `start` to `stop`."""
+        """Return messages `start` to `stop`."""
         return Payloads(self.data, self.starts[start:stop], self.ends[start:stop])
 
     def take(self, rows: npt.NDArray[np.intp]) -> Payloads:
-        """Some of the messages."""
+        """Return the messages of the given rows."""
         return Payloads(self.data, self.starts[rows], self.ends[rows])
 
     def message(self, row: int) -> bytes:
-        """One message."""
+        """Return the bytes of one message."""
         return self.data[self.starts[row] : self.ends[row]].tobytes()
 
 
 class FixedSlot:
-    """A growing column; new rows are zero.
+    """A growing column of numbers; new rows are zero.
 
     Attributes:
         array: Shape (capacity,), or (capacity, k) for `count` = k.
@@ -61,26 +62,26 @@ class FixedSlot:
         self.array = np.zeros((0,) if count is None else (0, count), dtype)
 
     def grow(self, capacity: int) -> None:
-        """Make room for `capacity` rows."""
+        """Allocate memory for `capacity` rows."""
         if len(self.array) < capacity:
             grown = np.zeros((capacity, *self.array.shape[1:]), self.array.dtype)
             grown[: len(self.array)] = self.array
             self.array = grown
 
     def address(self, first_row: int, n: int) -> int:
-        """Of row 0."""
+        """Return the memory address of row 0."""
         return _address(self.array)
 
     def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
-        """After a batch: nothing to do."""
+        """Finish a batch: numbers need nothing more."""
 
 
 class StringSlot:
     """A growing column of strings: the kernel writes spans, which are dictionary-coded after each batch.
 
     Attributes:
-        spans: Shape (n, 2) of the batch: start and length. Rows that the kernel leaves alone are empty strings.
-        codes: Shape (capacity,).
+        spans: Start and length in the current batch, shape (n, 2). Rows that the kernel does not set are empty strings.
+        codes: Index into `values` of each message, shape (capacity,).
         values: Distinct strings as bytes.
     """
 
@@ -91,50 +92,50 @@ class StringSlot:
         self._known: dict[bytes, int] = {}
 
     def grow(self, capacity: int) -> None:
-        """Make room for `capacity` rows."""
+        """Allocate memory for `capacity` rows."""
         if len(self.codes) < capacity:
             grown = np.zeros(capacity, np.int32)
             grown[: len(self.codes)] = self.codes
             self.codes = grown
 
     def address(self, first_row: int, n: int) -> int:
-        """Of row 0, as if the batch's spans were all rows'."""
+        """Return the memory address that row 0 would have if the spans covered all rows, not only the batch."""
         self.spans = np.zeros((n, 2), np.int64)
         return _address(self.spans) - SPAN_BYTES * first_row
 
     def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
-        """After a batch: code its strings."""
+        """Finish a batch: replace its spans by codes."""
         self.spans[~is_ok, 0] = -1
         n = len(self.spans)
         intern_spans(data, self.spans, self.codes[first_row : first_row + n], self._known, self.values)
 
     def put(self, row: int, text: bytes) -> None:
-        """Set one row."""
+        """Set the string of one row."""
         code = self._known.setdefault(text, len(self.values))
         if code == len(self.values):
             self.values.append(text)
         self.codes[row] = code
 
     def finish(self, rows: Int64Array) -> Strings:
-        """The given rows. Bytes that are not UTF-8 are shown as escapes."""
+        """Return the strings of the given rows. Bytes that are not UTF-8 become escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
         return first_seen(Strings(self.codes[rows], values).merge_equal())
 
 
 class SpanSlot(StringSlot):
-    """Spans of the batch alone: where the bytes of an image are."""
+    """The spans of the current batch alone: the places of the bytes of images."""
 
     def grow(self, capacity: int) -> None:
-        """Nothing is kept."""
+        """Do nothing, because only the current batch is stored."""
 
     def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
-        """After a batch: remember what the spans look into."""
+        """Finish a batch: store the bytes in which the spans lie."""
         self.spans[~is_ok] = 0
         self.data = data
         self.instead: dict[int, bytes] = {}
 
     def views(self) -> list[bytes | memoryview]:
-        """The bytes of each message of the batch."""
+        """Return the field's bytes in each message of the batch."""
         whole = self.data.data
         return [
             self.instead[row] if row in self.instead else whole[start : start + size]
@@ -146,8 +147,8 @@ class RaggedSlot:
     """A growing column of sequences.
 
     Attributes:
-        dtype: Of the elements.
-        cursors: Shape (n,) of the batch: bytes written after each message.
+        dtype: NumPy type of the elements.
+        cursors: Bytes written up to each message of the batch, shape (n,).
     """
 
     def __init__(self, dtype: npt.DTypeLike) -> None:
@@ -158,12 +159,12 @@ class RaggedSlot:
         self._counts: list[Int64Array] = []
 
     def begin(self, n: int, n_bytes: int) -> None:
-        """Before a batch: memory for `n_bytes`, which costs nothing until it is written to."""
+        """Begin a batch of n messages: allocate `n_bytes`, which cost nothing until they are written."""
         self.cursors = np.zeros(n, np.int64)
         self.buffer = np.empty(n_bytes + 64, np.uint8)
 
     def end(self, instead: Mapping[int, NumericArray] | None = None) -> None:
-        """After a batch: keep what was written, with other elements for the rows of `instead`."""
+        """Finish a batch: store its elements, with those of `instead` for some rows."""
         counts = np.diff(self.cursors, prepend=0) // self.dtype.itemsize
         used = int(self.cursors[-1]) if len(self.cursors) else 0
         values = self.buffer[:used].view(self.dtype).copy()
@@ -182,18 +183,18 @@ class RaggedSlot:
         self.buffer = np.zeros(0, np.uint8)
 
     def finish(self) -> Ragged:
-        """All rows."""
+        """Return the sequences of all rows."""
         counts = np.concatenate([np.zeros(1, np.int64), *self._counts])
         return Ragged(np.concatenate([np.zeros(0, self.dtype), *self._values]), np.cumsum(counts))
 
 
 def addresses(slots: Sequence[FixedSlot | StringSlot], first_row: int, n: int) -> Int64Array:
-    """Shape (len(slots),): where each slot's row 0 is, once there is room for the batch."""
+    """Return the memory address of each slot's row 0, shape (len(slots),), after all have grown for the batch."""
     return np.array([slot.address(first_row, n) for slot in slots] or [0], np.int64)
 
 
 def ragged_addresses(slots: Sequence[RaggedSlot], n: int, n_bytes: int) -> tuple[Int64Array, Int64Array]:
-    """Where the kernel writes elements, and where it writes the cursors; shape (len(slots),) each."""
+    """Begin a batch; return the memory addresses of the element buffers and of the cursors, (len(slots),) each."""
     for slot in slots:
         slot.begin(n, n_bytes)
     return (
@@ -203,12 +204,12 @@ def ragged_addresses(slots: Sequence[RaggedSlot], n: int, n_bytes: int) -> tuple
 
 
 def grown_capacity(current: int, needed: int) -> int:
-    """Room for at least `needed` rows, so that growing stays rare."""
+    """Return a capacity of at least `needed` rows, doubled so that growing stays rare."""
     return current if current >= needed else max(needed, 2 * current)
 
 
 def take_ragged(ragged: Ragged, rows: Int64Array) -> Ragged:
-    """The given rows, in the given order."""
+    """Return the given rows, in the given order."""
     sizes = np.diff(ragged.offsets)[rows]
     offsets = np.zeros(len(rows) + 1, np.int64)
     np.cumsum(sizes, out=offsets[1:])
@@ -217,7 +218,7 @@ def take_ragged(ragged: Ragged, rows: Int64Array) -> Ragged:
 
 
 def as_matrix(ragged: Ragged) -> Ragged | NumericArray:
-    """Shape (n, k) where all rows have the same number k > 0 of elements."""
+    """Return an array (n, k) if all rows have the same number k > 0 of elements, else the ragged column."""
     sizes = np.diff(ragged.offsets)
     if not len(sizes) or not sizes[0] or (sizes != sizes[0]).any():
         return ragged
@@ -225,7 +226,7 @@ def as_matrix(ragged: Ragged) -> Ragged | NumericArray:
 
 
 def first_seen(strings: Strings) -> Strings:
-    """The same strings, the values in order of first appearance and none unused."""
+    """Return the same strings with the values in order of first use, and no unused value."""
     codes, first = np.unique(strings.codes, return_index=True)
     codes, first = codes[codes >= 0], first[codes >= 0]
     order = np.argsort(first)
@@ -235,5 +236,6 @@ def first_seen(strings: Strings) -> Strings:
 
 
 def _address(array: npt.NDArray[np.generic]) -> int:
+    """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address

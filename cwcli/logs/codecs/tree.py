@@ -1,7 +1,7 @@
-"""Single messages as plain objects: dictionaries, lists, numbers, truth values, texts, None for what is absent.
+"""Decodes single messages to trees: dictionaries, lists, numbers, truth values, texts, None for absent fields.
 
-Columns hold no texts inside of lists and not which element of a list a value belongs to; a tree does. It takes some
-hundred times longer, so it is for the few channels of which that is asked.
+Columns have no texts inside lists and do not say to which element of a list a value belongs; a tree does. Decoding a
+tree takes some hundred times longer, so it is for the few channels that need it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from cwcli.logs.codecs.ros2msg import (
 from cwcli.logs.codecs.unpacked import unpacked_message
 
 FORMATS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
-"""NumPy type -> that of `struct`."""
+"""NumPy type -> format character of `struct`."""
 
 
 class BadMessage(ValueError):
@@ -39,7 +39,7 @@ Decode = Callable[[bytes], object]
 
 
 def tree_decoder(channel: ChannelLike) -> Decode:
-    """A channel's decoder of single messages, which raises `BadMessage`.
+    """Return a function that decodes single messages of a channel, and raises `BadMessage`.
 
     Raises:
         SchemaError: The encoding or the schema is unknown or unusable.
@@ -78,7 +78,7 @@ def _protobuf(channel: ChannelLike) -> Decode:
 
 
 def _plain(message: Any, depth: int) -> dict[str, object]:
-    """Fields of a message that are there; of scalars without presence the default."""
+    """Return the fields of a protobuf message; None for absent fields, the default for scalars without presence."""
     if depth > MAX_NESTING:
         raise BadMessage("nested too deeply")
     found: dict[str, object] = {}
@@ -113,9 +113,13 @@ def _cdr(channel: ChannelLike) -> Decode:
 
 
 def _check(name: str, definitions: Definitions, parents: tuple[str, ...]) -> None:
-    """Refuse what can't be decoded before a message is seen."""
+    """Check that messages of a schema can be decoded.
+
+    Raises:
+        SchemaError: A message contains itself or a wstring, or is not defined.
+    """
     if name in parents or len(parents) > MAX_NESTING:
-        raise SchemaError(f"{name} holds itself")
+        raise SchemaError(f"{name} contains itself")
     for each in find_definition(definitions, name):
         if each.type == WSTRING:
             raise SchemaError(f"{each.name} is a wstring, which CDR encoders write in different ways")
@@ -124,7 +128,7 @@ def _check(name: str, definitions: Definitions, parents: tuple[str, ...]) -> Non
 
 
 class _Body:
-    """A walk over one message, XCDR1: primitives are aligned to their size, counted from behind the header."""
+    """Reads one message in XCDR1: primitives are aligned to their size, counted from the end of the header."""
 
     def __init__(self, payload: bytes, definitions: Definitions) -> None:
         self._order = "<" if payload[1] else ">"
@@ -133,6 +137,7 @@ class _Body:
         self._at = 0
 
     def message(self, name: str) -> dict[str, object]:
+        """Read the fields of a message by its short name."""
         fields = find_definition(self._definitions, name)
         if not fields:
             self._numbers("u1", 1)  # an empty message has one octet
@@ -176,3 +181,4 @@ class _Body:
 
 
 _MAKERS: dict[str, Callable[[ChannelLike], Decode]] = {"cdr": _cdr, "protobuf": _protobuf, "json": _json}
+"""Message encoding (MCAP registry) -> function that makes the decoder of a channel."""

@@ -1,6 +1,6 @@
-"""CDR messages that rosbag2 has compressed one by one (`compression_mode: message`): unpacked before they are decoded.
+"""Decompresses CDR messages that rosbag2 has compressed one by one (`compression_mode: message`).
 
-A CDR message begins with a zero byte, a zstd frame with four bytes of its own, so that no setting has to be known:
+A CDR message begins with a zero byte, a zstd frame with its own four bytes, so that no setting has to be known:
 https://github.com/ros2/rosbag2/tree/rolling/rosbag2_compression
 """
 
@@ -14,19 +14,21 @@ import numpy.typing as npt
 from cwcli.logs.codecs.slots import Payloads
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""The first bytes of a zstd frame (RFC 8878, 3.1.1)."""
 MAX_MESSAGE_BYTES = 1 << 26
-"""What a message may unpack to, 64 MB; one of 4K pixels and three colours has 25 MB."""
+"""The greatest decompressed size of a message in bytes (64 MiB). Chosen by hand: a 4K image of three colours has
+25 MB."""
 MAX_BYTES, MAX_TIMES = 1 << 28, 64
-"""The messages of a chunk may unpack to 256 MB and so many times their size. The others stay packed, and are counted as
-undecodable."""
+"""The messages of a batch may decompress to this number of bytes (256 MiB) plus this multiple of their size. Further
+messages stay compressed, and are counted as undecodable. Chosen by hand."""
 PART_BYTES = 1 << 24
-"""Of unpacked messages that are there at once: 16 MB, and one message."""
+"""The size in bytes (16 MiB) from which decompressed messages are passed on as one part. Chosen by hand."""
 
 
 def unpacked(payloads: Payloads) -> Iterator[Payloads]:
-    """The messages in parts, with those unpacked that are zstd frames; what can't be unpacked stays as it is.
+    """Yield the messages in parts, zstd frames decompressed; a frame that can't be decompressed stays unchanged.
 
-    Messages of which none is packed are one part.
+    If no message is compressed, all messages are one part.
     """
     if not is_packed(payloads).any():
         yield payloads
@@ -48,7 +50,7 @@ def unpacked(payloads: Payloads) -> Iterator[Payloads]:
 
 
 def is_packed(payloads: Payloads) -> npt.NDArray[np.bool_]:
-    """Which messages (n,) begin as a zstd frame does."""
+    """Return the mask (n,) of messages that begin like a zstd frame."""
     packed = np.ones(len(payloads), np.bool_)
     for k, octet in enumerate(ZSTD_MAGIC) if len(payloads.data) else ():
         packed &= payloads.data.take(payloads.starts + k, mode="clip") == octet
@@ -56,13 +58,14 @@ def is_packed(payloads: Payloads) -> npt.NDArray[np.bool_]:
 
 
 def _joined(pieces: list[bytes]) -> Payloads:
+    """Concatenate messages."""
     ends = np.cumsum([len(piece) for piece in pieces])
     starts = ends - np.array([len(piece) for piece in pieces])
     return Payloads(np.frombuffer(b"".join(pieces), np.uint8), starts, ends)
 
 
 def unpacked_message(payload: memoryview | bytes, max_bytes: int = MAX_MESSAGE_BYTES) -> bytes:
-    """A message, unpacked where it is a zstd frame that says how much is in it, at most `max_bytes`."""
+    """Return a message, decompressed if it is a zstd frame that declares at most `max_bytes`, else unchanged."""
     found = bytes(payload)
     if not found.startswith(ZSTD_MAGIC):
         return found

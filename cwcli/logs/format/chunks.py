@@ -1,8 +1,8 @@
-"""The records inside a chunk: decompressed, of the declared size, with the right CRC.
+"""Decompresses chunks and checks their declared size and CRC.
 
-A few bytes can unpack to gigabytes. What a chunk declares is bounded before it is unpacked
-(`InputFile.max_chunk_bytes`), as is what all of them declare (`InputFile.max_unpacked_bytes`), and no more than that is
-unpacked.
+A few bytes can decompress to gigabytes. The declared size of a chunk is checked before it is decompressed
+(`InputFile.max_chunk_bytes`), as is the declared size of all chunks (`InputFile.max_unpacked_bytes`), and no more than
+that is decompressed.
 """
 
 from __future__ import annotations
@@ -22,27 +22,31 @@ if TYPE_CHECKING:
     import zstandard
 
 MAX_SCRATCH_BYTES = 4 << 20
+"""Size in bytes of the largest read that reuses a thread's buffer. Chosen by hand: common chunks are smaller."""
 MAX_LZ4_RATIO = 256
-"""One byte of an lz4 block extends a match by at most 255 bytes."""
+"""Greatest ratio of decompressed to compressed bytes of lz4: one byte of a block extends a match by at most 255."""
 BLOCK_BYTES = 1 << 16
-"""What an error in a cut chunk costs."""
+"""Bytes that are decompressed at a time from a cut chunk, and lost at an error in it. Chosen by hand."""
 MEGABYTE = 1_000_000
+"""The number of bytes in a megabyte, for messages to users."""
 MESSAGE_COST_BYTES = 500
-"""What a message costs beside its bytes: to note, decode and check one takes as long as to unpack so many."""
+"""Bytes that take about as long to decompress as one message takes to scan, decode and check. Chosen by hand."""
 CRC_AT = PREFIX.size + 24
+"""Bytes from the start of a chunk record to its CRC (MCAP specification: two times and a size stand before it)."""
 _U32 = struct.Struct("<I")
-
+"""The layout of one little-endian 32-bit number."""
 
 RATIO_HINT = "if you trust the log, a larger --max-ratio reads it; --recover leaves such chunks out"
+"""The advice to a user whose log decompresses to more than its size allows."""
 
 
 class ChunkError(Exception):
     """A chunk that can't be read.
 
     Attributes:
-        is_crc: It was decompressed, but its CRC does not fit.
+        is_crc: It was decompressed, but its CRC is wrong.
         is_foreign: Its compression is unknown: the file need not be damaged.
-        hint: What to do.
+        hint: Advice to the user.
     """
 
     def __init__(self, what: str, *, is_crc: bool = False, is_foreign: bool = False, hint: str = RECOVER_HINT) -> None:
@@ -53,14 +57,14 @@ class ChunkError(Exception):
 
 
 class _Scratch(threading.local):
-    """What a thread needs for one chunk after the other: fresh memory would take longer than reading into it."""
+    """A read buffer and a decompressor per thread, reused because fresh memory takes longer than reading into it."""
 
     def __init__(self) -> None:
         self._buffer = memoryview(b"")
         self._zstd: zstandard.ZstdDecompressor | None = None
 
     def read(self, file: InputFile, start: int, stop: int) -> memoryview:
-        """Bytes of a file, until the next call."""
+        """Read bytes `start` to `stop` of a file; the result is valid until the next call."""
         if stop - start > MAX_SCRATCH_BYTES:
             return file[start:stop]
         if stop - start > len(self._buffer):
@@ -68,7 +72,7 @@ class _Scratch(threading.local):
         return file.read_into(self._buffer[: stop - start], start)
 
     def zstd(self) -> zstandard.ZstdDecompressor:
-        """A decompressor."""
+        """Return this thread's zstd decompressor, made at the first call."""
         if self._zstd is None:
             import zstandard
 
@@ -77,15 +81,16 @@ class _Scratch(threading.local):
 
 
 _SCRATCH = _Scratch()
+"""The read buffer and the decompressor of the running thread."""
 
 
 def bound_chunks(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[int] = ()) -> None:
-    """Find where a file's chunks begin to unpack to more than all of them may (`InputFile.refused_from`).
+    """Set `InputFile.refused_from` to the first chunk at which all chunks together exceed the allowed size.
 
     Args:
-        file: A file of its own, no log of parts.
-        chunks: In file order. Those that are too large alone do not count: nobody unpacks them.
-        cut: Starts of those that are cut off.
+        file: One file, not a log of several parts.
+        chunks: In file order. Chunks that alone exceed the limit do not count, because they are not decompressed.
+        cut: Start offsets of the chunks that are cut off.
     """
     file.refused_from = None
     unpacked = 0
@@ -98,21 +103,26 @@ def bound_chunks(file: InputFile, chunks: Sequence[ChunkIndex], cut: Collection[
 
 
 def _most_of_cut(file: InputFile, chunk: ChunkIndex) -> int:
-    """What may come out of a chunk that is cut off; what it declares may be damaged."""
+    """Return the most bytes that a cut chunk may decompress to; its declared size may be damaged."""
     return min(max(chunk.uncompressed_size, file.unpacked_from(chunk.compressed_size)), file.max_chunk_bytes)
 
 
 def check_messages(file: InputFile, n_messages: int) -> None:
-    """Check that a file holds no more messages than one of its size may: bytes can stand for thousands.
+    """Check that a file holds no more messages than its size allows: a few bytes can decompress to thousands.
 
     Raises:
-        ChunkError: It does.
+        ChunkError: It holds more.
     """
     if n_messages * MESSAGE_COST_BYTES > file.max_unpacked_bytes:
         raise ChunkError(f"{n_messages:,} messages and more are in a file of {len(file):,} bytes", hint=RATIO_HINT)
 
 
 def _check_place(file: InputFile, chunk: ChunkIndex) -> None:
+    """Check that all chunks up to this one do not exceed the allowed size.
+
+    Raises:
+        ChunkError: They exceed it.
+    """
     part, at = file.place(chunk.chunk_start)
     if part.refused_from is not None and at >= part.refused_from:
         what = (
@@ -123,16 +133,16 @@ def _check_place(file: InputFile, chunk: ChunkIndex) -> None:
 
 
 def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memoryview:
-    """The records inside a chunk.
+    """Return the records inside a chunk, decompressed.
 
     Args:
         file: The log.
-        chunk: Where the chunk is.
-        verify: Check the CRC, where the chunk has one.
+        chunk: The place and the declared sizes of the chunk.
+        verify: Check the CRC, if the chunk has one.
 
     Raises:
-        ChunkError: The chunk is not there, is too large alone or with those before it, can't be decompressed, has
-            another size than declared, or its CRC does not fit.
+        ChunkError: The chunk is missing, is too large alone or with those before it, can't be decompressed, has
+            another size than declared, or its CRC is wrong.
     """
     _check_header(file, chunk)
     _check_place(file, chunk)
@@ -153,7 +163,7 @@ def chunk_payload(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> memory
 
 
 def _check_header(file: InputFile, chunk: ChunkIndex) -> None:
-    """The chunk's own header against its index.
+    """Check that the chunk's header agrees with its chunk index.
 
     Raises:
         ChunkError: They differ.
@@ -169,7 +179,7 @@ def _check_header(file: InputFile, chunk: ChunkIndex) -> None:
 
 
 def partial_payload(file: InputFile, chunk: ChunkIndex) -> memoryview:
-    """What comes out of a chunk that is cut off, up to the first error.
+    """Decompress a cut chunk up to the first error.
 
     Raises:
         ChunkError: Its compression is unknown, more comes out of it than is allowed, or it is whole and fails its CRC.
@@ -195,11 +205,11 @@ def _check_crc(file: InputFile, chunk: ChunkIndex, payload: memoryview) -> None:
     at = chunk.chunk_start + CRC_AT
     (crc,) = _U32.unpack(file[at : at + _U32.size])
     if crc and crc != zlib.crc32(payload):
-        raise ChunkError("a chunk's CRC does not fit", is_crc=True)
+        raise ChunkError("a chunk's CRC is wrong", is_crc=True)
 
 
 def whole_records(payload: memoryview) -> memoryview:
-    """The records of a chunk before the first one that is damaged or cut off."""
+    """Return the records of a chunk before the first one that is damaged or cut off."""
     whole = 0
     with suppress(RecordError):
         for _, _, end in chunk_records(payload):
@@ -208,7 +218,7 @@ def whole_records(payload: memoryview) -> memoryview:
 
 
 def chunk_records(payload: memoryview) -> Iterator[tuple[int, int, int]]:
-    """Opcode, start and end (within the chunk) of each record, prefix included.
+    """Yield opcode, start and end (byte offsets in the chunk) of each record, prefix included.
 
     Raises:
         RecordError: A record reaches beyond the chunk.
@@ -221,7 +231,7 @@ def chunk_records(payload: memoryview) -> Iterator[tuple[int, int, int]]:
 
 
 def stored_records(file: InputFile, chunk: ChunkIndex) -> memoryview:
-    """The records of a chunk as they are stored, compressed or not."""
+    """Return the bytes of a chunk's records as they are stored, compressed or not."""
     end = chunk.chunk_start + chunk.chunk_length
     return file[end - chunk.compressed_size : end]
 
@@ -259,14 +269,14 @@ def _unlz4(stored: memoryview, size: int) -> memoryview:
         stream = lz4.frame.LZ4FrameDecompressor()
         payload = stream.decompress(stored, max_length=size + 1)
         if not stream.eof:
-            raise ChunkError("a chunk's lz4 frame does not end where it should")
+            raise ChunkError("a chunk's lz4 frame has no end")
         return memoryview(payload)
     except (RuntimeError, EOFError, MemoryError, ValueError) as error:
         raise ChunkError(f"a chunk can't be decompressed: {_reason(error)}") from error
 
 
 def _unzstd_blocks(stored: memoryview) -> Iterator[bytes]:
-    """What comes out of a frame up to the first error, a little at a time: a block of 4 bytes can hold 128 kB."""
+    """Yield the bytes of a zstd frame up to the first error, in small blocks: 4 bytes can decompress to 128 kB."""
     import zstandard
 
     with suppress(zstandard.ZstdError), zstandard.ZstdDecompressor().stream_reader(stored) as stream:
@@ -275,7 +285,7 @@ def _unzstd_blocks(stored: memoryview) -> Iterator[bytes]:
 
 
 def _unlz4_blocks(stored: memoryview) -> Iterator[bytes]:
-    """As `_unzstd_blocks`."""
+    """Yield the bytes of an lz4 frame up to the first error, in small blocks."""
     import lz4.frame
 
     stream = lz4.frame.LZ4FrameDecompressor()
@@ -298,3 +308,4 @@ def _reason(error: BaseException) -> str:
 
 
 DECOMPRESSORS: dict[str, Callable[[memoryview, int], memoryview]] = {"": _as_stored, "zstd": _unzstd, "lz4": _unlz4}
+"""Compression of a chunk -> function of the stored bytes and the declared size (MCAP registry of compressions)."""

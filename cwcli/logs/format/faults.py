@@ -1,4 +1,4 @@
-"""What is wrong with a file, counted."""
+"""Counts of the faults of a file, and the errors about it."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ from cwcli.errors import InputError
 from cwcli.input import InputFile
 
 MAX_RECORDS = 1 << 16
-"""Beside messages and chunks; metadata records that stand side by side are one."""
+"""The greatest number of schemas, channels, attachments and runs of metadata in a file. Chosen by hand: many times what
+recorders write."""
 RECOVER_HINT = "--recover reads what is intact"
+"""The advice to a user whose log is damaged."""
 
 
 def damaged(file: InputFile, at: int, why: object) -> InputError:
-    """The error that a file is damaged at an offset; `why` may have a hint of its own."""
+    """Return the error that a file is damaged at an offset; a `hint` attribute of `why` replaces the usual one."""
     part, at = file.place(at)
     return InputError(f"damaged at byte {at}: {why}", where=part.name, hint=getattr(why, "hint", RECOVER_HINT))
 
 
 def no_mcap(name: str, head: bytes) -> InputError:
-    """The error that a file that begins like this is something else."""
+    """Return the error that a file with this beginning is not MCAP."""
     return InputError("it is not an MCAP file", where=name, hint=_hint_for(head))
 
 
 def _hint_for(head: bytes) -> str:
-    """What a file that is not MCAP may be."""
+    """Return advice for the file format that the first bytes suggest, "" for an unknown one."""
     if head.startswith(b"#ROSBAG"):
         return "it is a ROS 1 bag; name the file, which is converted on the way in"
     if head.startswith(b"SQLite format 3"):
@@ -36,10 +38,10 @@ def _hint_for(head: bytes) -> str:
 
 
 def check_record_count(name: str, n: int) -> None:
-    """Check the number of records beside messages and chunks.
+    """Check the number of records other than messages and chunks: each costs time whenever the log is opened.
 
     Raises:
-        InputError: It is more than any recorder writes; each costs time whenever the log is opened.
+        InputError: It exceeds `MAX_RECORDS`.
     """
     if n > MAX_RECORDS:
         what = f"it holds more than {MAX_RECORDS:,} schemas, channels, attachments and parts with metadata"
@@ -51,18 +53,17 @@ class Faults:
     """Counts of what could not be read, or was read in spite of a fault. They grow while the log is read.
 
     Attributes:
-        parts: What is wrong with the file, or with the parts of a recording, as such -> how often.
-        crc_mismatches: Chunks whose CRC does not fit; all their messages are left out.
-        chunks_lost: Chunks that can't be decompressed, or whose CRC does not fit.
+        parts: Faults of the file or of the parts of a recording, as text -> how often.
+        crc_mismatches: Chunks with a wrong CRC; all their messages are left out.
+        chunks_lost: Chunks that can't be decompressed, or have a wrong CRC.
         chunks_partial: Cut chunks whose first part was read.
-        broken_indexes: Chunks whose message index does not fit what they hold; they are read without it.
-        bytes_lost: Bytes of the file that hold nothing readable.
-        messages_lost: Messages in lost chunks and behind damaged records, as far as the file tells.
-        miscounted: Channels of which the file holds other numbers of messages than its summary says.
-        data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them does not fit: one of them may
-            be wrong.
-        truncated: The file ends before its end.
-        summary_damaged: The summary can't be trusted; the file was read record by record.
+        broken_indexes: Chunks whose message index differs from their messages; they are read without it.
+        bytes_lost: Bytes of the file that can't be read.
+        messages_lost: Messages in lost chunks and behind damaged records, as far as the file says.
+        miscounted: Ids of channels with another number of messages than the summary says.
+        data_crc_mismatch: Messages outside chunks were read, and the CRC over all of them is wrong.
+        truncated: The file is cut short.
+        summary_damaged: The summary is damaged; the file was read record by record.
         undecodable: Topic -> reason -> messages.
     """
 
@@ -80,21 +81,21 @@ class Faults:
     undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def note_parts(self, notes: Mapping[str, int]) -> None:
-        """Note what is wrong with a file, or a recording, as such."""
+        """Add faults of a file, or of the parts of a recording: text -> how often."""
         for what, count in notes.items():
             self.parts[what] = self.parts.get(what, 0) + count
 
     def note_undecodable(self, topic: str, reason: str, count: int) -> None:
-        """Note how many messages of a topic one reading of it could not decode so far.
+        """Set how many messages of a topic could not be decoded for a reason.
 
-        The same messages, or some of them, may be read again: the reading that found most of them counts.
+        A topic may be read several times; the largest count of one pass is kept.
         """
         if count:
             reasons = self.undecodable.setdefault(topic, {})
             reasons[reason] = max(reasons.get(reason, 0), count)
 
     def counts(self) -> dict[str, int]:
-        """Reason, as the user reads it -> count, for everything that happened."""
+        """Return fault, in words for the user -> count, for all faults that occurred."""
         named = {
             **self.parts,
             "file cut short": int(self.truncated),
@@ -103,8 +104,8 @@ class Faults:
             "chunks lost": self.chunks_lost,
             "of these with a wrong CRC": self.crc_mismatches,
             "chunks read in part": self.chunks_partial,
-            "message indexes that do not fit": self.broken_indexes,
-            "channels whose messages the summary counts wrongly": len(self.miscounted),
+            "message indexes that differ from their chunk": self.broken_indexes,
+            "channels with a wrong message count in the summary": len(self.miscounted),
             "bytes lost": self.bytes_lost,
             "messages lost": self.messages_lost,
         }

@@ -1,4 +1,4 @@
-"""What a file holds and where, before any message is decoded: from its summary, or from a walk over its records."""
+"""The index of a file: its channels, chunks and other records and their places, from the summary or from a scan."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Sche
 
 
 class Span(NamedTuple):
-    """A part of the data section outside chunks: messages that a walk found, or what no index of a summary covers."""
+    """A byte range of the data section outside chunks: messages found by a scan, or bytes that no index covers."""
 
     start: int
     end: int
 
 
 class LooseRecord(NamedTuple):
-    """A schema or channel outside chunks, or a record of a kind that the format leaves to its users (`id` -1)."""
+    """A schema or channel outside chunks, or a record with an opcode that the format does not define (`id` -1)."""
 
     start: int
     length: int
@@ -34,24 +34,23 @@ Kind = TypeVar("Kind")
 
 @dataclass
 class Index:
-    """What a file holds.
+    """The schemas, channels, chunks and other records of a file, and their places.
 
     Attributes:
         profile, library: From the header.
-        header_length: Bytes of magic and header; 0 where it is damaged.
+        header_length: Bytes of magic and header; 0 if the header is damaged.
         schemas, channels: By id.
-        items: The data section in file order. `LooseRecord`s are there after a walk only.
+        items: The data section in file order. `LooseRecord`s are listed after a scan only.
         metadata: The metadata records; a `Run` among the items names its rows.
-        statistics: As the summary or the walk counted; None until something counts.
-        data_end: Where the data section ends: its end record, which holds a CRC of everything before; None if there is
-            none.
-        has_end: There is an end record, or a footer.
-        cut_chunks: Starts of chunks that are cut off, or whose record has a wrong length.
-        is_listed: A whole summary lists it.
-        data_sections: Of a log of parts: start and `data_end` of each part that has one.
-        renumberings: Of a log of parts: start of each part, and what gives its messages the ids of the log; None where
-            they have them.
-        is_counted: The summary counts the messages of each channel: an index that leaves some out is found by that.
+        statistics: The counts of the summary or of the scan; None if there are none yet.
+        data_end: Offset of the data end record, which holds a CRC of everything before; None if there is none.
+        has_end: There is a data end record, or a footer.
+        cut_chunks: Start offsets of chunks that are cut off, or whose record has a wrong length.
+        is_listed: A complete summary lists everything.
+        data_sections: For a log of parts: start and `data_end` of each part that has one.
+        renumberings: For a log of parts: start of each part, and the mapping of its channel ids to those of the log;
+            None if the ids are the same.
+        is_counted: The summary counts the messages of each channel, which shows an index that leaves some out.
     """
 
     profile: str = ""
@@ -71,25 +70,25 @@ class Index:
     renumberings: list[tuple[int, Renumbering | None]] = field(default_factory=list)
 
     def items_of(self, kind: type[Kind]) -> list[Kind]:
-        """The items of a kind, in file order."""
+        """Return the items of one type, in file order."""
         return [item for item in self.items if isinstance(item, kind)]
 
     def with_own_ids(self, at: int, records: memoryview) -> memoryview:
-        """The records that stand at an offset, with this log's ids in the messages, if the file there has others."""
+        """Return the records read at an offset, with this log's channel ids in the messages."""
         renumbering = self.renumbering(at)
         return records if renumbering is None else renumbering.records(records)
 
     def renumbering(self, at: int) -> Renumbering | None:
-        """What gives the messages at an offset the ids of the log; None where they have them."""
+        """Return the mapping of the channel ids at an offset to those of the log; None if they are the same."""
         k = bisect_right(self.renumberings, at, key=itemgetter(0)) - 1
         return self.renumberings[k][1] if k >= 0 else None
 
     def section_at(self, at: int) -> tuple[int, int | None]:
-        """Start and `data_end` of the data section around an offset, from the magic bytes on."""
+        """Return start (at the magic bytes) and `data_end` of the data section around an offset."""
         within = [each for each in self.data_sections if each[0] <= at < each[1]]
         return within[0] if within else (0, None if self.data_sections else self.data_end)
 
     def lacks_schema(self, channel_id: int) -> bool:
-        """Whether a channel is unknown, or its schema."""
+        """Tell whether a channel or its schema is not defined."""
         channel = self.channels.get(channel_id)
         return channel is None or (channel.schema_id != 0 and channel.schema_id not in self.schemas)

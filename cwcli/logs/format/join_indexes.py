@@ -1,4 +1,4 @@
-"""The indexes of a log's parts as the index of the log."""
+"""Joins the indexes of a log's parts to one index of the whole log."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from cwcli.logs.format.records import (
 
 
 def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
-    """What the log holds, as if it were one file.
+    """Return the index of a log of parts, as if it were one file.
 
-    The schemas and channels of all parts stand in it, but no record that defines one: their ids may be others.
+    It holds the schemas and channels of all parts, but no record that defines one: its ids may differ.
 
     Args:
-        file: The log, arranged.
-        indexes: Of its parts, in order; made with the same function for all.
+        file: The log, its parts in their final order.
+        indexes: One per part, in order, all from the same function.
 
     Raises:
-        InputError: The ids do not suffice.
+        InputError: The log needs more than 65,534 ids of schemas or channels.
     """
     joined = Index(
         profile=indexes[0].profile if len({each.profile for each in indexes}) == 1 else "",
@@ -63,8 +63,9 @@ def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
 
 
 def _most_alike_first(indexes: Sequence[Index]) -> list[int]:
-    """The parts by how many others have their ids: the first ones keep theirs. A recorder may well give the first part
-    of a recording other ids than all that follow.
+    """Return the part numbers, those first whose ids most parts share, so that these keep their ids.
+
+    A recorder may give the first part of a recording other ids than all that follow.
     """
     layouts = [tuple(sorted((each.id, each.topic) for each in index.channels.values())) for index in indexes]
     counts = Counter(layouts)
@@ -72,7 +73,7 @@ def _most_alike_first(indexes: Sequence[Index]) -> list[int]:
 
 
 def _placed(file: JoinedFile, index: Index, start: int, ids: Mapping[int, int], joined: Index) -> list[Item]:
-    """The items of a part, where they are in the log."""
+    """Return the items of a part with their offsets and channel ids in the log; `ids`: id in the part -> in the log."""
     items: list[Item] = []
     earlier: dict[tuple[int, str], list[int]] = {}
     for offset, length, name in joined.metadata if len(index.metadata) else ():
@@ -99,6 +100,7 @@ def _placed(file: JoinedFile, index: Index, start: int, ids: Mapping[int, int], 
 
 
 def _renamed(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[int, int]:
+    """Return the message counts by channel id of the log; `ids`: id in the part -> id in the log."""
     renamed: Counter[int] = Counter()
     for old, n in counts.items():
         renamed[ids.get(old, NOBODY)] += n
@@ -108,7 +110,7 @@ def _renamed(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[int, int
 def _placed_metadata(
     file: JoinedFile, index: Index, run: Run, start: int, joined: Index, earlier: Mapping[tuple[int, str], list[int]]
 ) -> Iterator[Run]:
-    """Metadata records of a part, but those that an earlier part has word for word; they come into the table."""
+    """Add a part's metadata records to the joined table and yield their runs, without exact copies of earlier ones."""
     placed: Run | None = None
     for row in range(run.first, run.stop):
         offset, length, name = index.metadata[row]
@@ -127,6 +129,7 @@ def _placed_metadata(
 
 
 def _counted(joined: Index, indexes: Sequence[Index], channel_ids: Sequence[Mapping[int, int]]) -> Statistics:
+    """Return the statistics of the log from those of its parts."""
     counted = [index.statistics for index in indexes]
     counts: Counter[int] = Counter()
     for statistics, ids in zip(counted, channel_ids, strict=True):

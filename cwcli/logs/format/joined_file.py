@@ -1,4 +1,4 @@
-"""Several files as the bytes of one log, and ids of that log for the schemas and channels of each."""
+"""Presents several files as the bytes of one log, and assigns common ids to their schemas and channels."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 NOBODY = 0xFFFF
-"""The id of messages whose channel their file does not define; no channel of a log of parts has it."""
+"""The channel id given to messages whose channel their file does not define; no channel of a log of parts has it."""
 
 
 class JoinedFile(InputFile):
-    """The bytes of several files, one behind the other.
+    """The bytes of several files, one after the other.
 
     Args:
         parts: Open files; closed with this.
         name: For messages.
 
     Attributes:
-        parts: In the order in which they lie behind each other.
+        parts: The files in the order of their bytes.
         numbering: Ids for the schemas and channels of all parts.
-        notes: What is wrong with the parts as such -> how often.
-        listing: What the recorder says of the parts: file name -> messages, None where it does not tell. Empty without.
-        n_listed: Messages that it says are in all of them, or None.
+        notes: Faults of the parts, as text -> how often.
+        listing: The recorder's listing: file name -> messages, None if it does not say. Empty without a listing.
+        n_listed: Messages of all parts by the recorder's listing, or None.
         is_arranged: The parts are in the order of their times.
     """
 
@@ -56,36 +56,36 @@ class JoinedFile(InputFile):
 
     @property
     def files(self) -> Sequence[InputFile]:
-        """The files on the disk that it consists of."""
+        """Return the files on the disk that this log consists of."""
         return [file for part in self.parts for file in part.files]
 
     def arrange(self, parts: Sequence[InputFile]) -> None:
-        """Put these of the parts in this order, for good; the others are closed."""
+        """Keep these parts in this final order; close the others."""
         self.drop_all_but(parts)
         self.is_arranged = True
 
     def drop_all_but(self, parts: Sequence[InputFile]) -> None:
-        """Go on with these parts; the others are closed."""
+        """Keep these parts; close the others."""
         left_out = [each for each in self.parts if each not in parts]
         self._place(parts)
         for each in left_out:
             each.close()
 
     def start_of(self, k: int) -> int:
-        """Where part `k` begins."""
+        """Return the byte offset of part `k` in the log."""
         return self._starts[k]
 
     def place(self, at: int) -> tuple[InputFile, int]:
-        """The part in which a byte is, and where in it."""
+        """Return the part that holds a byte, and the byte's offset in it."""
         k = self.part_of(at)
         return self.parts[k], at - self._starts[k]
 
     def part_of(self, at: int) -> int:
-        """The number of the part in which a byte is."""
+        """Return the number of the part that holds a byte."""
         return min(bisect_right(self._starts, at) - 1, len(self.parts) - 1)
 
     def __getitem__(self, place: slice) -> memoryview:
-        """Some bytes, as far as the last part goes."""
+        """Return a slice of the log's bytes, cut at the end of the last part."""
         start, stop, _ = place.indices(self._size)
         part, at = self.place(start)
         if stop - start <= len(part) - at:
@@ -93,7 +93,7 @@ class JoinedFile(InputFile):
         return self.read_into(memoryview(bytearray(stop - start)), start)
 
     def read_into(self, buffer: memoryview, start: int) -> memoryview:
-        """Fill a buffer with the bytes from `start` on; returns it."""
+        """Fill a buffer with the bytes from `start` on and return it."""
         n = 0
         while n < len(buffer):
             part, at = self.place(start + n)
@@ -105,11 +105,12 @@ class JoinedFile(InputFile):
         return buffer
 
     def check_unchanged(self) -> None:
-        """Check that every part is what it was when it was opened."""
+        """Check that no part has changed since it was opened."""
         for each in self.files:
             each.check_unchanged()
 
     def _place(self, parts: Sequence[InputFile]) -> None:
+        """Set the parts and compute their offsets and the total size."""
         self.parts = tuple(parts)
         ends = list(accumulate(map(len, self.parts)))
         self._starts = [0, *ends[:-1]]
@@ -123,12 +124,12 @@ class JoinedFile(InputFile):
 
 @dataclass
 class Numbering:
-    """Ids of one log for the schemas and channels of its parts; each part has its own.
+    """Assigns ids of the log to the schemas and channels of its parts, of which each part has its own.
 
     Equal schemas are one schema, however many records of a part hold them. Channels of two parts are one channel if
-    topic, schema and encoding of the messages are the same; where a part has several such channels, each goes with
-    another one of the other part, with the one of the same metadata if there is one. The metadata of the log's channel
-    are those of the part that came first. A part keeps its ids where nobody else has them.
+    topic, schema and message encoding are equal; if a part has several such channels, each is paired with a different
+    one of the other part, preferably with equal metadata. The log's channel gets the metadata of the first part. A part
+    keeps its ids if no other part uses them.
     """
 
     _schemas: dict[Any, dict[int, Any]] = field(default_factory=dict)
@@ -137,10 +138,10 @@ class Numbering:
     def number(
         self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]
     ) -> tuple[dict[int, int], dict[int, int]]:
-        """Id in a part -> id in the log, of its schemas and of its channels.
+        """Return two mappings of an id in the part to the id in the log: of its schemas, and of its channels.
 
         Raises:
-            InputError: The ids do not suffice.
+            InputError: The log needs more than 65,534 ids.
         """
         of_schemas = ((each.id, each[1:], None) for each in schemas.values())
         schema_ids = {0: 0, **_numbered(of_schemas, self._schemas, is_shared=True)}
@@ -158,19 +159,19 @@ class Numbering:
 def _numbered(
     entries: Iterable[tuple[int, Any, Any]], known: dict[Any, dict[int, Any]], *, is_shared: bool
 ) -> dict[int, int]:
-    """Id in the part -> id in the log.
+    """Return id in the part -> id in the log.
 
     Args:
         entries: Id in the part, content, and details in which equal entries of two parts may differ.
-        known: Content -> id in the log -> details; grows.
-        is_shared: Entries of one part with the same content are one.
+        known: Content -> id in the log -> details; extended here.
+        is_shared: Entries of one part with equal content share one id.
     """
     taken = {new_id for ids in known.values() for new_id in ids}
     numbered: dict[int, int] = {}
     rest = []
     used: set[int] = set()
     ordered = sorted(entries, key=itemgetter(0))
-    for own_id, content, details in ordered:  # those that say the same in full go first
+    for own_id, content, details in ordered:  # entries that are equal in full go first
         same = (new_id for new_id, known_ in known.get(content, {}).items() if known_ == details)
         new_id = next((each for each in same if is_shared or each not in used), None)
         if new_id is None:
@@ -193,10 +194,10 @@ def _numbered(
 
 
 class Renumbering:
-    """Gives the messages of a part's records the ids of the log.
+    """Replaces the channel ids in the messages of a part by those of the log.
 
     Args:
-        ids: Id in the part -> id in the log; messages with another one are nobody's.
+        ids: Channel id in the part -> id in the log; messages with another id get `NOBODY`.
     """
 
     def __init__(self, ids: Mapping[int, int]) -> None:
@@ -204,11 +205,11 @@ class Renumbering:
         self._table: npt.NDArray[np.uint16] | None = None
 
     def id(self, own_id: int) -> int:
-        """The log's id of a channel of the part."""
+        """Return the log's id of a channel of the part."""
         return self._ids.get(own_id, NOBODY)
 
     def records(self, data: memoryview) -> memoryview:
-        """The records, as far as they are whole, with the log's ids in the messages; all else as it was."""
+        """Return a copy of the records with the log's ids in all messages before the first damaged record."""
         import numpy as np
 
         from cwcli.kernels.message_scan import DAMAGED, Messages, scan_messages

@@ -1,4 +1,4 @@
-"""The metadata records of a log, held in little memory and found at once: there may be a million."""
+"""A compact table of the metadata records of a log: there may be a million."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from cwcli.errors import InputError
 from cwcli.logs.format.records import METADATA, Data, MetadataIndex
 
 MAX_METADATA = 1 << 21
+"""The greatest number of metadata records of a file, so that the table fits in memory. Chosen by hand."""
 MANY = 32
-"""So many in a row are taken by the kernel; fewer are not worth its import."""
+"""The number of consecutive metadata records from which the compiled kernel scans on; fewer are not worth its import.
+Chosen by hand."""
 BLOCK_BYTES = 1 << 16
+"""Bytes that one call of the kernel scans. Chosen by hand."""
 BLOCK_RECORDS = 1 << 12
+"""The greatest number of records that one call of the kernel returns. Chosen by hand."""
 
 
 class Run(NamedTuple):
-    """Metadata records that follow one another in the file: its bytes, and the rows of the table."""
+    """Consecutive metadata records in the file: their bytes, and their rows in the table."""
 
     start: int
     end: int
@@ -26,10 +30,10 @@ class Run(NamedTuple):
 
 
 class MetadataTable:
-    """Where metadata records are and what they are called.
+    """Offset, length and name of each metadata record.
 
     Attributes:
-        names: Of each row.
+        names: The name of each row.
     """
 
     def __init__(self) -> None:
@@ -46,24 +50,24 @@ class MetadataTable:
         return map(MetadataIndex, self._places[::2], self._places[1::2], self.names)
 
     def append(self, offset: int, length: int, name: str) -> None:
-        """One more."""
+        """Add one record."""
         self._places.extend((offset, length))
         self.names.append(name)
 
     def extend(self, data: Data, at: int, end: int, opcode: int, name: str) -> int:
-        """Those that follow one another from an offset on, or the records that index them.
+        """Add the consecutive metadata records, or metadata index records, from an offset on.
 
         Args:
             data: The file, or its summary.
-            at, end: Where to walk.
-            opcode: Of the records.
-            name: Of the file, for messages.
+            at, end: The byte range to scan.
+            opcode: The opcode of the records.
+            name: The file's name, for messages.
 
         Returns:
-            Where the first record is that is another one, or not whole, or has to be looked at by itself.
+            Offset of the first record that has another opcode, is not whole, or needs the general reader.
 
         Raises:
-            InputError: They are too many.
+            InputError: There are too many metadata records.
         """
         from cwcli.kernels.metadata_scan import scan_metadata, scan_metadata_index
 
@@ -79,7 +83,7 @@ class MetadataTable:
         return at
 
     def runs(self) -> Iterator[Run]:
-        """The rows in order of their offsets, those together that lie side by side."""
+        """Yield the rows in order of their offsets, consecutive records as one run."""
         offsets, lengths = self._places[::2], self._places[1::2]
         first = start = end = 0
         for row, (offset, length) in enumerate(zip(offsets, lengths, strict=True)):
@@ -92,7 +96,7 @@ class MetadataTable:
             yield Run(start, end, first, len(offsets))
 
     def without(self, run: Run, names: Collection[str]) -> Iterator[Run]:
-        """The parts of a run between records of certain names."""
+        """Yield the pieces of a run that are left without the records of certain names."""
         first, start = run.first, run.start
         for row in range(run.first, run.stop) if names else ():
             if self.names[row] in names:
@@ -104,7 +108,7 @@ class MetadataTable:
             yield Run(start, run.end, first, run.stop)
 
     def sort(self) -> None:
-        """Put the rows in the order of their offsets."""
+        """Sort the rows by their offsets."""
         offsets = self._places[::2]
         order = sorted(range(len(self)), key=offsets.__getitem__)
         if any(row != k for k, row in enumerate(order)):
@@ -116,7 +120,7 @@ def check_metadata_count(name: str, n: int) -> None:
     """Check that a file's metadata can be held in memory.
 
     Raises:
-        InputError: It has too many records of it.
+        InputError: It has more than `MAX_METADATA` metadata records.
     """
     if n > MAX_METADATA:
         what = f"it holds more than {MAX_METADATA:,} metadata records"

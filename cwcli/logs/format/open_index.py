@@ -1,4 +1,4 @@
-"""From the bytes of a file to the index of what it holds: by its summary, or record by record."""
+"""Builds the index of a file from its summary, or record by record."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from cwcli.logs.format.walk import walk
 
 
 def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) -> Index:
-    """What a file holds, as reading needs it.
+    """Return the index of a file for reading: its summary, if that is complete.
 
     Args:
         file: The log.
-        faults: Counts what is wrong with it.
+        faults: Counts the faults of the file.
         recover: Count damage instead of raising.
         verify: Check the summary's CRC.
 
     Raises:
-        InputError: It is not an MCAP file, or damaged; with `recover`, if there is nothing to be had.
+        InputError: It is not an MCAP file, or is damaged; with `recover`, if nothing in it can be read.
     """
     if isinstance(file, JoinedFile):
         joined = _of_parts(file, partial(open_index, faults=faults, recover=recover, verify=verify), recover=recover)
@@ -51,9 +51,9 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
 
 
 def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Index:
-    """What a file holds, as a copy needs it: every record of the data section, and all schemas and channels.
+    """Return the index of a file for copying: every record of the data section, and all schemas and channels.
 
-    A damaged summary harms nobody: nothing of it is copied.
+    A damaged summary is no error, because nothing of it is copied.
 
     Args:
         file: The log.
@@ -76,7 +76,7 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Ind
 
 
 def _of_parts(file: JoinedFile, read: Callable[[InputFile], Index], *, recover: bool) -> Index:
-    """What the parts of a log hold together; with `recover`, those that can be read.
+    """Return the joined index of a log's parts; with `recover`, of those that can be read.
 
     Raises:
         InputError: One is damaged and `recover` is off, or none can be read.
@@ -101,7 +101,11 @@ def _of_parts(file: JoinedFile, read: Callable[[InputFile], Index], *, recover: 
 
 
 def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
-    """Where the data section begins; profile, library and the length of magic and header (0 where it is damaged)."""
+    """Return the start of the data section, and profile, library and length of magic and header (0 if damaged).
+
+    Raises:
+        InputError: It is not an MCAP file, or its header is damaged and `recover` is off.
+    """
     at = len(MAGIC)
     if file[:at] != MAGIC:
         raise no_mcap(file.name, bytes(file[:16]))
@@ -122,7 +126,7 @@ def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, 
 
 
 def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: bool, verify: bool) -> Index | None:
-    """The summary, None where there is none that can be used.
+    """Return the index from the summary, or None if there is no usable summary.
 
     Raises:
         InputError: The file is cut short, or the summary damaged, and `recover` is off.
@@ -144,7 +148,11 @@ def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: 
 
 
 def _check_count(name: str, index: Index, summary: Index | None, faults: Faults, *, recover: bool) -> None:
-    """Compare the messages that were found with those that an incomplete summary tells of."""
+    """Count messages that an incomplete summary counts and the file lacks.
+
+    Raises:
+        InputError: Some are missing and `recover` is off.
+    """
     if summary is not None and summary.statistics is not None and index.statistics is not None:
         n_missing = summary.statistics.n_messages - index.statistics.n_messages
         if n_missing > 0 and not recover:

@@ -1,4 +1,4 @@
-"""The parts of a recording: in which order they are one log, and what is wrong with them as such."""
+"""Orders the parts of a recording by time, and notes missing, repeated and overlapping parts."""
 
 from __future__ import annotations
 
@@ -14,23 +14,28 @@ from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.format.records import Statistics
 
 MAX_GAP_NS = 1_000_000_000
-"""A recorder goes on with the next part at once; where it is silent for longer, something may be missing."""
+"""The longest time in ns between two parts without a note. A recorder continues with the next part at once; after a
+longer gap something may be missing. Chosen by hand."""
 NS_PER_S = 1_000_000_000
+"""The number of nanoseconds in a second."""
 MAX_NAMED = 3
+"""The number of names that a note lists. Chosen by hand."""
 MAX_NUMBER = 10_000
-"""Of a part; a larger one is a time or a date."""
+"""The greatest number in a file name that counts as the number of a part; a larger one is a time or a date. Chosen by
+hand."""
 _NUMBERED = re.compile(r"^(.*?)(\d+)((?:\.[A-Za-z]\w*)*)$")
+"""The pattern of a file name that ends with a number: stem, number, suffixes."""
 
 
 def arrange(file: JoinedFile, indexes: Sequence[Index]) -> list[Index]:
-    """Put the parts in the order of their first messages, without those that are there twice; returns their indexes.
+    """Order the parts by their first messages, leave out repeated ones, and return the indexes in the new order.
 
-    What is told of them comes into `file.notes`: parts that are missing by their numbers, or by a silence between two,
-    that are repeated, that overlap in time, and what the recorder's listing says wrongly.
+    `file.notes` gets parts that are missing by their numbers, gaps between parts, repeated parts, parts that overlap in
+    time, and wrong message counts in the recorder's listing.
 
     Args:
         file: The log.
-        indexes: Of its parts as they were named.
+        indexes: One per part, in the order in which the parts were named.
 
     Raises:
         InputError: Two parts that have to be compared can't be read.
@@ -44,7 +49,7 @@ def arrange(file: JoinedFile, indexes: Sequence[Index]) -> list[Index]:
             kept.append((part, index))
     kept.sort(key=lambda each: _span(each[1]) or (0, 0))
     parts = [part for part, _ in kept]
-    _note(file, "parts that are there twice", repeated)
+    _note(file, "repeated parts", repeated)
     if not file.listing:
         _note_numbers(file, parts)
     else:
@@ -57,13 +62,13 @@ def arrange(file: JoinedFile, indexes: Sequence[Index]) -> list[Index]:
 
 
 def _span(index: Index) -> tuple[int, int] | None:
-    """First and last log time; None where it has no message."""
+    """Return first and last log time in ns; None for a part without messages."""
     found = index.statistics
     return (found.start_ns, found.end_ns) if found and found.n_messages else None
 
 
 def _is_copy(part: InputFile, index: Index, other: InputFile, of_other: Index) -> bool:
-    """Whether a part holds the same bytes as another one."""
+    """Tell whether two parts have the same bytes."""
     if part.files[0].state[:2] == other.files[0].state[:2]:
         return True
     if len(part) != len(other) or index.statistics != of_other.statistics:
@@ -72,12 +77,13 @@ def _is_copy(part: InputFile, index: Index, other: InputFile, of_other: Index) -
 
 
 def _note(file: JoinedFile, what: str, parts: Sequence[InputFile]) -> None:
+    """Add a note that names these parts, if there are any."""
     if parts:
         file.notes[f"{what} ({_names([_short(part) for part in parts])})"] = len(parts)
 
 
 def _note_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> None:
-    """Parts that are missing by the numbers in the names."""
+    """Note parts that are missing by the numbers in the file names."""
     found = [_NUMBERED.match(_short(part)) for part in parts]
     if len(parts) < 2 or None in found or len({(each[1], each[3]) for each in found if each}) > 1:
         return
@@ -91,7 +97,7 @@ def _note_numbers(file: JoinedFile, parts: Sequence[InputFile]) -> None:
 
 
 def _note_times(file: JoinedFile, parts: Sequence[tuple[InputFile, tuple[int, int]]]) -> None:
-    """Parts that overlap in time, and silences between them."""
+    """Note parts that overlap in time, and gaps between parts."""
     overlaps: list[str] = []
     gaps: list[str] = []
     end_ns = 0
@@ -105,11 +111,11 @@ def _note_times(file: JoinedFile, parts: Sequence[tuple[InputFile, tuple[int, in
     if overlaps:
         file.notes[f"parts that overlap in time ({_names(overlaps)})"] = len(overlaps)
     if gaps:
-        file.notes[f"silences between parts ({_names(gaps)})"] = len(gaps)
+        file.notes[f"gaps between parts ({_names(gaps)})"] = len(gaps)
 
 
 def _check_listing(file: JoinedFile, parts: Sequence[tuple[InputFile, Index]]) -> None:
-    """Compare what the recorder says of the parts with what they hold."""
+    """Note parts that hold another number of messages than the recorder's listing says."""
     wrong = []
     total = 0
     for part, index in parts:
@@ -136,6 +142,6 @@ def _names(names: Sequence[str]) -> str:
 
 
 def left_out(file: JoinedFile, part: InputFile, error: InputError) -> None:
-    """Note a part that can't be read."""
+    """Add a note about a part that can't be read."""
     what = f"parts that can't be read ({_short(part)}: {error.what})"
     file.notes[what] = file.notes.get(what, 0) + 1

@@ -1,7 +1,7 @@
-"""The records of an MCAP file as plain tuples, read with `struct`.
+"""Reads the records of an MCAP file as plain tuples, with `struct`.
 
-The official classes would do, but their import takes longer than all of `cwcli info` may. Every function raises
-`RecordError` for bytes that can't be such a record, and allocates no more than the record's own size.
+The import of the official classes takes longer than all of `cwcli info` may take. Every function raises `RecordError`
+for bytes that can't be such a record, and allocates no more than the record's own size.
 
 Format: https://mcap.dev/spec
 """
@@ -14,33 +14,54 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple, Protocol
 
 MAGIC = b"\x89MCAP0\r\n"
+"""The bytes at the beginning and at the end of every MCAP file (MCAP specification)."""
 PREFIX = struct.Struct("<BQ")
+"""The layout in front of every record: opcode and length of the content in bytes (MCAP specification)."""
 
 HEADER = 0x01
+"""The opcode of the header record (MCAP specification, as are all opcodes below)."""
 FOOTER = 0x02
+"""The opcode of the footer record."""
 SCHEMA = 0x03
+"""The opcode of a schema record."""
 CHANNEL = 0x04
+"""The opcode of a channel record."""
 MESSAGE = 0x05
+"""The opcode of a message record."""
 CHUNK = 0x06
+"""The opcode of a chunk record."""
 MESSAGE_INDEX = 0x07
+"""The opcode of a message index record."""
 CHUNK_INDEX = 0x08
+"""The opcode of a chunk index record."""
 ATTACHMENT = 0x09
+"""The opcode of an attachment record."""
 ATTACHMENT_INDEX = 0x0A
+"""The opcode of an attachment index record."""
 STATISTICS = 0x0B
+"""The opcode of the statistics record."""
 METADATA = 0x0C
+"""The opcode of a metadata record."""
 METADATA_INDEX = 0x0D
+"""The opcode of a metadata index record."""
 SUMMARY_OFFSET = 0x0E
+"""The opcode of a summary offset record."""
 DATA_END = 0x0F
+"""The opcode of the data end record."""
 
 FOOTER_BYTES = PREFIX.size + 20
+"""Size in bytes of a footer record with its prefix (MCAP specification)."""
 MESSAGE_HEADER_BYTES = 22
-"""Channel id, sequence, log time, publish time; the payload follows."""
+"""Size in bytes of a message's channel id, sequence, log time and publish time, before the payload (MCAP
+specification)."""
 INDEX_ENTRY_BYTES = 16
+"""Size in bytes of an entry of a message index: log time and offset (MCAP specification)."""
 CRC_BLOCK_BYTES = 1 << 20
+"""Bytes that are read at a time to compute a CRC. Chosen by hand."""
 
 
 class Data(Protocol):
-    """The bytes of a file, or of a chunk."""
+    """Bytes that can be sliced: those of a file or of a chunk."""
 
     def __len__(self) -> int: ...
 
@@ -48,10 +69,12 @@ class Data(Protocol):
 
 
 class RecordError(ValueError):
-    """Bytes that can't be the record that they should be."""
+    """Bytes that are not a valid record of the expected kind."""
 
 
 class Schema(NamedTuple):
+    """A schema record."""
+
     id: int
     name: str
     encoding: str
@@ -59,6 +82,8 @@ class Schema(NamedTuple):
 
 
 class Channel(NamedTuple):
+    """A channel record."""
+
     id: int
     schema_id: int
     topic: str
@@ -67,14 +92,14 @@ class Channel(NamedTuple):
 
 
 class Chunk(NamedTuple):
-    """A chunk's place and header.
+    """The place and the header of a chunk.
 
     Attributes:
-        start, length: The whole record, prefix included.
-        start_ns, end_ns: First and last log time, as the header says.
+        start, length: Of the whole record, prefix included, in bytes.
+        start_ns, end_ns: First and last log time, from the header.
         uncompressed_size, crc: Of the records inside; crc 0 means that there is none.
-        compression: "", "zstd", "lz4" or what else stands there.
-        data_start, data_length: The records inside, as they are stored.
+        compression: "", "zstd", "lz4" or an unknown name.
+        data_start, data_length: Place of the stored records inside, in bytes.
     """
 
     start: int
@@ -89,11 +114,11 @@ class Chunk(NamedTuple):
 
 
 class ChunkIndex(NamedTuple):
-    """A chunk and the message indexes behind it.
+    """A chunk index record, with message counts.
 
     Attributes: as in the format, and
         index_offsets: Channel id -> offset of its message index record.
-        counts: Channel id -> messages; None as long as nobody has counted.
+        counts: Channel id -> messages; None if they are not counted yet.
     """
 
     start_ns: int
@@ -109,17 +134,17 @@ class ChunkIndex(NamedTuple):
 
     @property
     def channel_ids(self) -> Collection[int]:
-        """The channels of its messages; none where it must be opened to know them."""
+        """Return the ids of the channels in the chunk; empty if the chunk must be opened to know them."""
         return self.index_offsets if self.counts is None else self.counts
 
     @property
     def end(self) -> int:
-        """Where its message indexes end."""
+        """Return the offset at which the chunk's message indexes end."""
         return self.chunk_start + self.chunk_length + self.index_length
 
 
 class AttachmentIndex(NamedTuple):
-    """Where an attachment is, and what it is."""
+    """The place, the times, the size and the type of an attachment."""
 
     offset: int
     length: int
@@ -131,12 +156,16 @@ class AttachmentIndex(NamedTuple):
 
 
 class MetadataIndex(NamedTuple):
+    """The place and the name of a metadata record."""
+
     offset: int
     length: int
     name: str
 
 
 class Statistics(NamedTuple):
+    """The counts of a file and its first and last log time in ns."""
+
     n_messages: int
     n_schemas: int
     n_channels: int
@@ -149,13 +178,15 @@ class Statistics(NamedTuple):
 
 
 class Footer(NamedTuple):
+    """The places of the summary and of its offsets, and the summary's CRC."""
+
     summary_start: int
     summary_offset_start: int
     summary_crc: int
 
 
 class Fields:
-    """Takes the fields of one record after the other.
+    """Reads the fields of a record one after the other.
 
     Args:
         data: The file, or a chunk.
@@ -168,7 +199,7 @@ class Fields:
         self.end = end
 
     def numbers(self, layout: struct.Struct) -> tuple[int, ...]:
-        """Fixed-size fields.
+        """Read fields of fixed size.
 
         Raises:
             RecordError: The record ends before them.
@@ -181,7 +212,7 @@ class Fields:
         return values
 
     def bytes(self) -> bytes:
-        """Bytes after their 32-bit length."""
+        """Read bytes after their 32-bit length."""
         (length,) = self.numbers(_U32)
         after = self.at + length
         if after > self.end:
@@ -191,14 +222,14 @@ class Fields:
         return value
 
     def text(self) -> str:
-        """A UTF-8 string after its 32-bit length."""
+        """Read a UTF-8 string after its 32-bit length."""
         try:
             return self.bytes().decode()
         except UnicodeDecodeError as error:
             raise RecordError("a name is not UTF-8") from error
 
     def texts(self) -> dict[str, str]:
-        """A map of strings."""
+        """Read a map of strings to strings."""
         inner = self._inner()
         found: dict[str, str] = {}
         while inner.at < inner.end:
@@ -207,7 +238,7 @@ class Fields:
         return found
 
     def counts(self, entry: struct.Struct) -> dict[int, int]:
-        """A map of channel ids to numbers."""
+        """Read a map of channel ids to numbers, with entries of this layout."""
         inner = self._inner()
         if (inner.end - inner.at) % entry.size:
             raise RecordError("a map's length is not a multiple of its entries'")
@@ -227,20 +258,31 @@ class Fields:
 
 
 _U16 = struct.Struct("<H")
+"""The layout of one little-endian 16-bit number."""
 _U32 = struct.Struct("<I")
+"""The layout of one little-endian 32-bit number."""
 _U64 = struct.Struct("<Q")
+"""The layout of one little-endian 64-bit number."""
 _U16_U16 = struct.Struct("<HH")
+"""The layout of two 16-bit numbers."""
 _U16_U64 = struct.Struct("<HQ")
-_CHUNK = struct.Struct("<QQQI")
-_CHUNK_INDEX = struct.Struct("<QQQQ")
+"""The layout of a map entry: channel id and 64-bit number."""
 _SIZES = struct.Struct("<QQ")
+"""The layout of two 64-bit numbers."""
+_CHUNK = struct.Struct("<QQQI")
+"""The first fields of a chunk: first and last log time, uncompressed size, CRC."""
+_CHUNK_INDEX = struct.Struct("<QQQQ")
+"""The first fields of a chunk index: first and last log time, start and length of the chunk."""
 _ATTACHMENT_INDEX = struct.Struct("<QQQQQ")
+"""The first fields of an attachment index: offset, length, log time, creation time, size of the data."""
 _STATISTICS = struct.Struct("<QHIIIIQQ")
+"""The first fields of the statistics: six counts, first and last log time."""
 _FOOTER = struct.Struct("<QQI")
+"""The fields of the footer: start of the summary, start of its offsets, CRC."""
 
 
 def read_prefix(data: Data, at: int, end: int) -> tuple[int, int, int]:
-    """Opcode, content start and content end of the record at an offset.
+    """Return opcode, content start and content end of the record at an offset.
 
     Raises:
         RecordError: It does not end before `end`.
@@ -257,7 +299,7 @@ def read_prefix(data: Data, at: int, end: int) -> tuple[int, int, int]:
 
 
 def crc32(data: Data, start: int, end: int) -> int:
-    """CRC-32 of a part of any size."""
+    """Return the CRC-32 of bytes `start` to `end`, however many."""
     crc = 0
     for at in range(start, end, CRC_BLOCK_BYTES):
         crc = zlib.crc32(data[at : min(at + CRC_BLOCK_BYTES, end)], crc)
@@ -265,7 +307,7 @@ def crc32(data: Data, start: int, end: int) -> int:
 
 
 def read_header(data: Data, start: int, end: int) -> tuple[str, str]:
-    """Profile and library."""
+    """Return profile and library."""
     fields = Fields(data, start, end)
     return fields.text(), fields.text()
 
@@ -294,7 +336,7 @@ def read_chunk(data: Data, start: int, end: int) -> Chunk:
 
 
 def read_chunk_head(data: Data, start: int, end: int) -> Chunk:
-    """As `read_chunk`, of a chunk that may be cut: the records that it declares may end behind `end`."""
+    """Read the header of a chunk that may be cut: its declared records may end after `end`."""
     fields = Fields(data, start, end)
     start_ns, end_ns, size, crc = fields.numbers(_CHUNK)
     compression = fields.text()
@@ -320,7 +362,7 @@ def read_attachment_index(data: Data, start: int, end: int) -> AttachmentIndex:
 
 
 def read_attachment(data: Data, start: int, end: int) -> AttachmentIndex:
-    """An attachment as its index record would list it; its data is not touched."""
+    """Read an attachment as its index record would list it, without its data."""
     fields = Fields(data, start, end)
     log_time_ns, create_time_ns = fields.numbers(_SIZES)
     name, media_type = fields.text(), fields.text()
@@ -332,7 +374,7 @@ def read_attachment(data: Data, start: int, end: int) -> AttachmentIndex:
 
 
 def attachment_crc_at(index: AttachmentIndex) -> int:
-    """Where an attachment's CRC is, behind its data; the record may end later."""
+    """Return the offset of an attachment's CRC, which follows its data; the record may end later."""
     texts = len(index.name.encode()) + len(index.media_type.encode())
     return index.offset + PREFIX.size + 2 * _U64.size + 2 * _U32.size + texts + _U64.size + index.size
 
@@ -356,10 +398,10 @@ def read_statistics(data: Data, start: int, end: int) -> Statistics:
 
 
 def read_message_index(data: Data, start: int, end: int) -> tuple[int, int, int]:
-    """Channel id, and start and end of its (u64 log time, u64 offset) pairs; what is behind them is not known yet."""
+    """Return the channel id, and start and end of its (u64 log time, u64 offset) pairs; later fields are ignored."""
     fields = Fields(data, start, end)
     (channel_id,) = fields.numbers(_U16)
     (length,) = fields.numbers(_U32)
     if length > end - fields.at or length % INDEX_ENTRY_BYTES:
-        raise RecordError("a message index's length does not fit")
+        raise RecordError("a message index has a wrong length")
     return channel_id, fields.at, fields.at + length

@@ -1,7 +1,7 @@
-"""Finding the next record behind damage.
+"""Finds the next record after damage.
 
-MCAP has no markers between records. A record is believed where its length leads to a further record, and so on for a
-few steps or to the file's end; a chunk is believed by its own three lengths, which must agree.
+MCAP has no markers between records. A record counts as plausible if its length leads to a further record, and so on for
+a few records or to the file's end; a chunk counts as plausible if its own three lengths agree.
 """
 
 from __future__ import annotations
@@ -25,17 +25,20 @@ from cwcli.logs.format.records import (
 )
 
 N_STEPS = 4
+"""The number of consecutive records that must be plausible. Chosen by hand."""
 BLOCK_BYTES = 4 << 20
-LENGTH_HIGH_BYTES = 3  # of a length below 2^40
+"""Bytes that are searched at a time. Chosen by hand."""
+LENGTH_HIGH_BYTES = 3
+"""The number of high bytes of a record's length that must be zero: records are shorter than 2^40 bytes."""
 
 
 def next_record(data: Data, at: int, channels: Container[int]) -> int:
-    """Offset of the next believable record at or behind `at`; the length of the file when there is none.
+    """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
         data: The file.
-        at: Where to begin.
-        channels: Known channel ids; messages of others are not believed.
+        at: The offset at which the search begins.
+        channels: Known channel ids; messages of other channels are not plausible.
     """
     last = len(data) - PREFIX.size
     while at < last:
@@ -53,7 +56,7 @@ def next_record(data: Data, at: int, channels: Container[int]) -> int:
 
 
 def is_record(data: Data, at: int, channels: Container[int]) -> bool:
-    """Whether a believable record begins at an offset; arguments as for `next_record`."""
+    """Tell whether a plausible record begins at an offset; arguments as for `next_record`."""
     for _ in range(N_STEPS):
         try:
             opcode, start, end = read_prefix(data, at, len(data))

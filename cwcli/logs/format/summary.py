@@ -1,4 +1,4 @@
-"""The summary at the end of a file: everything that `cwcli info` shows, in one short read."""
+"""Reads the summary at the end of a file: everything that `cwcli info` shows, in one short read."""
 
 from __future__ import annotations
 
@@ -38,10 +38,11 @@ from cwcli.logs.format.records import (
 )
 
 DATA_END_BYTES = PREFIX.size + 4
+"""Size in bytes of a data end record with its prefix (MCAP specification)."""
 
 
 def find_footer(data: Data) -> tuple[Footer, int] | None:
-    """The footer and its offset, or None when the file does not end with one: it was cut."""
+    """Return the footer and its offset, or None if the file does not end with one because it was cut."""
     at = len(data) - len(MAGIC) - FOOTER_BYTES
     if at < len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
         return None
@@ -53,16 +54,16 @@ def find_footer(data: Data) -> tuple[Footer, int] | None:
 
 
 def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Index | None:
-    """What the file holds, from its summary.
+    """Return the index of a file from its summary.
 
     Args:
         file: The log.
         footer, footer_at: From `find_footer`.
-        data_start: Where the data section begins.
+        data_start: Offset of the data section.
         verify: Check the summary's CRC.
 
     Returns:
-        None when there is no summary. It need not be complete (`is_complete`): the format allows that.
+        None if there is no summary. It may be incomplete (`is_complete`), as the format allows.
 
     Raises:
         RecordError: The summary is damaged.
@@ -75,7 +76,7 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
         raise RecordError("the footer points to no summary")
     summary = file[start : footer_at + FOOTER_BYTES - 4]
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
-        raise RecordError("the summary's CRC does not fit")
+        raise RecordError("the summary's CRC is wrong")
     index = Index(has_end=True)
     at = n = n_alike = 0
     while at < footer_at - start:
@@ -96,7 +97,11 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
 
 
 def _take(index: Index, opcode: int, data: Data, start: int, end: int) -> None:
-    """Note one record of the summary."""
+    """Add one record of the summary to the index.
+
+    Raises:
+        RecordError: It is damaged, or belongs in the data section.
+    """
     if opcode == SCHEMA:
         schema = read_schema(data, start, end)
         index.schemas[schema.id] = schema
@@ -116,7 +121,7 @@ def _take(index: Index, opcode: int, data: Data, start: int, end: int) -> None:
 
 
 def is_complete(index: Index) -> bool:
-    """Whether the summary repeats all that reading needs."""
+    """Tell whether the summary lists all that reading needs."""
     counted = index.statistics
     used = {channel_id for chunk in index.items_of(ChunkIndex) for channel_id in chunk.index_offsets}
     return (
@@ -130,7 +135,7 @@ def is_complete(index: Index) -> bool:
 
 
 def _fill_gaps(index: Index, start: int, end: int) -> None:
-    """Put the items in file order, and between them the parts of the data section that no index covers.
+    """Sort the items by offset, and insert the ranges of the data section between them that no index covers.
 
     Raises:
         RecordError: Indexed records overlap, or lie outside the data section.

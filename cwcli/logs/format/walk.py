@@ -1,4 +1,4 @@
-"""The data section record by record: for files without a usable summary, for damaged ones, and for a copy."""
+"""Indexes the data section record by record: for files without a usable summary, for damaged ones, and for a copy."""
 
 from __future__ import annotations
 
@@ -46,24 +46,26 @@ from cwcli.logs.format.records import (
 )
 
 OF_DATA = frozenset({MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA})
-"""What the data section holds, and a summary does not."""
+"""The opcodes of the records that occur in the data section only (MCAP specification)."""
 RECORDS_BETWEEN_CHECKS = 1 << 12
+"""The number of records in chunks after which the number of messages is checked again. Chosen by hand."""
 _MESSAGE = struct.Struct("<HIQ")
+"""The first fields of a message: channel id, sequence, log time (MCAP specification)."""
 
 
 def walk(
     file: InputFile, start: int, faults: Faults, known: Index | None, *, recover: bool, define_all: bool = False
 ) -> Index:
-    """Note every record of the data section, and open the chunks whose channels are not known otherwise.
+    """Index every record of the data section, and open the chunks whose channels are not known otherwise.
 
     Args:
         file: The log.
-        start: Where the data section begins.
+        start: Offset of the data section.
         faults: Counts what is lost.
-        known: The summary, as far as there is one: its schemas and channels are believed.
-        recover: Go on behind damage.
-        define_all: Find all schemas and channels, also those without messages, in damaged chunks and in such of a
-            foreign compression, too.
+        known: The index from the summary, if there is one; its schemas and channels are taken over.
+        recover: Continue after damage.
+        define_all: Find all schemas and channels, including those without messages; a chunk with an unknown
+            compression is then an error.
 
     Raises:
         InputError: The file is damaged and `recover` is off.
@@ -72,6 +74,8 @@ def walk(
 
 
 class _Walk:
+    """Builds the index of one file's data section; arguments as for `walk`."""
+
     def __init__(self, file: InputFile, faults: Faults, known: Index, *, recover: bool) -> None:
         self._file = file
         self._faults = faults
@@ -86,6 +90,7 @@ class _Walk:
         self._n_taken_at_once = 0
 
     def run(self, at: int, *, define_all: bool) -> Index:
+        """Index the records from an offset on."""
         file, index = self._file, self._index
         while at < len(file):
             try:
@@ -113,10 +118,10 @@ class _Walk:
         return index
 
     def _check_end(self, opcode: int, end: int) -> None:
-        """Check that the record that ends the data section, or the file, is not followed by more of it.
+        """Check that no records of the data section follow its end record or the footer.
 
         Raises:
-            RecordError: It is.
+            RecordError: Some follow.
         """
         file = self._file
         if opcode == FOOTER:
@@ -126,7 +131,7 @@ class _Walk:
             raise RecordError("the end of the data section stands before other records of it")
 
     def _take(self, opcode: int, at: int, start: int, end: int) -> int:
-        """Note one record, with the indexes behind a chunk; returns where the next one begins."""
+        """Add one record, with the message indexes after a chunk; return the offset of the next one."""
         items, file = self._index.items, self._file
         if opcode == MESSAGE:
             self._count_message(file, start, end)
@@ -151,7 +156,7 @@ class _Walk:
         return end
 
     def _take_metadata(self, at: int, start: int, end: int) -> int:
-        """Note a metadata record, and those that follow where many have gone before."""
+        """Add a metadata record, after many of them also those that follow; return the offset of the next record."""
         file, items, table = self._file, self._index.items, self._index.metadata
         table.append(at, end - at, read_metadata(file, start, end)[0])
         check_metadata_count(file.name, len(table))
@@ -168,6 +173,7 @@ class _Walk:
         return end
 
     def _take_chunk(self, at: int, start: int, end: int) -> int:
+        """Add a chunk with its message indexes; return the offset of the next record."""
         file = self._file
         chunk = read_chunk(file, start, end)
         if chunk.data_start + chunk.data_length != end:
@@ -182,7 +188,7 @@ class _Walk:
                     break
                 channel_id, first, last = read_message_index(file, index_start, index_end)
             except RecordError:
-                break  # the walk comes upon it again
+                break  # the caller reads it again and reports it
             offsets[channel_id] = cursor
             counts[channel_id] = (last - first) // INDEX_ENTRY_BYTES
             cursor = index_end
@@ -203,7 +209,11 @@ class _Walk:
         return cursor
 
     def _behind_damage(self, at: int, error: RecordError) -> int:
-        """Count what is lost; returns where the walk goes on."""
+        """Count the lost bytes; return the offset at which reading continues.
+
+        Raises:
+            InputError: `recover` is off.
+        """
         if not self._recover:
             raise damaged(self._file, at, error) from error
         following = self._take_cut_chunk(at)
@@ -223,10 +233,10 @@ class _Walk:
             return None
 
     def _take_cut_chunk(self, at: int) -> int | None:
-        """Note a chunk that the file's end cuts off, or whose record and header disagree on its length.
+        """Add a chunk that the file's end cuts off, or whose record and header disagree on its length.
 
         Returns:
-            Where it ends; None if it is none.
+            Offset of its end; None if there is no such chunk.
         """
         from cwcli.logs.format.resync import is_record
 
@@ -275,7 +285,7 @@ class _Walk:
                 self._opened(chunk, must_open=True)
 
     def _opened(self, chunk: ChunkIndex, *, must_open: bool) -> ChunkIndex:
-        """Take over a chunk's definitions; returns it with its messages, which are counted where no index does."""
+        """Read a chunk's schemas and channels; return the chunk with message counts, if no index gave them before."""
         try:
             if chunk.chunk_start in self._index.cut_chunks:
                 payload = partial_payload(self._file, chunk)
@@ -307,7 +317,7 @@ class _Walk:
         return chunk._replace(counts=counts or chunk.counts)
 
     def _note_definition(self, opcode: int, data: Data, start: int, end: int) -> int:
-        """Take over a schema or a channel, unless one with its id is known; returns the id."""
+        """Add a schema or a channel, unless one with its id is known; return the id."""
         if opcode == SCHEMA:
             schema = read_schema(data, start, end)
             return self._index.schemas.setdefault(schema.id, schema).id
@@ -315,7 +325,7 @@ class _Walk:
         return self._index.channels.setdefault(channel.id, channel).id
 
     def _count_message(self, data: Data, start: int, end: int) -> int:
-        """Count a message; returns its channel id."""
+        """Count a message and return its channel id."""
         if end - start < MESSAGE_HEADER_BYTES:
             raise RecordError("a message is shorter than its header")
         channel_id: int
@@ -325,5 +335,6 @@ class _Walk:
         return channel_id
 
     def _count_span(self, start_ns: int, end_ns: int) -> None:
+        """Extend the range of log times by these."""
         self._first_ns = start_ns if self._first_ns is None else min(self._first_ns, start_ns)
         self._last_ns = max(self._last_ns, end_ns)

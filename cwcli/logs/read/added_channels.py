@@ -1,4 +1,4 @@
-"""Channels that a run has made, as columns: what a reader of the written file would get."""
+"""Channels that a run has added, as columns: the same that a reader of the written file gets."""
 
 from __future__ import annotations
 
@@ -28,10 +28,11 @@ from cwcli.signals.columns import (
 )
 
 BLOCK_ROWS = 4096
+"""The number of rows that are encoded and decoded at a time. Chosen by hand."""
 
 
 def memory_info(channel: OutputChannel, channel_id: int) -> ChannelInfo:
-    """A channel in memory, as if it had been declared by the file."""
+    """Return the description of a channel in memory, as if the file declared it."""
     schema = written_schema(channel.schema_name)
     return ChannelInfo(
         id=channel_id,
@@ -45,13 +46,16 @@ def memory_info(channel: OutputChannel, channel_id: int) -> ChannelInfo:
 
 
 def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Columns:
-    """A channel in memory as columns.
+    """Return a channel in memory as columns; `fields`: wanted leaves, None for all.
 
-    A flat message type is taken over as it is; one with messages inside is encoded and decoded.
+    The columns of a flat message type are used directly; those of other types are encoded and decoded.
+
+    Raises:
+        ValueError: The log times go back.
     """
     if isinstance(channel, StreamedChannel):
-        made = channel.rows(0, len(channel))
-        channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, made)
+        columns = channel.rows(0, len(channel))
+        channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, columns)
     descriptor = message_schema(channel.schema_name).descriptor
     flat = _flat_fields(descriptor, channel)
     if flat is None:
@@ -74,7 +78,7 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
 
 @lru_cache(maxsize=64)
 def is_flat(schema_name: str) -> bool:
-    """Whether a message type has no messages, enumerations and optional fields inside."""
+    """Tell whether a message type has no messages, enumerations and optional fields inside."""
     return not any(
         KINDS[each.type][0] == MESSAGE or each.enum_type is not None or (each.has_presence and not is_repeated(each))
         for each in message_schema(schema_name).descriptor.fields
@@ -82,7 +86,7 @@ def is_flat(schema_name: str) -> bool:
 
 
 def _flat_fields(descriptor: Any, channel: OutputChannel) -> dict[str, Field] | None:
-    """The columns of a flat message type; None for another one."""
+    """Return the columns of a flat message type; None for other types."""
     if not is_flat(channel.schema_name):
         return None
     flat: dict[str, Field] = {}
@@ -100,13 +104,14 @@ def _flat_fields(descriptor: Any, channel: OutputChannel) -> dict[str, Field] | 
 
 
 def _default(kind: int, dtype: str, n: int, *, repeated: bool) -> Field:
+    """Return the column of a field that is absent in all n messages."""
     if kind == TEXT:
         return Strings(np.zeros(n, np.int32), ("",) if n else ())
     return Ragged(np.zeros(0, dtype), np.zeros(n + 1, np.int64)) if repeated else np.zeros(n, dtype)
 
 
 def _plain(column: OutputField, dtype: str) -> Field | None:
-    """A given column as a reader would get it; None if that is not plain."""
+    """Return a column as a reader would get it; None for a column of messages."""
     if isinstance(column, Strings):
         codes = np.where(column.codes < 0, np.int32(len(column.values)), column.codes).astype(np.int32)
         texts = (*column.values, "")
@@ -124,6 +129,7 @@ def _plain(column: OutputField, dtype: str) -> Field | None:
 
 
 def _decoded_fields(descriptor: Any, channel: OutputChannel, fields: Collection[str] | None) -> dict[str, Field]:
+    """Encode a channel's messages and decode them to columns."""
     schema = message_schema(channel.schema_name)
     decoder = ProtobufDecoder(schema.name, schema.data, fields, n_expected=len(channel))
     for start in range(0, len(channel), BLOCK_ROWS):

@@ -1,8 +1,7 @@
-"""ROS 1 bags and rosbag2's databases as MCAP, with the library `rosbags`.
+"""Converts ROS 1 bags and rosbag2's databases to MCAP, with the library `rosbags`.
 
-Messages of ROS 1 become what ROS 2 would have written (CDR, `package/msg/Type`, no `seq` in a header), so that all that
-reads a log reads them. A database older than ROS 2 Iron has no message definitions: those of the latest release that
-the library knows are taken.
+Messages of ROS 1 become messages of ROS 2 (CDR, `package/msg/Type`, no `seq` in a header). A database older than ROS 2
+Iron has no message definitions: those of the latest release that the library knows are used.
 """
 
 from __future__ import annotations
@@ -26,13 +25,19 @@ if TYPE_CHECKING:
     from cwcli.logs.write.record_writer import RecordWriter
 
 CHUNK_BYTES = 1 << 20
+"""The size in bytes at which a chunk is written. Chosen by hand."""
 HEADER = "std_msgs/msg/Header"
+"""The message type whose ROS 1 definition is replaced by that of ROS 2."""
 _MESSAGE = struct.Struct("<BQHIQQ")
+"""The bytes of a message record before its payload: opcode, length, channel id, sequence, log time, publish time (MCAP
+specification)."""
 OPCODE_MESSAGE = 0x05
+"""The opcode of a message record (MCAP specification)."""
 HEADER_BYTES = 22
+"""Size in bytes of a message's channel id, sequence and times, which its length includes (MCAP specification)."""
 
 Message = tuple[int, int, bytes | memoryview]
-"""Connection, log time, payload."""
+"""The channel id, the log time in ns and the payload of a message."""
 Content = Schema | Channel | Message
 
 
@@ -46,10 +51,10 @@ def convert_bag(
     """Write a bag, or a database, as a log.
 
     Args:
-        file: The bag.
-        notes: Gets what could not be converted, and how often.
-        journals: Those of a database; None: it is a bag of ROS 1.
-        max_bytes: What the messages of a database may unpack to.
+        file: The bag or database.
+        notes: Gets what could not be converted, as text -> how often.
+        journals: The journals of a database; None for a bag of ROS 1.
+        max_bytes: Total size in bytes to which the messages of a database may decompress.
         target: A file on the disk.
 
     Raises:
@@ -80,7 +85,7 @@ def convert_bag(
 
 
 def _read(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
-    """What a library reads; its errors alone are the file's, not those of what is done with it."""
+    """Yield what a library reads, and turn its errors, but not those of the caller, into `InputError`."""
     while True:
         try:
             item = next(content)
@@ -95,6 +100,7 @@ def _read(content: Iterator[Content], name: str, reader: str) -> Iterator[Conten
 
 
 def _ros1(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, None]:
+    """Yield schemas, channels and converted messages of a ROS 1 bag."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag1 import Reader
     from rosbags.serde import SerdeError
@@ -120,20 +126,25 @@ def _ros1(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, No
 def _ros2(
     file: InputFile, journals: Sequence[InputFile], notes: dict[str, int], max_bytes: int
 ) -> Generator[Content, None, None]:
+    """Yield schemas, channels and messages of a rosbag2 database."""
     with open_database(file, journals, MAX_VALUE_BYTES, notes) as database:
         for item in read_database(database, file.name, notes, max_bytes):
             yield item if isinstance(item, Schema | Channel) else _message(*item)
 
 
 def _message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
-    """A message; numbers that no log can hold, and what is no bytes, raise here, as faults of the bag."""
+    """Return a message, after a check that its id and time fit in a log and its payload is bytes.
+
+    Raises:
+        struct.error, TypeError: They don't.
+    """
     _MESSAGE.pack(OPCODE_MESSAGE, HEADER_BYTES, channel_id, 0, log_time_ns, log_time_ns)
     return channel_id, log_time_ns, memoryview(data)
 
 
 @contextmanager
 def _named(file: InputFile) -> Iterator[str]:
-    """A name of the open file itself, whatever has its old name by now; one without a name is copied."""
+    """Yield a path of the open file, even if its name is taken by another file now; a nameless file is copied."""
     descriptor = os.dup(file.descriptor)
     try:
         name = f"/dev/fd/{descriptor}"
@@ -151,7 +162,7 @@ def _named(file: InputFile) -> Iterator[str]:
 
 
 def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
-    """The schemas and channels, then the messages in chunks."""
+    """Write schemas and channels, then the messages in chunks."""
     import numpy as np
 
     from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
@@ -163,8 +174,8 @@ def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
     def flush() -> None:
         if data:
             times = [time_ns for each in entries.values() for time_ns, _ in each]
-            made = {channel_id: np.array(each, INDEX_ENTRY) for channel_id, each in entries.items()}
-            writer.chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), made))
+            arrays = {channel_id: np.array(each, INDEX_ENTRY) for channel_id, each in entries.items()}
+            writer.chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), arrays))
             data.clear()
             entries.clear()
 

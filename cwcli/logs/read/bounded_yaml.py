@@ -1,9 +1,9 @@
-"""YAML from strangers: bounded before anything is built from it.
+"""Loads YAML of unknown origin, after a check of its expanded size.
 
-A few hundred bytes of YAML can stand for gigabytes: an alias repeats what an anchor names, and what it repeats may hold
-aliases itself. The events of the parser are counted first, an alias as all that it stands for; only a document within
-the bounds is built. Every scalar stays text: numbers, times, merge keys and tags, which cost more or run code in other
-loaders, mean nothing here.
+A few hundred bytes of YAML can expand to gigabytes: an alias repeats what an anchor names, which may contain aliases
+itself. The events of the parser are counted first, each alias with its expanded size; only a document within the bounds
+is loaded. Every scalar stays text: numbers, times, merge keys and tags, which cost more or run code in other loaders,
+are not interpreted.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 MAX_DEPTH = 64
+"""The greatest depth of lists and mappings inside each other. Chosen by hand."""
 
 
 class Size(NamedTuple):
-    """What a part of a document comes to when every alias is written out.
+    """The size of a part of a document with every alias expanded.
 
     Attributes:
-        nodes: Scalars, lists and mappings.
-        chars: Of its scalars.
+        nodes: Number of scalars, lists and mappings.
+        chars: Number of characters of its scalars.
     """
 
     nodes: int = 0
@@ -27,17 +28,17 @@ class Size(NamedTuple):
 
 
 def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = MAX_DEPTH) -> Any:
-    """The document as dicts, lists and texts.
+    """Load a document as dicts, lists and texts.
 
     Args:
         text: One YAML document.
-        max_nodes: Values in it, with every alias written out.
-        max_chars: Of all values together, likewise.
-        max_depth: Of lists and mappings inside each other.
+        max_nodes: Greatest number of values, with every alias expanded.
+        max_chars: Greatest number of characters of all values, with every alias expanded.
+        max_depth: Greatest depth of lists and mappings inside each other.
 
     Raises:
-        ValueError: It is beyond a bound.
-        yaml.YAMLError: It is no YAML.
+        ValueError: It exceeds a bound.
+        yaml.YAMLError: It is not YAML.
     """
     import yaml
 
@@ -47,14 +48,14 @@ def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = M
 
 
 def check_events(events: Iterable[Any], *, max_nodes: int, max_chars: int, max_depth: int) -> Size:
-    """Count what the events of a document come to; an alias counts as all that its anchor names.
+    """Return the expanded size of a document from its events, and check it against the bounds on the way.
 
     Args:
-        events: As `yaml.parse` gives them; no more are taken than the bounds allow.
+        events: From `yaml.parse`; no more are read than the bounds allow.
         max_nodes, max_chars, max_depth: The bounds; see `load_yaml`.
 
     Raises:
-        ValueError: The document is beyond a bound, or an alias has no anchor before it or lies inside its own.
+        ValueError: The document exceeds a bound, or an alias has no anchor before it or lies inside its own.
     """
     import yaml
 

@@ -1,4 +1,4 @@
-"""What a log says of a channel."""
+"""The description of a channel of a log."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class ChannelInfo:
     """A channel as the file declares it.
 
     Attributes:
-        id: In the file; negative for a channel in memory.
+        id: Id in the file; negative for a channel in memory.
         topic: Its topic.
-        schema_name, schema_encoding, schema_data: "" and b"" where it has no schema.
-        message_encoding: `cdr`, `protobuf`, `json`, or what else stands there.
-        message_count: None where the file does not tell.
-        metadata: As in the file.
+        schema_name, schema_encoding, schema_data: "" and b"" if it has no schema.
+        message_encoding: `cdr`, `protobuf`, `json`, or another name from the file.
+        message_count: Number of messages; None if the file does not say.
+        metadata: Metadata of the channel record.
     """
 
     id: int
@@ -32,11 +32,11 @@ class ChannelInfo:
 
 
 def channels_of(index: Index) -> tuple[ChannelInfo, ...]:
-    """The channels of a file, by id."""
+    """Return the channels of a file, sorted by id."""
     statistics = index.statistics
     counted = statistics.channel_counts if statistics else None
     if statistics and statistics.n_messages and not counted:
-        counted = None  # the format's way to say that nobody has counted
+        counted = None  # the format's way to say that the messages are not counted
     found = []
     for channel in sorted(index.channels.values()):
         schema = index.schemas.get(channel.schema_id)

@@ -1,4 +1,4 @@
-"""Columns that were loaded once and are asked for again: by the next stage, and by the metrics behind the last one."""
+"""A cache of loaded columns, which the next stage or the metrics may ask for again."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ if TYPE_CHECKING:
     from cwcli.signals.columns import Columns, OutputChannel
 
 MAX_ROWS = 20_000
-"""Of the file, all topics together: of a longer log each stage decodes its own, and nothing of it stays in memory."""
+"""The greatest number of cached rows of a file, all topics together. Topics beyond it are decoded again by each stage,
+so that a long log does not stay in memory. Chosen by hand."""
 
 
 class ColumnCache:
-    """What is known of a log's topics; nobody changes columns that were handed out."""
+    """The loaded columns of a log's topics; callers must not change them."""
 
     def __init__(self) -> None:
         self._of_file: dict[tuple[str, frozenset[str]], Columns] = {}
@@ -21,23 +22,26 @@ class ColumnCache:
         self._of_channel: dict[int, tuple[OutputChannel, Columns]] = {}
 
     def of_file(self, topic: str, fields: Collection[str] | None) -> Columns | None:
-        """A topic of the file with exactly these fields: more could be decoded of a message that is cut off."""
+        """Return a cached topic of the file with exactly these fields, else None.
+
+        Other fields may decode another set of messages, if messages are cut off.
+        """
         return None if fields is None else self._of_file.get((topic, frozenset(fields)))
 
     def keep(self, columns: Columns, fields: Collection[str] | None) -> None:
-        """Keep a topic of the file, unless it is large or was asked for whole (it may hold images)."""
+        """Store a topic of the file, unless it is large or was loaded with all fields (it may hold images)."""
         if fields is not None and self._n_rows + len(columns) <= MAX_ROWS:
             self._n_rows += len(columns)
             self._of_file[columns.topic, frozenset(fields)] = columns
 
     def of_channel(self, channel: OutputChannel, fields: Collection[str] | None) -> Columns:
-        """A channel in memory. A flat one's columns are the channel's own arrays: keeping them costs nothing."""
+        """Return the columns of a channel in memory; those of a flat type are cached, because they cost no memory."""
         from cwcli.logs.read.added_channels import is_flat, memory_columns
         from cwcli.signals.columns import StreamedChannel
 
         if fields is not None or isinstance(channel, StreamedChannel) or not is_flat(channel.schema_name):
             return memory_columns(channel, fields)
         known = self._of_channel.get(id(channel))
-        if known is None:  # the channel is kept too, so that no other one gets its id
+        if known is None:  # the channel is stored too, so that no other object gets its id
             known = self._of_channel[id(channel)] = channel, memory_columns(channel, None)
         return known[1]

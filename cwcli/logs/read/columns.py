@@ -1,4 +1,4 @@
-"""Topics as columns: one pass over the chunks that hold them."""
+"""Loads topics as columns, in one pass over the chunks that hold them."""
 
 from __future__ import annotations
 
@@ -20,16 +20,18 @@ if TYPE_CHECKING:
     from cwcli.logs.read.channels import ChannelInfo
 
 MAX_BATCH_BYTES = 4 << 20
-"""Of payloads that go to a decoder at once: its buffers for sequences are several times as large."""
+"""The size in bytes of the payloads that a decoder gets at once: its buffers for sequences are several times as large.
+Chosen by hand."""
 MAX_COLUMN_BYTES = 1 << 28
+"""Memory in bytes that the columns of a topic may take, plus `MAX_ROW_GROWTH` for each byte of its messages. Chosen by
+hand."""
 MAX_ROW_GROWTH = 16
-"""What the columns of a topic may take, with the factor for each of its bytes: where fields can be left out, a short
-message may stand for a long row.
-"""
+"""Bytes of columns allowed per byte of messages: if fields may be absent, a short message can become a long row. Chosen
+by hand."""
 
 
 class _Topic:
-    """What is collected of one topic."""
+    """Collects the messages of one topic."""
 
     def __init__(self, channels: Sequence[ChannelInfo], decoder: Decoder, name: str) -> None:
         self.channels = channels
@@ -40,6 +42,11 @@ class _Topic:
         self.n_bytes = 0
 
     def add(self, batch: Batch) -> None:
+        """Decode a batch, and store its times and channel ids.
+
+        Raises:
+            InputError: The columns would take too much memory.
+        """
         for payloads in split_by_bytes(batch.payloads):
             self.n_rows += len(payloads)
             self.n_bytes += payloads.n_bytes
@@ -53,7 +60,7 @@ class _Topic:
         self.batches.append(Batch(nothing, batch.channel_id, batch.sequence, batch.log_time_ns, batch.publish_time_ns))
 
     def miscounted(self) -> set[int]:
-        """The channels of which there are other numbers of messages than the file says."""
+        """Return the ids of channels with another number of messages than the file says."""
         ids = np.concatenate([np.zeros(0, np.uint16), *(each.channel_id for each in self.batches)])
         found = np.bincount(ids, minlength=1)
         return {
@@ -63,7 +70,7 @@ class _Topic:
         }
 
     def columns(self, faults: Faults) -> Columns:
-        """In log-time order, in file order where the times are equal."""
+        """Return the columns in log-time order, in file order where times are equal."""
         log_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.log_time_ns for each in self.batches)])
         publish_time_ns = np.concatenate([np.zeros(0, np.int64), *(each.publish_time_ns for each in self.batches)])
         sequence = np.concatenate([np.zeros(0, np.uint32), *(each.sequence for each in self.batches)])
@@ -96,12 +103,12 @@ def load_columns(
     """Read topics as columns.
 
     Args:
-        reader: Of the file.
-        channels: Topic -> its channels; each has one at least.
+        reader: Reads the messages of the file.
+        channels: Topic -> its channels, at least one each.
         wanted: Topic -> leaf fields, or None for all.
         faults: Counts the messages that can't be decoded.
-        name: Of the file, for messages.
-        logged: Only chunks with messages logged in [start, end); what in them can't be decoded is not counted.
+        name: The file's name, for messages.
+        logged: Read only chunks with messages logged in [start, end) ns; undecodable messages in them are not counted.
 
     Raises:
         InputError: An encoding or a schema is unknown or unusable, or the file is damaged and `recover` is off.
@@ -126,7 +133,7 @@ def _load(
     name: str,
     logged: tuple[int, int] | None,
 ) -> tuple[dict[str, Columns], set[int]]:
-    """As `load_columns`, and the channels of which the file has other numbers of messages than it says."""
+    """Load columns once; return them and the ids of channels with another number of messages than the file says."""
     topics: list[_Topic] = []
     topic_of = np.zeros(1 << 16, np.int64)
     for topic_name, fields in wanted.items():
@@ -151,13 +158,13 @@ def _load(
 
 
 def give_back_memory(loaded: Mapping[str, Columns]) -> None:
-    """Return what the decoders freed to the system, where the C library can (glibc).
+    """Return memory that the decoders have freed to the system, if the C library can (glibc).
 
-    Its allocator keeps large blocks once some were freed: 150 MB after the messages of a ten-minute JSON log. A short
-    log leaves little behind, and fetching that again would take longer than to decode it.
+    Its allocator keeps freed large blocks: 150 MB after a ten-minute JSON log. For a short log it is not worth the
+    time.
 
     Args:
-        loaded: What was decoded.
+        loaded: The decoded columns.
     """
     if sum(map(len, loaded.values())) < MANY_ROWS:
         return
@@ -169,14 +176,15 @@ def give_back_memory(loaded: Mapping[str, Columns]) -> None:
 
 
 def faults_found(faults: Faults) -> tuple[str, ...]:
-    """What is wrong with a file, for an error message."""
+    """Format the faults of a file for an error message."""
     return tuple(f"{reason}: {count}" for reason, count in faults.counts().items())
 
 
 MANY_ROWS = 20_000
-"""Decoding fewer leaves too little behind to be worth giving back."""
+"""The number of decoded rows from which freed memory is returned to the system. Chosen by hand."""
 MAX_EXPECTED = 1 << 22
-"""Rows for which room is made before they are seen: a file's counts are not trusted with more memory."""
+"""The greatest number of rows for which memory is allocated before they are read, whatever the file says. Chosen by
+hand."""
 
 
 def decoder_for(
@@ -187,7 +195,7 @@ def decoder_for(
     blobs: Collection[str] = (),
     n_expected: int = 0,
 ) -> Decoder:
-    """A channel's decoder.
+    """Return a decoder for a channel.
 
     Raises:
         InputError: Its encoding or its schema is unknown or unusable.
@@ -200,7 +208,7 @@ def decoder_for(
 
 
 def single_schema(channels: Sequence[ChannelInfo], name: str) -> None:
-    """Check that the channels of one topic can be read as one.
+    """Check that the channels of one topic have the same schema.
 
     Raises:
         DataError: They have different schemas.
@@ -216,7 +224,7 @@ def single_schema(channels: Sequence[ChannelInfo], name: str) -> None:
 
 
 def split_by_bytes(payloads: Payloads) -> Iterator[Payloads]:
-    """Pieces of bounded size."""
+    """Yield pieces of about `MAX_BATCH_BYTES`, at least one message each."""
     sizes = payloads.ends - payloads.starts
     total = np.cumsum(sizes)
     if not len(total) or total[-1] <= MAX_BATCH_BYTES:
@@ -231,4 +239,5 @@ def split_by_bytes(payloads: Payloads) -> Iterator[Payloads]:
 
 
 def _schema(channel: ChannelInfo) -> tuple[str, str, str, bytes]:
+    """Return encodings, name and data of a channel's schema, for comparison."""
     return channel.message_encoding, channel.schema_encoding, channel.schema_name, channel.schema_data

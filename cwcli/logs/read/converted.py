@@ -1,7 +1,7 @@
-"""Files that become logs when they are opened: whole files compressed with zstd, ROS 1 bags, databases of rosbag2.
+"""Converts files that are not MCAP when they are opened: files compressed with zstd, ROS 1 bags, rosbag2 databases.
 
-What they become lies in a temporary file without a name, as large as the disk allows, for as long as the log is open.
-Their hash, and the file that must not change or be written to, is the one that was named.
+The converted log is a temporary file without a name, which exists as long as the log is open. The hash, and the file
+that must not change or be overwritten, are those of the original file.
 """
 
 from __future__ import annotations
@@ -15,22 +15,27 @@ from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
 
 COPY_BYTES = 1 << 20
+"""Bytes that are copied at a time. Chosen by hand."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""The first bytes of a zstd frame (RFC 8878, 3.1.1)."""
 BAG_MAGIC = b"#ROSBAG V"
+"""The first bytes of a ROS 1 bag (http://wiki.ros.org/Bags/Format)."""
 DATABASE_MAGIC = b"SQLite format 3\0"
+"""The first bytes of a SQLite database (https://www.sqlite.org/fileformat2.html)."""
 GIGABYTE = 1_000_000_000
+"""The number of bytes in a gigabyte, for messages to users."""
 
 
 class ConvertedFile(InputFile):
-    """What a file has become.
+    """A converted file.
 
     Args:
-        descriptor: Of the temporary file; closed with this.
-        original: The file that was named; closed with this.
-        more: Files beside it that were read with it; closed with this.
+        descriptor: Descriptor of the temporary file; closed with this.
+        original: The file that the user named; closed with this.
+        more: Further files that were read with it; closed with this.
 
     Attributes:
-        original: The file that was named.
+        original: The file that the user named.
     """
 
     def __init__(self, descriptor: int, original: InputFile, more: Sequence[InputFile] = ()) -> None:
@@ -40,11 +45,11 @@ class ConvertedFile(InputFile):
 
     @property
     def files(self) -> Sequence[InputFile]:
-        """The file that was named, and those that were read with it."""
+        """Return the file that the user named, and those that were read with it."""
         return [*self.original.files, *self._more]
 
     def check_unchanged(self) -> None:
-        """Check that the file that was named is what it was when it was opened."""
+        """Check that the original files have not changed since they were opened."""
         for each in (self.original, *self._more):
             each.check_unchanged()
 
@@ -55,7 +60,7 @@ class ConvertedFile(InputFile):
 
 
 def converted(file: InputFile, max_bytes: int) -> InputFile:
-    """The file, or what it becomes if it is no log itself.
+    """Return the file itself if it is a log, else the log that it is converted to.
 
     Args:
         file: An open file; closed where this fails.
@@ -87,13 +92,13 @@ def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFi
     journals = [] if is_ros1 else open_journals(file)
     try:
         fill = partial(convert_bag, file, notes, None if is_ros1 else journals, max(max_bytes, len(file)))
-        made = _made(file, fill, journals)
+        log_file = _made(file, fill, journals)
     except BaseException:
         for each in journals:
             each.close()
         raise
-    made.notes = {**file.notes, **notes}
-    return made
+    log_file.notes = {**file.notes, **notes}
+    return log_file
 
 
 def _made(file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()) -> InputFile:
@@ -136,7 +141,7 @@ class _Blocks:
         self._pieces = _pieces(file)
 
     def read(self, size: int = -1) -> bytes:
-        """The next piece, whatever size is asked for; the reader takes what it gets."""
+        """Return the next block, whatever size is asked for, as the reader accepts."""
         return next(self._pieces, b"")
 
 

@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from cwcli.logs.read.channels import ChannelInfo
 
 DATA = "data"
+"""The field with the bytes of an image, in all supported message types."""
 FIELDS = ("format", "encoding", "width", "height", "step")
+"""The fields that describe an image; a message type has some of them."""
 STAMPS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("header.stamp.secs", "header.stamp.nsecs"),
@@ -34,7 +36,9 @@ STAMPS = (
     ("timestamp.sec", "timestamp.nsec"),
     ("timestamp.seconds", "timestamp.nanos"),
 )
+"""The fields of seconds and nanoseconds of the stamp, in ROS 2, ROS 1 and Foxglove messages; the first pair is used."""
 FRAME_IDS = ("header.frame_id", "frame_id")
+"""The fields with the frame of reference of the camera; the first one that exists counts."""
 SCHEMAS = frozenset(
     {
         "sensor_msgs/CompressedImage",
@@ -47,8 +51,11 @@ SCHEMAS = frozenset(
         "foxglove.CompressedVideo",
     }
 )
+"""The message types that hold camera frames."""
 BAD_BASE64 = "the image is not valid base64"
+"""The reason shown to users for a frame in JSON that can't be decoded."""
 MAX_FRAMES_AT_ONCE = 64
+"""The number of frames that are decoded at a time. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +64,11 @@ class Frame:
 
     Attributes:
         log_time_ns, publish_time_ns: As recorded.
-        stamp_ns: The message's own time, or None where it has none.
-        format: Of a compressed image or video (`jpeg`, `png`, `h264`, as the message says), else "".
-        data: The image's bytes. They keep a chunk of the file in memory as long as they are kept.
-        width, height, encoding, step: Of a raw image, else 0 and "".
-        frame_id: As the message says.
+        stamp_ns: Stamp in the message, or None if it has none.
+        format: Format of a compressed image or video (`jpeg`, `png`, `h264`, as in the message), else "".
+        data: The image's bytes. They keep a chunk of the file in memory as long as they exist.
+        width, height, encoding, step: Layout of a raw image, else 0 and "".
+        frame_id: Frame of reference of the camera, as in the message.
         is_video: The message is one of compressed video, whatever its `format`.
     """
 
@@ -79,21 +86,20 @@ class Frame:
 
 
 def is_camera(channel: ChannelInfo) -> bool:
-    """Whether a channel holds frames."""
+    """Tell whether a channel holds camera frames."""
     return (short_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name) in SCHEMAS
 
 
 def stream_frames(reader: MessageReader, channels: Sequence[ChannelInfo], faults: Faults, name: str) -> Iterator[Frame]:
-    """The frames of one topic.
+    """Yield the camera frames of one topic in log-time order.
 
-    One chunk is in memory at a time, a few where chunks overlap in time, and up to three more that are decompressed
-    ahead.
+    One chunk is in memory at a time, a few if chunks overlap in time, and up to three more that are decompressed ahead.
 
     Args:
-        reader: Of the file.
-        channels: The topic's channels, one at least.
+        reader: Reads the messages of the file.
+        channels: The topic's channels, at least one.
         faults: Counts what can't be decoded.
-        name: Of the file, for messages.
+        name: The file's name, for messages.
 
     Raises:
         InputError: The topic holds no frames, or the file is damaged and `recover` is off.
@@ -109,7 +115,7 @@ def stream_frames(reader: MessageReader, channels: Sequence[ChannelInfo], faults
 
 
 class _Decoding:
-    """Frames of one batch after the other."""
+    """Decodes the frames of one batch after the other."""
 
     def __init__(self, decoder: Decoder, channel: ChannelInfo, faults: Faults) -> None:
         self._decoder = decoder
@@ -120,7 +126,7 @@ class _Decoding:
         self._topic = channel.topic
 
     def frames(self, batch: Batch) -> Iterator[tuple[int, int, Frame]]:
-        """Log time, place in the chunk, frame."""
+        """Yield log time in ns, place in the chunk, and frame."""
         for start in range(0, len(batch), MAX_FRAMES_AT_ONCE):
             yield from self._frames(batch.take(np.arange(start, min(start + MAX_FRAMES_AT_ONCE, len(batch)))))
 
@@ -164,13 +170,13 @@ class _Decoding:
 
 
 def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _Decoding) -> Iterator[Frame]:
-    """Frames wait until no later chunk can hold an earlier one."""
+    """Yield the frames in log-time order: a frame waits until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
     reader.check_indexes(ids)
     tally = reader.counts.tally(ids)
     waiting: list[tuple[int, int, int, int, Frame | Batch]] = []
 
-    def first() -> Iterator[Frame]:
+    def pop_earliest() -> Iterator[Frame]:
         found = heapq.heappop(waiting)[-1]
         if isinstance(found, Frame):
             yield found
@@ -179,11 +185,11 @@ def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _
 
     for start_ns, part, batches in reader.in_time_order(ids):
         while waiting and waiting[0][0] < start_ns:
-            yield from first()
+            yield from pop_earliest()
         for batch in batches:
             tally.add(batch.channel_id)
             packed = is_packed(batch.payloads)
-            for row in np.flatnonzero(packed):  # unpacked when its turn comes: a chunk of them may be any size
+            for row in np.flatnonzero(packed):  # decompressed when needed: a chunk of them may have any size
                 place = int(batch.payloads.starts[row])
                 one = batch.take(np.array([row]))
                 heapq.heappush(waiting, (int(batch.log_time_ns[row]), part, place, len(waiting), one))
@@ -191,10 +197,11 @@ def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
     tally.end()
     while waiting:
-        yield from first()
+        yield from pop_earliest()
 
 
 def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:
+    """Return the stamp in ns of each of n messages, None where there is none."""
     for seconds_path, nanoseconds_path in STAMPS:
         seconds, nanoseconds = fields.get(seconds_path), fields.get(nanoseconds_path)
         if isinstance(seconds, np.ndarray) and isinstance(nanoseconds, np.ndarray):
@@ -204,6 +211,7 @@ def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:
 
 
 def _text(fields: dict[str, Field], row: int, *paths: str) -> str:
+    """Return the text of a row in the first of these fields that exists, else ""."""
     for path in paths:
         column = fields.get(path)
         if isinstance(column, Strings):
@@ -213,6 +221,7 @@ def _text(fields: dict[str, Field], row: int, *paths: str) -> str:
 
 
 def _number(fields: dict[str, Field], row: int, path: str) -> int:
+    """Return the integer of a row in a field, 0 if it is absent."""
     column = fields.get(path)
     if not isinstance(column, np.ndarray) or column.ndim != 1 or not np.isfinite(float(column[row])):
         return 0

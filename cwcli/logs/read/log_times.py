@@ -1,4 +1,4 @@
-"""The log times of channels, from the message indexes: no message is decoded."""
+"""Reads the log times of channels from the message indexes, without decoding messages."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from cwcli.logs.read.message_reader import MessageReader, message_index
 def log_times(
     file: InputFile, index: Index, reader: MessageReader, channel_ids: Collection[int]
 ) -> npt.NDArray[np.uint64]:
-    """The log times of the messages of some channels, in order; chunks that list theirs are not opened.
+    """Return the sorted log times in ns of the messages of some channels; chunks with message indexes are not opened.
 
     Raises:
-        InputError: A chunk that lists none is damaged, and `recover` is off.
+        InputError: A chunk without message index is damaged, and `recover` is off.
     """
     reader.check_indexes(channel_ids)
     found = [np.zeros(0, np.uint64)]

@@ -1,4 +1,4 @@
-"""How many messages of each channel a summary counts, against those that are there."""
+"""Compares the message counts of a summary with the messages that are read."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from cwcli.logs.format.records import Statistics
 
 
 class MessageCounts:
-    """Compares counts.
+    """Compares the messages per channel with the counts of the summary.
 
     Args:
-        statistics: What counts; None, or nothing in it, if nobody has counted.
-        faults: Where differences are noted.
+        statistics: The counts; None or empty if the summary has none.
+        faults: Gets the channels with differences.
     """
 
     def __init__(self, statistics: Statistics | None, faults: Faults) -> None:
@@ -24,17 +24,17 @@ class MessageCounts:
         self._faults = faults
 
     def differing(self, found: Mapping[int, int]) -> set[int]:
-        """The channels of which other numbers of messages were found than are expected."""
+        """Return the ids of channels with another number of messages than expected; `found`: channel id -> messages."""
         if not self._expected:
             return set()
         return {channel_id for channel_id, n in found.items() if n != self._expected.get(channel_id, 0)}
 
     def tally(self, channel_ids: Collection[int]) -> Tally:
-        """For who takes all messages of some channels, one batch after the other."""
+        """Return a counter for a caller that reads all messages of some channels, batch by batch."""
         return Tally(self, channel_ids)
 
     def note(self, found: Mapping[int, int]) -> None:
-        """Note differences. What is lost with damaged parts of the file is counted where it is lost."""
+        """Add channels with differences to the faults, unless damaged parts of the file explain them."""
         faults = self._faults
         if not (faults.chunks_lost or faults.bytes_lost or faults.truncated):
             faults.miscounted |= self.differing(found)
@@ -49,9 +49,9 @@ class Tally:
         self._found = np.zeros(1 << 16, np.int64)
 
     def add(self, channel_ids: npt.NDArray[np.uint16]) -> None:
-        """Count messages, each by its channel."""
+        """Count messages, given the channel id of each (n,)."""
         np.add.at(self._found, channel_ids, 1)
 
     def end(self) -> None:
-        """Compare, when all have been added."""
+        """Compare the counts with the summary, after all messages were added."""
         self._counts.note({each: int(self._found[each]) for each in self._channel_ids})

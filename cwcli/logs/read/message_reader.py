@@ -1,4 +1,4 @@
-"""Messages of some channels, as arrays of where they are: chunk by chunk, without one Python object per message."""
+"""Reads messages of some channels as arrays of their places and times, chunk by chunk."""
 
 from __future__ import annotations
 
@@ -34,13 +34,17 @@ from cwcli.logs.read.message_counts import MessageCounts
 from cwcli.signals.columns import Int64Array
 
 MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
+"""Size in bytes of a message record without payload (MCAP specification)."""
 MAX_BATCH_MESSAGES = 1 << 16
+"""The greatest number of messages in a batch. Chosen by hand."""
 N_AHEAD = 2
+"""The number of threads that decompress chunks ahead. Chosen by hand."""
 MAX_AHEAD_BYTES = 64 << 20
-"""Of several chunks that are unpacked at once."""
+"""Total size in bytes of the chunks that are decompressed at the same time. Chosen by hand."""
 LOOSE_BYTES = 1 << 20
-"""Read at once, of what lies outside chunks; a longer record is read alone."""
+"""Bytes outside chunks that are read at a time; a longer record is read alone. Chosen by hand."""
 MIN_BYTES_FOR_THREADS = 4 << 20
+"""Total size in bytes of chunks from which threads pay. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,7 @@ class Batch:
     """Messages of the wanted channels in one chunk, in file order.
 
     Attributes:
-        payloads: The messages.
+        payloads: Places of the encoded messages.
         channel_id, sequence, log_time_ns, publish_time_ns: Shape (n,).
     """
 
@@ -62,14 +66,14 @@ class Batch:
         return len(self.channel_id)
 
     def take(self, rows: npt.NDArray[np.intp]) -> Batch:
-        """Some of the messages."""
+        """Return the messages of the given rows."""
         payloads = self.payloads.take(rows)
         return Batch(
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
         )
 
     def messages(self) -> Iterator[tuple[int, memoryview]]:
-        """Log time and bytes of each."""
+        """Yield log time in ns and bytes of each message."""
         data = self.payloads.data.data
         places = zip(self.payloads.starts.tolist(), self.payloads.ends.tolist(), strict=True)
         for log_time_ns, (start, end) in zip(self.log_time_ns.tolist(), places, strict=True):
@@ -81,13 +85,13 @@ class MessageReader:
 
     Args:
         file: The log.
-        index: What it holds.
+        index: The index of the file.
         faults: Counts what is lost.
         recover: Leave damaged parts out and count them.
         verify: Check CRCs and message indexes.
 
     Attributes:
-        counts: What the summary counts, to compare with what is read.
+        counts: The message counts of the summary, to compare with the messages that are read.
         trusts_indexes: Chunks whose index does not list a channel are not opened for it.
     """
 
@@ -109,8 +113,7 @@ class MessageReader:
         self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
 
     def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
-        """The messages of some channels, in file order; chunks that end before `start_ns` or begin at `end_ns` or later
-        are left out.
+        """Yield the messages of some channels in file order, without chunks that lie outside [start_ns, end_ns).
 
         Raises:
             InputError: A chunk that may hold them is damaged, and `recover` is off.
@@ -125,15 +128,15 @@ class MessageReader:
         yield from self.loose_batches(channel_ids, loose)
 
     def distrust_indexes(self) -> bool:
-        """Open every chunk from now on, whatever its index says is in it; returns whether that is new."""
+        """Open every chunk from now on, whatever its index lists; return whether that is new."""
         was_trusted, self.trusts_indexes = self.trusts_indexes, False
         return was_trusted
 
     def check_indexes(self, channel_ids: Collection[int]) -> None:
         """Distrust the indexes if they list other numbers of messages than the summary counts.
 
-        Who reads whole channels at once finds that when they have been read, and reads them again; who
-        takes one message after the other, or some of them, has to know before.
+        A caller that reads message by message must know this in advance; one that loads whole channels compares the
+        counts afterwards and reads again.
         """
         if not self.trusts_indexes or self._checked >= set(channel_ids):
             return
@@ -147,7 +150,7 @@ class MessageReader:
             self.distrust_indexes()
 
     def chunks(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
-        """The chunks that hold, or may hold, messages of these channels, in file order."""
+        """Return the chunks that hold, or may hold, messages of these channels, in file order."""
         wanted = frozenset(channel_ids)
         return [
             chunk
@@ -156,22 +159,22 @@ class MessageReader:
         ]
 
     def _wanted(self, channel_ids: Collection[int]) -> ByteArray:
-        """`wanted_ids`, made once for one chunk after the other."""
+        """Return `wanted_ids`, cached for consecutive calls with the same channels."""
         wanted = frozenset(channel_ids)
         if wanted != self._wanted_last[0]:
             self._wanted_last = wanted, wanted_ids(wanted)
         return self._wanted_last[1]
 
     def max_messages(self) -> int:
-        """More messages than this can't be in the file."""
+        """Return the greatest number of messages that the file can hold by its size."""
         chunked = sum(min(chunk.uncompressed_size, self._file.max_chunk_bytes) for chunk in self._chunks)
         return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
     def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
-        """The batches of one part of the file after the other: no later one holds an earlier message.
+        """Yield parts of the file in order of their first log times.
 
         Yields:
-            First log time, place in the file, batches.
+            First log time in ns, byte offset in the file, batches of the part.
         """
         return merge(self._chunks_in_time_order(channel_ids), self._loose_in_time_order(channel_ids), key=itemgetter(0))
 
@@ -191,7 +194,7 @@ class MessageReader:
             yield first_ns, start, self.loose_batches(channel_ids, [(start, end)])
 
     def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
-        """The messages in an opened chunk."""
+        """Yield the messages of some channels in a decompressed chunk."""
         octets = np.frombuffer(payload, np.uint8)
         is_wanted = self._wanted(channel_ids)
         is_partial = chunk.chunk_start in self._index.cut_chunks
@@ -217,7 +220,7 @@ class MessageReader:
         yield from noted
 
     def loose_batches(self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]) -> Iterator[Batch]:
-        """The messages outside chunks, in some parts of the data section."""
+        """Yield the messages of some channels in byte ranges outside chunks."""
         for span in spans:
             for _, batch in self._loose_parts(channel_ids, span):
                 yield batch
@@ -225,7 +228,7 @@ class MessageReader:
     def _loose_parts(
         self, channel_ids: Collection[int], span: tuple[int, int]
     ) -> Iterator[tuple[tuple[int, int], Batch]]:
-        """Start and end of one part after the other that holds messages, and these."""
+        """Yield each part of a byte range that holds messages: its start and end, and the messages."""
         at, end = span
         is_wanted = self._wanted(channel_ids)
         size = LOOSE_BYTES
@@ -252,7 +255,13 @@ class MessageReader:
                     at = record_end
 
     def _check_data_crc(self, at: int) -> None:
-        """Check the CRC over the data section around an offset, once: nothing else protects messages outside chunks."""
+        """Check the CRC over the data section around an offset, once per section.
+
+        Nothing else protects messages outside chunks.
+
+        Raises:
+            InputError: It is wrong, and `recover` is off.
+        """
         start, end = self._index.section_at(at)
         if not self._verify or end is None or end in self._counted:
             return
@@ -261,11 +270,11 @@ class MessageReader:
         if not crc or crc == crc32(self._file, start, end):
             return
         if not self._recover:
-            raise self._error("the CRC of its messages does not fit", end)
+            raise self._error("the CRC of its messages is wrong", end)
         self._faults.data_crc_mismatch = True
 
     def _payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
-        """Each chunk with what is in it (None if it is lost), decompressed ahead by threads where that pays."""
+        """Yield each chunk with its records (None if it is lost), decompressed ahead by threads if that pays."""
         if sum(chunk.uncompressed_size for chunk in chunks) < MIN_BYTES_FOR_THREADS or len(chunks) < N_AHEAD:
             for chunk in chunks:
                 try:
@@ -299,6 +308,7 @@ class MessageReader:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def _payload(self, chunk: ChunkIndex) -> memoryview:
+        """Return the records of a chunk, with the log's channel ids."""
         if chunk.chunk_start in self._index.cut_chunks:
             self._count(chunk.chunk_start, "chunks_partial")
             return self._index.with_own_ids(chunk.chunk_start, partial_payload(self._file, chunk))
@@ -308,6 +318,11 @@ class MessageReader:
         return self._index.with_own_ids(chunk.chunk_start, payload)
 
     def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
+        """Count a lost chunk once.
+
+        Raises:
+            InputError: `recover` is off.
+        """
         at = chunk.chunk_start
         if not self._recover:
             raise self._error(str(error), at, error.hint) from error
@@ -319,6 +334,11 @@ class MessageReader:
             self._faults.messages_lost += self._indexed_messages(chunk)
 
     def _lose(self, at: int, what: str, n_bytes: int) -> None:
+        """Count the lost bytes of a damaged record once.
+
+        Raises:
+            InputError: `recover` is off.
+        """
         if not self._recover:
             raise self._error(what, at)
         if at not in self._counted:
@@ -330,12 +350,13 @@ class MessageReader:
         return InputError(f"{what} (at byte {at})", where=file.name, hint=hint)
 
     def _count(self, at: int, fault: str) -> None:
+        """Add one to a field of `Faults`, once per offset."""
         if at not in self._counted:
             self._counted.add(at)
             setattr(self._faults, fault, getattr(self._faults, fault) + 1)
 
     def _indexed_messages(self, chunk: ChunkIndex) -> int:
-        """How many messages a chunk's indexes list."""
+        """Return the number of messages in a chunk's message indexes."""
         return sum(
             len(entries)
             for each in chunk.index_offsets
@@ -343,7 +364,7 @@ class MessageReader:
         )
 
     def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
-        """Whether a chunk's message indexes list what is in it."""
+        """Tell whether a chunk's message indexes list exactly its messages."""
         if not chunk.index_offsets:
             return True
         ids = np.concatenate([batch.channel_id for batch in batches] or [np.zeros(0, np.uint16)])
@@ -367,7 +388,7 @@ class MessageReader:
 
 
 def message_index(file: InputFile, index: Index, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
-    """Shape (n, 2): a channel's message index, (log time, offset); None if it is not what and where it should be."""
+    """Return a channel's message index in a chunk: (log time, offset), shape (n, 2); None if missing or damaged."""
     try:
         opcode, start, stop = read_prefix(file, chunk.index_offsets[channel_id], chunk.end)
         found, first, last = read_message_index(file, start, stop)
@@ -381,7 +402,11 @@ def message_index(file: InputFile, index: Index, chunk: ChunkIndex, channel_id: 
 
 
 def scan_records(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> tuple[Batch, int, int]:
-    """Up to a batch's worth of messages of wanted channels (`wanted_ids`), where the walk stopped, and why."""
+    """Scan records for messages of wanted channels (`wanted_ids`), up to one batch.
+
+    Returns:
+        The messages, the offset at which the scan stopped, and the status of the kernel.
+    """
     found = Messages(min((end - at) // MIN_MESSAGE_BYTES + 1, MAX_BATCH_MESSAGES))
     stop, status = scan_messages(octets, at, end, is_wanted, found)
     n = found.n
@@ -393,7 +418,7 @@ def scan_records(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> 
 
 
 def wanted_ids(channel_ids: Collection[int]) -> ByteArray:
-    """Shape (65536,): 1 for these channels."""
+    """Return a mask over all channel ids: 1 for these channels, shape (65536,)."""
     is_wanted = np.zeros(1 << 16, np.uint8)
     is_wanted[list(channel_ids)] = 1
     return is_wanted

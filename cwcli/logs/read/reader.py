@@ -2,19 +2,18 @@
 
 What counts as damage:
 
-- A file without a footer was cut (the recorder was killed, the copy broke off), also where it happens to end between
-  two records: opening it is an error that names `--recover`, which reads what is there and sets `Faults.truncated`.
-- A file with a footer but without a summary, or with one that leaves out what the format lets it leave out, is whole.
-  It is read record by record, which is slower, and nothing is counted.
+- A file without a footer was cut (the recorder was killed, the copy broke off), even if it ends between two records:
+  opening it is an error that names `--recover`, which reads what is left and sets `Faults.truncated`.
+- A file with a footer but without a summary, or with an incomplete one as the format allows, is whole. It is read
+  record by record, which is slower, and nothing is counted.
 - A damaged summary is an error; `--recover` then reads the file record by record.
-- A damaged chunk is an error when a message in it is wanted, at the time it is read; `--recover` leaves the chunk out.
-- A message index that does not fit its chunk harms nobody, because messages are found in the chunk itself: it is
-  counted.
+- A damaged chunk is an error when a message in it is read; `--recover` leaves the chunk out.
+- A message index that differs from its chunk is counted, and no error, because messages are found in the chunk itself.
 - A message that can't be decoded is counted and left out.
 
-Every message is found by walking the records of its chunk, not by its index entry: both take the same time, and the
-walk also finds what an index misses. The indexes tell which chunks need not be opened, where the summary's own counts
-would tell that one of them leaves a channel out; else every chunk is opened.
+Messages are found by scanning the records of a chunk, not by its index entries: both take the same time, and the scan
+also finds messages that an index misses. The indexes show which chunks need not be opened, if the counts of the summary
+would reveal an index that leaves a channel out; else every chunk is opened.
 """
 
 from __future__ import annotations
@@ -29,8 +28,6 @@ from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.index import Index
 from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import (
-    MESSAGE_HEADER_BYTES,
-    PREFIX,
     AttachmentIndex,
     ChunkIndex,
     RecordError,
@@ -54,25 +51,23 @@ if TYPE_CHECKING:
 
 __all__ = ["ChannelInfo", "Faults", "Log"]
 
-MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
-
 
 class Log:
-    """An opened log. A context manager; arrays and frames that it gave out stay valid after it is closed.
+    """An opened log. A context manager; returned arrays and frames stay valid after it is closed.
 
     Attributes:
         name: For messages: the file name as given, or `<stdin>`.
         file: Its bytes; a temporary copy for a pipe.
         recover: Damage is counted instead of raised.
-        channels: All channels, those in memory behind those of the file.
+        channels: All channels, those of the file first, then those in memory.
         profile, library: From the header.
         start_ns, end_ns: First and last log time of the file's messages; 0 if there is none.
-        n_messages, n_chunks: In the file.
-        compressions: Of its chunks, "" (none) left out, in order of first use.
-        attachments: Of the file.
-        metadata: Name and entries of each metadata record, those in memory behind those of the file.
-        faults: What is wrong; grows while the log is read.
-        added_channels, added_metadata: What `with_channels` added.
+        n_messages, n_chunks: Numbers of messages and chunks in the file.
+        compressions: Compressions of its chunks in order of first use, without "" (none).
+        attachments: Places and names of the attachments in the file.
+        metadata: Name and entries of each metadata record, those of the file first, then those in memory.
+        faults: Counts of faults; they grow while the log is read.
+        added_channels, added_metadata: Channels and metadata from `with_channels`.
     """
 
     def __init__(
@@ -131,14 +126,14 @@ class Log:
         """Open a log.
 
         Args:
-            source: File name, or `-` for standard input, of which a pipe is copied to a temporary file first; a folder
-                that is a log, or the names of its parts; or a file that is open, which is closed with the log.
+            source: File name, or `-` for standard input (a pipe is copied to a temporary file first); a folder that is
+                a log, or the names of its parts; or an open file, which is closed with the log.
             recover: Read what is intact of a damaged file, and count the rest.
             verify: Check CRCs and message indexes.
-            max_chunk_bytes: A chunk that unpacks to more counts as damaged.
-            max_pipe_bytes: What comes out of a pipe at most.
-            max_ratio: All chunks may unpack to so many times the file's size together, and one chunk more; what is
-                beyond that counts as damaged.
+            max_chunk_bytes: A chunk that decompresses to more bytes counts as damaged.
+            max_pipe_bytes: Greatest number of bytes read from a pipe.
+            max_ratio: Greatest total size of all chunks, decompressed, as a multiple of the file's size (plus one
+                chunk); further chunks count as damaged.
 
         Raises:
             InputError: It can't be read, is no MCAP file, is damaged, or `recover` finds nothing in it.
@@ -160,16 +155,16 @@ class Log:
 
     @property
     def metadata_names(self) -> tuple[str, ...]:
-        """The names of the metadata records alone, as `metadata` has them; the records are not read."""
+        """Return the names of the metadata records; the records are not read."""
         return (*self._index.metadata.names, *self.added_metadata)
 
     @property
     def metadata(self) -> tuple[tuple[str, Mapping[str, str]], ...]:
-        """Name and entries of each metadata record; raises as `metadata_of` does."""
+        """Return name and entries of each metadata record; raises as `metadata_of` does."""
         return self.metadata_of("")
 
     def metadata_of(self, prefix: str) -> tuple[tuple[str, Mapping[str, str]], ...]:
-        """Name and entries of each metadata record whose name begins with a prefix.
+        """Return name and entries of each metadata record whose name begins with a prefix.
 
         Raises:
             InputError: One is damaged, and `recover` is off.
@@ -191,14 +186,14 @@ class Log:
     def load(
         self, wanted: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None
     ) -> dict[str, Columns]:
-        """Topics as columns, in one pass over the file.
+        """Load topics as columns, in one pass over the file.
 
-        Messages lie in log-time order, in file order where times are equal. Channels of one topic are joined. For what
-        becomes of a message's fields see `cwcli.signals.columns.Columns` and the decoders in `cwcli.logs.codecs`.
+        Messages are in log-time order, in file order where times are equal. Channels of one topic are joined. For the
+        columns of a message's fields see `cwcli.signals.columns.Columns` and the decoders in `cwcli.logs.codecs`.
 
         Args:
             wanted: Topic -> dotted leaf fields, or None for all. Fields that the messages do not have are left out.
-            logged: Only messages logged in [start, end); chunks of the file without any are not opened.
+            logged: Only messages logged in [start, end) ns; chunks of the file without any are not opened.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -227,11 +222,11 @@ class Log:
         return {topic: loaded[topic].logged_within(*(logged or (None, None))) for topic in wanted}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:
-        """One topic as columns; see `load`."""
+        """Load one topic as columns; see `load`."""
         return self.load({topic: fields})[topic]
 
     def frames(self, topic: str) -> Iterator[Frame]:
-        """The camera frames of a topic, one at a time, in log-time order.
+        """Yield the camera frames of a topic in log-time order.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -242,7 +237,7 @@ class Log:
         return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
 
     def log_times(self, topic: str) -> npt.NDArray[np.uint64]:
-        """The log times of a topic's messages in the file, in order; nothing is decoded.
+        """Return the sorted log times in ns of a topic's messages in the file; nothing is decoded.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -254,9 +249,9 @@ class Log:
         return log_times(self.file, self._index, self._message_reader(), ids)
 
     def trees(self, topic: str) -> Iterator[tuple[int, object]]:
-        """Log time and content of each message of a topic (`cwcli.logs.codecs.tree`), in file order.
+        """Yield log time in ns and tree (`cwcli.logs.codecs.tree`) of each message of a topic, in file order.
 
-        What can't be decoded is a `BadMessage` in its place.
+        A message that can't be decoded is yielded as a `BadMessage`.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -268,13 +263,13 @@ class Log:
         return stream_trees(self._message_reader(), self._file_channels(topic), self.name)
 
     def transform_channels(self) -> list[ChannelInfo]:
-        """The file's channels with transforms between frames of reference."""
+        """Return the file's channels with transforms between frames of reference."""
         from cwcli.logs.read.transforms import is_transforms
 
         return [channel for channel in self._in_file if is_transforms(channel)]
 
     def transforms(self, topic: str) -> Iterator[tuple[Transform, ...] | None]:
-        """The transforms of a topic's first messages, in log-time order; None for a message that can't be read.
+        """Yield the transforms of a topic's first messages in log-time order; None for a message that can't be read.
 
         Raises:
             MissingSignalError: There is no such topic.
@@ -286,18 +281,18 @@ class Log:
             yield from stream_transforms(self._message_reader(), channel)
 
     def begin_sha256(self) -> Future[str]:
-        """Hash of the file, in hexadecimal; computed once, in a thread."""
+        """Return the hash of the file in hexadecimal; it is computed once, in a thread."""
         return self.file.begin_sha256()
 
     def with_channels(
         self, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]] | None = None
     ) -> Log:
-        """The same log with more channels, as if they had been in the file. A topic of the file is hidden by a new one.
+        """Return the same log with more channels, as if the file held them; they hide channels of the same topic.
 
-        The log that this one comes from stays open; close that one.
+        Close the original log, not the returned one.
 
         Args:
-            channels: New channels; one of an earlier call on the same topic is replaced.
+            channels: New channels; they replace channels of an earlier call on the same topic.
             metadata: New metadata records.
         """
         by_topic = {channel.topic: channel for channel in (*self.added_channels, *channels)}
@@ -313,7 +308,7 @@ class Log:
         )
 
     def close(self) -> None:
-        """Let go of the file, and remove the temporary one of a pipe."""
+        """Close the file, and remove the temporary copy of a pipe."""
         self._reader = None
         if self._owner is None:
             self.file.close()
@@ -327,7 +322,7 @@ class Log:
         """Close the log.
 
         Raises:
-            InputError: The file changed while it was read; that may be the reason of an error, too.
+            InputError: The file changed while it was read, which may also be the reason of an error.
         """
         self._reader = None
         if self._owner is None:
@@ -348,7 +343,7 @@ class Log:
         return tuple(memory_info(channel, -1 - k) for k, channel in enumerate(self.added_channels))
 
     def _file_channels(self, topic: str) -> list[ChannelInfo]:
-        """The file's channels of a topic.
+        """Return the file's channels of a topic.
 
         Raises:
             MissingSignalError: There is none.

@@ -1,4 +1,4 @@
-"""A log that is several files: a folder as rosbag2 writes it, or parts that are named together.
+"""Opens logs of several files: a folder as rosbag2 writes it, or parts that the user names together.
 
 Format: https://github.com/ros2/rosbag2/blob/rolling/rosbag2_storage/src/rosbag2_storage/metadata_io.cpp
 """
@@ -19,29 +19,34 @@ from cwcli.logs.read.remote import blocks, is_remote, names_below
 from cwcli.url import name_url
 
 METADATA = "metadata.yaml"
+"""The file in which rosbag2 lists the parts of a recording."""
 SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
-"""What logs are called."""
+"""The suffixes of log files, in lower case."""
 MAX_METADATA_BYTES = 16_000_000
+"""The greatest size in bytes of a metadata.yaml. Chosen by hand."""
 UNREAD_JOURNALS = "write-ahead logs that are not read, as the databases are not on this machine"
+"""The note about journals of remote databases."""
 MAX_METADATA_NODES = 100_000
-"""Values in a metadata.yaml: a recording of 5,000 parts and 1,000 topics has fewer."""
+"""The greatest number of values in a metadata.yaml. Chosen by hand: a recording of 5,000 parts and 1,000 topics has
+fewer."""
 MAX_PATH_CHARS = 4096
-"""Of a path on Linux (`PATH_MAX`)."""
+"""The greatest length of a path on Linux (`PATH_MAX`)."""
 MAX_DIGITS = 19
-"""Of a number of messages: as many as 2^63 has."""
+"""The greatest number of digits in a number of messages: as many as 2^63 has."""
 YAML_NULLS = ("", "~", "null")
+"""The texts that stand for null in YAML 1.2."""
 
 Opener = Callable[[str], InputFile]
 
 
 @dataclass(frozen=True)
 class Listing:
-    """What a folder's metadata.yaml says.
+    """The content of a folder's metadata.yaml.
 
     Attributes:
-        files: Name of each part -> its messages, None where it does not tell.
-        n_messages: In all parts, or None.
-        faults: What is wrong with it -> how often.
+        files: Name of each part -> number of its messages, None if it does not say.
+        n_messages: Number of messages in all parts, or None.
+        faults: Faults of the file, as text -> how often.
     """
 
     files: dict[str, int | None] = field(default_factory=dict)
@@ -50,12 +55,12 @@ class Listing:
 
 
 def is_recording(folder: Path) -> bool:
-    """Whether a folder is one log: a recorder's metadata.yaml is in it, and a log."""
+    """Tell whether a folder is one log: it holds a recorder's metadata.yaml and at least one log file."""
     return (folder / METADATA).is_file() and bool(logs_in(folder))
 
 
 def logs_in(folder: Path) -> list[str]:
-    """The names of the logs right in a folder, by number where they have one.
+    """Return the names of the log files directly in a folder, sorted by their numbers.
 
     Raises:
         InputError: It can't be listed.
@@ -71,33 +76,35 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _logs_among(names: Sequence[str]) -> list[str]:
+    """Return the names with a suffix of a log file, sorted by their numbers."""
     return sorted((each for each in names if each.lower().endswith(SUFFIXES)), key=_by_number)
 
 
 def _by_number(name: str) -> tuple[str, int, str]:
+    """Return a sort key: the name's stem without its final number, that number, and the name."""
     stem = name.split(".", 1)[0]
     head = stem.rstrip("0123456789")
     return head, int(stem[len(head) :][:18] or 0), name
 
 
 def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> InputFile:
-    """A folder's log: that of its metadata.yaml, or all that lie in it (`as_one`), or the only one.
+    """Open the log in a folder: the files of its metadata.yaml, or all files (`as_one`), or the only one.
 
     Args:
         folder: The folder, or its URL.
-        name: For messages.
+        name: Name for messages.
         opened: Opens one file by its name.
-        as_one: Without a metadata.yaml its logs are parts of one.
+        as_one: Without a metadata.yaml, join all log files of the folder.
 
     Raises:
-        InputError: It holds no log, or several, or one can't be read.
+        InputError: It holds no log, or several without `as_one`, or one can't be read.
     """
     everything = names_below(folder) if is_remote(folder) else _names_in(Path(folder))
     names = _logs_among(everything)
     prefix = f"{folder.rstrip('/')}/" if folder != "/" else folder
     if not names:
         deeper = None if is_remote(folder) else next(iter(sorted(Path(folder).glob(f"*/{METADATA}"))), None)
-        hint = "name a log in it" if deeper is None else f"a recording lies deeper: {deeper.parent}"
+        hint = "name a log in it" if deeper is None else f"there is a recording in {deeper.parent}"
         raise InputError("the folder holds no log", where=name, hint=hint)
     unread = [each for each in everything if is_remote(folder) and each.removesuffix("-wal") != each]
     if METADATA not in everything:
@@ -113,13 +120,13 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
     found = {listed: there for listed in listing.files if (there := _found(listed, names))}
     if not found:
         if listing.files:
-            what = f"none of the {len(listing.files)} logs of its {METADATA} is there"
+            what = f"none of the {len(listing.files)} logs that its {METADATA} lists exists"
             raise InputError(what, where=name, found=tuple(names), hint="name the logs with --as-one")
         found = {each: each for each in names}
     notes = dict(listing.faults)
     _note(notes, f"parts missing that {METADATA} lists", [each for each in listing.files if each not in found])
     if listing.files:
-        _note(notes, f"logs beside those of {METADATA}, not read", sorted(set(names) - set(found.values())))
+        _note(notes, f"logs that {METADATA} does not list, not read", sorted(set(names) - set(found.values())))
     _note(notes, UNREAD_JOURNALS, unread)
     file = open_parts([prefix + each for each in found.values()], name, opened)
     file.notes = {**notes, **file.notes}
@@ -129,10 +136,10 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
 
 
 def open_parts(names: Sequence[str], name: str, opened: Opener) -> JoinedFile:
-    """Files as parts of one log; those without a byte are noted and left out.
+    """Open files as the parts of one log; empty files are noted and left out.
 
     Raises:
-        InputError: One can't be read, or none holds anything.
+        InputError: One can't be read, or all are empty.
         UsageError: Standard input is among them.
     """
     notes: dict[str, int] = {}
@@ -147,7 +154,7 @@ def open_parts(names: Sequence[str], name: str, opened: Opener) -> JoinedFile:
                 continue
             parts.append(opened(each))
             stack.callback(parts[-1].close)
-        _note(notes, "parts without a byte", empty)
+        _note(notes, "empty parts", empty)
         if not parts:
             raise InputError("all of its parts are empty", where=name)
         file = JoinedFile(parts, name)
@@ -165,27 +172,28 @@ def _is_empty(name: str) -> bool:
 
 
 def joined_name(names: Sequence[str]) -> str:
-    """What a log of these parts is called."""
+    """Return a name for a log of these parts, for messages."""
     first = name_url(names[0])
     return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 
 def _found(listed: str, names: Sequence[str]) -> str | None:
-    """The file of a listed name, which may have been compressed or decompressed since."""
+    """Return the file for a listed name, which may have been compressed or decompressed since, or None."""
     stem = listed.removesuffix(".zstd").removesuffix(".zst")
     return next((each for each in (listed, stem, f"{stem}.zstd", f"{stem}.zst") if each in names), None)
 
 
 def _note(notes: dict[str, int], what: str, names: Sequence[str]) -> None:
+    """Add a note that lists the first of these names, if there are any."""
     if names:
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         notes[f"{what} ({shown})"] = len(names)
 
 
 def read_listing(source: str) -> Listing:
-    """What a metadata.yaml says of the files beside it.
+    """Read a metadata.yaml by its path or URL.
 
-    One that can't be understood is a fault, as is a name that points elsewhere.
+    The listing of one that can't be understood is empty and names the fault.
     """
     import yaml
 
@@ -203,10 +211,10 @@ def read_listing(source: str) -> Listing:
 
 
 def _listing(information: Mapping[str, Any]) -> Listing:
-    """The listing of a parsed document, in which every scalar is text.
+    """Return the listing of a parsed document, in which every scalar is text.
 
     Raises:
-        AttributeError, KeyError, TypeError, ValueError: It is not what a recorder writes.
+        AttributeError, KeyError, TypeError, ValueError: The document has another structure.
     """
     faults: dict[str, int] = {}
     counts: dict[str, int | None] = {}
@@ -225,6 +233,11 @@ def _listing(information: Mapping[str, Any]) -> Listing:
 
 
 def _entries(information: Mapping[str, Any], key: str) -> list[Any]:
+    """Return the list under a key; null is an empty list.
+
+    Raises:
+        KeyError, TypeError: It is missing, or not a list.
+    """
     found = information[key]
     if isinstance(found, str) and found in YAML_NULLS:
         return []
@@ -234,12 +247,17 @@ def _entries(information: Mapping[str, Any], key: str) -> list[Any]:
 
 
 def _file_name(listed: object) -> str:
-    """The last part of a path: before ROS 2 Galactic the folder's own name stood in front."""
+    """Return the last part of a path: before ROS 2 Galactic paths began with the folder's own name.
+
+    Raises:
+        TypeError: It is not a text, or too long.
+    """
     if not isinstance(listed, str) or len(listed) > MAX_PATH_CHARS:
         raise TypeError("a file has no usable name")
     return PurePosixPath(listed).name
 
 
 def _count(value: object) -> int | None:
+    """Return a number of messages from its text; None if it is not a number."""
     is_number = isinstance(value, str) and len(value) <= MAX_DIGITS and value.isascii() and value.isdigit()
     return int(value) if is_number else None  # type: ignore[call-overload]

@@ -1,4 +1,4 @@
-"""Logs that are not on this machine: what their URLs stand for, and their bytes."""
+"""Reads logs that are not on this machine, by their URLs."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ from cwcli.logs.read.remote_errors import unreadable
 from cwcli.url import name_url, redact_urls
 
 FILE_SCHEME = "file://"
+"""The scheme of URLs of files on this machine."""
 MAX_SCHEME_CHARS = 40
-"""Of an unknown scheme that are shown."""
+"""The number of characters of an unknown scheme that an error shows. Chosen by hand."""
 COPY_BYTES = 4 << 20
+"""Bytes that are read at a time. Chosen by hand."""
 SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
+"""The schemes of the URLs from which logs can be read."""
 ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
-"""Schemes of URLs that are read, and other names of the same stores; `memory` is for tests. fsspec knows many more,
-which run other programs, hold files in files, or need options that a URL does not carry: each fails in its own way."""
+"""Further names of the same stores; `memory` is for tests. Other schemes of fsspec run programs, read archives, or need
+options that a URL can't give."""
 
 
 def is_remote(source: str) -> bool:
-    """Whether a name is a URL of something that is not a file on this machine."""
+    """Tell whether a name is a URL of something that is not a file on this machine."""
     return "://" in source and not source.startswith(FILE_SCHEME)
 
 
 def names_below(url: str) -> list[str]:
-    """The names of the files right below a URL; none where it is no folder.
+    """Return the names of the files directly below a URL; empty if it is not a folder.
 
     Raises:
         InputError: The store does not answer, or knows no such bucket.
@@ -44,7 +47,7 @@ def names_below(url: str) -> list[str]:
 
 
 def blocks(url: str) -> Iterator[bytes]:
-    """The bytes of a remote file, piece by piece.
+    """Yield the bytes of a remote file in blocks.
 
     Raises:
         InputError: It can't be read.
@@ -62,7 +65,7 @@ def blocks(url: str) -> Iterator[bytes]:
 
 
 def file_system(url: str) -> tuple[Any, str]:
-    """The store of a URL, and what it calls the file.
+    """Return the file system of a URL (of fsspec), and the path of the file in it.
 
     Raises:
         InputError: The store does not answer.

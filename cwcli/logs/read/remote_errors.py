@@ -1,7 +1,7 @@
-"""Why a remote log can't be read, in plain words: what the server answered, or why there is no connection.
+"""Says in plain words why a remote log can't be read: the server's answer, or the reason of a failed connection.
 
-Every store's library has its own errors, and hides the reason behind another one; so the whole chain of causes is
-looked through, by what the errors have and are called, without importing any of these libraries.
+Every store's library has its own errors, which hide the reason in a chain of causes. All causes are examined by their
+attributes and class names, without importing any of these libraries.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from cwcli.errors import InputError
 from cwcli.url import name_url, redact_url, redact_urls
 
 MAX_CAUSES = 20
-"""Errors of one chain that are looked at; a chain may lead back to itself."""
+"""The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
 NOT_ALLOWED, NO_SUCH_FILE, TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
-"""Status codes of HTTP by what they mean to who reads. https://www.rfc-editor.org/rfc/rfc9110#section-15"""
+"""The status codes of HTTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc9110#section-15)."""
 SERVER_TROUBLE = range(500, 600)
+"""The status codes of HTTP for errors of the server (https://www.rfc-editor.org/rfc/rfc9110#section-15.6)."""
 FTP_NOT_ALLOWED, FTP_NO_SUCH_FILE = {530, 532}, {450, 550}
-"""Replies of FTP. https://www.rfc-editor.org/rfc/rfc959#section-4.2"""
+"""The replies of FTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc959#section-4.2)."""
 CONNECTION_TROUBLES = {
     "certificate": {"SSLCertVerificationError", "ClientConnectorCertificateError"},
     "refused": {"ConnectionRefusedError"},
@@ -29,8 +30,9 @@ CONNECTION_TROUBLES = {
     | {"ConnectionAbortedError", "EOFError"},
     "allowed": {"PermissionError"},
 }
-"""Reason -> names of classes of errors, of Python, aiohttp and http.client, that mean it."""
+"""Reason -> names of error classes of Python, aiohttp and http.client that mean it."""
 UNREACHABLE = frozenset({errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
+"""The error numbers of the system for a host that can't be reached."""
 WORDS = {
     "allowed": (
         "the server does not allow it",
@@ -45,11 +47,11 @@ WORDS = {
     "broken off": ("the connection broke before the whole file had come", "try again"),
     "certificate": ("the server's certificate is not trusted", "check the host's name and the date of this machine"),
 }
-"""Reason -> what is said, and what to do."""
+"""Reason -> text of the error, and advice to the user."""
 
 
 def unreadable(url: str, error: BaseException) -> InputError:
-    """The error that a URL can't be read, for the store's reason."""
+    """Return the error that a URL can't be read, with the store's reason."""
     chain = list(_causes(error))
     status = next((code for code in map(_status, chain) if code is not None), None)
     reason = _reason_of_connection(chain)
@@ -70,13 +72,13 @@ def unreadable(url: str, error: BaseException) -> InputError:
 
 
 def _cause_in_brackets(error: BaseException, url: str) -> str:
-    """What led to an error that tells nothing itself, for example that the bucket does not exist."""
+    """Return the cause of an error in brackets, for example that the bucket does not exist; "" if there is none."""
     why = redact_urls(" ".join(str(error.__cause__ or "").split()), url)
     return f" ({why})" if why else ""
 
 
 def _causes(error: BaseException) -> Iterator[BaseException]:
-    """The error and what led to it."""
+    """Yield the error and its causes."""
     each: BaseException | None = error
     for _ in range(MAX_CAUSES):
         if each is None:
@@ -87,7 +89,7 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
 
 
 def _status(error: BaseException) -> int | None:
-    """What the server answered: of aiohttp, botocore, gcsfs or azure; of ftplib its first three digits."""
+    """Return the server's HTTP status from an error of aiohttp, botocore, gcsfs, azure or ftplib, else None."""
     response = getattr(error, "response", None)
     found = None
     if isinstance(response, dict):
@@ -102,7 +104,7 @@ def _status(error: BaseException) -> int | None:
 
 
 def _http_status(reply: int) -> int:
-    """The status of HTTP that means what a reply of FTP means."""
+    """Return the HTTP status with the same meaning as a reply of FTP."""
     if reply in FTP_NOT_ALLOWED:
         return 401
     if reply in FTP_NO_SUCH_FILE:
@@ -119,7 +121,7 @@ def _reason_of_status(status: int) -> str | None:
 
 
 def _reason_of_connection(chain: list[BaseException]) -> str | None:
-    """The first reason, in the order of `CONNECTION_TROUBLES`, that one of the errors is."""
+    """Return the first reason, in the order of `CONNECTION_TROUBLES`, that one of the errors means, else None."""
     names = {kind.__name__ for error in chain for kind in type(error).__mro__}
     numbers = {error.errno for error in chain if isinstance(error, OSError)}
     if numbers & UNREACHABLE:
@@ -128,5 +130,5 @@ def _reason_of_connection(chain: list[BaseException]) -> str | None:
 
 
 def _is_only_a_name(words: str, url: str) -> bool:
-    """Whether an error says no more than the name of what is not there."""
+    """Tell whether an error text is nothing but the name of the missing file."""
     return words.rstrip("/").rpartition("/")[2] == url.rstrip("/").rpartition("/")[2]

@@ -1,8 +1,8 @@
-"""rosbag2's databases (`.db3`): their topics and messages, by SQLite; their types, by the library `rosbags`.
+"""Reads rosbag2's databases (`.db3`): topics and messages with SQLite, message types with the library `rosbags`.
 
 Tables: https://github.com/ros2/rosbag2, folder rosbag2_storage_sqlite3, file sqlite_storage.cpp. Every row of
-`messages` is read, or counted: the table is gone through by its own rows and not by its index, which may be damaged,
-and a message whose topic is not in `topics` belongs to none.
+`messages` is read, or counted: the table is read by its rows, not by its index, which may be damaged, and messages
+whose topic is not in `topics` are counted.
 """
 
 from __future__ import annotations
@@ -24,19 +24,23 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 CDR = "cdr"
+"""The serialization format of a topic that can be read."""
 MAX_CHANNELS = 0xFFFF
+"""The greatest number of channels of a log: their ids have 16 bits (MCAP specification)."""
 MAX_SHOWN = 5
-"""Topics, or their ids, in a note."""
+"""The number of topics, or of their ids, that a note lists. Chosen by hand."""
 MAX_SHOWN_CHARS = 80
+"""The number of characters of a value from the database that a note shows. Chosen by hand."""
 MAX_VALUE_BYTES = MAX_CHUNK_BYTES
-"""Of one message or text in a database."""
+"""The greatest size in bytes of one message or text in a database: that of a chunk."""
 GIGABYTE = 1_000_000_000
+"""The number of bytes in a gigabyte, for messages to users."""
 
 Content = Schema | Channel | tuple[int, int, bytes]
 
 
 class Topic(NamedTuple):
-    """A row of `topics`; `id` is its channel's, `topic_id` that of the table."""
+    """A row of `topics`; `id` is the id of its channel, `topic_id` the id in the table."""
 
     id: int
     topic_id: int
@@ -48,13 +52,13 @@ class Topic(NamedTuple):
 def read_database(
     database: sqlite3.Connection, name: str, notes: dict[str, int], max_bytes: int
 ) -> Generator[Content, None, None]:
-    """Schemas, channels, and messages in the order of their times.
+    """Yield schemas, channels, and messages in the order of their times.
 
     Args:
-        database: An open one.
-        name: For messages.
-        notes: Gets what could not be read -> how often.
-        max_bytes: What all messages may unpack to.
+        database: An open database.
+        name: The file's name, for messages.
+        notes: Gets what could not be read, as text -> how often.
+        max_bytes: Total size in bytes to which all messages may decompress.
 
     Raises:
         InputError: The messages unpack to more than `max_bytes`.
@@ -83,7 +87,7 @@ def read_database(
 
 
 def _columns(database: sqlite3.Connection, table: str) -> set[str]:
-    """The columns of a table, none of anything else of its name: a view could be endless."""
+    """Return the column names of a table; empty for a view of that name, which could be endless."""
     kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
     if kind is None or kind[0] != "table":
         return set()
@@ -91,6 +95,11 @@ def _columns(database: sqlite3.Connection, table: str) -> set[str]:
 
 
 def _topics(database: sqlite3.Connection) -> list[Topic]:
+    """Read the topics, with channel ids from 1 on.
+
+    Raises:
+        ValueError: A table is missing, or there are more topics than channel ids.
+    """
     for table in ("topics", "messages"):
         if not _columns(database, table):
             raise ValueError(f"it has no table of {table}")
@@ -105,7 +114,7 @@ def _topics(database: sqlite3.Connection) -> list[Topic]:
 
 
 def _types(database: sqlite3.Connection) -> Any:
-    """The message types that the database defines, or those of the latest release that the library knows."""
+    """Return the message types that the database defines, or those of the latest release that the library knows."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     own: dict[str, Any] = {}
@@ -126,10 +135,10 @@ def _types(database: sqlite3.Connection) -> Any:
 def _messages(
     database: sqlite3.Connection,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Row, topic id and time in ns of every message, each (n,), by time.
+    """Return row, topic id and time in ns of every message, each (n,), sorted by time.
 
     Raises:
-        ValueError: A number is none, or no time that a log can hold.
+        ValueError: A topic id is not an integer, or a time is not one or negative.
     """
     import numpy as np
 
@@ -144,7 +153,7 @@ def _messages(
 
 
 def _note_left_out(topics: list[Topic], counts: Counter[int], notes: dict[str, int]) -> None:
-    """Count the messages that no channel gets."""
+    """Note the messages that are not read: those without a topic, and those that are not CDR."""
     known = {each.topic_id for each in topics}
     unknown = sorted(counts.keys() - known)
     if unknown:

@@ -1,4 +1,4 @@
-"""The schemas and channels of what the library `rosbags` knows of a bag's or a database's topics."""
+"""Schemas and channels of the topics of a bag or a database, from the library `rosbags`."""
 
 from __future__ import annotations
 
@@ -8,11 +8,20 @@ from typing import Any
 from cwcli.logs.format.records import Channel, Schema
 
 MAX_ID = 0xFFFF
-"""Of a channel: the format has two octets for it."""
+"""The greatest id of a channel: the format has 16 bits for it (MCAP specification)."""
 
 
 def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
-    """The schemas and channels; a type that nobody defines has none."""
+    """Yield schemas and channels; channels of undefined types have no schema, which `notes` gets.
+
+    Args:
+        connections: Topics with `id`, `topic` and `msgtype`.
+        store: Type store of `rosbags`.
+        notes: Gets undefined types, as text -> 1.
+
+    Raises:
+        ValueError: An id does not fit in a log.
+    """
     from rosbags.typesys import TypesysError
 
     schema_ids: dict[str, int] = {}
@@ -31,4 +40,4 @@ def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator
                 yield Schema(schema_ids[each.msgtype], each.msgtype, "ros2msg", text.encode())
         yield Channel(each.id, schema_ids[each.msgtype], each.topic, "cdr", {})
     for name in sorted(unknown):
-        notes[f"message types that nothing defines ({name})"] = 1
+        notes[f"message types without a definition ({name})"] = 1

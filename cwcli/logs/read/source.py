@@ -1,4 +1,4 @@
-"""The bytes of a log: a file, the parts of a recording, or a pipe, copied into a temporary file first."""
+"""Opens the bytes of a log: a file, the parts of a recording, or a pipe, which is copied into a temporary file."""
 
 from __future__ import annotations
 
@@ -23,14 +23,18 @@ if TYPE_CHECKING:
     from cwcli.logs.read.recording import Opener
 
 STDIN = "-"
+"""The name that stands for standard input."""
 GIGABYTE = 1_000_000_000
+"""The number of bytes in a gigabyte, for messages to users."""
 MAX_PIPE_BYTES = 64 * GIGABYTE
+"""The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
 STDIN_NAME = "<stdin>"
+"""The name of standard input in messages."""
 COPY_BYTES = 1 << 20
-
+"""Bytes that are copied at a time. Chosen by hand."""
 
 Source = str | Path | Sequence[str]
-"""A log by its name, or by those of its parts."""
+"""The name of a log, or the names of its parts."""
 
 
 def open_source(
@@ -41,10 +45,10 @@ def open_source(
     Args:
         source: File name, or `-` for standard input. Named pipes are read like standard input. A folder with a
             recorder's metadata.yaml, or with one log. Several names, also of folders, are parts of one log.
-        name: For messages, where the file is a copy of something with another name.
-        pipes: Read what is no file, too.
-        max_pipe_bytes: What comes out of a pipe or of a URL at most, as it may have no end, and what a compressed file
-            unpacks to; of each part.
+        name: Name for messages, if the file is a copy of something with another name.
+        pipes: Read pipes and devices, too.
+        max_pipe_bytes: Greatest number of bytes read from a pipe or URL, which may have no end, or decompressed from a
+            file; for each part.
 
     Raises:
         InputError: It does not exist, is a folder that is no log, is empty, or can't be read.
@@ -77,6 +81,7 @@ def open_source(
 
 
 def _parts(names: Sequence[str], name: str | None, opener: Opener) -> InputFile:
+    """Open several files, or the files of one folder, as the parts of one log."""
     from cwcli.logs.read.recording import joined_name, open_folder, open_parts
 
     name = joined_name(names) if name is None else name
@@ -104,6 +109,12 @@ def _remote(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
 
 
 def _standard_input(max_bytes: int) -> InputFile:
+    """Open standard input: the file itself, or a temporary copy of a pipe.
+
+    Raises:
+        InputError: It is closed, or can't be read.
+        UsageError: It is a terminal.
+    """
     if sys.stdin is None or sys.stdin.closed:
         raise InputError("standard input is closed", where=STDIN_NAME)
     if sys.stdin.isatty():
@@ -117,11 +128,16 @@ def _standard_input(max_bytes: int) -> InputFile:
 
 
 def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
-    """Everything that comes out of a pipe, in a temporary file: of something else than a log only its beginning."""
+    """Copy a pipe into a temporary file, after a check that it begins as a log."""
     return spooled(no_more_than(max_bytes, _checked(iter(lambda: _block(pipe, name), b""), name), name), name)
 
 
 def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+    """Yield the pieces.
+
+    Raises:
+        InputError: The first one does not begin as an MCAP file.
+    """
     is_first = True
     for piece in pieces:
         if is_first and not piece.startswith(MAGIC[: len(piece)]):
@@ -131,27 +147,27 @@ def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
 
 
 def no_more_than(max_bytes: int, pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
-    """The pieces.
+    """Yield the pieces.
 
     Raises:
-        InputError: There are more bytes.
+        InputError: They have more than `max_bytes` in all.
     """
     n_bytes = 0
     for piece in pieces:
         n_bytes += len(piece)
         if n_bytes > max_bytes:
-            what = f"more than {max_bytes / GIGABYTE:g} GB came in"
+            what = f"more than {max_bytes / GIGABYTE:g} GB were received"
             raise InputError(what, where=name, hint="--max-input reads more; a file has no such bound")
         yield piece
 
 
 def spooled(pieces: Iterable[bytes], name: str) -> InputFile:
-    """What comes piece by piece as a file that is gone when it is closed.
+    """Write pieces of bytes to a temporary file and return it.
 
-    Its name is gone before it is filled, so that not even a killed run leaves it behind.
+    The file has no name on the disk, so that not even a killed run leaves it behind.
 
     Raises:
-        InputError: Nothing comes, or as the pieces do.
+        InputError: There are no bytes, or as the pieces raise.
         OutputError: There is no room for it.
     """
     import tempfile
@@ -162,7 +178,7 @@ def spooled(pieces: Iterable[bytes], name: str) -> InputFile:
                 spool.write(piece)
             spool.flush()
             if not spool.tell():
-                raise InputError("nothing came in", where=name)
+                raise InputError("no data was received", where=name)
             return InputFile(os.dup(spool.fileno()), name)
     except OSError as error:
         raise OutputError(

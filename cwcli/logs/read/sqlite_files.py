@@ -1,8 +1,8 @@
-"""The files of a SQLite database: the one that was named, and the journals that an unfinished writer left beside it.
+"""Opens SQLite databases with the journals that an unfinished writer has left in their folder.
 
-A write-ahead log (`-wal`) holds messages that are not in the database yet, a rollback journal (`-journal`) what has to
-be put back into it. SQLite reads both, but changes the files on the way. So a database with one of them is copied with
-it into a private folder and opened there; one without is opened where it is, as a file that nobody changes.
+A write-ahead log (`-wal`) holds messages that are not in the database yet, a rollback journal (`-journal`) pages to be
+restored. SQLite reads both, but changes the files. So a database with a journal is copied with it into a private folder
+and opened there; one without is opened in place, as a file that does not change.
 
 Formats: https://www.sqlite.org/fileformat2.html, https://www.sqlite.org/walformat.html
 """
@@ -22,18 +22,25 @@ from cwcli.errors import OutputError
 from cwcli.input import InputFile
 
 WAL, JOURNAL = "-wal", "-journal"
+"""The suffixes of a write-ahead log and of a rollback journal (https://www.sqlite.org/fileformat2.html)."""
 COPY_BYTES = 1 << 20
+"""Bytes that are copied at a time. Chosen by hand."""
 WAL_HEADER = struct.Struct(">IIIIIIII")
-"""Magic number, version, page size in bytes, number of the checkpoint, two salts, two checksums."""
+"""The header of a write-ahead log: magic number, version, page size in bytes, number of the checkpoint, two salts, two
+checksums (https://www.sqlite.org/walformat.html)."""
 WAL_FRAME = struct.Struct(">IIIIII")
-"""Page, size of the database, two salts, two checksums; the page follows."""
+"""The header of a frame in a write-ahead log: page, size of the database, two salts, two checksums; the page
+follows."""
 WAL_MAGIC = (0x377F0682, 0x377F0683)
+"""The magic numbers of a write-ahead log, one for each byte order of its checksums."""
 WAL_SALTS = slice(4, 6)
+"""The places of the salts among the numbers of `WAL_HEADER`."""
 FRAME_SALTS = slice(2, 4)
+"""The places of the salts among the numbers of `WAL_FRAME`."""
 
 
 def open_journals(file: InputFile) -> list[InputFile]:
-    """The journals beside a database that hold anything; none of a database without a name of its own.
+    """Open the journals of a database that are not empty; a database without a name on the disk has none.
 
     Raises:
         InputError: One can't be read.
@@ -53,7 +60,7 @@ def open_journals(file: InputFile) -> list[InputFile]:
 
 
 def _name_of(file: InputFile) -> str | None:
-    """The name, links followed, under which the open file lies on the disk; None where it has none."""
+    """Return the path of an open file with links resolved; None if it has no name on the disk."""
     name = os.path.realpath(f"/dev/fd/{file.descriptor}")
     with suppress(OSError):
         if os.path.samestat(os.stat(name), os.fstat(file.descriptor)):  # noqa: PTH116 - the descriptor's twin
@@ -65,13 +72,13 @@ def _name_of(file: InputFile) -> str | None:
 def open_database(
     file: InputFile, journals: Sequence[InputFile], max_value_bytes: int, notes: dict[str, int]
 ) -> Iterator[sqlite3.Connection]:
-    """A connection to a database, with its journals replayed in a private copy.
+    """Yield a connection to a database, with its journals replayed in a private copy.
 
     Args:
         file: The database.
-        journals: Those of `open_journals`.
+        journals: From `open_journals`.
         max_value_bytes: A longer text or blob is an error.
-        notes: Gets what the journals changed -> how often.
+        notes: Gets what the journals changed, as text -> how often.
 
     Raises:
         InputError: One of the files changed while it was copied.
@@ -104,7 +111,7 @@ def open_database(
                 _count(notes, f"unfinished or damaged pages of the write-ahead log, not read ({shown})", n_lost)
             if JOURNAL in kinds and not Path(f"{copy}{JOURNAL}").exists():
                 shown = Path(kinds[JOURNAL].name).name
-                _count(notes, f"unfinished changes that the rollback journal took back ({shown})", 1)
+                _count(notes, f"unfinished changes undone by the rollback journal ({shown})", 1)
             yield database
 
 
@@ -118,7 +125,7 @@ def _connect(uri: str, max_value_bytes: int) -> sqlite3.Connection:
 
 @contextmanager
 def writing_copy_of(name: str) -> Iterator[None]:
-    """Tell an `OSError` inside the block as a temporary copy that can't be written.
+    """Turn an `OSError` inside the block into the error that a temporary copy can't be written.
 
     Raises:
         OutputError: There was one.
@@ -140,7 +147,7 @@ def copy_file(file: InputFile, target: IO[bytes]) -> None:
 
 
 def _n_messages(path: Path, max_value_bytes: int) -> int:
-    """The messages of a database without its journals; 0 where it can't be read without them."""
+    """Return the number of messages of a database without its journals; 0 if it can't be read without them."""
     try:
         with closing(_connect(f"file:{path}?immutable=1", max_value_bytes)) as database:
             return int(database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()[0])
@@ -149,7 +156,7 @@ def _n_messages(path: Path, max_value_bytes: int) -> int:
 
 
 def _n_frames(wal: InputFile) -> int:
-    """The pages in a write-ahead log that belong to its present round, whole or not; those of earlier rounds do not."""
+    """Return the number of frames in a write-ahead log that belong to its current checkpoint, whole or not."""
     if len(wal) < WAL_HEADER.size:
         return 0
     header = WAL_HEADER.unpack(wal[: WAL_HEADER.size])

@@ -1,7 +1,7 @@
-"""Transforms between frames of reference, message by message: `tf2_msgs/TFMessage`, `foxglove.FrameTransform(s)`.
+"""Reads transforms between frames of reference: `tf2_msgs/TFMessage`, `foxglove.FrameTransform(s)`.
 
-They hold names inside lists of messages, which columns don't, and only the first ones are of interest: a camera stays
-where it is mounted.
+They hold texts inside lists of messages, which columns do not, and only the first messages matter: a camera stays where
+it is mounted.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
 
 LISTS = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"})
+"""The message types with a list of transforms."""
 SINGLE = frozenset({"foxglove_msgs/FrameTransform", "foxglove.FrameTransform"})
+"""The message types with one transform."""
 MAX_MESSAGES = 2000
-"""Of each topic."""
+"""The number of messages that are read of each topic. Chosen by hand."""
 MAX_LIST = 10_000
+"""The greatest number of transforms in a message. Chosen by hand."""
 
 
 class BadTransform(ValueError):
@@ -30,12 +33,12 @@ class BadTransform(ValueError):
 
 
 def is_transforms(channel: ChannelInfo) -> bool:
-    """Whether a channel holds transforms that can be read."""
+    """Tell whether a channel holds transforms that can be read."""
     return _name(channel) in LISTS | SINGLE and channel.message_encoding in _DECODERS
 
 
 def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
-    """The transforms of each message, the first `MAX_MESSAGES`; None for one that can't be read."""
+    """Yield the transforms of each of the first `MAX_MESSAGES` messages; None for one that can't be read."""
     decode = _DECODERS[channel.message_encoding]
     name = _name(channel)
     reader.check_indexes([channel.id])
@@ -57,23 +60,27 @@ def _name(channel: ChannelInfo) -> str:
 
 
 def _cdr(payload: bytes, name: str) -> list[Transform]:
-    """XCDR1. TransformStamped and FrameTransform are laid out alike: time, parent, child, translation, rotation."""
+    """Decode XCDR1. TransformStamped and FrameTransform agree: time, parent, child, translation, rotation.
+
+    Raises:
+        BadTransform: The message can't be read.
+    """
     payload = unpacked_message(payload)
     if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
         raise BadTransform("not plain CDR")
     order = "<" if payload[1] else ">"
     body, at = memoryview(payload)[4:], 0
 
-    def take(code: str, size: int) -> tuple[Any, ...]:
+    def read_numbers(code: str, size: int) -> tuple[Any, ...]:
         nonlocal at
         at += -at % size
-        made = struct.unpack_from(order + code, body, at)
+        numbers = struct.unpack_from(order + code, body, at)
         at += struct.calcsize(order + code)
-        return made
+        return numbers
 
-    def text() -> str:
+    def read_text() -> str:
         nonlocal at
-        (length,) = take("I", 4)
+        (length,) = read_numbers("I", 4)
         if length > len(body) - at:
             raise BadTransform("cut short")
         octets = bytes(body[at : at + length])
@@ -81,18 +88,18 @@ def _cdr(payload: bytes, name: str) -> list[Transform]:
         return octets.rstrip(b"\0").decode("utf-8", "replace")
 
     try:
-        (n,) = take("I", 4) if name in LISTS else (1,)
+        (n,) = read_numbers("I", 4) if name in LISTS else (1,)
         if n > MAX_LIST:
             raise BadTransform("too many transforms")
-        made = []
+        transforms = []
         for _ in range(n):
-            take("iI", 4)
-            parent, child = text(), text()
-            numbers = take("7d", 8)
-            made.append(_transform(parent, child, numbers[:3], numbers[3:]))
+            read_numbers("iI", 4)
+            parent, child = read_text(), read_text()
+            values = read_numbers("7d", 8)
+            transforms.append(_transform(parent, child, values[:3], values[3:]))
     except struct.error as error:
         raise BadTransform("cut short") from error
-    return made
+    return transforms
 
 
 def _protobuf(payload: bytes, name: str) -> list[Transform]:
@@ -118,16 +125,20 @@ def _protobuf(payload: bytes, name: str) -> list[Transform]:
 
 
 def _json(payload: bytes, name: str) -> list[Transform]:
-    """With foxglove's or ROS's field names."""
+    """Decode JSON with the field names of Foxglove or of ROS.
+
+    Raises:
+        BadTransform: The message can't be read.
+    """
     try:
         document = json.loads(payload)
         messages = document["transforms"] if name in LISTS else [document]
-        made = []
+        transforms = []
         for each in messages:
             pose: Mapping[str, Any] = each.get("transform", each)
             parent = each.get("parent_frame_id") or each.get("header", {}).get("frame_id", "")
             translation, rotation = pose["translation"], pose["rotation"]
-            made.append(
+            transforms.append(
                 _transform(
                     str(parent),
                     str(each["child_frame_id"]),
@@ -137,7 +148,7 @@ def _json(payload: bytes, name: str) -> list[Transform]:
             )
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
         raise BadTransform("not a transform") from error
-    return made
+    return transforms
 
 
 def _transform(parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...]) -> Transform:

@@ -1,4 +1,4 @@
-"""Messages one by one as plain objects, for what columns don't hold."""
+"""Reads messages one by one as trees, for content that columns do not hold."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def stream_trees(reader: MessageReader, channels: Sequence[ChannelInfo], name: str) -> Iterator[tuple[int, object]]:
-    """Log time and content of each message of one topic, in file order; see `Log.trees`."""
+    """Yield log time in ns and tree of each message of one topic, in file order; see `Log.trees`."""
     single_schema(channels, name)
     try:
         decode = tree_decoder(channels[0])

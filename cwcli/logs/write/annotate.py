@@ -1,8 +1,8 @@
-"""The same log with more channels.
+"""Writes a log again with more channels.
 
 Chunks, message indexes, attachments and metadata records of the source are copied byte for byte. New messages lie in
-chunks of their own, right after the source's chunk whose time they belong to. The summary is built anew. A ROS profile
-in the header is left out where a channel is not of ROS.
+chunks of their own, right after the source's chunk of the same time. The summary is written anew. A ROS profile in the
+header is dropped if a channel is not of ROS.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from cwcli.signals.columns import OutputChannel
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-MIN_NEW_CHUNK_BYTES = 1 << 16  # fewer new bytes wait for the source's next chunk: tiny chunks are slow to read
+MIN_NEW_CHUNK_BYTES = 1 << 16
+"""The number of bytes of new messages that are worth a chunk; fewer wait for the source's next chunk, because tiny
+chunks are slow to read. Chosen by hand."""
 
 
 class LeftOut(NamedTuple):
-    """What of the source a copy does without, beside what is replaced.
+    """Channels and metadata records of the source that a copy leaves out, in addition to the replaced ones.
 
     Attributes:
-        channel_ids: Its channels.
-        records: Names of its metadata records.
+        channel_ids: Ids of channels.
+        records: Names of metadata records.
     """
 
     channel_ids: frozenset[int] = frozenset()
@@ -44,16 +46,16 @@ class LeftOut(NamedTuple):
 
 @dataclass(frozen=True)
 class AnnotateReport:
-    """What was written.
+    """Sizes and counts of a written log.
 
     Attributes:
-        target: As it was named.
+        target: The file name as given.
         n_bytes: Size of the file.
         n_messages_copied, n_messages_added: Messages of the source and new ones.
         n_chunks_copied, n_chunks_added: Chunks of the source and new ones.
         replaced_topics: Topics of the source that were left out.
         n_chunks_lost, n_bytes_lost: Damaged parts of the source that were left out (`recover`).
-        left_profile: The source's profile, if the copy's is empty because not all channels are what it promises.
+        left_profile: The source's profile, if the copy has none because not all channels conform to it.
     """
 
     target: str
@@ -84,8 +86,8 @@ def annotate(
 ) -> AnnotateReport:
     """Write the source with more channels.
 
-    The same source and channels give the same bytes. Messages of a source without chunks are put into chunks as they
-    are, because readers that find a chunk index look nowhere else.
+    The same source and channels give the same bytes. Messages of a source without chunks are put into chunks unchanged,
+    because readers that find a chunk index read nothing else.
 
     Args:
         source: The log. The channels and metadata that it holds in memory (`Log.with_channels`) are written too. A log
@@ -96,10 +98,10 @@ def annotate(
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
             copy.
         force: Overwrite a file that exists. The source itself is never overwritten.
-        chosen: Of the new channels these topics alone are written; None for all. What the others would replace is left
-            out all the same, so that the copy holds the channels of one run.
-        left_out: What else of the source is left out.
-        profile: What the copy promises, as far as its channels are that; None: what the source does.
+        chosen: Topics of the new channels that are written; None for all. Channels that the others would replace are
+            left out as well, so that the copy holds the channels of one run.
+        left_out: Further channels and records of the source to leave out.
+        profile: Profile of the copy, if its channels conform to it; None for that of the source.
         durable, together: As in `cwcli.output.open_output`.
 
     Raises:
@@ -160,7 +162,19 @@ def write_items(
     *,
     until_ns: int | None = None,
 ) -> int:
-    """All but the beginning; returns the number of new chunks. New messages that are logged after `until_ns` wait."""
+    """Write new definitions, the source's items with the new messages, new metadata and the summary.
+
+    Args:
+        writer: Writes the copy; its beginning is written already.
+        copy: The source.
+        new: New channels.
+        merge: The messages of the new channels.
+        metadata: New metadata records by name.
+        until_ns: Last log time of new messages to write; None for all.
+
+    Returns:
+        The number of new chunks.
+    """
     n_added = 0
     for schema in {each.schema.id: each.schema for each in new}.values():
         writer.schema(schema)
@@ -186,11 +200,11 @@ def write_items(
 def with_memory(
     source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
 ) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
-    """What the source holds in memory and what is new, by topic and by name; the later one wins.
+    """Merge the channels and metadata that the source holds in memory with new ones; new ones win.
 
     Raises:
-        OutputError: A topic or a record is new and in memory, and `replace` is off.
-        DataError: A message would be logged before 1970: it is made from one whose log time is beyond the year 2262.
+        OutputError: A topic or a record is both new and in memory, and `replace` is off.
+        DataError: A message would be logged before 1970, because it comes from one that is logged after the year 2262.
     """
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
@@ -198,7 +212,7 @@ def with_memory(
             refuse_existing([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
         if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
-            what = f"a message of {channel.topic} would be logged before 1970, as one that it is made from"
+            what = f"a message of {channel.topic} would be logged before 1970: its source is logged after 2262"
             raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
     refuse_existing(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
@@ -206,10 +220,10 @@ def with_memory(
 
 
 def refuse_existing(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
-    """Refuse what the log holds already, unless it is to be replaced.
+    """Check that the log does not hold these names already, unless they are to be replaced.
 
     Raises:
-        OutputError: As it says.
+        OutputError: It holds one and `replace` is off.
     """
     if names and not replace:
         raise OutputError(

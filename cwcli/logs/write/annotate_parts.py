@@ -1,4 +1,4 @@
-"""The same log with more channels, in the parts in which it came."""
+"""Writes a log of parts again with more channels, part by part."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def annotate_parts(
     chosen: Container[str] | None = None,
     together: Together,
 ) -> list[Path]:
-    """Write each part of the source with what the source holds in memory of its time; returns the files.
+    """Write each part of the source with the new messages of its time, and return the file names.
 
-    New messages from the first message of a part on, up to that of the next, stand in that part; the first part has
-    what comes before. Each part has the metadata records and is a log of its own.
+    A part gets the new messages from its first message up to that of the next part; the first part gets earlier ones
+    too. Each part has all new metadata records and is a log of its own.
 
     Args:
         source: A log in parts.
-        folder: Where the parts go, called as they are; made if it is not there.
+        folder: Folder for the parts, which keep their names; created if it does not exist.
         replace, force, chosen, together: As in `cwcli.logs.write.annotate.annotate`.
 
     Raises:
@@ -87,7 +87,7 @@ def annotate_parts(
 
 
 def _largest_ids(indexes: list[Index]) -> Index:
-    """An index whose ids are as large as any part's, so that new ones clash with none."""
+    """Return an index whose ids are as large as any part's, so that new ids clash with none."""
     schema_id = max((each for index in indexes for each in index.schemas), default=0)
     channel_id = max((each for index in indexes for each in index.channels), default=0)
     return Index(
@@ -97,7 +97,11 @@ def _largest_ids(indexes: list[Index]) -> Index:
 
 
 def _names(file: JoinedFile) -> list[str]:
-    """What the parts are called, as MCAP files."""
+    """Return the file name of each written part, with the suffix `.mcap`.
+
+    Raises:
+        OutputError: Two parts have the same name.
+    """
     stems = [Path(part.name).name for part in file.parts]
     for suffix in (".zstd", ".zst", ".mcap", ".db3", ".bag"):
         stems = [stem.removesuffix(suffix) for stem in stems]

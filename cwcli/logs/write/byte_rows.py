@@ -1,4 +1,4 @@
-"""Rows of bytes of varying length, and moving them without a Python object per row."""
+"""Rows of bytes of varying length, copied without a Python object per row."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from cwcli.signals.columns import Int64Array
 
 ByteArray = npt.NDArray[np.uint8]
 
-MIN_ROWS_PER_LENGTH = 8  # below it, a copy per row is cheaper than a vectorised copy per distinct length
+MIN_ROWS_PER_LENGTH = 8
+"""The number of rows of one length from which a vectorised copy is cheaper than a copy per row. Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class ByteRows:
-    """Row `i` is `data[offsets[i]:offsets[i + 1]]`.
+    """Rows of bytes of varying length: row `i` is `data[offsets[i]:offsets[i + 1]]`.
 
     Attributes:
         data: Shape (total,), uint8.
@@ -31,29 +32,29 @@ class ByteRows:
 
     @property
     def sizes(self) -> Int64Array:
-        """Shape (n,): length of each row."""
+        """Return the length of each row in bytes, shape (n,)."""
         return np.diff(self.offsets)
 
     def rows(self, start: int, stop: int) -> ByteRows:
-        """Rows `start` to `stop` as a view."""
+        """Return rows `start` to `stop` as a view."""
         return ByteRows(self.data, self.offsets[start : stop + 1])
 
 
 def offsets_of(sizes: Int64Array) -> Int64Array:
-    """Shape (n + 1,): where each of n rows begins, and the total."""
+    """Return the start of each of n rows and the total size, shape (n + 1,)."""
     offsets = np.zeros(len(sizes) + 1, np.int64)
     np.cumsum(sizes, out=offsets[1:])
     return offsets
 
 
 def join_rows(rows: list[bytes]) -> ByteRows:
-    """The given strings of bytes as rows."""
+    """Join byte strings into rows."""
     sizes = np.fromiter(map(len, rows), np.int64, len(rows))
     return ByteRows(np.frombuffer(b"".join(rows), np.uint8), offsets_of(sizes))
 
 
 def windows(data: ByteArray, size: int) -> npt.NDArray[np.void]:
-    """Element `i` is the `size` bytes from `i` on: overlapping views, for one fancy index over rows of equal length."""
+    """Return overlapping views: element `i` is the `size` bytes from `i` on, to copy rows of equal length."""
     return np.ndarray((max(len(data) - size + 1, 0),), np.dtype((np.void, size)), data, 0, (1,))
 
 
@@ -87,7 +88,7 @@ def copy_rows(
 
 
 def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
-    """Protobuf varints, base 128, least significant group first.
+    """Encode numbers as protobuf varints: base 128, least significant group first.
 
     Args:
         values: Shape (n,).
@@ -109,7 +110,7 @@ def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
 
 
 def varint(value: int) -> bytes:
-    """One varint of a non-negative number."""
+    """Encode one non-negative number as a protobuf varint."""
     encoded = bytearray()
     while value > 0x7F:
         encoded.append(value & 0x7F | 0x80)

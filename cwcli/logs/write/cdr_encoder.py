@@ -1,7 +1,7 @@
-"""Columns to ROS 2 messages in CDR, without a Python object per message.
+"""Encodes columns as ROS 2 messages in CDR, without a Python object per message.
 
-Each number is aligned to its own size, counted from the end of the four bytes in front. What follows a text or a
-sequence therefore lies elsewhere in every row: the place that each row has reached is carried along.
+Each number is aligned to its own size, counted from the end of the four-byte header. Fields after a text or a sequence
+therefore have another offset in every row: the encoder keeps the length of each row.
 
 Source: DDS-XTYPES 1.3, 7.4.3 (plain CDR, version 1), little-endian, as `rmw` implementations write it.
 """
@@ -23,8 +23,11 @@ from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged,
 from cwcli.signals.units import NS_PER_S
 
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+"""The encapsulation header of plain little-endian CDR (DDSI-RTPS 2.5, 10)."""
 MAX_ALIGNMENT = 8
+"""The largest alignment of a number in bytes (CDR version 1)."""
 NO_BYTES = np.zeros(MAX_ALIGNMENT, np.uint8)
+"""The zero bytes from which padding is taken."""
 
 
 def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> ByteRows:
@@ -32,7 +35,7 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
 
     Args:
         schema_name: A message of `cwcli.logs.write.ros_schemas`.
-        fields: Dotted field path -> n rows; what is not named is zero, empty or false. A time may be given as int64 ns
+        fields: Dotted field path -> n rows; a missing field is zero, empty or false. A time may be given as int64 ns
             under its own name, a sequence of messages as `Repeated` or as `Ragged` leaves.
 
     Returns:
@@ -41,7 +44,7 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
     Raises:
         KeyError: There is no such message.
         ColumnError: A path names no field, or a column has the wrong kind for it or holds a number that does not fit
-            (`unfit_rows` tells which rows do).
+            (`unfit_rows` finds such rows).
     """
     root, definitions = _definitions(schema_name)
     body = _Rows(np.zeros(n, np.int64))
@@ -51,6 +54,7 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
 
 @lru_cache(maxsize=64)
 def _definitions(schema_name: str) -> tuple[str, Definitions]:
+    """Return short name of the root message and all message definitions of a schema that cwcli writes."""
     return parse_definitions(schema_name, ros_schema(schema_name))
 
 
@@ -58,8 +62,8 @@ class _Rows:
     """Rows that grow piece by piece.
 
     Attributes:
-        pieces: So far.
-        place: Shape (n,): bytes from the end of the encapsulation header to the end of each row.
+        pieces: The pieces so far.
+        place: Shape (n,): bytes of each row after the encapsulation header.
     """
 
     def __init__(self, place: Int64Array) -> None:
@@ -70,11 +74,12 @@ class _Rows:
         return len(self.place)
 
     def add(self, piece: Piece) -> None:
+        """Append a piece to every row."""
         self.pieces.append(piece)
         self.place = self.place + (piece.size if isinstance(piece, Fixed) else piece.sizes)
 
     def align(self, size: int, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] | None = None) -> None:
-        """Zeros up to a multiple of the size; only in some rows."""
+        """Append zeros up to a multiple of the size, in the rows of the mask `where`."""
         gap = -self.place % size
         if where is not None:
             gap[~where] = 0
@@ -86,12 +91,13 @@ class _Rows:
             self.add(Varying(NO_BYTES, np.zeros(len(gap), np.int64), gap))
 
     def numbers(self, code: str, values: NumericArray) -> None:
-        """The same number of values in each row, aligned."""
+        """Append the same number of values to each row, aligned; `code` is a NumPy type without byte order."""
         dtype = np.dtype(f"<{code}")
         self.align(dtype.itemsize)
         self.add(Fixed(np.ascontiguousarray(values, dtype)))
 
     def counts(self, counts: Int64Array) -> None:
+        """Append a 32-bit length to each row."""
         self.numbers("u4", counts)
 
 
@@ -127,7 +133,11 @@ def _add_field(rows: _Rows, definitions: Definitions, field: MessageField, colum
 
 
 def _inner(name: str, column: OutputField | Tree | None) -> Tree:
-    """The fields of a message inside a message."""
+    """Return the column tree of a message inside a message.
+
+    Raises:
+        ColumnError: The column is neither a tree nor a time.
+    """
     if column is None:
         return {}
     if isinstance(column, Mapping):
@@ -139,9 +149,14 @@ def _inner(name: str, column: OutputField | Tree | None) -> Tree:
 
 
 def _fitting(type_name: str, values: NumericArray) -> NumericArray:
+    """Return the numbers unchanged.
+
+    Raises:
+        ColumnError: The primitive type can't represent some of them.
+    """
     n_unfit = int(np.count_nonzero(unfit_numbers(type_name, values)))
     if n_unfit:
-        raise ColumnError(f"{n_unfit} of {values.size} numbers are none of {type_name}")
+        raise ColumnError(f"{n_unfit} of {values.size} numbers do not fit in {type_name}")
     return values
 
 
@@ -174,7 +189,7 @@ def _add_array(rows: _Rows, field: MessageField, column: OutputField | Tree | No
 
 
 def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
-    """Its length with the zero behind it, and the text; an absent one is empty. It can't hold a zero itself."""
+    """Append texts: the length with the final zero, and the text. Absent texts are empty; a zero inside is replaced."""
     if column is None:
         column = Strings(np.full(len(rows), -1, np.int32), ())
     if not isinstance(column, Strings):
@@ -187,7 +202,7 @@ def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
 
 
 def _add_sequence(rows: _Rows, definitions: Definitions, name: str, column: OutputField | Tree | None) -> None:
-    """The elements of all rows at once: how long one is depends on where it begins, to the next multiple of eight."""
+    """Append a sequence of messages. The size of an element depends on its start modulo eight."""
     if column is None:
         rows.counts(np.zeros(len(rows), np.int64))
         return
@@ -195,31 +210,33 @@ def _add_sequence(rows: _Rows, definitions: Definitions, name: str, column: Outp
     tree = tree_of(repeated.fields)
     rows.counts(np.diff(repeated.offsets))
 
-    def at(place: Int64Array) -> _Rows:
+    def encode_elements_at(place: Int64Array) -> _Rows:
         each = _Rows(place)
         _add_message(each, definitions, name, tree)
         return each
 
-    place = _element_places(rows.place, repeated.offsets, at)
-    encoded = assemble(at(place).pieces, len(place))
+    place = _element_places(rows.place, repeated.offsets, encode_elements_at)
+    encoded = assemble(encode_elements_at(place).pieces, len(place))
     bounds = encoded.offsets[repeated.offsets]
     rows.add(Varying(encoded.data, bounds[:-1], np.diff(bounds)))
 
 
-def _element_places(row_place: Int64Array, offsets: Int64Array, at: Callable[[Int64Array], _Rows]) -> Int64Array:
-    """Where each element begins, modulo eight: where the one before it in its row has ended.
+def _element_places(
+    row_place: Int64Array, offsets: Int64Array, encode_elements_at: Callable[[Int64Array], _Rows]
+) -> Int64Array:
+    """Return the start of each element modulo eight, which is the end of the element before it in its row.
 
     Args:
-        row_place: Shape (n,): where the first of each row begins.
-        offsets: Shape (n + 1,): of the elements.
-        at: Where they begin -> the elements.
+        row_place: Shape (n,): start of the first element of each row.
+        offsets: Shape (n + 1,): number of elements before each row.
+        encode_elements_at: Encodes all elements for given starts.
     """
     total, counts = int(offsets[-1]), np.diff(offsets)
     ends: dict[int, list[int]] = {}
     open_places = set((row_place[counts > 0] % MAX_ALIGNMENT).tolist())
     while open_places:
         place = open_places.pop()
-        end = at(np.full(total, place, np.int64)).place % MAX_ALIGNMENT
+        end = encode_elements_at(np.full(total, place, np.int64)).place % MAX_ALIGNMENT
         ends[place] = end.tolist()
         open_places |= set(np.unique(end).tolist()) - set(ends)
     places: list[int] = []

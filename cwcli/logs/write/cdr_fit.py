@@ -1,4 +1,4 @@
-"""Which rows of columns a ROS 2 message can hold: numbers within their types, elements that agree in their number."""
+"""Finds rows that a ROS 2 message can't represent: numbers beyond their types, unequal numbers of elements."""
 
 from __future__ import annotations
 
@@ -16,16 +16,18 @@ from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 BOOL = "bool"
+"""The name of the primitive type of truth values in ROS 2."""
 TIMES = ("builtin_interfaces/Time", "builtin_interfaces/Duration")
+"""The message types that may be given as one column of int64 ns."""
 SECONDS = "int32"
-"""Of a time."""
+"""The primitive type of the seconds in `builtin_interfaces/Time` and `Duration`."""
 
 
 def unfit_rows(schema_name: str, fields: Mapping[str, OutputField], n: int) -> dict[str, BoolArray]:
-    """Field path -> rows (n,) that hold what the field can't; the fields of which some row does.
+    """Return field path -> mask (n,) of rows whose value the field can't represent, for fields with such rows.
 
     Args:
-        schema_name, fields, n: As of `encode_cdr`. Columns of another kind than the field's are not looked at.
+        schema_name, fields, n: As in `encode_cdr`. Columns of another kind than the field's are ignored.
     """
     root, definitions = parse_definitions(schema_name, ros_schema(schema_name))
     found = _unfit(definitions, root, tree_of(fields), n)
@@ -33,7 +35,7 @@ def unfit_rows(schema_name: str, fields: Mapping[str, OutputField], n: int) -> d
 
 
 def unfit_numbers(type_name: str, numbers: NumericArray) -> BoolArray:
-    """Which numbers (of any shape) a primitive type can't hold as they are; a float32 rounds what is in its range."""
+    """Return the mask (any shape) of numbers that a primitive type can't represent; rounding to float32 is allowed."""
     values: npt.NDArray[Any] = numbers
     target = np.dtype(PRIMITIVES[type_name])
     if type_name != BOOL and np.can_cast(values.dtype, target, "safe"):
@@ -52,6 +54,7 @@ def unfit_numbers(type_name: str, numbers: NumericArray) -> BoolArray:
 
 
 def _unfit(definitions: Definitions, name: str, tree: Tree, n: int) -> dict[str, BoolArray]:
+    """Return field path -> mask (n,) of rows that the message can't represent."""
     found: dict[str, BoolArray] = {}
     for field in find_definition(definitions, name):
         column = tree.get(field.name)
@@ -72,6 +75,7 @@ def _unfit(definitions: Definitions, name: str, tree: Tree, n: int) -> dict[str,
 
 
 def _of_leaf(type_name: str, column: OutputField | Tree, n: int) -> BoolArray:
+    """Return the mask (n,) of rows with a number that the primitive type can't represent."""
     if isinstance(column, Ragged):
         return _in_rows(unfit_numbers(type_name, column.values), column.offsets)
     if isinstance(column, np.ndarray) and len(column) == n:
@@ -81,7 +85,10 @@ def _of_leaf(type_name: str, column: OutputField | Tree, n: int) -> BoolArray:
 
 
 def _of_elements(definitions: Definitions, name: str, column: OutputField | Tree, n: int) -> dict[str, BoolArray]:
-    """Of a sequence of messages; one of whose leaves there are more or fewer than of the first is unfit."""
+    """Return field path -> mask (n,) of rows that a sequence of messages can't represent.
+
+    Rows in which a leaf has another number of elements than the first leaf count, too.
+    """
     if isinstance(column, Repeated):
         inner = _unfit(definitions, name, tree_of(column.fields), int(column.offsets[-1]))
         return {path: _in_rows(is_unfit, column.offsets) for path, is_unfit in inner.items()}
@@ -96,7 +103,7 @@ def _of_elements(definitions: Definitions, name: str, column: OutputField | Tree
 
 
 def _in_rows(is_unfit: BoolArray, offsets: Int64Array) -> BoolArray:
-    """Whether any element of each row is."""
+    """Return the mask (n,) of rows with at least one marked element."""
     rows = np.zeros(len(offsets) - 1, np.bool_)
     rows[np.repeat(np.arange(len(rows)), np.diff(offsets))[is_unfit]] = True
     return rows

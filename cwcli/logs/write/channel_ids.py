@@ -1,4 +1,4 @@
-"""Ids for new schemas and channels that don't clash with the source's."""
+"""Assigns ids to new schemas and channels that don't clash with the source's."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from cwcli.logs.write.written_schema import written_schema
 from cwcli.signals.columns import OutputChannel
 
 MAX_ID = 0xFFFF
+"""The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""
 
 
 @dataclass(frozen=True)
 class NewChannel:
-    """A channel that is added, with its records."""
+    """A channel that is added, as columns and with its schema and channel records."""
 
     columns: OutputChannel
     schema: Schema
@@ -24,7 +25,7 @@ class NewChannel:
 
 
 def assign_ids(index: Index, channels: Sequence[OutputChannel], replaced: Mapping[int, Channel]) -> list[NewChannel]:
-    """Records for the new channels.
+    """Return schema and channel records for the new channels.
 
     An equal schema of the source is used again. A new id is larger than all of the source's, even those of channels
     that are left out, because their definitions may be repeated inside chunks that are copied. Only a channel that is

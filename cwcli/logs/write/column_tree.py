@@ -1,4 +1,4 @@
-"""Columns with dotted names as the tree of a message."""
+"""Arranges columns with dotted names as the tree of a message."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class ColumnError(ValueError):
 
 
 def tree_of(fields: Mapping[str, OutputField]) -> Tree:
-    """Dotted paths as nested mappings.
+    """Turn columns by dotted path into nested mappings.
 
     Raises:
         ColumnError: A field is given whole and in parts.
@@ -37,7 +37,7 @@ def tree_of(fields: Mapping[str, OutputField]) -> Tree:
 
 
 def elements(column: OutputField | Tree) -> Repeated:
-    """Ragged leaves inside a repeated message as `Repeated`; they must agree on the offsets.
+    """Join the ragged leaves of a repeated message to one `Repeated`; they must agree on the offsets.
 
     Raises:
         ColumnError: They don't, or are not ragged.
@@ -58,7 +58,7 @@ def elements(column: OutputField | Tree) -> Repeated:
 
 
 def leaves(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
-    """Dotted path and column of each leaf."""
+    """List dotted path and column of each leaf."""
     found: list[tuple[str, OutputField]] = []
     for name, node in tree.items():
         found += leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]

@@ -1,4 +1,4 @@
-"""New messages of several channels in log-time order, as the payloads of MCAP chunks.
+"""Merges new messages of several channels in log-time order into the contents of MCAP chunks.
 
 Format: https://mcap.dev/spec
 """
@@ -15,6 +15,7 @@ from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_o
 from cwcli.signals.columns import Int64Array
 
 OPCODE_MESSAGE = 0x05
+"""The opcode of a message record (MCAP specification)."""
 MESSAGE_HEADER = np.dtype(
     [
         ("opcode", "u1"),
@@ -25,14 +26,22 @@ MESSAGE_HEADER = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-RECORD_PREFIX_BYTES = 9  # opcode and length
+"""The bytes of a message record before its payload (MCAP specification)."""
+RECORD_PREFIX_BYTES = 9
+"""Size in bytes of a record's opcode and length (MCAP specification)."""
 INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
+"""An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
 MAX_CHUNK_BYTES = 1 << 20
-BLOCK_BYTES = 4 << 20  # of messages that are encoded at a time
+"""The expected size in bytes at which a new chunk is full. Chosen by hand."""
+BLOCK_BYTES = 4 << 20
+"""Bytes of messages that are encoded at a time. Chosen by hand."""
 PROBE_ROWS = 64
-SHORT_ROWS = 512  # so few rows are encoded once: the probe is the block
+"""The number of rows that are encoded to learn the mean size of a message. Chosen by hand."""
+SHORT_ROWS = 512
+"""The number of rows up to which a channel is encoded as a whole at once. Chosen by hand."""
 LOOK_AHEAD = 1 << 16
+"""The greatest number of messages in a new chunk. Chosen by hand."""
 
 
 @dataclass
@@ -40,7 +49,7 @@ class Feed:
     """The messages of one channel, encoded when they are needed.
 
     Attributes:
-        channel_id: In the file that is written.
+        channel_id: Id in the file that is written.
         log_time_ns, publish_time_ns: Shape (n,), int64; log times non-decreasing.
         encode: Rows `start` to `stop` of the channel as messages.
         first_sequence: Sequence number of row 0.
@@ -69,7 +78,7 @@ class Feed:
         return len(self.log_time_ns)
 
     def mean_size(self) -> float:
-        """Bytes of a message with its header, by the first ones."""
+        """Return the mean size in bytes of a message with its header, from the first messages."""
         if not self._mean_size and len(self):
             is_short = self.probe_rows == PROBE_ROWS and len(self) <= SHORT_ROWS
             probe = self.encode(0, len(self) if is_short else min(self.probe_rows, len(self)))
@@ -79,7 +88,7 @@ class Feed:
         return self._mean_size
 
     def take(self, n: int) -> tuple[slice, ByteRows]:
-        """The next n rows: which ones, and their messages."""
+        """Take the next n messages; return their rows and bytes."""
         start, stop = self._next, self._next + n
         self._next = stop
         if self._block is None or stop > self._block_start + len(self._block):
@@ -90,10 +99,10 @@ class Feed:
 
 @dataclass(frozen=True)
 class ChunkPayload:
-    """The inside of a chunk, uncompressed.
+    """The content of a chunk, uncompressed.
 
     Attributes:
-        data: Message records in log-time order; with `by_channel` those of each channel, one channel behind the other.
+        data: Message records in log-time order, with `by_channel` grouped by channel.
         start_ns, end_ns: First and last log time.
         entries: Channel id -> (log time, offset in `data`) of its messages, dtype `INDEX_ENTRY`.
     """
@@ -109,8 +118,8 @@ class MessageMerge:
 
     Args:
         feeds: The messages.
-        by_channel: Within a chunk one channel stands behind the other, each in log-time order. Messages that are alike
-            are neighbours then, which takes a twentieth less when they are compressed. Message indexes tell the order.
+        by_channel: Group the messages of a chunk by channel, each in log-time order. Similar messages are then
+            neighbours, which saves a twentieth of the compressed size. Message indexes give the time order.
 
     Attributes:
         log_time_ns: Shape (n,), non-decreasing.
@@ -127,11 +136,11 @@ class MessageMerge:
         self._position = 0
 
     def take_until(self, time_ns: int | None, *, min_bytes: int = 0) -> Iterator[ChunkPayload]:
-        """Payloads of the messages not yet taken whose log time is at most `time_ns` (None: all).
+        """Yield chunk contents of the remaining messages up to a log time.
 
         Args:
-            time_ns: Last log time.
-            min_bytes: Leave them for the next call as long as they are fewer bytes than this.
+            time_ns: Last log time; None for all messages.
+            min_bytes: Leave the messages for the next call if they have fewer bytes than this.
         """
         stop = len(self.log_time_ns)
         if time_ns is not None:
@@ -147,7 +156,7 @@ class MessageMerge:
             min_bytes = 0
 
     def _payload(self, feed_of: npt.NDArray[np.int32]) -> ChunkPayload:
-        """The next messages, given the feed of each."""
+        """Build the content of a chunk from the next messages; `feed_of` is the feed number of each."""
         n = len(feed_of)
         log_time_ns = self.log_time_ns[self._position : self._position + n]
         start_ns, end_ns = int(log_time_ns[0]), int(log_time_ns[-1])
@@ -178,6 +187,7 @@ class MessageMerge:
 
 
 def _entries(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt.NDArray[np.void]]:
+    """Return channel id -> index entries, dtype `INDEX_ENTRY`."""
     entries = np.empty(len(header), INDEX_ENTRY)
     entries["log_time"] = header["log_time"]
     entries["offset"] = offsets[:-1]

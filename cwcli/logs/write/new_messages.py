@@ -1,4 +1,4 @@
-"""Where new messages come from: columns that are encoded on the way, or messages that are there already."""
+"""Sources of new messages: columns that are encoded when needed, or messages that are encoded already."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from cwcli.logs.write.written_schema import written_schema
 from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
 
 PROBED_STREAM_ROWS = 2
+"""The number of rows of a streamed channel that are encoded to learn the mean size of a message. Chosen by hand: each
+row may be an image."""
 
 
 def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0) -> Feed:
-    """The messages of a channel that is given as columns; their publish time is their log time.
+    """Return the messages of a channel given as columns; their publish time is their log time.
 
     Raises:
         KeyError: The schema is unknown.
@@ -36,7 +38,7 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
 
 
 def _streamed_feed(channel: StreamedChannel, channel_id: int, first_sequence: int) -> Feed:
-    """The messages of a channel whose columns are made on the way."""
+    """Return the messages of a channel whose columns are computed when needed."""
     schema = written_schema(channel.schema_name)
 
     def encode(start: int, stop: int) -> ByteRows:
@@ -53,7 +55,7 @@ def row_feed(
     publish_time_ns: Int64Array,
     first_sequence: int = 0,
 ) -> Feed:
-    """Messages that are encoded already.
+    """Return messages that are encoded already, with their times (n,) in ns.
 
     Raises:
         ValueError: The numbers of messages and times differ, or the log times go back.

@@ -1,4 +1,4 @@
-"""What a log's profile promises of its channels.
+"""Checks the channels of a log against its MCAP profile.
 
 Source: https://mcap.dev/spec/registry, "Well-known profiles".
 """
@@ -10,17 +10,17 @@ from collections.abc import Iterable, Mapping
 from cwcli.logs.format.records import Channel, Schema
 
 ROS_ENCODINGS = {"ros1": ("ros1", ("ros1msg",)), "ros2": ("cdr", ("ros2msg", "ros2idl"))}
-"""Profile -> the messages' encoding, and those of their schemas."""
+"""Profile -> message encoding, and the allowed schema encodings (MCAP registry, "Well-known profiles")."""
 
 
 def is_of_profile(profile: str, message_encoding: str, schema_encoding: str) -> bool:
-    """Whether a ROS profile promises such a channel; "" is no schema: recorders that did not find the definition."""
+    """Tell whether a channel conforms to a ROS profile; it may lack a schema (""), if the recorder did not find one."""
     expected, schema_encodings = ROS_ENCODINGS[profile]
     return message_encoding == expected and schema_encoding in ("", *schema_encodings)
 
 
 def kept_profile(profile: str, channels: Iterable[Channel], schemas: Mapping[int, Schema]) -> str:
-    """The profile, or none where it is a ROS one and a channel is not of ROS: tools that go by it fail on it."""
+    """Return the profile, or "" if it is a ROS profile and a channel does not conform, on which other tools fail."""
     if profile not in ROS_ENCODINGS:
         return profile
     for channel in channels:

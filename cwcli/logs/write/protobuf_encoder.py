@@ -1,4 +1,4 @@
-"""Columns to protobuf messages, without a Python object per message.
+"""Encodes columns as protobuf messages, without a Python object per message.
 
 A message is a row of pieces: tags and numbers of fixed width, and strings, packed sequences and lengths whose size
 differs from row to row. Every field that the channel names is written in each message, zero or not, in order of field
@@ -26,12 +26,16 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
 WIRE_VARINT, WIRE_64_BIT, WIRE_LENGTH, WIRE_32_BIT = 0, 1, 2, 5
+"""The wire types of protobuf: varint, 8 bytes, bytes after their length, 4 bytes (protobuf encoding guide)."""
 
-# Field types by their number in google.protobuf.FieldDescriptorProto.Type.
 FIXED_DTYPES = {1: "<f8", 2: "<f4", 6: "<u8", 7: "<u4", 15: "<i4", 16: "<i8"}
+"""Field type (`google.protobuf.FieldDescriptorProto.Type`) of a number of fixed width -> NumPy type."""
 VARINT_TYPES = frozenset({3, 4, 5, 8, 13, 14})
+"""The field types (`FieldDescriptorProto.Type`) that are plain varints."""
 ZIGZAG_TYPES = frozenset({17, 18})
+"""The field types (`FieldDescriptorProto.Type`) sint32 and sint64, which are zigzag varints."""
 TYPE_STRING, TYPE_MESSAGE, TYPE_BYTES, TYPE_ENUM = 9, 11, 12, 14
+"""The field types (`FieldDescriptorProto.Type`) string, message, bytes and enum."""
 
 
 def encode_columns(message: Descriptor, fields: Mapping[str, OutputField], n: int) -> ByteRows:
@@ -68,7 +72,7 @@ def _message_pieces(message: Descriptor, tree: Tree, n: int) -> list[Piece]:
 
 @lru_cache(maxsize=256)
 def _in_order(message: Descriptor) -> tuple[tuple[str, FieldDescriptor], ...]:
-    """Name and descriptor of each field, by field number."""
+    """Return name and descriptor of each field, in order of field number."""
     return tuple((each.name, each) for each in sorted(message.fields, key=lambda each: each.number))
 
 
@@ -118,7 +122,7 @@ def _submessage_pieces(descriptor: FieldDescriptor, column: OutputField | Tree, 
 
 
 def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
-    """Tag, length and text; nothing where the string is absent."""
+    """Return tag, length and text; no bytes where the string is absent."""
     prefix = _tag(descriptor, WIRE_LENGTH)
     texts = [text.encode() for text in column.values]
     entries = join_rows([prefix + varint(len(text)) + text for text in texts] + [b""])
@@ -129,7 +133,7 @@ def _string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
 
 
 def _bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Piece]:
-    """Tag, length and bytes."""
+    """Return tag, length and bytes."""
     if column.values.dtype != np.uint8:
         raise ColumnError("it holds bytes: it needs ragged uint8")
     sizes = np.diff(column.offsets)
@@ -138,7 +142,7 @@ def _bytes_pieces(descriptor: FieldDescriptor, column: Ragged) -> list[Piece]:
 
 
 def _packed_pieces(descriptor: FieldDescriptor, column: NumericArray | Ragged | Strings) -> list[Piece]:
-    """Tag, length and all numbers of a repeated numeric field."""
+    """Return tag, length and all numbers of a repeated numeric field."""
     if isinstance(column, Strings) or descriptor.type in (TYPE_STRING, TYPE_BYTES):
         raise ColumnError("repeated strings are not supported")
     if isinstance(column, np.ndarray) and column.ndim != 2:
@@ -168,7 +172,7 @@ def _number_piece(descriptor: FieldDescriptor, column: NumericArray) -> Piece:
 
 
 def _varint_values(descriptor: FieldDescriptor, values: NumericArray) -> npt.NDArray[np.uint64]:
-    """Numbers as the unsigned values that their varints hold (negative ones in two's complement or zigzag)."""
+    """Return the unsigned values for the varints of numbers: negative ones in two's complement or zigzag."""
     if values.dtype == np.uint64:
         return np.ascontiguousarray(values, np.uint64)
     signed = values.astype(np.int64)
@@ -178,7 +182,7 @@ def _varint_values(descriptor: FieldDescriptor, values: NumericArray) -> npt.NDA
 
 
 def _enum_numbers(descriptor: FieldDescriptor, column: Strings) -> Int64Array:
-    """Names of an enum's values as their numbers; an absent name is 0."""
+    """Return the numbers of an enum's values from their names; an absent name is 0."""
     if descriptor.type != TYPE_ENUM:
         raise ColumnError("it holds numbers, not strings")
     numbers: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""The records of an MCAP file, written one behind the other, with the summary that belongs to them.
+"""Writes the records of an MCAP file one after the other, and the summary of them.
 
 Format: https://mcap.dev/spec
 """
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import zstandard
 
 ZSTD_LEVEL = 1
+"""The zstd compression level of new chunks. Chosen: the fastest regular level."""
 
 
 class RecordWriter:
@@ -55,24 +56,24 @@ class RecordWriter:
         self._compressor: zstandard.ZstdCompressor | None = None
 
     def header(self, profile: str, library: str) -> None:
-        """Magic bytes and header; the first thing in the file."""
+        """Write magic bytes and header, the first bytes of the file."""
         self._output.write(MAGIC + record_bytes.header(profile, library))
 
     def schema(self, schema: Schema, *, listed_only: bool = False) -> None:
-        """A schema, in the data section and the summary; with `listed_only` in the summary alone."""
+        """Write a schema to the data section and the summary; with `listed_only` to the summary alone."""
         self._schemas[schema.id] = schema
         if not listed_only:
             self._output.write(record_bytes.schema(schema))
 
     def channel(self, channel: Channel, *, listed_only: bool = False) -> None:
-        """A channel, as `schema`."""
+        """Write a channel to the data section and the summary; with `listed_only` to the summary alone."""
         self._channels[channel.id] = channel
         self._counts.setdefault(channel.id, 0)
         if not listed_only:
             self._output.write(record_bytes.channel(channel))
 
     def chunk(self, payload: ChunkPayload) -> None:
-        """New messages: a compressed chunk, and a message index for each of its channels."""
+        """Write new messages: a compressed chunk, and a message index for each of its channels."""
         if self._compressor is None:
             import zstandard
 
@@ -82,7 +83,7 @@ class RecordWriter:
     def raw_chunk(
         self, payload: ChunkPayload, compression: str, stored: bytes | memoryview, *, is_indexed: bool = True
     ) -> None:
-        """As `chunk`, with the payload's bytes as they are to be stored, with or without message indexes."""
+        """Write a chunk whose bytes are compressed already (`stored`), with or without message indexes."""
         start, size = self._output.position, len(payload.data)
         crc = zlib.crc32(payload.data.data)
         self._output.write(
@@ -101,32 +102,32 @@ class RecordWriter:
         )
 
     def copy_chunk(self, source: InputFile, chunk: ChunkIndex) -> None:
-        """A chunk of another file with its message indexes, byte for byte; its messages must be counted."""
+        """Copy a chunk of another file with its message indexes, byte for byte; `chunk.counts` must be set."""
         shift = self._output.position - chunk.chunk_start
         offsets = {channel_id: offset + shift for channel_id, offset in chunk.index_offsets.items()}
         self.copy(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
         self._list_chunk(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
 
     def attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
-        """A new attachment."""
+        """Write a new attachment; times in ns."""
         record = record_bytes.attachment(log_time_ns, create_time_ns, name, media_type, data)
         place = self._output.position, len(record)
         self._attachments.append(AttachmentIndex(*place, log_time_ns, create_time_ns, len(data), name, media_type))
         self._output.write(record)
 
     def copy_attachment(self, source: InputFile, index: AttachmentIndex) -> None:
-        """An attachment record byte for byte; `index` tells where it is in the source."""
+        """Copy an attachment record byte for byte; `index` gives its place in the source."""
         self._attachments.append(index._replace(offset=self._output.position))
         self.copy(source, index.offset, index.length)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A new metadata record."""
+        """Write a new metadata record."""
         data = record_bytes.metadata(name, values)
         self._metadata.append(self._output.position, len(data), name)
         self._output.write(data)
 
     def copy_metadata(self, source: InputFile, run: Run, table: MetadataTable) -> None:
-        """Metadata records byte for byte; run and table tell where they are in the source."""
+        """Copy metadata records byte for byte; run and table give their places in the source."""
         shift = self._output.position - run.start
         for row in range(run.first, run.stop):
             offset, length, name = table[row]
@@ -134,21 +135,21 @@ class RecordWriter:
         self.copy(source, run.start, run.end - run.start)
 
     def record(self, data: bytes | memoryview) -> None:
-        """A record that the summary does not list, as it stands."""
+        """Write the bytes of a record that the summary does not list."""
         self._output.write(data)
 
     def copy(self, source: InputFile, start: int, length: int) -> None:
-        """Bytes of another file that the summary does not list."""
+        """Copy bytes of another file that the summary does not list."""
         file, start = source.place(start)
         self._output.copy(file.descriptor, start, length)
 
     def finish(self, kinds: Collection[int] | None = None, *, has_offsets: bool = True, data_crc: int = 0) -> None:
-        """The end of the data section, the summary with its offsets, and the footer with the summary's CRC.
+        """Write the data end record, the summary with its offsets, and the footer with the summary's CRC.
 
         Args:
             kinds: Opcodes of the records that the summary holds; None for all.
-            has_offsets: It tells where the records of each kind are.
-            data_crc: Of the data section, if it is known.
+            has_offsets: Write summary offset records.
+            data_crc: CRC of the data section; 0 if it is not known.
         """
         self._output.write(record_bytes.data_end(data_crc))
         start = self._output.position

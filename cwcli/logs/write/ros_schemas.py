@@ -15,10 +15,14 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
 OWN_PACKAGE = "cwcli_msgs"
+"""The ROS 2 package name of cwcli's own messages."""
 OWN_PROTOBUF_PACKAGE = "cwcli.v1"
+"""The protobuf package name of cwcli's own messages."""
 SEPARATOR = "=" * 80
+"""The line between two message definitions in a `ros2msg` schema (MCAP registry)."""
 
 _XYZ = "float64 x\nfloat64 y\nfloat64 z\n"
+"""The fields of points and vectors in `geometry_msgs`."""
 _STANDARD = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
@@ -55,24 +59,25 @@ _STANDARD = {
         "uint32 line\n"
     ),
 }
-"""Short name -> its fields."""
+"""Short name of a standard message -> its fields as text (common_interfaces, geometry2, rcl_interfaces)."""
 
 _SCALARS = {
     1: "float64", 2: "float32", 3: "int64", 4: "uint64", 5: "int32", 6: "uint64", 7: "uint32", 8: "bool",
     9: "string", 13: "uint32", 14: "int32", 15: "int32", 16: "int64", 17: "int32", 18: "int64",
 }  # fmt: skip
-"""Number of a protobuf type (FieldDescriptorProto.Type) -> the ROS type; an enum is its number."""
+"""Field type of protobuf (`FieldDescriptorProto.Type`) -> primitive type of ROS; an enum becomes a number."""
 _MESSAGE = 11
+"""The field type (`FieldDescriptorProto.Type`) of a message inside a message."""
 
 
 def is_ros(schema_name: str) -> bool:
-    """Whether a schema's name is that of a ROS 2 message: `package/msg/Name`."""
+    """Tell whether a schema's name is that of a ROS 2 message: `package/msg/Name`."""
     return "/msg/" in schema_name
 
 
 @cache
 def ros_schema(schema_name: str) -> str:
-    """The `ros2msg` text of a message: its fields, then the definition of each message inside.
+    """Return the `ros2msg` text of a message: its fields, then the definition of each message inside.
 
     Raises:
         KeyError: There is no such message.
@@ -92,6 +97,11 @@ def ros_schema(schema_name: str) -> str:
 
 
 def _body(name: str) -> str:
+    """Return the field lines of a message by its short name.
+
+    Raises:
+        KeyError: There is no such message.
+    """
     package, _, message = name.partition("/")
     if package != OWN_PACKAGE:
         return _STANDARD[name]
@@ -102,7 +112,7 @@ def _body(name: str) -> str:
 
 
 def _lines(descriptor: Descriptor) -> list[str]:
-    """The fields, each behind the constants of its enum."""
+    """Return the field lines of a protobuf message, each after the constants of its enum."""
     lines = []
     for field in sorted(descriptor.fields, key=lambda each: each.number):
         if field.enum_type is not None:

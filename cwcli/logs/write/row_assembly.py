@@ -1,4 +1,4 @@
-"""Rows of bytes put together from pieces, column by column.
+"""Assembles rows of bytes from pieces, column by column.
 
 A piece is one part of every row: a number or a constant of fixed width, or bytes whose length differs from row to row.
 """
@@ -14,12 +14,14 @@ import numpy.typing as npt
 from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, varint, varints, windows
 from cwcli.signals.columns import Int64Array, NumericArray
 
-MAX_BLOCK_PIECE_BYTES = 64  # a wider piece is copied straight to its place: once instead of twice
+MAX_BLOCK_PIECE_BYTES = 64
+"""Width in bytes up to which neighbouring pieces are joined before they are copied; a wider piece is copied directly.
+Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """The same number of bytes in every row: `values` is (n,) or (n, k); a constant is (1, k) bytes."""
+    """A piece with the same number of bytes in every row: `values` is (n,) or (n, k); a constant is (1, k) bytes."""
 
     values: NumericArray
 
@@ -30,7 +32,7 @@ class Fixed:
 
 @dataclass(frozen=True)
 class Varying:
-    """`sizes[i]` bytes of `data` from `starts[i]`, for row i."""
+    """A piece whose size differs from row to row: row i has `sizes[i]` bytes of `data` from `starts[i]`."""
 
     data: ByteArray
     starts: Int64Array
@@ -41,11 +43,12 @@ Piece = Fixed | Varying
 
 
 def constant(data: bytes) -> Fixed:
+    """Return a piece with the same bytes in every row."""
     return Fixed(np.frombuffer(data, np.uint8)[None])
 
 
 def varint_piece(values: npt.NDArray[np.uint64]) -> Piece:
-    """The numbers as varints: a constant or of fixed width where they allow it."""
+    """Encode numbers (n,) as varints: a constant or a piece of fixed width if they are equal or equally long."""
     n = len(values)
     if n and (values == values[0]).all():
         return constant(varint(int(values[0])))
@@ -57,7 +60,7 @@ def varint_piece(values: npt.NDArray[np.uint64]) -> Piece:
 
 
 def length_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
-    """The varint that says how many bytes the pieces take in each row."""
+    """Return the varint with the total size of the pieces in each row."""
     fixed_size = sum(piece.size for piece in pieces if isinstance(piece, Fixed))
     varying = [piece.sizes for piece in pieces if isinstance(piece, Varying)]
     if not varying:
@@ -69,7 +72,7 @@ def length_pieces(pieces: Sequence[Piece], n: int) -> list[Piece]:
 
 
 def assemble(pieces: Sequence[Piece], n: int) -> ByteRows:
-    """Put the pieces of each row one behind the other."""
+    """Concatenate the pieces of each of n rows."""
     segments: list[Fixed | Varying] = []
     for fixed, run in _runs(pieces):
         segments += [Fixed(_block(run, n))] if fixed and len(run) > 1 else run
@@ -96,12 +99,12 @@ def assemble(pieces: Sequence[Piece], n: int) -> ByteRows:
 
 
 def _void_rows(piece: Fixed) -> npt.NDArray[np.void]:
-    """Shape (n,) or (1,): each row of bytes as one element."""
+    """Return each row of bytes as one element, shape (n,) or (1,)."""
     return piece.values.view(np.dtype((np.void, piece.size))).reshape(-1)
 
 
 def _runs(pieces: Sequence[Piece]) -> list[tuple[bool, list[Piece]]]:
-    """Neighbouring pieces of small fixed size together."""
+    """Group neighbouring pieces: True for pieces of small fixed size."""
     runs: list[tuple[bool, list[Piece]]] = []
     for piece in pieces:
         fixed = isinstance(piece, Fixed) and piece.size <= MAX_BLOCK_PIECE_BYTES
@@ -113,7 +116,7 @@ def _runs(pieces: Sequence[Piece]) -> list[tuple[bool, list[Piece]]]:
 
 
 def _block(run: Sequence[Piece], n: int) -> ByteArray:
-    """Shape (n, total size): pieces of fixed size side by side."""
+    """Join pieces of fixed size side by side, shape (n, total size)."""
     pieces = [piece for piece in run if isinstance(piece, Fixed)]
     size = sum(piece.size for piece in pieces)
     block = np.empty((n, size), np.uint8)

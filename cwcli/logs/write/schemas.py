@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor_pool import DescriptorPool
 
 DESCRIPTOR_SET_NAME = "cwcli_v1.binpb"
+"""The file with the compiled `cwcli.v1` schemas."""
 OSI_SET_NAME = "osi3_ground_truth.binpb"
+"""The file with the compiled schemas of ASAM OSI 3.8.0."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class MessageSchema:
 
 @cache
 def message_schema(name: str) -> MessageSchema:
-    """The schema of a message by its full name.
+    """Return the schema of a message by its full name.
 
     Raises:
         KeyError: There is no such message.
@@ -51,7 +53,7 @@ def message_schema(name: str) -> MessageSchema:
 
 
 def schema_folder() -> Traversable:
-    """Where the `.proto` files and the descriptor set are: in the installed package, or in the checkout beside it."""
+    """Return the folder with the `.proto` files and descriptor sets: in the installed package or in the checkout."""
     try:
         return resources.files("cwcli.schemas")
     except ModuleNotFoundError:
@@ -60,6 +62,7 @@ def schema_folder() -> Traversable:
 
 @cache
 def _pool(set_name: str) -> DescriptorPool:
+    """Load a descriptor set of `schema_folder`."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
 
@@ -80,7 +83,7 @@ def _foxglove_descriptor(name: str) -> Descriptor:
 
 
 def _descriptor_set(file: FileDescriptor) -> bytes:
-    """The file and all that it imports, dependencies first, each once."""
+    """Serialise a file and all that it imports as a `FileDescriptorSet`, dependencies first, each once."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
     ordered: dict[str, FileDescriptor] = {}

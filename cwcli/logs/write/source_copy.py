@@ -1,4 +1,4 @@
-"""The source's part of an annotated log."""
+"""Copies the source's records into an annotated log."""
 
 from __future__ import annotations
 
@@ -38,29 +38,30 @@ from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
 
 MAX_TIME_NS = (1 << 63) - 1
+"""The greatest log time in ns that a signed 64-bit number represents."""
 MAX_LOOSE_BYTES = 1 << 20
-"""Of messages outside chunks that get a chunk of their own."""
+"""The size in bytes at which messages outside chunks are put into a further chunk. Chosen by hand."""
 EVERY_CHANNEL = np.ones(1 << 16, np.uint8)
+"""The mask of wanted channel ids (65536,) that selects all of them."""
 
 Entries = dict[int, npt.NDArray[np.void]]
 """Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`."""
 
 
 class SourceCopy:
-    """Copies the records of a source, all but those of replaced channels and metadata records.
+    """Copies the records of a source, except replaced channels and metadata records.
 
-    A chunk of a file that no summary lists, and every chunk with `recover`, is opened and its CRC checked, and what is
-    wrong in its header or its indexes is written anew. Other chunks are copied as they are, with their CRC: whoever
-    reads a message of them checks it.
+    A chunk of a file without a complete summary, and every chunk with `recover`, is opened and its CRC checked; a wrong
+    header or wrong indexes are written anew. Other chunks are copied unchanged with their CRC, which readers check.
 
     Args:
         source: The open file.
-        index: Every record of it.
+        index: Lists every record of the source.
         faults: Counts what is lost.
-        recover: What is damaged is left out.
+        recover: Leave out what is damaged.
 
     Attributes:
-        items: What will be copied, in file order.
+        items: The items to copy, in file order.
         n_messages, n_chunks: Copied so far.
 
     Raises:
@@ -81,7 +82,7 @@ class SourceCopy:
         self.n_chunks = 0
 
     def _checked(self, item: Item) -> Iterator[Item]:
-        """The item, if it is intact: a chunk with what it really holds, messages outside chunks in pieces."""
+        """Yield the item if it is intact: a chunk with its true message counts, a range outside chunks in pieces."""
         if isinstance(item, ChunkIndex):
             if item.chunk_start in self._index.cut_chunks:
                 self._faults.bytes_lost += item.chunk_length
@@ -104,7 +105,7 @@ class SourceCopy:
             yield item
 
     def _inspected(self, chunk: ChunkIndex) -> ChunkIndex:
-        """The chunk with what it really holds, to be indexed anew where its header or its indexes say otherwise."""
+        """Return the chunk with its true message counts, and mark it for new indexes if header or indexes are wrong."""
         entries = index_entries(self._payload(chunk))
         times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
         fits = not len(times) or (int(times.min()), int(times.max())) == (chunk.start_ns, chunk.end_ns)
@@ -116,11 +117,12 @@ class SourceCopy:
         return chunk._replace(counts={channel_id: len(rows) for channel_id, rows in entries.items()})
 
     def _index_fits(self, chunk: ChunkIndex, channel_id: int, entries: npt.NDArray[np.void]) -> bool:
-        """Whether a message index record holds these entries, in any order."""
+        """Tell whether a message index record holds these entries, in any order."""
         listed = message_index(self._source, self._index, chunk, channel_id)
         return listed is not None and np.array_equal(np.sort(listed.view(INDEX_ENTRY)[:, 0], order="offset"), entries)
 
     def _pieces(self, span: Span) -> Iterator[Span]:
+        """Split a range outside chunks into ranges of about `MAX_LOOSE_BYTES`."""
         bounds = [span.start]
         at = span.start
         while at < span.end:
@@ -130,6 +132,7 @@ class SourceCopy:
         return (Span(*bounds) for bounds in pairwise([*bounds, span.end]))
 
     def _is_intact(self, item: AttachmentIndex) -> bool:
+        """Tell whether the CRC of an attachment is right or absent."""
         at = attachment_crc_at(item)
         (crc,) = struct.unpack("<I", self._source[at : at + 4])
         return not crc or crc == crc32(self._source, item.offset + PREFIX.size, at)
@@ -143,14 +146,14 @@ class SourceCopy:
         replaced_metadata: frozenset[str],
         written_schema_ids: frozenset[int],
     ) -> None:
-        """The header, and the definitions that the summary is to list; written too where their chunk may be lost.
+        """Write the header, and list schemas and channels in the summary; write them too if their chunk may be lost.
 
         Args:
-            writer: Of the copy.
-            profile: That of the copy.
-            replaced_ids: Channels to leave out.
+            writer: Writes the copy.
+            profile: Profile of the copy.
+            replaced_ids: Ids of channels to leave out.
             replaced_metadata: Names of metadata records to leave out.
-            written_schema_ids: Schemas that will stand at the beginning.
+            written_schema_ids: Ids of schemas that the caller writes.
         """
         self._replaced_ids, self._replaced_metadata = replaced_ids, replaced_metadata
         self._written_schema_ids = written_schema_ids
@@ -169,11 +172,11 @@ class SourceCopy:
             writer.channel(channel, listed_only=listed_only)
 
     def check_source(self) -> None:
-        """Check that what was copied so far is not a mixture: standard output gets no end then."""
+        """Check that the source has not changed during the copy, before the end is written."""
         self._source.check_unchanged()
 
     def item(self, writer: RecordWriter, item: Item) -> int | None:
-        """Copy one item; returns the last log time in it, or None if it holds no message."""
+        """Copy one item; return its last log time in ns, or None if it holds no message."""
         if isinstance(item, ChunkIndex):
             return self._chunk(writer, item)
         if isinstance(item, Span):
@@ -191,6 +194,7 @@ class SourceCopy:
         return None
 
     def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
+        """Copy a chunk, rebuilt if needed; return its last log time in ns."""
         if chunk.chunk_start in self._index.cut_chunks:
             try:
                 records = whole_records(partial_payload(self._source, chunk))
@@ -231,7 +235,7 @@ class SourceCopy:
         return self._new_chunk(writer, records, entries, chunk.compression, stored)
 
     def _messages(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
-        """Put records that have no chunk of their own into one."""
+        """Write records that have no intact chunk as a new chunk; return the last log time in ns."""
         entries = index_entries(records)
         if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
             records = without_channels(records, self._replaced_ids, definitions=not self._index.renumberings)
@@ -243,7 +247,7 @@ class SourceCopy:
     def _new_chunk(
         self, writer: RecordWriter, records: memoryview, entries: Entries, compression: str, stored: memoryview | None
     ) -> int:
-        """Write a chunk with its indexes, `stored` where that is known; returns the last log time in it."""
+        """Write a chunk with its indexes; `stored`: its compressed bytes, if known. Return its last log time in ns."""
         times = np.concatenate([each["log_time"] for each in entries.values()])
         payload = ChunkPayload(np.frombuffer(records, np.uint8), int(times.min()), int(times.max()), entries)
         if stored is None:
@@ -256,7 +260,7 @@ class SourceCopy:
 
 
 def index_entries(records: memoryview) -> Entries:
-    """Where the messages among some records are; channels in the order in which they come.
+    """Return the index entries of the messages among some records, by channel in order of first occurrence.
 
     Raises:
         RecordError: A record reaches beyond the given bytes, or a message is shorter than its header.
@@ -282,7 +286,7 @@ def index_entries(records: memoryview) -> Entries:
 
 
 def without_channels(records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True) -> memoryview:
-    """The records without the messages and the definitions of some channels, or without any definition.
+    """Return the records without messages and definitions of some channels; `definitions` off removes all of them.
 
     Raises:
         RecordError: A record reaches beyond the given bytes, or is too short for a channel id.

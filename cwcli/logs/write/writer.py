@@ -1,4 +1,4 @@
-"""A new MCAP log from columns and messages."""
+"""Writes a new MCAP log from columns and messages."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 
 LIBRARY = f"cwcli {cwcli.__version__}"
+"""The library name in the header of new logs."""
 
 
 class LogWriter:
     """Collects channels and writes them as one log, all messages in log-time order, in compressed and indexed chunks.
 
-    A context manager: the file appears when the block ends without an error. The arrays that are handed over are kept
-    until then and must not change. The same calls give the same bytes.
+    A context manager: the file appears when the block ends without an error. The given arrays are used only then and
+    must not change before. The same calls give the same bytes.
 
         with LogWriter("drive.mcap") as log:
             log.write_columns(channel)
@@ -35,7 +36,7 @@ class LogWriter:
     Args:
         target: File name, or `-` for standard output.
         profile: MCAP profile, e.g. `ros2`.
-        library: Who writes it.
+        library: Name of the program that writes the log.
         force: Overwrite a file that exists.
 
     Raises:
@@ -66,7 +67,7 @@ class LogWriter:
             self.close()
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
-        """Id of the schema; an equal one that is there already is used again."""
+        """Add a schema and return its id; an equal schema is used again."""
         for schema in self._schemas:
             if (schema.name, schema.encoding, schema.data) == (name, encoding, data):
                 return schema.id
@@ -76,13 +77,13 @@ class LogWriter:
     def add_channel(
         self, topic: str, message_encoding: str, schema_id: int = 0, metadata: Mapping[str, str] | None = None
     ) -> int:
-        """Id of a new channel; schema id 0 means that it has no schema."""
+        """Add a channel and return its id; schema id 0 means that it has no schema."""
         channel_id = len(self._channels) + 1
         self._channels.append(Channel(channel_id, schema_id, topic, message_encoding, dict(metadata or {})))
         return channel_id
 
     def write_columns(self, channel: OutputChannel) -> int:
-        """A whole channel; returns its id.
+        """Add a channel with all its messages and return its id.
 
         Raises:
             KeyError: Its schema is unknown.
@@ -102,12 +103,12 @@ class LogWriter:
         *,
         publish_time_ns: Int64Array | None = None,
     ) -> None:
-        """Messages that are encoded already.
+        """Add messages that are encoded already.
 
         Args:
             channel_id: From `add_channel`.
             log_time_ns: Shape (n,), int64, non-decreasing.
-            messages: n of them.
+            messages: n encoded messages.
             publish_time_ns: Shape (n,), int64; the log times when not given.
 
         Raises:
@@ -121,11 +122,11 @@ class LogWriter:
     def add_attachment(
         self, name: str, media_type: str, data: bytes, *, log_time_ns: int = 0, create_time_ns: int = 0
     ) -> None:
-        """A file inside the log."""
+        """Add an attachment: a file inside the log."""
         self._attachments.append((log_time_ns, create_time_ns, name, media_type, data))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """A named set of texts."""
+        """Add a metadata record: named texts."""
         self._metadata.append((name, values))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""How the messages of a schema are written: protobuf, or CDR where its name is that of a ROS 2 message."""
+"""Schemas of messages that cwcli writes, with their encoders: CDR for names of ROS 2 messages, else protobuf."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from cwcli.logs.write.ros_schemas import is_ros, ros_schema
 from cwcli.signals.columns import OutputField
 
 MESSAGE_ENCODING = "protobuf"
+"""The message encoding of protobuf channels (MCAP registry)."""
 SCHEMA_ENCODING = "protobuf"
+"""The schema encoding of protobuf channels (MCAP registry)."""
 ROS_MESSAGE_ENCODING, ROS_SCHEMA_ENCODING = "cdr", "ros2msg"
+"""The message and schema encoding of ROS 2 channels (MCAP registry)."""
 
 
 @dataclass(frozen=True)
@@ -20,9 +23,9 @@ class WrittenSchema:
     """A schema and its encoder.
 
     Attributes:
-        name, encoding, data: Of the schema record.
-        message_encoding: Of its channels.
-        encode: Columns and their number of rows -> that many messages; raises `ColumnError` where they don't fit.
+        name, encoding, data: The schema record.
+        message_encoding: The message encoding of its channels.
+        encode: Columns and their number of rows -> that many messages; raises `ColumnError` if they don't fit.
     """
 
     name: str
@@ -34,7 +37,7 @@ class WrittenSchema:
 
 @cache
 def written_schema(name: str) -> WrittenSchema:
-    """The schema of a message by its full name: `cwcli.v1.VehicleState`, `nav_msgs/msg/Odometry`.
+    """Return the schema of a message by its full name: `cwcli.v1.VehicleState`, `nav_msgs/msg/Odometry`.
 
     Raises:
         KeyError: There is no such message.

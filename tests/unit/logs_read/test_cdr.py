@@ -248,7 +248,7 @@ def test_empty_message_has_one_octet(tmp_path: Path) -> None:
     [
         ("wstring w\n", "wstring"),
         ("test_msgs/Missing m\n", "does not define test_msgs/Missing"),
-        ("Root again\n", "holds itself"),
+        ("Root again\n", "contains itself"),
         ("what is this\n???\n", "not a field"),
         ("float64[0] none\n", "not a field"),
     ],

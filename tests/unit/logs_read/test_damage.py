@@ -160,7 +160,7 @@ def test_flipped_byte_in_a_message_index_is_counted_and_harms_nobody(tmp_path: P
         path.write_bytes(flipped(data, offsets[0] + shift))
         loaded, log = read_all(path)
         assert latitudes(loaded) == expected
-        assert log.faults.counts() == {"message indexes that do not fit": 1}
+        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
 
 
 def test_index_entry_that_points_outside_the_chunk_is_counted(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_only_chunks_with_wanted_channels_are_opened(tmp_path: Path, monkeypatch
         opened.append(chunk)
         return real(data, chunk, verify=verify)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(message_reader, "chunk_payload", counted)
+    monkeypatch.setattr(message_reader, real.__name__, counted)
     with Log.open(path) as log:
         assert len(log.columns("/fix")) == 50
         assert 0 < len(opened) < log.n_chunks / 2
@@ -131,13 +131,13 @@ def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: p
     (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
     span = (T0_NS + 20_000_000, T0_NS + 22_500_000)  # from a message of /fix to before one of /notes
     opened: list[int] = []
-    chunk_payload = message_reader.chunk_payload
+    real = message_reader.chunk_payload
 
     def counted(*arguments: Any, **options: Any) -> memoryview:
         opened.append(arguments[1].chunk_start)
-        return chunk_payload(*arguments, **options)
+        return real(*arguments, **options)
 
-    monkeypatch.setattr(message_reader, "chunk_payload", counted)
+    monkeypatch.setattr(message_reader, real.__name__, counted)
     with Log.open(tmp_path / "log.mcap") as log:
         wanted = {"/fix": ["latitude"], "/notes": ["k"]}
         part = log.load(wanted, logged=span)

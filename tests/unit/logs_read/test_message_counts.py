@@ -59,7 +59,7 @@ def test_a_chunk_that_hides_a_channel_is_read(tmp_path: Path, topic: str, read: 
     (tmp_path / "in.mcap").write_bytes(hiding(log_bytes(), topic))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
-        assert log.faults.counts() == {"message indexes that do not fit": 1}
+        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
 
 
 @pytest.mark.parametrize("reading", READINGS)
@@ -68,7 +68,7 @@ def test_a_miscounted_channel_is_a_fault(tmp_path: Path, reading: str) -> None:
     (tmp_path / "in.mcap").write_bytes(counting_one_more(log_bytes(), topic))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
-        expected = {} if reading in IN_PART else {"channels whose messages the summary counts wrongly": 1}
+        expected = {} if reading in IN_PART else {"channels with a wrong message count in the summary": 1}
         assert log.faults.counts() == expected
 
 

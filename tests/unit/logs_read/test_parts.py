@@ -161,7 +161,7 @@ def test_a_missing_number_and_a_silence_are_told(tmp_path: Path) -> None:
     with Log.open(names(parts[:4] + parts[5:])) as log:
         assert log.faults.counts() == {
             "parts missing by the numbers in the names (4)": 1,
-            "silences between parts (drive_3.mcap and drive_5.mcap: 2.0 s)": 1,
+            "gaps between parts (drive_3.mcap and drive_5.mcap: 2.0 s)": 1,
         }
 
 
@@ -174,7 +174,7 @@ def test_a_folder_is_its_metadata(whole: Path, tmp_path: Path) -> None:
     with Log.open(folder) as log, Log.open(whole) as expected:
         assert seen(log) == seen(expected)
         assert log.name == str(folder)
-        assert log.faults.counts() == {"logs beside those of metadata.yaml, not read (annotated.mcap)": 1}
+        assert log.faults.counts() == {"logs that metadata.yaml does not list, not read (annotated.mcap)": 1}
 
 
 @pytest.mark.parametrize("suffix", [".zstd", ".zst"])
@@ -248,7 +248,7 @@ def test_a_repeated_part_counts_once(whole: Path, tmp_path: Path) -> None:
     link.symlink_to(parts[2])
     with Log.open(names([*parts, parts[0], copy, link])) as log, Log.open(whole) as expected:
         assert seen(log) == seen(expected)
-        assert log.faults.counts() == {"parts that are there twice (drive_0.mcap, copy.mcap, link.mcap)": 3}
+        assert log.faults.counts() == {"repeated parts (drive_0.mcap, copy.mcap, link.mcap)": 3}
 
 
 def test_parts_that_overlap_are_told_and_read(tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_an_empty_part_is_told(tmp_path: Path) -> None:
     empty.touch()
     with Log.open(names([*parts, empty])) as log:
         assert log.n_messages == N
-        assert log.faults.counts() == {"parts without a byte (drive_2.mcap)": 1}
+        assert log.faults.counts() == {"empty parts (drive_2.mcap)": 1}
     with pytest.raises(InputError, match="all of its parts are empty"):
         Log.open([str(empty)])
 

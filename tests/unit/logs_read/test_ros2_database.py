@@ -111,7 +111,7 @@ def test_an_unfinished_transaction_is_taken_back_and_told(database: Path, tmp_pa
     assert hot.stat().st_size > database.stat().st_size
     before = contents(hot.parent)
     assert any(name.endswith("-journal") for name in before)
-    told = {f"unfinished changes that the rollback journal took back ({hot.name}-journal)": 1}
+    told = {f"unfinished changes undone by the rollback journal ({hot.name}-journal)": 1}
     assert faults(hot) == (N_MESSAGES, told)
     assert contents(hot.parent) == before
 

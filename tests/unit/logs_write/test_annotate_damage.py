@@ -173,7 +173,7 @@ def test_damaged_chunk_of_a_log_without_an_index_is_not_copied(tmp_path: Path, o
     assert annotate(SourceStub(whole), [], {}, tmp_path / "copy.mcap").n_messages_copied == 440
     source = write_log(tmp_path / "in.mcap", **options)
     flip(source, bad.chunk_start_offset + CRC_AT)
-    with pytest.raises(InputError, match=f"damaged at byte {bad.chunk_start_offset}: a chunk's CRC does not fit"):
+    with pytest.raises(InputError, match=f"damaged at byte {bad.chunk_start_offset}: a chunk's CRC is wrong"):
         annotate(SourceStub(source), [], {}, tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
 

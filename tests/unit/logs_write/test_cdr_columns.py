@@ -223,7 +223,10 @@ def test_no_number_becomes_another() -> None:
     fields: dict[str, OutputField] = {"level": np.array([10, 300, -1]), "stamp": np.array([0, 1, 2**31]) * 10**9}
     found = {path: rows.tolist() for path, rows in unfit_rows("rcl_interfaces/msg/Log", fields, 3).items()}
     assert found == {"level": [False, True, True], "stamp": [False, False, True]}
-    for path, said in (("level", "2 of 3 numbers are none of uint8"), ("stamp", "1 of 3 numbers are none of int32")):
+    for path, said in (
+        ("level", "2 of 3 numbers do not fit in uint8"),
+        ("stamp", "1 of 3 numbers do not fit in int32"),
+    ):
         with pytest.raises(ColumnError, match=said):
             encode_cdr("rcl_interfaces/msg/Log", {path: fields[path]}, 3)
 
