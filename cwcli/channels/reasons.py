@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from cwcli.logs.codecs.ros2msg import MessageField
 
 OTHER_USES = {
-    "tf2_msgs/TFMessage": "transforms: tell where sensors stand",
-    "foxglove.FrameTransform": "transforms: tell where sensors stand",
-    "foxglove.FrameTransforms": "transforms: tell where sensors stand",
+    "tf2_msgs/TFMessage": "transforms: give the mounting of sensors",
+    "foxglove.FrameTransform": "transforms: give the mounting of sensors",
+    "foxglove.FrameTransforms": "transforms: give the mounting of sensors",
     "diagnostic_msgs/DiagnosticArray": "`cwcli evaluate --topic warning=` judges what a system warned of",
 }
 """Schema that no role takes -> what cwcli uses it for."""
@@ -93,9 +93,9 @@ def reasons(channels: Sequence[Described], bindings: Bindings) -> dict[str, Reas
 
 def _reason(channel: Described, bindings: Bindings) -> Reason:
     if channel.topic.startswith(OWN_PREFIX):
-        return Reason("a result of cwcli that later stages do not start from")
+        return Reason("a result of cwcli that no later stage reads")
     if channel.message_count == 0:
-        return Reason("it has no message")
+        return Reason("it has no messages")
     name = normalise(channel.schema_name)
     if not inputs_of(channel.schema_name):
         return _unknown(channel, name)
@@ -106,7 +106,7 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
         role, others = str(entry.role), bindings.of(entry.role)
         if role in bindings.undecided:
             topics = ",".join(each.topic for each in bindings.undecided[role])
-            texts.append(f"one of several for {role}")
+            texts.append(f"one of several candidates for {role}")
             tries.append(f"--topic {role}={channel.topic}")
             if entry.role in MANY_TOPICS:
                 tries.append(f"--topic {role}={topics}")
@@ -115,12 +115,12 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
         elif others:
             texts.append(f"{role} is taken from {', '.join(each.topic for each in others)}")
         elif entry.needs_ego_station:
-            texts.append(f"{role}, if a station is the ego")
+            texts.append(f"{role}, if you name the ego's station")
             tries.append("--ego-station ID")
         else:
-            texts.append(f"{role} only where it is named")
+            texts.append(f"{role}, only if you name it")
             tries.append(f"--topic {role}={channel.topic}")
-    why = "; ".join(dict.fromkeys(texts)) or "its topic's name says truth, and this type holds none"
+    why = "; ".join(dict.fromkeys(texts)) or "its topic's name marks it as truth, and no truth has this type"
     return Reason(why, tuple(dict.fromkeys(tries))[:MAX_TRIES])
 
 
@@ -131,7 +131,7 @@ def _unnamed(topic: str, name: str) -> Reason:
         return Reason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNITS[word] for word in words if word in _SPEED_UNITS), "")
     line = f"--map ego_speed={topic}:data*{unit}" if unit and "Float" in name else f"--topic ego_speed={topic}"
-    return Reason("ego_speed (m/s) only where it is named", (line,))
+    return Reason("ego_speed (m/s), only if you name it", (line,))
 
 
 def _unknown(channel: Described, name: str) -> Reason:

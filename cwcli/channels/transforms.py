@@ -60,9 +60,9 @@ def read_lever_arms(
         stands = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
         if is_on_car(ahead_m, left_m):
             found[topic] = ahead_m, left_m
-            notes.append(f"{topic} stands {stands}")
+            notes.append(f"{topic} is mounted {stands}")
         else:
-            notes.append(f"{topic}: {stands} is not on the car, not used")
+            notes.append(f"{topic}: {stands} is not on the car; not used")
     return found, counts, tuple(notes)
 
 
