@@ -1,4 +1,4 @@
-"""The commands: those of the stages are made from their table, the others have a file each beside this one.
+"""The commands: those of stages are generated from the table of stages, each other one has a module here.
 
 A module holds `command`, whose docstring is the help, and `EXAMPLES`. Importing this table imports none of them.
 """
@@ -25,4 +25,4 @@ COMMANDS = {
     "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }
-"""Name -> one line of help, in the order of `cwcli --help`."""
+"""Name of a command -> its line of help, in the order of `cwcli --help`."""

@@ -30,6 +30,7 @@ EXAMPLES = (
     "cwcli join ego.mcap other.mcap --role remote -o both.mcap",
     "cwcli run both.mcap --stage predict,warn,measure -o annotated.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 
 
 def command(
