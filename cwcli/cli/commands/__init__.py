@@ -18,7 +18,7 @@ COMMANDS = {
     "compare": "Say what got better and what got worse between two runs.",
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
-    "reproduce": "Make a paper's tables and figures again, beside ours.",
+    "reproduce": "Reproduce a paper's tables and figures, and compare the numbers.",
     "export": "Write states, paths, warnings or measures as a file of another tool.",
     "plot": "Draw one plot of an annotated log as an image.",
     "view": "Show an annotated log in Rerun, or write a recording for it.",

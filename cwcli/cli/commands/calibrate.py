@@ -57,8 +57,8 @@ def command(
 ) -> int:
     """Find the constants of a car's sensors from many drives: latencies, biases, mounting, noise.
 
-    Each log is estimated by itself, one after the other. What they say of each constant is pooled, weighted by its
-    uncertainty; where the logs disagree by more than that, it is said and the interval is wider. `--calibration
+    Each log is estimated by itself. The estimates of each constant are pooled, weighted by their uncertainties; where
+    the logs disagree by more than that, a note says so and the interval is wider. `--calibration
     car.toml` of estimate, lanes, observe and run uses the file. A log that fails is reported and left out; the exit
     code is then that of its error.
     """

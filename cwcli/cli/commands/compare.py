@@ -80,7 +80,7 @@ def command(
             "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
         ),
     ] = False,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the resampling.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the resampling.")] = 0,
     truth: TruthOption = "auto",
     markdown_file: MarkdownOption = None,
     report_at: PageOption = None,

@@ -76,8 +76,9 @@ def command(
 
     Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
     really happened, lanes, tracks, and the quality of the data. --topic names another system's warnings, path or state
-    in the log, which are scored likewise, beside cwcli's own. Gates are those of --gate and those kept in the run's
-    manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data alone.
+    in the log, which are scored in the same way and compared with cwcli's. Gates are those of --gate and those in the
+    run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data
+    alone.
     """
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.fleet.results import read_metrics

@@ -126,14 +126,14 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
 
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
-        console.note(f"no ROS message can be made of {join_names(list(made.left_out))}: left out")
+        console.note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
     for topic, counts in made.left_messages.items():
         said = join_names([f"{n} whose {field} it can't hold" for field, n in counts.items()])
         console.note(f"{topic}: the ROS message does without messages: {said}")
     for topic, fields in made.left_fields.items():
         console.note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
     if made.replaced:
-        console.note(f"{join_names(made.replaced)}: recorded, and replaced by what is made now")
+        console.note(f"{join_names(made.replaced)}: the recorded channel is replaced by the converted one")
     return {
         "what": "log",
         "rows": made.n_messages_made,

@@ -231,7 +231,9 @@ def command(
             help="Seeds of each scenario; a note tells where fewer are taken.",
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes; the numbers don't depend on it.")] = 2,
+    jobs: Annotated[
+        int, typer.Option("--jobs", metavar="N", help="Number of processes; results don't depend on it.")
+    ] = 2,
     frames: Annotated[
         int | None,
         typer.Option(
@@ -269,13 +271,13 @@ def command(
             "--report",
             metavar="DIR",
             show_default=False,
-            help="Write PAPER.md into this folder: every figure and table beside ours (needs matplotlib).",
+            help="Write PAPER.md into this folder: every figure and table next to ours (needs matplotlib).",
         ),
     ] = None,
     metrics: MetricsOption = None,
     force: ForceOption = False,
 ) -> int:
-    """Make a paper's tables and figures again and set ours beside the paper's.
+    """Reproduce a paper's tables and figures, and compare the numbers with the paper's.
 
     Each number gets a class: reproduced, fitted, within own bound, better, differs or not determinable, with the
     reason. The exit code is 1 if a class that is claimed is not reached.

@@ -83,7 +83,7 @@ class FleetOptions:
             "-d",
             metavar="DIR",
             show_default=False,
-            help="Write each log's results into this folder; what is there unchanged is not done again.",
+            help="Write each log's results into this folder; results that are up to date are not computed again.",
         ),
     ] = None
     jobs: Annotated[

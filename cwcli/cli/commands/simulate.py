@@ -74,7 +74,7 @@ def command(
             metavar="NAME",
             show_default="clear",
             autocompletion=_weathers,
-            help=f"Of the {ROAD}: {', '.join(WEATHERS)}.",
+            help=f"Weather of the {ROAD}: {', '.join(WEATHERS)}.",
         ),
     ] = None,
     force: ForceOption = False,

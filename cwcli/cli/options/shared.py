@@ -45,7 +45,7 @@ LogsArgument = Annotated[
     ),
 ]
 AsOneOption = Annotated[
-    bool, typer.Option("--as-one", help="The logs that are named, or lie in the folder, are the parts of one log.")
+    bool, typer.Option("--as-one", help="Read the named logs, or those in the folder, as the parts of one log.")
 ]
 
 MaxChunkOption = Annotated[
