@@ -161,7 +161,6 @@ def _explain_can_channels(log: Log, why: dict[str, Reason], files: list[str]) ->
 
 def _of_stations(log: Log, bindings: Bindings) -> list[str]:
     """Notes on stations that may be the ego, for a log without the ego's position but with V2X messages."""
-    from cwcli.pipeline.stations import MOST_NAMED, stations_heard
     from cwcli.signals.inputs import input_for
     from cwcli.signals.role import Role
     from cwcli.text import printable
@@ -173,6 +172,8 @@ def _of_stations(log: Log, bindings: Bindings) -> list[str]:
     topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
     if not topics:
         return []
+    from cwcli.pipeline.stations import MOST_NAMED, stations_heard  # imports numpy, which most logs do not need
+
     heard = stations_heard(log).most_common(MOST_NAMED)
     named = " or ".join(printable(station) for station, _ in heard) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
