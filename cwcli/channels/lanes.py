@@ -237,35 +237,36 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
         DataError: A required field is missing.
     """
 
-    def side_by_side(*names: str) -> FloatArray:
+    def stack_fields(*names: str) -> FloatArray:
         return np.stack([numbers(columns, name, required=name in required) for name in names], axis=-1)
 
-    def size(what: str) -> Int64Array:
+    def read_size_px(what: str) -> Int64Array:
         return np.stack([whole_numbers(columns, f"{what}_{side}_px")[0] for side in ("width", "height")], axis=-1)
 
-    def of_sides(names: Sequence[str]) -> FloatArray:
-        return np.stack([side_by_side(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
+    def stack_fields_of_sides(names: Sequence[str]) -> FloatArray:
+        return np.stack([stack_fields(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
 
-    found = of_sides(["found"])[..., 0] > 0.0
+    found = stack_fields_of_sides(["found"])[..., 0] > 0.0
     state = whole_numbers(columns, "state")[0]
     return LaneRows(
         log_time_ns=columns.log_time_ns,
         stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
         found=found,
         drawn=_drawn(
-            columns, *(np.where(found[..., None], of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD))
+            columns,
+            *(np.where(found[..., None], stack_fields_of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD)),
         ),
-        road=of_sides(ROAD_LINE),
+        road=stack_fields_of_sides(ROAD_LINE),
         curvature_change_1pm2=_told(numbers(columns, "curvature_change_1pm2")),
-        preview=side_by_side(*PREVIEW),
-        preview_sigma=side_by_side(*PREVIEW_SIGMAS),
-        preview_m=side_by_side("preview_distance_m")[:, 0],
+        preview=stack_fields(*PREVIEW),
+        preview_sigma=stack_fields(*PREVIEW_SIGMAS),
+        preview_m=stack_fields("preview_distance_m")[:, 0],
         lane_width_m=numbers(columns, "lane_width_m"),
         camera_pitch_rad=numbers(columns, "camera_pitch_rad"),
         camera_yaw_rad=numbers(columns, "camera_yaw_rad"),
         camera_yaw_sigma_rad=numbers(columns, "camera_yaw_sigma_rad"),
-        image_size=size("image"),
-        search_size=size("search"),
+        image_size=read_size_px("image"),
+        search_size=read_size_px("search"),
         lenses=Lenses(columns),
         state=state,
         steady_s=np.where(state == LaneState.UNTOLD, np.nan, numbers(columns, "steady_s")),

@@ -154,7 +154,7 @@ def leaves(channel: Described) -> Iterator[str]:
         return
     count = 0
 
-    def walk(name: str, path: str, depth: int) -> Iterator[str]:
+    def iter_paths(name: str, path: str, depth: int) -> Iterator[str]:
         nonlocal count
         for field in find_definition(definitions, name):
             here = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
@@ -162,10 +162,10 @@ def leaves(channel: Described) -> Iterator[str]:
                 count += 1
                 yield here
             elif "/" in field.type and depth < MAX_DEPTH and count < MAX_LEAVES and not here.endswith("]"):
-                yield from walk(field.type, f"{here}.", depth + 1)
+                yield from iter_paths(field.type, f"{here}.", depth + 1)
 
     try:
-        yield from walk(top, "", 0)
+        yield from iter_paths(top, "", 0)
     except SchemaError:
         return
 

@@ -119,7 +119,7 @@ def _scene(
     half = 0.5 * np.arctan2(state[:, 3], state[:, 2])
     speed = np.hypot(state[:, 2], state[:, 3])
 
-    def pose(up_m: float, half_yaw: FloatArray) -> dict[str, OutputField]:
+    def pose_fields(up_m: float, half_yaw: FloatArray) -> dict[str, OutputField]:
         return {
             "pose.position.x": state[:, 0],
             "pose.position.y": state[:, 1],
@@ -128,7 +128,7 @@ def _scene(
             "pose.orientation.w": np.cos(half_yaw),
         }
 
-    def color(values: tuple[float, ...]) -> dict[str, OutputField]:
+    def color_fields(values: tuple[float, ...]) -> dict[str, OutputField]:
         return {f"color.{part}": np.full(n, value) for part, value in zip("rgba", values, strict=True)}
 
     size: dict[str, OutputField] = {f"size.{axis}": np.full(n, BALL_M) for axis in "xyz"}
@@ -149,9 +149,9 @@ def _scene(
         "frame_id": frame,
         "id": ids,
         "lifetime": np.full(n, LIFETIME_NS, np.int64),
-        "spheres": Repeated(one_each, {**pose(0.5 * BALL_M, still), **size, **color(BALL_COLOR)}),
-        "arrows": Repeated(one_each, {**pose(0.5 * BALL_M, half), **arrow, **color(BALL_COLOR)}),
-        "texts": Repeated(one_each, {**pose(2.0 * BALL_M, still), **text, **color(TEXT_COLOR)}),
+        "spheres": Repeated(one_each, {**pose_fields(0.5 * BALL_M, still), **size, **color_fields(BALL_COLOR)}),
+        "arrows": Repeated(one_each, {**pose_fields(0.5 * BALL_M, half), **arrow, **color_fields(BALL_COLOR)}),
+        "texts": Repeated(one_each, {**pose_fields(2.0 * BALL_M, still), **text, **color_fields(TEXT_COLOR)}),
     }
     offsets = np.append(first, n).astype(np.int64)
     return OutputChannel(TARGET_SCENE.topic, TARGET_SCENE.schema, times, {"entities": Repeated(offsets, entities)})
