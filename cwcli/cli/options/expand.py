@@ -59,7 +59,7 @@ def expand(
         groups[name] = (hint, {field: parameter.name for field, parameter in fields.items()})
 
     @functools.wraps(function)
-    def expanded(**values: Any) -> Any:
+    def call_with_dataclasses(**values: Any) -> Any:
         arguments = {name: values[name] for name in plain}
         made = {name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()}
         arguments |= {name: options for name, options in made.items() if name not in of_stages}
@@ -68,9 +68,9 @@ def expand(
         return function(**arguments)
 
     signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
-    expanded.__dict__["__signature__"] = signature
-    expanded.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return expanded
+    call_with_dataclasses.__dict__["__signature__"] = signature
+    call_with_dataclasses.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return call_with_dataclasses
 
 
 def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]]:
