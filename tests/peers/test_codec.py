@@ -97,7 +97,7 @@ def test_other_messages_are_set_aside_and_broken_ones_rejected_by_name() -> None
         b"",
     )
     assert quality.used == 1
-    assert quality.set_aside == {"SPaT, not of a vehicle itself": 1, "message 77, not of a vehicle itself": 1}
+    assert quality.set_aside == {"SPaT (not about its sender)": 1, "message 77 (not about its sender)": 1}
     assert quality.rejected == {
         "truncated frame": 2,
         "encrypted (IEEE 1609.2)": 1,
@@ -121,8 +121,8 @@ def test_etsi_messages_are_told_by_their_port_and_checked_by_their_header() -> N
     assert signal.station.values == ("1001",)
     assert not quality.set_aside
     assert quality.rejected == {
-        "protocol version that is packed otherwise": 1,
-        "another message than its port says": 2,
+        "unsupported protocol version": 1,
+        "message type does not match its port": 2,
         "truncated message": 1,
         "truncated frame": 1,
     }
@@ -152,7 +152,7 @@ def test_denms_are_events_that_the_notes_tell() -> None:
         official.set_val({"header": header, "denm": content})
         packed.append(b"\x07\xd2\x00\x00" + official.to_uper())
     _, quality = remote("udp_msgs/UdpPacket", *packed, packed[0][:20])
-    assert quality.set_aside == {"DENM, not of a vehicle itself": 5}
+    assert quality.set_aside == {"DENM (not about its sender)": 5}
     assert quality.rejected == {"truncated message": 1}
     said = "5 DENMs of 2 stations: 2 stationary vehicle, 1 cause 200, 1 hard braking, 1 without a cause"
     assert quality.notes == [said]
