@@ -10,8 +10,8 @@ The rules:
 - of several candidates those of the lowest rank count (a GNSS fix before the ego's own BSM before an odometry);
 - two that are left are an error for a required role, and leave an optional one unbound with a note;
   but every channel of detections is a sensor of its own, so all of them are bound;
-- what tells of others or of events alone (CPM, SDSM, DENM) is bound beside the channel that is chosen;
-- `--topic ROLE=/topic:FORMAT` names octets that a radio handed over, with their format: `remote`, and the ego's own;
+- messages about other vehicles or events only (CPM, SDSM, DENM) are bound in addition to the chosen channel;
+- `--topic ROLE=/topic:FORMAT` names undecoded radio messages and their format, for `remote` and the ego's roles;
 - `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
   `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
 """
@@ -42,19 +42,23 @@ if TYPE_CHECKING:
     from cwcli.signals.mapping import FieldMapping
 
 TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
+"""Parts of topic names that mark a channel as reference values; chosen from the names in public logs."""
 ROLE_TEXT: dict[str, str] = {
     **{role: role.words for role in Role},
     **{role: channel.what for role, channel in OF_ROLE.items()},
 }
+"""Role -> what fills it, in the words of error messages."""
 ROLE_HINT: dict[str, str] = {
     **{role: role.hint for role in Role},
     **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in OF_ROLE.items()},
 }
+"""Role -> the hint of the error that nothing fills it."""
 FROM_CAMERA = (LANES, OBSERVER, OBSERVER_PATH)
-"""From a camera to a path without a position, in order."""
+"""Channels that lead from a camera to a predicted path without a position, in the order of their stages."""
 EVERY_ROLE = tuple(ROLE_TEXT)
-"""Those of inputs, then those of cwcli's own channels."""
+"""Names of all roles: those of inputs, then those of cwcli's own channels."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
+"""Roles that only channels of reference values fill."""
 MANY_TOPICS = frozenset(
     {
         *(Role.REMOTE, Role.DETECTIONS),
@@ -62,11 +66,13 @@ MANY_TOPICS = frozenset(
         *(Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU),
     }
 )
+"""Roles that take several topics, each a source of its own."""
 OF_RADIO = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
+"""Roles that undecoded radio messages can fill when `--topic` names their format."""
 MAY_BE_EMPTY = frozenset({TARGETS.role})
-"""Roles for which a channel without messages is an answer: the road was empty."""
+"""Roles that a channel without messages may fill: a list of targets is empty on an empty road."""
 EVERY_CHANNEL = frozenset({Role.DETECTIONS})
-"""Roles that take every candidate: each is a source of its own."""
+"""Roles that all candidates fill together, because each is a sensor of its own."""
 
 
 class ChannelLike(Protocol):
@@ -235,7 +241,7 @@ def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -
 
 
 def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
-    """The channels of the lowest rank that can fill the role, and those beside them, one for each topic."""
+    """The bindings of lowest rank for a role, then those that are bound in addition; one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel in channels:
         if getattr(channel, "message_count", None) == 0 and role not in MAY_BE_EMPTY:
@@ -249,7 +255,7 @@ def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | N
 
 
 def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
-    """How far back a channel stands among those that can fill the role; None if it does not by itself."""
+    """The priority of a channel for a role, 0 first; None if the channel does not fill the role unless it is named."""
     if role in OF_ROLE:
         own = (OF_ROLE[role].topic, *([ONLINE[role].topic] if role in ONLINE else []))
         return own.index(channel.topic) if channel.topic in own and _can_hold(role, channel.schema_name) else None
@@ -282,7 +288,7 @@ def _check_overrides(
 
 
 def _mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
-    """The mappings that stand behind a role's `=`, () where topics do; a malformed one is a UsageError."""
+    """Parse the field mappings of `ROLE=value`; () where the value is topics. A malformed mapping is a UsageError."""
     if ":" not in value or value.rpartition(":")[2] in RADIO_FORMATS:
         return ()
     from cwcli.signals.mapping import MAPPED, parse_mappings  # few name fields, and every start would pay
@@ -322,7 +328,7 @@ def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where
 
 
 def _radio_channel(channels: Sequence[ChannelLike], role: str, named: str, where: str) -> Binding:
-    """A channel of octets, `/topic:FORMAT`."""
+    """Bind a channel of undecoded radio messages that is named as `/topic:FORMAT`."""
     topic, _, form = named.rpartition(":")
     if form not in RADIO_FORMATS:
         raise UsageError(
@@ -357,12 +363,12 @@ def _unbound(
 
 
 def _roles(channel: ChannelLike) -> set[str]:
-    """What the channel's messages can hold; those of radios hold the ego only where its station is named."""
+    """The roles that the schema of a channel can fill."""
     return {entry.role for entry in inputs_of(channel.schema_name)}
 
 
 def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -> str:
-    """What to do about the ego's state or path in a log without a position, but with a camera; "" for other logs."""
+    """A hint on the stages that give the ego's path from the camera in a log without a position; "" for other logs."""
     is_asked = command in ("predict", "warn", "run") and role in (EGO_STATE.role, EGO_PATH.role)
     if not is_asked or _candidates(channels, Role.EGO_POSITION, None):
         return ""

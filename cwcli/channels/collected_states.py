@@ -14,11 +14,11 @@ from cwcli.signals.vehicle_state import N_STATES
 
 
 class CollectedStates:
-    """States of many vehicles, each put where it belongs in the channel.
+    """Collects the states of many vehicles into the rows of one channel.
 
     Args:
-        signal: What the vehicles said.
-        is_used: Which rows of it have a state.
+        signal: The messages of the vehicles, n rows.
+        is_used: Shape (n,): the rows that get a state.
     """
 
     def __init__(self, signal: RemoteSignal, is_used: npt.NDArray[np.bool_]) -> None:
@@ -31,13 +31,13 @@ class CollectedStates:
         self._flags = np.zeros(n, np.uint8)
 
     def add(self, rows: Int64Array, track: Track) -> None:
-        """The states of some rows of the signal; safe in a thread of its own for each vehicle."""
+        """Store the states of one vehicle's rows; different vehicles may be added from different threads."""
         at = self._place[rows]
         self._state[at], self._flags[at] = track.state, track.flags
         self._covariance.put(at, PackedCovariances.of(track.covariance))
 
     def states(self) -> VehicleStates:
-        """All of them."""
+        """All collected states, in log-time order."""
         signal, order = self._signal, self._order
         return VehicleStates(
             signal.station.rows(order),

@@ -49,7 +49,7 @@ class ReplayedSteps:
 def write_replays(
     replays: Sequence[ReplayedSteps], *, host_size_m: tuple[float | None, float | None], local_map: LocalMap | None
 ) -> tuple[OutputChannel, ...]:
-    """Three channels a policy.
+    """Make the state, step and pose channels of every policy.
 
     Args:
         replays: At least one, in order of time; none begins before the last step of the one before.

@@ -12,14 +12,18 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.precision import plane_to_digits, to_step
 from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, STATE_NAMES, X, Y
 
-COVARIANCE_TYPE_KNOWN = 3  # foxglove.LocationFix: KNOWN
+COVARIANCE_TYPE_KNOWN = 3
+"""The value of `foxglove.LocationFix.PositionCovarianceType.KNOWN`."""
 SHOWN_HZ, TRANSFORMS_HZ = 5.0, 10.0
-VARIANCE_DIGITS = 8  # binary ones, of a picture
+"""Highest rates of fixes and poses, and of transforms; chosen for smooth drawing and small logs."""
+VARIANCE_DIGITS = 8
+"""Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
 TURN_BITS = 20
+"""Components of the orientation quaternion are multiples of 2^-20; chosen by hand."""
 
 
 def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
-    """The ego's states, and some of them as fix, pose and transform: pictures, not a record.
+    """Make the channel of the ego's states, and fixes, poses and transforms of some of them for viewers.
 
     Args:
         states: In the order of their log times, which are their stamps.
@@ -60,7 +64,7 @@ def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[Output
 
 
 def write_poses(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
-    """States (n, 8) as `foxglove.PoseInFrame` in the map frame, each known at its stamp."""
+    """Make a channel of `foxglove.PoseInFrame` in the map frame from states (n, 8); log times are the stamps."""
     fields: dict[str, Field] = {
         "timestamp": stamp_ns,
         "frame_id": constant_strings(MAP_FRAME, len(stamp_ns)),
@@ -70,7 +74,7 @@ def write_poses(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> Ou
 
 
 def _placed(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
-    """Place and orientation on the plane of the map."""
+    """Fields of position and orientation on the map plane, from states (n, 8)."""
     zeros, half = np.zeros(len(state)), 0.5 * state[:, HEADING]
     return {
         f"{place}.x": state[:, X],

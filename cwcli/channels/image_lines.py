@@ -10,22 +10,25 @@ import numpy as np
 from cwcli.channels.published import Channel
 from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel, strings_from
 
-LINE_LOOP, LINE_STRIP = 2, 3  # foxglove.PointsAnnotation.Type
+LINE_LOOP, LINE_STRIP = 2, 3
+"""The kinds of lines: values of `foxglove.PointsAnnotation.Type`."""
 PIXELS_PER_THICKNESS = 320.0
+"""Width of the image per width of a line, both in pixels; chosen by eye."""
 MIN_THICKNESS_PX = 2.0
+"""Least width of a line in pixels; chosen by eye."""
 Colour = Sequence[float]
-"""Red, green, blue and alpha, 0 to 1."""
+"""A colour as red, green, blue and, where needed, alpha, each 0 to 1."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What is drawn.
+    """A line or an area on an image.
 
     Attributes:
         kind: `LINE_STRIP`, or `LINE_LOOP`, which is filled.
         points: Shape (k, 2): u, v in the pixels of the image.
         outline, fill: Colours; a fill of None is left out of the message.
-        thickness_px: Of the outline.
+        thickness_px: Width of the outline.
     """
 
     kind: int
@@ -40,9 +43,9 @@ class Label:
     """A word on the image.
 
     Attributes:
-        text: What it says.
+        text: The word.
         at: u, v of its lower left corner, pixels.
-        colour: Of its letters.
+        colour: Colour of the letters.
         size_px: Height of its letters.
     """
 
@@ -53,7 +56,7 @@ class Label:
 
 
 def line_thickness_px(width_px: float) -> float:
-    """Of a line that is seen well on an image of this width."""
+    """The width in pixels of a line that is easily visible on an image of this width."""
     return max(float(width_px) / PIXELS_PER_THICKNESS, MIN_THICKNESS_PX)
 
 
@@ -65,13 +68,13 @@ def write_image_lines(
     shapes: Callable[[int, int], Sequence[Sequence[Shape]]],
     labels: Callable[[int, int], Sequence[Sequence[Label]]] | None = None,
 ) -> StreamedChannel:
-    """One message a frame, made while it is written.
+    """Make a channel of one annotation message a frame; messages are built while the log is written.
 
     Args:
         channel: Where they are published.
         stamp_ns, log_time_ns: Shape (n,), those of the frames, by which viewers put both together.
         shapes: What is drawn on the frames `start` to `stop`; either all shapes of a channel have a fill or none.
-        labels: What is written on them, likewise; None: nothing.
+        labels: The words on the frames `start` to `stop`; None for no words.
     """
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:

@@ -35,28 +35,34 @@ from cwcli.vision.overlay import (
 )
 
 SIDES = ("left", "right")
+"""Names of the two boundaries, in the order of all arrays."""
 PARABOLA = ("a", "b", "c")
+"""Fields of a boundary as a parabola in the searched image."""
 ROAD_LINE = ("lateral_m", "slope", "ground_curvature_1pm")
 """A boundary on the road: y = lateral + slope x + curvature x^2 / 2."""
 ROAD_LIMITS = np.array([1e3, 10.0, 1.0])
-"""Of `ROAD_LINE`: a line farther away, steeper or more bent is none."""
+"""Largest plausible distance (m), slope (1) and curvature (1/m) of a boundary on the road; chosen by hand."""
 MAX_CHANGE_1PM2 = 1.0
+"""Largest plausible change of curvature along the lane, 1/m^2; chosen by hand."""
 IMAGE_ROAD = ("far_px", "near", "bend_px2", "spiral_px3")
-"""In the image: x = far + near h + bend / h + spiral / h^2, h rows below the horizon, or the curve that it touches."""
+"""A boundary in the image, h rows below the horizon: x = far + near h + bend / h + spiral / h^2 (px)."""
 PINHOLE = ("road_centre_px", "road_focal_px")
+"""Fields of the pinhole camera that projects the road: image column of its axis and focal length, both px."""
 PREVIEW = ("lateral_deviation_m", "heading_deviation_rad", "curvature_1pm")
+"""Fields of the lane at the preview point."""
 PREVIEW_SIGMAS = ("lateral_deviation_sigma_m", "heading_deviation_sigma_rad", "curvature_sigma_1pm")
+"""Fields of the standard errors of the lane at the preview point."""
 ROAD_FIELDS = (
     *("stamp_ns", "state", "steady_s", "curvature_change_1pm2"),
     *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE)),
 )
-"""All that the place of the boundaries on the road takes."""
+"""Fields from which the boundaries on the road are computed."""
 OBSERVED_FIELDS = (
     *("stamp_ns", "state", *PREVIEW, *PREVIEW_SIGMAS, "preview_distance_m", "camera_yaw_sigma_rad"),
     *("curvature_change_1pm2", *PINHOLE),
     *(f"{side}.{name}" for side in SIDES for name in ("found", *ROAD_LINE, *IMAGE_ROAD)),
 )
-"""All that the observer takes: the preview point, and the boundaries' shape."""
+"""Fields that the observer reads: those of the preview point and of the boundaries' shape."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +73,7 @@ class LaneFrames:
         index: Shape (n,): number of the frame in its channel.
         log_time_ns, stamp_ns: Shape (n,).
         image_size: Shape (n, 2): width and height of the camera's image, pixels.
-        search_size: Shape (n, 2): of the image that was searched.
+        search_size: Shape (n, 2): width and height of the searched image, pixels.
         horizon_px: Shape (n,): row in the search image, NaN where not known.
         camera_pitch_rad, camera_yaw_rad: Shape (n,): as used; nose down and counter-clockwise positive.
         fits: n rows.
@@ -101,7 +107,7 @@ class LaneFrames:
 
 
 def write_lanes(frames: LaneFrames) -> OutputChannel:
-    """`cwcli.v1.Lanes`, one message a frame."""
+    """Make the channel of `cwcli.v1.Lanes`, one message a frame."""
     geometry, fits, n = frames.geometry, frames.fits, len(frames)
     fields: dict[str, Field] = {"stamp_ns": frames.stamp_ns}
     for k, (side, road) in enumerate(zip(SIDES, (geometry.left_body, geometry.right_body), strict=True)):
@@ -146,21 +152,21 @@ def write_lanes(frames: LaneFrames) -> OutputChannel:
 
 @dataclass(frozen=True)
 class LaneRows:
-    """Frames of a channel of lanes, n rows in log-time order; NaN, or 0, for what it does not tell.
+    """Frames of a channel of lanes, n rows in log-time order; unknown values are NaN, or 0 for integers.
 
     Attributes:
         log_time_ns, stamp_ns: Shape (n,).
         found: Shape (n, 2): left, right.
         drawn: Where the boundaries are drawn in the searched image.
         road: Shape (n, 2, 3): `ROAD_LINE`.
-        curvature_change_1pm2: Shape (n,): right positive; 0 where it is not told.
+        curvature_change_1pm2: Shape (n,): right positive; 0 where unknown.
         preview, preview_sigma: Shape (n, 3): `PREVIEW` and its sigmas.
         preview_m, lane_width_m, camera_pitch_rad, camera_yaw_rad, camera_yaw_sigma_rad: Shape (n,).
         image_size, search_size: Shape (n, 2): width and height of the camera's image and of the searched one, pixels.
-        lenses: For what was rectified before the search.
+        lenses: The cameras of frames that were rectified before the search.
         state: Shape (n,): values of `vision.method.LaneState`.
-        lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right.
-        steady_s: Shape (n,): since the lane's last jump.
+        lane_change: Shape (n,): 1 where the camera has entered the next lane to the left, -1 to the right.
+        steady_s: Shape (n,): time since the lane estimate last jumped.
     """
 
     log_time_ns: Int64Array
@@ -187,22 +193,20 @@ class LaneRows:
         return len(self.stamp_ns)
 
     def yaw_sigma_rad(self) -> float:
-        """What the camera's yaw contributes to the sigmas: the least that a frame tells; 0 where none does."""
+        """Share of the camera's yaw error in the heading sigmas: the least value of all frames, 0 if unknown."""
         told_rad = self.camera_yaw_sigma_rad
         known = told_rad[np.isfinite(told_rad) & (told_rad >= 0.0)]
         return float(known.min(initial=math.pi)) if len(known) else 0.0
 
     def road_lines(self) -> FloatArray:
-        """Shape (n, 2, 3): `ROAD_LINE` of the boundaries that were found; NaN for the others, and where it is none that
-        a road has."""
+        """Lateral offset, slope and curvature of the boundaries found, shape (n, 2, 3); NaN where implausible."""
         with np.errstate(invalid="ignore"):
             is_line = self.found & (np.abs(self.road) <= ROAD_LIMITS).all(axis=2)
             is_line &= np.abs(self.curvature_change_1pm2[:, None]) <= MAX_CHANGE_1PM2
         return np.where(is_line[..., None], self.road, np.nan)
 
     def curves(self) -> FloatArray:
-        """Shape (n, 2, 3): those of `road_lines` that are circles or spirals (`signals.arcs`); NaN where the method
-        tells no curve."""
+        """The plausible road lines that are circles or clothoids, shape (n, 2, 3); NaN where no curve was fitted."""
         assert self.drawn.pinhole is not None, "as they are read"
         is_curve = np.isfinite(self.drawn.roads).all(axis=2) & np.isfinite(self.drawn.pinhole[:, :1])
         return np.where(is_curve[..., None], self.road_lines(), np.nan)
@@ -211,7 +215,7 @@ class LaneRows:
         """The left and the right boundary of a frame in the pixels of an image of it, shape (k, 2) each.
 
         Args:
-            row: Of the frame; its search size is known.
+            row: Row of the frame; its search size is known.
             image_size: Width and height of the image.
         """
         camera = self.lenses.camera(row)
@@ -223,45 +227,46 @@ class LaneRows:
 
 
 def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
-    """The frames of a channel, or of a truth of it.
+    """Read the frames of a channel of lanes or of lane truth.
 
     Args:
         columns: The channel, whole or in part.
-        required: Fields that must be there.
+        required: Fields that must be present.
 
     Raises:
-        DataError: One is not.
+        DataError: A required field is missing.
     """
 
-    def side_by_side(*names: str) -> FloatArray:
+    def stack_fields(*names: str) -> FloatArray:
         return np.stack([numbers(columns, name, required=name in required) for name in names], axis=-1)
 
-    def size(what: str) -> Int64Array:
+    def read_size_px(what: str) -> Int64Array:
         return np.stack([whole_numbers(columns, f"{what}_{side}_px")[0] for side in ("width", "height")], axis=-1)
 
-    def of_sides(names: Sequence[str]) -> FloatArray:
-        return np.stack([side_by_side(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
+    def stack_fields_of_sides(names: Sequence[str]) -> FloatArray:
+        return np.stack([stack_fields(*(f"{side}.{name}" for name in names)) for side in SIDES], axis=1)
 
-    found = of_sides(["found"])[..., 0] > 0.0
+    found = stack_fields_of_sides(["found"])[..., 0] > 0.0
     state = whole_numbers(columns, "state")[0]
     return LaneRows(
         log_time_ns=columns.log_time_ns,
         stamp_ns=whole_numbers(columns, "stamp_ns", required="stamp_ns" in required)[0],
         found=found,
         drawn=_drawn(
-            columns, *(np.where(found[..., None], of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD))
+            columns,
+            *(np.where(found[..., None], stack_fields_of_sides(names), np.nan) for names in (PARABOLA, IMAGE_ROAD)),
         ),
-        road=of_sides(ROAD_LINE),
+        road=stack_fields_of_sides(ROAD_LINE),
         curvature_change_1pm2=_told(numbers(columns, "curvature_change_1pm2")),
-        preview=side_by_side(*PREVIEW),
-        preview_sigma=side_by_side(*PREVIEW_SIGMAS),
-        preview_m=side_by_side("preview_distance_m")[:, 0],
+        preview=stack_fields(*PREVIEW),
+        preview_sigma=stack_fields(*PREVIEW_SIGMAS),
+        preview_m=stack_fields("preview_distance_m")[:, 0],
         lane_width_m=numbers(columns, "lane_width_m"),
         camera_pitch_rad=numbers(columns, "camera_pitch_rad"),
         camera_yaw_rad=numbers(columns, "camera_yaw_rad"),
         camera_yaw_sigma_rad=numbers(columns, "camera_yaw_sigma_rad"),
-        image_size=size("image"),
-        search_size=size("search"),
+        image_size=read_size_px("image"),
+        search_size=read_size_px("search"),
         lenses=Lenses(columns),
         state=state,
         steady_s=np.where(state == LaneState.UNTOLD, np.nan, numbers(columns, "steady_s")),
@@ -270,12 +275,12 @@ def read_lanes(columns: Columns, *, required: Collection[str] = ()) -> LaneRows:
 
 
 def _told(values: FloatArray) -> FloatArray:
-    """The values, 0 for what is no number."""
+    """The values, with 0 for those that are not finite."""
     return np.where(np.isfinite(values), values, 0.0)
 
 
 def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> BoundaryLines:
-    """What is drawn; logs of older versions know no roads or no spirals, no tops and no circles."""
+    """The boundaries in the image; fields that older versions did not write are NaN or replaced."""
     horizon_px, height_px = numbers(columns, "horizon_px"), numbers(columns, "search_height_px")
     older_px = np.fmax((1.0 - HIGHEST) * height_px, horizon_px + MIN_DEPTH * height_px)
     top_px = numbers(columns, "top_px")
@@ -286,7 +291,7 @@ def _drawn(columns: Columns, parabolas: FloatArray, roads: FloatArray) -> Bounda
 
 
 def write_lane_lines(frames: LaneFrames) -> StreamedChannel:
-    """The boundaries that were found, as lines in the pixels of the camera's image."""
+    """Make the channel of the boundaries found, as annotations in the pixels of the camera's image."""
     lines = lru_cache(maxsize=1)(partial(_lines, frames))  # shapes and labels are made of the same rows in turn
 
     def shapes(start: int, stop: int) -> list[list[Shape]]:
@@ -325,8 +330,8 @@ def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: 
     Args:
         frames: The used frames.
         topic: Where to publish.
-        frame_id: Of the camera.
-        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
+        frame_id: Frame of the camera.
+        images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
     """
     row_of = {index: row for row, index in enumerate(frames.index.tolist())}
 
@@ -347,7 +352,7 @@ def write_lane_frames(frames: LaneFrames, topic: str, *, frame_id: str, images: 
 
 
 def _lines(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, FloatArray]]:
-    """What is drawn of the left and the right boundary of some rows, shape (k, 2) each: u, v."""
+    """The visible points of the left and right boundary of each row, shape (k, 2) each: u, v in pixels."""
     points, is_in = _points(frames, slice(start, stop))
     flat = points[is_in]
     ends: list[int] = np.cumsum(np.count_nonzero(is_in, axis=2)).tolist()
@@ -356,7 +361,7 @@ def _lines(frames: LaneFrames, start: int, stop: int) -> list[tuple[FloatArray, 
 
 
 def _points(frames: LaneFrames, at: slice) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """`line_points` of some rows, whatever their image sizes."""
+    """Points (m, 2, N_POINTS, 2) in pixels and their visibility (m, 2, N_POINTS), for rows of any image sizes."""
     sizes = np.column_stack([frames.search_size[at], frames.image_size[at]])
     points, is_in = np.zeros((len(sizes), 2, N_POINTS, 2)), np.zeros((len(sizes), 2, N_POINTS), np.bool_)
     drawn = BoundaryLines(frames.fits.parabolas, frames.roads, frames.horizon_px, frames.top_px, frames.pinhole)[at]

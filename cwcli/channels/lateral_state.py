@@ -15,11 +15,15 @@ from cwcli.signals.resample import resample
 from cwcli.signals.row_order import rows_by_stamp
 
 N_STATES = len(STATE_NAMES)
+"""Number of states of the lateral observer."""
 AHEAD = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
+"""Fields of the true lane at several distances ahead."""
 TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *AHEAD)
+"""Fields that are read from a channel of the lateral truth."""
 PREVIEW_ATOL_M = 1e-6
+"""Two preview distances that differ by less are the same, m; chosen: rounding errors only."""
 FIRST_STATUS = 1
-"""`FrameStatus` counts from 0, the message from 1: 0 is unspecified."""
+"""Offset from `FrameStatus` to the enum of the message, where 0 means unspecified."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,7 @@ class Observed:
 
 
 def write_observed(observed: Observed) -> OutputChannel:
-    """One message a frame."""
+    """Make the channel of the observer, one message a frame."""
     track, n = observed.track, len(observed)
     fields: dict[str, Field] = {
         "stamp_ns": track.stamp_ns,
@@ -57,7 +61,7 @@ def write_observed(observed: Observed) -> OutputChannel:
 
 
 def read_observed(columns: Columns) -> Observed:
-    """The channel of the observer. A preview distance of 0 is what protobuf makes of none: then it is zhang2011's.
+    """Read the channel of the observer. A preview distance of 0 means none was written; then zhang2011's is used.
 
     Raises:
         DataError: A field is missing, or a status is unknown: another version wrote it.
@@ -91,7 +95,7 @@ def read_observed(columns: Columns) -> Observed:
 
 
 def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
-    """Stamps (n,), increasing, and states (n, 4) of a channel of the truth; NaN where it does not tell.
+    """Read stamps (n,), increasing, and states (n, 4) from a channel of the truth; unknown values are NaN.
 
     Args:
         columns: The channel; its fields `TRUTH_FIELDS` are enough.
@@ -102,14 +106,14 @@ def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
 
 
 def true_preview_points(columns: Columns, at_ns: Int64Array, preview_m: FloatArray, max_gap_s: float) -> FloatArray:
-    """The true y_L and e_L at times and at the preview points of an observer, shape (n, 2); NaN where it does not tell.
+    """True lateral and heading deviation at an observer's preview points, shape (n, 2) in m and rad; NaN if unknown.
 
-    A channel that tells the lane ahead is read at each point; another one tells its own point alone.
+    A channel with the lane ahead is read at every preview distance, another one only at its own.
 
     Args:
         columns: A channel of the truth.
         at_ns, preview_m: Shape (n,).
-        max_gap_s: Between the messages on both sides of a time.
+        max_gap_s: Longest gap between messages that is interpolated.
     """
     stamp_ns, _ = whole_numbers(columns, "stamp_ns")
     rows = rows_by_stamp(stamp_ns)

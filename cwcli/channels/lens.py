@@ -11,17 +11,19 @@ from cwcli.signals.leaf_fields import numbers, row_of
 from cwcli.vision.camera import Camera, Mounting, coefficients_of
 
 FIELD = "rectified_from"
+"""Field of the message that holds the camera before rectification."""
 INTRINSICS = ("fx", "fy", "cx", "cy")
+"""Names of the intrinsic parameters, px."""
 
 _Key = tuple[tuple[float, ...], float, str, tuple[float, ...], tuple[int, int]]
 
 
 def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array) -> dict[str, Field]:
-    """The columns of the lens.
+    """Make the fields that describe the camera before rectification.
 
     Args:
         camera_of: (width_px, height_px) -> the camera of such images.
-        image_size: Shape (n, 2).
+        image_size: Shape (n, 2): width and height, px.
     """
     sizes, of_size = np.unique(image_size, axis=0, return_inverse=True)
     cameras = [camera_of(*size) for size in sizes.tolist()]
@@ -41,7 +43,7 @@ class Lenses:
     """The lenses of a channel of `cwcli.v1.Lanes`, by row.
 
     Args:
-        columns: n messages; those written before the lens was told have none.
+        columns: n messages; messages of older versions hold no lens.
     """
 
     def __init__(self, columns: Columns) -> None:
@@ -55,7 +57,7 @@ class Lenses:
         self._made: dict[_Key, Camera] = {}
 
     def camera(self, row: int) -> Camera | None:
-        """The camera in the pixels of its image, if the frame was rectified before the search."""
+        """The camera of the original image of a frame, or None if the frame was not rectified before the search."""
         fx, fy, cx, cy = self._intrinsics[row].tolist()
         given = (*self._intrinsics[row], *self._size[row])
         if not (np.isfinite(given).all() and fx > 0.0 and fy > 0.0 and (self._size[row] > 0.0).all()):

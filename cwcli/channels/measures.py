@@ -15,20 +15,21 @@ from cwcli.logs.write.schemas import message_schema
 from cwcli.signals.columns import OutputChannel
 
 OF_A_PAIR = ("stamp_ns", "ego_id", "other_id")
+"""Fields that say to which pair and moment a message belongs."""
 
 
 @cache
 def measured() -> tuple[str, ...]:
-    """The measures of the message, as it has them. Those without a field of their own are in the table alone."""
+    """Names of the measures that the message has fields for; the others are in the metrics table only."""
     names = [field.name for field in message_schema(MEASURED.schema).descriptor.fields]
     return tuple(name for name in names if name not in OF_A_PAIR)
 
 
 def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChannel:
-    """One message a moment of a pair, known when the ego's state was.
+    """Make the channel of one message per pair and moment; log times are those of the ego's states.
 
     Args:
-        ego: Its states, in order of the stamps, each once.
+        ego: States of the ego, in order of their stamps, each stamp once.
         columns: `ego_id`, `other_id`, `stamp_ns` and the measures, n rows each; what is not computed is NaN.
     """
     stamp_ns = columns["stamp_ns"]

@@ -13,21 +13,24 @@ from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 
 STEP_M = 1.0
+"""Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
 MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution per median absolute deviation."""
 EPOCH_NS = 10 * NS_PER_MS
-"""GNSS receivers measure at whole multiples of their period, which is one of 10 ms, from the whole second on."""
+"""GNSS receivers measure at multiples of 10 ms, counted from the whole second (common receiver rates)."""
 MAX_PHASE_NS = 2 * NS_PER_MS
+"""Stamps of 95 % of the positions may differ from whole epochs by this much, ns; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """How the clock of a recorder stood to that of the positions in its log.
+    """Offset between a recorder's clock and the clock of the positions in its log.
 
     Attributes:
-        ahead_ns: Median of log time less stamp: how far the recorder's clock was ahead, and how late positions came.
-        sigma_ns: Of one difference, from their median absolute deviation.
-        n: Positions.
-        is_on_epochs: Their stamps are whole epochs of GNSS time; else they may be the computer's.
+        ahead_ns: Median of log time minus stamp: offset of the clock plus delay of the positions.
+        sigma_ns: Standard deviation of one difference, from the median absolute deviation.
+        n: Number of positions.
+        is_on_epochs: The stamps are whole epochs of GNSS time; otherwise they may be times of the computer.
     """
 
     ahead_ns: int
@@ -37,7 +40,7 @@ class Recorder:
 
 
 def recorder_of(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Recorder:
-    """The recorder of some positions, one at least; stamps and log times of shape (n,)."""
+    """Estimate the offset of a recorder's clock from stamps and log times (n,) of at least one position."""
     late_ns = log_time_ns - stamp_ns
     ahead_ns = int(np.median(late_ns))
     sigma_ns = int(MAD_TO_SIGMA * np.median(np.abs(late_ns - ahead_ns)))
@@ -49,10 +52,10 @@ def recorder_of(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Recorder:
 def moved(
     states: VehicleStates, theirs: LocalMap, ours: LocalMap, *, name: str, stamp_shift_ns: int, log_shift_ns: int
 ) -> VehicleStates:
-    """A car's states on another map and clock, with their covariances.
+    """Convert a car's states and covariances to another map and clock.
 
-    Two maps that are plane at different places are turned against each other (by the convergence of the meridians), so
-    headings and covariances turn with the positions.
+    Two local maps with different origins are rotated against each other (convergence of the meridians), so headings and
+    covariances are rotated with the positions.
 
     Args:
         states: Of one car, on its own map.
@@ -82,7 +85,7 @@ def moved(
 
 
 def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
-    """The states of several vehicles in the order of their log times."""
+    """Concatenate the states of several vehicles in the order of their log times."""
     names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
     codes = [
         np.array([names.index(name) for name in each.ids.values], np.int32)[each.ids.codes] for each in (some, more)
@@ -97,7 +100,7 @@ def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
 
 
 def clock_text(offset_ns: int, ours: Recorder, theirs: Recorder) -> str:
-    """How the two recorders' clocks differ, in words."""
+    """A sentence on how far the clocks of two recorders differ."""
     sigma_ns = float(np.hypot(ours.sigma_ns, theirs.sigma_ns))
     return (
         f"the other car's recorder is {abs(offset_ns) / NS_PER_S:.3f} s {'ahead of' if offset_ns >= 0 else 'behind'} "
@@ -106,14 +109,14 @@ def clock_text(offset_ns: int, ours: Recorder, theirs: Recorder) -> str:
 
 
 def _across(theirs: LocalMap, ours: LocalMap, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Positions on one map as positions on the other; where maps lie at different heights, along the vertical."""
+    """Convert positions (n,) from one map to another; different heights of the maps are bridged vertically."""
     latitude_deg, longitude_deg, _ = theirs.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
     x, y, _ = ours.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(x_m), np.nan))
     return x, y
 
 
 def _turned(covariance: FloatArray, by_rad: FloatArray) -> FloatArray:
-    """(n, k, k) covariances whose first two states turn by an angle each, (n,)."""
+    """Rotate the first two states of covariances (n, k, k) by one angle each, (n,)."""
     turn = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape).copy()
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(by_rad)
     turn[:, 1, 0] = np.sin(by_rad)

@@ -1,4 +1,4 @@
-"""Columns as one of the published channels, and how often."""
+"""Makes published channels from columns, and thins rows to a rate."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from cwcli.signals.units import NS_PER_S
 
 
 def output(channel: Channel, log_time_ns: Int64Array, fields: Mapping[str, Field]) -> OutputChannel:
-    """The channel with its rows in log-time order (stable).
+    """Make a channel from columns, sorted by log time (stable).
 
     Args:
-        channel: Where they are published, and as what.
+        channel: Topic and schema of the messages.
         log_time_ns: Shape (n,).
         fields: Field path -> n rows, none of them ragged.
 
@@ -37,11 +37,11 @@ def _rows(values: Field, order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) 
 
 
 def first_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
-    """The first row of each vehicle in each period of a clock that ticks at a rate; increasing.
+    """Select the first row of each vehicle in each period of a clock; the row numbers increase.
 
     Args:
         codes, stamp_ns: Shape (n,): vehicle and time of each row.
-        rate_hz: Of the clock, whose first tick is at time 0.
+        rate_hz: Rate of the clock, whose first tick is at time 0.
     """
     period = stamp_ns // max(round(NS_PER_S / rate_hz), 1)
     order = np.lexsort((period, codes))

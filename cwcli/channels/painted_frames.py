@@ -1,4 +1,4 @@
-"""The camera's frames once more, with something drawn on each: a channel that is made while it is written."""
+"""A channel of the camera's frames with drawings on them; the frames are painted while the log is written."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def painted_channel(
     row_of: Callable[[DecodedFrame], int],
     paint: Callable[[int, Image], Image],
 ) -> StreamedChannel:
-    """JPEG `foxglove.CompressedImage`, one for each of n rows.
+    """Make a channel of n painted frames as JPEG `foxglove.CompressedImage`.
 
     Args:
         topic: Where to publish.
         stamp_ns, log_time_ns: Shape (n,).
-        frame_id: Of the camera.
-        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
-        row_of: Which row a frame is, rising from frame to frame; -1: none.
+        frame_id: Frame of the camera.
+        images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
+        row_of: Row of a frame, increasing from frame to frame; -1 if the frame has none.
         paint: Row and colour image (height, width, 3) -> the image to publish. Called in several threads.
     """
     painting = _Painting(images, row_of, paint)
@@ -53,10 +53,10 @@ def painted_channel(
 
 
 class _Painting:
-    """Reads the camera's frames along as rows are asked for.
+    """Decodes and paints the camera's frames as their rows are requested.
 
-    The rows that were asked for last are kept, because the next span may begin among them; a span that begins earlier
-    starts the frames again.
+    The rows of the last request are kept, because the next request may begin among them; a request that begins earlier
+    restarts the frames.
     """
 
     def __init__(

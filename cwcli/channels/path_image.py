@@ -20,7 +20,9 @@ from cwcli.vision.overlay import burn_in
 from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
 
 LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
+"""Line of the path -> its opacity, 0 to 1; chosen by eye."""
 NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
+"""A fully transparent colour."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class Viewpoint:
 
     Attributes:
         camera: Width and height of an image, px -> its camera.
-        width_m: Of the car.
-        forward_m: Of the camera ahead of the centre of gravity.
+        width_m: Width of the car.
+        forward_m: Distance of the camera ahead of the centre of gravity.
     """
 
     camera: Callable[[int, int], Camera]
@@ -40,13 +42,14 @@ class Viewpoint:
 
 @dataclass(frozen=True)
 class PathFrames:
-    """Paths that have a frame each, n rows in the order of time, and the lanes of the frames.
+    """Paths paired with the camera frames of the same time, n rows in time order, and the lanes of the frames.
 
     Attributes:
         stamp_ns, log_time_ns: Shape (n,).
         paths: In the body frame of their start, from the centre of gravity.
-        viewpoint: From where the frames were seen.
-        lanes: Of all frames; `lane_rows` of them, shape (n,), are those of the paths.
+        viewpoint: The car and its camera.
+        lanes: The lanes of all frames.
+        lane_rows: Shape (n,): row of `lanes` that belongs to each path.
     """
 
     stamp_ns: Int64Array
@@ -60,11 +63,11 @@ class PathFrames:
     def of(
         cls, paths: Paths, stamp_ns: Int64Array, log_time_ns: Int64Array, lanes: LaneRows, viewpoint: Viewpoint
     ) -> PathFrames:
-        """The paths whose stamp a frame of a known size has; a stamp counts once.
+        """Pair paths with frames of the same stamp and of known size; repeated stamps are used once.
 
         Args:
             paths: m paths.
-            stamp_ns, log_time_ns: Shape (m,): of their starts.
+            stamp_ns, log_time_ns: Shape (m,): times of their starts.
         """
         frames = rows_by_stamp(lanes.stamp_ns)
         frames = frames[(lanes.image_size[frames] > 0).all(axis=1) & (lanes.search_size[frames] > 0).all(axis=1)]
@@ -78,19 +81,19 @@ class PathFrames:
         return len(self.stamp_ns)
 
     def image_size(self, row: int) -> tuple[int, int]:
-        """Width and height of a frame."""
+        """Width and height of a frame in pixels."""
         width_px, height_px = self.lanes.image_size[self.lane_rows[row]].tolist()
         return width_px, height_px
 
     def camera(self, row: int) -> Camera:
-        """The camera of a frame, with the pitch and yaw that it had then."""
+        """The camera of a frame, with its pitch and yaw at that time."""
         at = self.lane_rows[row]
         return self.viewpoint.camera(*self.image_size(row)).turned(
             pitch_rad=float(self.lanes.camera_pitch_rad[at]), yaw_rad=float(self.lanes.camera_yaw_rad[at])
         )
 
     def lines(self, row: int) -> PathLines:
-        """The path of a frame in its pixels; nothing where there is no path."""
+        """The path of a frame in pixels; empty where there is no path."""
         paths, seen = self.paths, self.viewpoint
         if not np.isfinite(paths.x_m[row]).all():
             return NOTHING
@@ -105,7 +108,7 @@ class PathFrames:
 
 
 def write_path_lines(frames: PathFrames) -> StreamedChannel:
-    """The paths as lines and areas in the pixels of the camera's image."""
+    """Make the channel of the paths, as annotations in the pixels of the camera's image."""
     return write_image_lines(
         OBSERVER_PATH_LINES,
         stamp_ns=frames.stamp_ns,
@@ -115,13 +118,13 @@ def write_path_lines(frames: PathFrames) -> StreamedChannel:
 
 
 def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
-    """The camera's frames with lanes and path burnt in, made while they are written.
+    """Make the channel of the camera's frames with lanes and path painted on them while the log is written.
 
     Args:
         frames: The paths and their frames.
         topic: Where to publish.
-        frame_id: Of the camera.
-        images: Starts the camera's frames anew, in colour; calls what it is given with each of them, in its thread.
+        frame_id: Frame of the camera.
+        images: Restarts the camera's frames in colour and calls its argument with each frame, in the decoder's thread.
     """
     row_of = {stamp: row for row, stamp in enumerate(frames.stamp_ns.tolist())}
 
@@ -140,7 +143,7 @@ def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: 
 
 
 def _shapes(frames: PathFrames, row: int) -> list[Shape]:
-    """What is drawn on a frame: the 90 % band, the car's width, the middle."""
+    """The shapes drawn on a frame: the 90 % band, both edges of the car's width, and the centre line."""
     lines = frames.lines(row)
     thin = line_thickness_px(frames.image_size(row)[0])
     band = lines.band()

@@ -1,7 +1,7 @@
 """Predicted paths as lines that viewers draw: `foxglove.SceneUpdate` beside `cwcli.v1.PredictedPath`.
 
-A picture, not a record: about five paths a second of each vehicle, each with every tenth of its length. Who computes
-with paths takes `/cwcli/ego/path` and `/cwcli/remote/path`.
+The scene is for viewing only: about five paths a second of each vehicle, each with eleven points. Computations use
+`/cwcli/ego/path` and `/cwcli/remote/path`.
 """
 
 from __future__ import annotations
@@ -27,17 +27,23 @@ from cwcli.signals.row_order import Rows, rows_by_id
 from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
 MIN_PERIOD_NS = 190_000_000
-"""A little less than 0.2 s, so that of states at 5 or 10 Hz none is missed by jitter."""
+"""Time between drawn paths of a vehicle; chosen just below 0.2 s, so that jitter of states at 5 or 10 Hz skips none."""
 N_POINTS = 11
+"""Points of a drawn path; chosen by eye."""
 NO_TIMES = np.zeros(0, np.int64)
+"""An empty array of times, for concatenation."""
 LIFETIME_NS = 500_000_000
+"""Time for which a viewer shows a path that is not replaced, ns; chosen by hand."""
 THICKNESS_M = 0.3
+"""Width of a drawn path, m; chosen by eye."""
 EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
+"""Colour of the ego's paths: red, green, blue, alpha."""
 OTHER_COLOR = (1.0, 0.55, 0.0, 0.9)
+"""Colour of the paths of other vehicles: red, green, blue, alpha."""
 
 
 def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
-    """One line a path, with the vehicle's id as the entity's, so that a vehicle's next path replaces its last.
+    """Make the scene of one line a path; its entity has the vehicle's id, so that the next path replaces it.
 
     Args:
         predicted: Paths in the map frame, each in the order of their log times.
@@ -64,20 +70,20 @@ def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
 
 
 def _drawn_rows(predicted: AnyPaths) -> Rows:
-    """The first path of each vehicle in each period."""
+    """Rows of the first path of each vehicle in each drawing period, increasing."""
     kept = [_spaced(rows, predicted.log_time_ns) for _, rows in rows_by_id(predicted.ids)]
     return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
 
 
 def _points(predicted: AnyPaths, rows: Rows) -> FloatArray:
-    """Points along some paths, shape (n, N_POINTS, 2)."""
+    """Evenly spaced points along n paths, shape (n, N_POINTS, 2), m."""
     at = np.linspace(0, len(predicted.time_s) - 1, N_POINTS).round().astype(np.intp)
     points, place = np.unique(at, return_inverse=True)
     return to_step(predicted.positions(rows, points)[:, place], LENGTH_BITS)
 
 
 def _spaced(rows: Rows, log_time_ns: Int64Array) -> Rows:
-    """The first row in each period: times that are one apart in whole periods."""
+    """Select the first row in each period, counted from the first row's log time."""
     if not len(rows):
         return rows
     slot = (log_time_ns[rows] - log_time_ns[rows[0]]) // MIN_PERIOD_NS

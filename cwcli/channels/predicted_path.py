@@ -30,15 +30,15 @@ from cwcli.signals.precision import plane_to_digits, to_step
 from cwcli.signals.row_order import Rows
 
 LENGTH_BITS, ANGLE_BITS, VARIANCE_DIGITS = 7, 12, 6
-"""Positions and speeds are multiples of 2^-7, headings of 2^-12; variances have 6 binary digits."""
+"""Positions and speeds are multiples of 2^-7 m (m/s), headings of 2^-12 rad; variances have 6 binary digits."""
 MAX_STEP_S = 0.25
-"""Between the published points: a car that brakes with 3 m/s^2 is 2 cm from the line between them."""
+"""Longest time between published points, s; chosen: a car that brakes with 3 m/s^2 deviates 2 cm from the chord."""
 MAX_SPREAD_S = 1e-6
-"""Step and horizon of one channel's paths may differ by rounding only."""
+"""Largest difference of the steps of one channel's paths, s; chosen: rounding errors only."""
 
 
 class PathSource(Protocol):
-    """Paths of n starts over the same times; the arrays come when they are asked for."""
+    """Paths of n starts over the same times; arrays are computed on request."""
 
     @property
     def time_s(self) -> FloatArray: ...
@@ -95,7 +95,7 @@ class PredictedPaths:
         return self.paths.time_s
 
     def some(self, rows: Rows) -> Paths:
-        """Some of the paths."""
+        """Select paths by row."""
         return self.paths.take(rows)
 
     def positions(self, rows: Rows, points: Rows) -> FloatArray:
@@ -106,11 +106,11 @@ class PredictedPaths:
 
 @dataclass(frozen=True)
 class PlannedPaths:
-    """Paths of vehicles that are made when they are wanted; n rows, one from each state.
+    """Paths of vehicles that are computed on request; n rows, one from each state.
 
     Attributes:
         ids, stamp_ns, log_time_ns: As of `PredictedPaths`.
-        plan: What they come from.
+        plan: The motion model and the states from which paths are computed.
     """
 
     ids: Strings
@@ -137,7 +137,7 @@ class PlannedPaths:
         return self.plan.time_s
 
     def some(self, rows: Rows) -> SomePaths:
-        """Some of the paths, not made yet."""
+        """Some of the paths, not yet computed."""
         return SomePaths(self.plan, rows)
 
     def positions(self, rows: Rows, points: Rows) -> FloatArray:
@@ -148,17 +148,17 @@ class PlannedPaths:
 
 @dataclass(frozen=True)
 class PlannedChannel(StreamedChannel):
-    """A channel of paths that are made when they are written. Whoever reads it gets those that a file gets.
+    """A channel of paths that are computed while the log is written; reading it gives the same messages.
 
     Attributes:
-        planned: All of them, for later stages of the same run.
+        planned: All paths, for later stages of the same run.
     """
 
     planned: PlannedPaths = field(kw_only=True)
 
 
 def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
-    """One message a path.
+    """Make the channel of one message a path.
 
     Args:
         channel: Where they are published.
@@ -172,12 +172,12 @@ def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = 
 
 
 def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) -> PlannedChannel:
-    """The first path of each vehicle in each period of a clock as a message, with points a quarter of a second apart.
+    """Make the channel of the first path of each vehicle in each period, with points a quarter of a second apart.
 
     Args:
         channel: Where they are published.
         planned: All paths.
-        rate_hz: Of the clock.
+        rate_hz: Rate of paths for each vehicle.
     """
     order = np.argsort(planned.log_time_ns, kind="stable")
     chosen = order[first_of_each_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
@@ -193,14 +193,14 @@ def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) ->
 
 
 def _kept(time_s: FloatArray) -> Rows:
-    """Every k-th point, `MAX_STEP_S` apart at most, with the last."""
+    """Indices of every k-th point, as far apart as published points may be, with the last."""
     last = len(time_s) - 1
     every = max((k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_STEP_S + 1e-9), default=1)
     return np.arange(0, last + 1, every)
 
 
 def _rounded(paths: Paths) -> Paths:
-    """The paths to the precision in which they are published."""
+    """Round paths to the published precision."""
     return Paths(
         paths.time_s,
         to_step(paths.x_m, LENGTH_BITS),
@@ -228,7 +228,7 @@ def _fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dic
 
 
 def read_paths(columns: Columns) -> PredictedPaths:
-    """The paths of a channel, in log-time order.
+    """Read the paths of a channel, in log-time order.
 
     Raises:
         DataError: A field is missing, or the paths differ in step or length: another version wrote them.

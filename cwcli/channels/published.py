@@ -1,8 +1,7 @@
 """Every channel that cwcli publishes, one line each: topic, schema, the stage that writes it, what it is, its role.
 
-How a channel is written and how it is read back stands in the file of its message beside this one. Whoever else needs a
-topic (binding, the channel reference, the viewer layout, the report) takes it from here: no topic is spelled twice.
-Importing this takes no numpy.
+The module of each message in this package writes and reads its channel. Everything else that needs a topic (binding,
+channel reference, viewer layout, report) imports it from here. Importing this module does not import numpy.
 """
 
 from __future__ import annotations
@@ -10,10 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 POLICY = "<policy>"
+"""Placeholder for the name of a policy in a topic."""
 
 
 class Channel(NamedTuple):
-    """A channel.
+    """A published channel.
 
     Attributes:
         topic: Its name; `<policy>` stands for each of `cwcli.control.encounter.POLICIES`.
@@ -21,7 +21,7 @@ class Channel(NamedTuple):
         stage: The command that writes it.
         what: What it holds, in a few words.
         role: Name under which later stages find it, "" for what only viewers read.
-        source: Role of the input from which it is made: a log that has that one can have this one.
+        source: Role of the input from which it is computed.
     """
 
     topic: str
@@ -32,14 +32,18 @@ class Channel(NamedTuple):
     source: str = ""
 
     def of(self, policy: str) -> Channel:
-        """The channel of one policy."""
+        """The channel of one policy, with the policy's name in its topic."""
         return self._replace(topic=self.topic.replace(POLICY, policy))
 
 
 OWN_PREFIX = "/cwcli/"
+"""Beginning of the topics of all channels that cwcli publishes."""
 _STATE, _PATH = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
+"""Schemas of vehicle states and predicted paths."""
 _SCENE, _POSE, _LINES = "foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.ImageAnnotations"
+"""Schemas of drawings for viewers."""
 _FROM_OBSERVER = "predict-lane"
+"""Stage that predicts the ego's path from the lateral observer."""
 
 EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state", "ego_position")
 REMOTE_STATE = Channel(
@@ -105,11 +109,11 @@ OBSERVER_PATH_LINES = Channel(
 )
 
 PUBLISHED = tuple(each for each in tuple(globals().values()) if isinstance(each, Channel))
-"""All of the above, in the order in which the stages run."""
+"""All published channels, in the order in which the stages run."""
 OF_ROLE = {channel.role: channel for channel in PUBLISHED if channel.role}
 """Role -> the channel that fills it."""
 ONLINE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE, TARGETS.role: TARGETS_ONLINE}
-"""Role of states in hindsight -> the channel of the same states as they could have been known."""
+"""Role of smoothed states -> the channel of the same states computed online."""
 
 
 def topics() -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""Why a channel fills no role, and what to try: told from topics, schemas and the names of fields; nothing is read."""
+"""Explains from topics, schemas and field names why a channel fills no role, and suggests options; reads no message."""
 
 from __future__ import annotations
 
@@ -17,27 +17,36 @@ if TYPE_CHECKING:
     from cwcli.logs.codecs.ros2msg import MessageField
 
 OTHER_USES = {
-    "tf2_msgs/TFMessage": "transforms: tell where sensors stand",
-    "foxglove.FrameTransform": "transforms: tell where sensors stand",
-    "foxglove.FrameTransforms": "transforms: tell where sensors stand",
+    "tf2_msgs/TFMessage": "transforms: give the mounting of sensors",
+    "foxglove.FrameTransform": "transforms: give the mounting of sensors",
+    "foxglove.FrameTransforms": "transforms: give the mounting of sensors",
     "diagnostic_msgs/DiagnosticArray": "`cwcli evaluate --topic warning=` judges what a system warned of",
 }
-"""Schemas that no role takes, and who reads them."""
+"""Schema that no role takes -> what cwcli uses it for."""
 UNNAMED = frozenset(
     {"std_msgs/Float32", "std_msgs/Float64", "geometry_msgs/Twist", "geometry_msgs/TwistWithCovariance"}
 )
-"""Types that fill a role where the user says so, of which many channels hold something else."""
+"""Types that fill a role only where the user names them, because they may hold anything."""
 UNKNOWN_TYPE = "no role takes this type"
+"""Reason given for a type that no role takes."""
 MAX_LEAVES = 2000
+"""Fields of a message at which the search for numbers stops; chosen by hand."""
 MAX_DEPTH = 8
+"""Nesting of a message at which the search for numbers stops; chosen by hand."""
 MAX_TRIES = 2
+"""Options suggested for one channel; chosen by hand."""
 MAX_SIGNALS_SHOWN = 8
 """Greatest number of CAN signals that a reason lists; a DBC file may describe thousands."""
 _SPEED_UNITS = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots"}
+"""Word in a name -> unit of speed, as `--map` spells it."""
 _UNITS = _SPEED_UNITS | {"deg": "deg", "degrees": "deg"}
+"""Word in a name -> unit, as `--map` spells it."""
 _SPEED = frozenset({"speed", "velocity", "vel", "vx"})
+"""Words that mean a speed."""
 _STEER = frozenset({"steer", "steering"})
+"""Words that mean a steering angle."""
 _COMPASS = frozenset({"heading", "azimuth", "course", "cog"})
+"""Words that mean an angle from north, clockwise."""
 _NO_MEASUREMENT = frozenset(
     {
         *("limit", "max", "min", "target", "desired", "cmd", "command", "commanded", "set", "setpoint", "reference"),
@@ -45,6 +54,7 @@ _NO_MEASUREMENT = frozenset(
         *("variance", "error", "accuracy", "acc", "status", "valid", "mode", "type", "y", "z", "up", "down", "climb"),
     }
 )
+"""Words of fields that are no measured speed or angle: limits, commands, rates, errors, flags, other axes."""
 
 
 class Described(ChannelLike, Protocol):
@@ -62,8 +72,8 @@ class Reason(NamedTuple):
     """Why a channel fills no role.
 
     Attributes:
-        why: In words.
-        tries: Options that would change it, the likeliest first.
+        why: The reason in words.
+        tries: Options that would give it a role, the likeliest first.
     """
 
     why: str
@@ -71,11 +81,11 @@ class Reason(NamedTuple):
 
 
 def reasons(channels: Sequence[Described], bindings: Bindings) -> dict[str, Reason]:
-    """Topic -> why it fills no role, for those that fill none.
+    """Explain for each channel without a role why it has none, by topic.
 
     Args:
-        channels: Of the log.
-        bindings: Of every role.
+        channels: All channels of the log.
+        bindings: The bindings of every role.
     """
     used = {each.topic for bound in bindings.by_role.values() for one in bound for each in (one, *one.parts)}
     return {each.topic: _reason(each, bindings) for each in channels if each.topic not in used}
@@ -83,9 +93,9 @@ def reasons(channels: Sequence[Described], bindings: Bindings) -> dict[str, Reas
 
 def _reason(channel: Described, bindings: Bindings) -> Reason:
     if channel.topic.startswith(OWN_PREFIX):
-        return Reason("a result of cwcli that later stages do not start from")
+        return Reason("a result of cwcli that no later stage reads")
     if channel.message_count == 0:
-        return Reason("it has no message")
+        return Reason("it has no messages")
     name = normalise(channel.schema_name)
     if not inputs_of(channel.schema_name):
         return _unknown(channel, name)
@@ -96,7 +106,7 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
         role, others = str(entry.role), bindings.of(entry.role)
         if role in bindings.undecided:
             topics = ",".join(each.topic for each in bindings.undecided[role])
-            texts.append(f"one of several for {role}")
+            texts.append(f"one of several candidates for {role}")
             tries.append(f"--topic {role}={channel.topic}")
             if entry.role in MANY_TOPICS:
                 tries.append(f"--topic {role}={topics}")
@@ -105,23 +115,23 @@ def _reason(channel: Described, bindings: Bindings) -> Reason:
         elif others:
             texts.append(f"{role} is taken from {', '.join(each.topic for each in others)}")
         elif entry.needs_ego_station:
-            texts.append(f"{role}, if a station is the ego")
+            texts.append(f"{role}, if you name the ego's station")
             tries.append("--ego-station ID")
         else:
-            texts.append(f"{role} only where it is named")
+            texts.append(f"{role}, only if you name it")
             tries.append(f"--topic {role}={channel.topic}")
-    why = "; ".join(dict.fromkeys(texts)) or "its topic's name says truth, and this type holds none"
+    why = "; ".join(dict.fromkeys(texts)) or "its topic's name marks it as truth, and no truth has this type"
     return Reason(why, tuple(dict.fromkeys(tries))[:MAX_TRIES])
 
 
 def _unnamed(topic: str, name: str) -> Reason:
-    """Of a message that does not say what it is: what its topic's name says."""
+    """Explain an ambiguous type by the words in its topic's name."""
     words = _words(topic)
     if not set(words) & (_SPEED | set(_SPEED_UNITS)) or set(words) & _NO_MEASUREMENT:
         return Reason("neither the type nor the topic's name says what it measures")
     unit = next((_SPEED_UNITS[word] for word in words if word in _SPEED_UNITS), "")
     line = f"--map ego_speed={topic}:data*{unit}" if unit and "Float" in name else f"--topic ego_speed={topic}"
-    return Reason("ego_speed (m/s) only where it is named", (line,))
+    return Reason("ego_speed (m/s), only if you name it", (line,))
 
 
 def _unknown(channel: Described, name: str) -> Reason:
@@ -133,7 +143,7 @@ def _unknown(channel: Described, name: str) -> Reason:
 
 
 def leaves(channel: Described) -> Iterator[str]:
-    """The paths of the numbers in a ROS message, () for a channel of another encoding."""
+    """Yield the paths of the numeric fields of a ROS message; nothing for other encodings."""
     if channel.schema_encoding != "ros2msg":
         return
     from cwcli.logs.codecs.ros2msg import SchemaError, find_definition, parse_definitions
@@ -144,7 +154,7 @@ def leaves(channel: Described) -> Iterator[str]:
         return
     count = 0
 
-    def walk(name: str, path: str, depth: int) -> Iterator[str]:
+    def iter_paths(name: str, path: str, depth: int) -> Iterator[str]:
         nonlocal count
         for field in find_definition(definitions, name):
             here = f"{path}{field.name}" + ("[0]" if field.is_sequence or field.length else "")
@@ -152,10 +162,10 @@ def leaves(channel: Described) -> Iterator[str]:
                 count += 1
                 yield here
             elif "/" in field.type and depth < MAX_DEPTH and count < MAX_LEAVES and not here.endswith("]"):
-                yield from walk(field.type, f"{here}.", depth + 1)
+                yield from iter_paths(field.type, f"{here}.", depth + 1)
 
     try:
-        yield from walk(top, "", 0)
+        yield from iter_paths(top, "", 0)
     except SchemaError:
         return
 
@@ -178,11 +188,11 @@ def explain_can_frames(topic: str, signals: Sequence[str], files: Sequence[str])
 
 
 def suggestions(topic: str, paths: Sequence[str], *, has_units: bool = False) -> tuple[str, ...]:
-    """The `--map` lines to try for a message with these numbers, the likeliest first.
+    """Suggest `--map` options for a message with these numeric fields, the likeliest first.
 
     Args:
-        topic: Of the channel.
-        paths: Its leaf fields.
+        topic: Topic of the channel.
+        paths: Paths of its leaf fields.
         has_units: Whether units come with the fields, so that none is guessed from a name.
     """
     found: list[tuple[int, str]] = []
@@ -215,6 +225,6 @@ def _is_number(field: MessageField) -> bool:
 
 
 def _words(name: str) -> list[str]:
-    """`vehicleSpeed_kmh` -> vehicle, speed, kmh."""
+    """Split a name into lower-case words: `vehicleSpeed_kmh` gives vehicle, speed, kmh."""
     spaced = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
     return [word for word in re.split(r"[^a-z]+", spaced.lower()) if word]

@@ -1,4 +1,4 @@
-"""`cwcli.v1.Rejected`: the measurements that the estimator did not believe, by name."""
+"""`cwcli.v1.Rejected`: the measurements that the estimator's gate rejected."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from cwcli.signals.columns import Columns, Field, OutputChannel, constant_string
 from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
 
 GATED = "gated"
+"""Published reason of a measurement that the gate rejected."""
 
 
 def write_rejected(gated: Gated) -> OutputChannel:
-    """One message a measurement, logged at its stamp."""
+    """Make the channel of one message a gated measurement; its log time is its stamp."""
     return output(REJECTED, gated.stamp_ns, _fields(gated))
 
 
 def rejected_table(gated: Gated) -> Table:
-    """The same as a table."""
+    """Make a table of the gated measurements."""
     return Table("rejected", _fields(gated))
 
 
@@ -36,7 +37,7 @@ def _fields(gated: Gated) -> dict[str, Field]:
 
 
 def read_rejected(columns: Columns) -> Gated:
-    """The gated measurements of a channel, in log-time order.
+    """Read the gated measurements of a channel, in log-time order.
 
     Raises:
         DataError: A field is missing: another version wrote them.

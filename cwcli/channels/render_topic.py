@@ -1,4 +1,4 @@
-"""Which topic rendered frames may have."""
+"""Checks the topic that the user names for rendered frames."""
 
 from __future__ import annotations
 
@@ -8,26 +8,28 @@ from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 
 RENDERED_SCHEMA = "foxglove.CompressedImage"
+"""Schema of rendered frames."""
 NAME = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
+"""Pattern of a topic name: parts that begin with a slash, without spaces and control characters."""
 
 
 def check_topic_name(topic: str | None) -> None:
-    """Refuse a topic for rendered frames that is no name, whatever the log holds.
+    """Refuse a topic for rendered frames that is not a valid topic name.
 
     Raises:
-        UsageError: As it says.
+        UsageError: It is not valid.
     """
     if topic is not None and not NAME.fullmatch(topic):
         raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
 
 
 def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
-    """Refuse a topic for rendered frames that is no name, or that something else has.
+    """Refuse a topic for rendered frames that is invalid or that another channel has.
 
-    A channel of the log with frames of the same kind is left to `--replace`: an earlier run may have written it.
+    A channel of compressed images may have it: an earlier run may have written that, and `--replace` removes it.
 
     Raises:
-        UsageError: As it says.
+        UsageError: It is invalid, the camera's own, or of a channel of another schema.
     """
     if topic is None:
         return

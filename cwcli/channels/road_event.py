@@ -1,4 +1,4 @@
-"""`cwcli.v1.RoadEvent`: what stations notify beside their motion."""
+"""`cwcli.v1.RoadEvent`: events that V2X stations report, such as hard braking or a stationary vehicle."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from cwcli.signals.road_events import RoadEvents
 
 
 def write_road_events(events: RoadEvents | None, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
-    """One message a notification, logged when it was received; no channel where nothing was notified.
+    """Make the channel of one message a reported event, logged at its reception; no channel without events.
 
     Args:
-        events: What was notified.
-        local_map: Where they are placed in the map, too.
+        events: The reported events, or None.
+        local_map: Map in which their positions are given too; None leaves these unknown.
     """
     if events is None:
         return ()
@@ -26,7 +26,7 @@ def write_road_events(events: RoadEvents | None, local_map: LocalMap | None) -> 
 
 
 def road_event_tables(events: RoadEvents | None, local_map: LocalMap | None) -> dict[str, Table]:
-    """The same as a table, by its name."""
+    """Make the table of reported events, by its name."""
     if events is None:
         return {}
     columns = {"log_time_ns": events.log_time_ns, **_fields(events, local_map)}
@@ -54,12 +54,12 @@ def _fields(events: RoadEvents, local_map: LocalMap | None) -> dict[str, Field]:
 
 
 def read_road_events(columns: Columns) -> RoadEvents:
-    """The events of a channel, in log-time order.
+    """Read the events of a channel, in log-time order.
 
     Raises:
         DataError: A field is missing: another version wrote them.
     """
-    for place in ("x_m", "y_m"):  # of no use here, but a channel without them is another version's
+    for place in ("x_m", "y_m"):  # not needed here; without them another version wrote the channel
         numbers(columns, place, required=True)
     return RoadEvents(
         station=texts(columns, "id", required=True),

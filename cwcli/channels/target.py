@@ -1,4 +1,4 @@
-"""`cwcli.v1.Target`: the tracks, as a scene for viewers too; and back as states of vehicles."""
+"""`cwcli.v1.Target`: writes tracks as a channel and as a scene for viewers; reads them as states of vehicles."""
 
 from __future__ import annotations
 
@@ -27,22 +27,27 @@ from cwcli.tracking.convert import MIN_HEADING_SPEED_MPS, target_rows, vehicle_s
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 
 LIFETIME_NS = 1_000_000_000
+"""Time for which a viewer shows a target that is not updated, ns; chosen by hand."""
 BALL_M = 1.5
+"""Diameter of the ball that marks a target, m; chosen by eye."""
 TEXT_M = 1.0
+"""Height of the letters of a target's id, m; chosen by eye."""
 BALL_COLOR = (1.0, 0.55, 0.0, 0.8)
+"""Colour of the balls and arrows: red, green, blue, alpha."""
 TEXT_COLOR = (1.0, 1.0, 1.0, 1.0)
+"""Colour of the ids: red, green, blue, alpha."""
 
 
 def write_targets(
     result: TrackResult, *, in_map: bool, known_ns: tuple[Int64Array, Int64Array], channel: Channel = TARGETS
 ) -> tuple[OutputChannel, ...]:
-    """The tracks as a channel, and as a scene for viewers.
+    """Make the channel of the tracks, and a scene of them for viewers.
 
     Args:
         result: The tracks.
-        in_map: Their frame is the map, not the car's body.
-        known_ns: Stamps of all scans, increasing, and the log times at which these were known.
-        channel: Those in hindsight, or the online ones; the scene is of the former alone.
+        in_map: The tracks are in the map frame, not in the car's body frame.
+        known_ns: Stamps of all scans, increasing, and the log times at which each was known.
+        channel: The channel of smoothed or of online tracks; only smoothed tracks get a scene.
     """
     rows = target_rows(result)
     motion = _motion_rows(result)
@@ -78,7 +83,7 @@ def write_targets(
 
 
 def _motion_rows(result: TrackResult) -> FloatArray:
-    """Acceleration, yaw rate and their sigmas of all rows, in the order of `target_rows`; NaN where not modelled."""
+    """Acceleration, yaw rate and their sigmas, shape (n, 4), in the order of `target_rows`; NaN if not modelled."""
     parts = [np.zeros((0, 4)), *(_motion(track, result.state_names) for track in result.tracks)]
     stamp = np.concatenate([np.zeros(0, np.int64), *(track.stamp_ns for track in result.tracks)])
     ids = np.concatenate([np.zeros(0, np.int64), *(np.full(len(track), track.id) for track in result.tracks)])
@@ -107,14 +112,14 @@ def _motion(track: TargetTrack, names: tuple[str, ...]) -> FloatArray:
 def _scene(
     log_time_ns: Int64Array, stamp_ns: Int64Array, ids: Strings, frame: Strings, state: FloatArray
 ) -> OutputChannel:
-    """One scene a log time: a ball per target, an arrow as long as it moves in a second, and its id."""
+    """Make one scene for each log time: a ball, an arrow of one second's motion and the id for each target."""
     n = len(log_time_ns)
     times, first = np.unique(log_time_ns, return_index=True)
     one_each = np.arange(n + 1, dtype=np.int64)
     half = 0.5 * np.arctan2(state[:, 3], state[:, 2])
     speed = np.hypot(state[:, 2], state[:, 3])
 
-    def pose(up_m: float, half_yaw: FloatArray) -> dict[str, OutputField]:
+    def pose_fields(up_m: float, half_yaw: FloatArray) -> dict[str, OutputField]:
         return {
             "pose.position.x": state[:, 0],
             "pose.position.y": state[:, 1],
@@ -123,7 +128,7 @@ def _scene(
             "pose.orientation.w": np.cos(half_yaw),
         }
 
-    def color(values: tuple[float, ...]) -> dict[str, OutputField]:
+    def color_fields(values: tuple[float, ...]) -> dict[str, OutputField]:
         return {f"color.{part}": np.full(n, value) for part, value in zip("rgba", values, strict=True)}
 
     size: dict[str, OutputField] = {f"size.{axis}": np.full(n, BALL_M) for axis in "xyz"}
@@ -144,18 +149,18 @@ def _scene(
         "frame_id": frame,
         "id": ids,
         "lifetime": np.full(n, LIFETIME_NS, np.int64),
-        "spheres": Repeated(one_each, {**pose(0.5 * BALL_M, still), **size, **color(BALL_COLOR)}),
-        "arrows": Repeated(one_each, {**pose(0.5 * BALL_M, half), **arrow, **color(BALL_COLOR)}),
-        "texts": Repeated(one_each, {**pose(2.0 * BALL_M, still), **text, **color(TEXT_COLOR)}),
+        "spheres": Repeated(one_each, {**pose_fields(0.5 * BALL_M, still), **size, **color_fields(BALL_COLOR)}),
+        "arrows": Repeated(one_each, {**pose_fields(0.5 * BALL_M, half), **arrow, **color_fields(BALL_COLOR)}),
+        "texts": Repeated(one_each, {**pose_fields(2.0 * BALL_M, still), **text, **color_fields(TEXT_COLOR)}),
     }
     offsets = np.append(first, n).astype(np.int64)
     return OutputChannel(TARGET_SCENE.topic, TARGET_SCENE.schema, times, {"entities": Repeated(offsets, entities)})
 
 
 def read_targets(columns: Columns) -> VehicleStates:
-    """A channel of targets as vehicle states, so that prediction and warning take them like V2X vehicles.
+    """Read a channel of targets as vehicle states, which prediction and warning use like those of V2X vehicles.
 
-    Acceleration and yaw rate that the track does not have are 0.
+    Acceleration and yaw rate that a track does not model are 0.
 
     Raises:
         DataError: Another version wrote the channel, or the targets are not in the map.
@@ -167,7 +172,7 @@ def read_targets(columns: Columns) -> VehicleStates:
         raise unusable(columns, "covariance")
     if {frames.values[code] if code >= 0 else "" for code in np.unique(frames.codes)} - {MAP_FRAME}:
         raise DataError(
-            "the targets are in the car's own frame, and can't be put beside its path",
+            "the targets are in the car's own frame, and can't be compared with its path on the map",
             where=columns.topic,
             hint="run `cwcli estimate` first, then `cwcli track --replace` on its output",
         )
@@ -194,7 +199,7 @@ def read_targets(columns: Columns) -> VehicleStates:
 
 
 def _last_of_each(codes: npt.NDArray[np.int32], stamp_ns: Int64Array) -> npt.NDArray[np.intp]:
-    """The last row of each id and stamp, in file order: two sensors may see a target at one time."""
+    """Select the last row of each id and stamp, in file order; two sensors may see a target at the same time."""
     order = np.lexsort((np.arange(len(codes)), stamp_ns, codes))
     is_last = np.append((np.diff(codes[order]) != 0) | (np.diff(stamp_ns[order]) != 0), len(order) > 0)
     return np.sort(order[is_last[: len(order)]])

@@ -1,4 +1,4 @@
-"""Where sensors stand on the car: what the user says, else what the log's transforms do."""
+"""Reads the mounting of the ego's sensors from the user's options, else from the log's transforms."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from cwcli.signals.columns import Strings
 from cwcli.signals.transforms import BODY_FRAMES, Transform, body_from_frame, carried_by_body
 
 FRAME_FIELDS = ("header.frame_id", "frame_id")
+"""Fields of a message that may name its frame of reference."""
 
 
 class TransformCount(NamedTuple):
-    """What became of a topic's transforms: messages read, with a new frame, and unreadable ones."""
+    """Counts of a topic's transform messages: read, used for a new frame, and unreadable."""
 
     topic: str
     read: int
@@ -26,15 +27,15 @@ class TransformCount(NamedTuple):
 def read_lever_arms(
     log: Log, topics: Sequence[str], given: LeverArms
 ) -> tuple[LeverArms, tuple[TransformCount, ...], tuple[str, ...]]:
-    """The places of the ego's sensors, what became of the transforms' messages, and notes.
+    """Read the lever arms of the ego's sensors by topic, message counts of the transforms, and notes.
 
-    Of the transforms those count whose frame the car carries; the first of each frame, those of static channels before
-    the others. A log without transforms is not read.
+    Only transforms of frames that are fixed to the car are used: the first of each frame, static channels first. A log
+    without transforms is not read.
 
     Args:
         log: The log.
-        topics: Of the ego's sensors.
-        given: By the user; they count before the transforms.
+        topics: Topics of the ego's sensors.
+        given: Lever arms of the user, which take precedence over transforms.
 
     Raises:
         UsageError: A given topic is none of the ego's sensors.
@@ -59,14 +60,14 @@ def read_lever_arms(
         stands = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
         if is_on_car(ahead_m, left_m):
             found[topic] = ahead_m, left_m
-            notes.append(f"{topic} stands {stands}")
+            notes.append(f"{topic} is mounted {stands}")
         else:
-            notes.append(f"{topic}: {stands} is not on the car, not used")
+            notes.append(f"{topic}: {stands} is not on the car; not used")
     return found, counts, tuple(notes)
 
 
 def read_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "") -> TransformCount:
-    """Fill the tree from one topic; with a frame only until it leads from there to the road below the car."""
+    """Add the transforms of one topic to the tree; with `frame`, only until the tree links it to the vehicle's base."""
     read, used, unreadable = 0, 0, 0
     for transforms in log.transforms(topic):
         read += 1
@@ -84,7 +85,7 @@ def read_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "")
 
 
 def _frames(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
-    """Topic -> the frame of reference that its first message names."""
+    """The frame of reference that the first message of each topic names."""
     found = {}
     for topic, columns in log.load(dict.fromkeys(topics, FRAME_FIELDS)).items():
         for name in FRAME_FIELDS:

@@ -30,15 +30,18 @@ from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
 
 UInt8Array = npt.NDArray[np.uint8]
 FLAGS: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
+"""Field of the message -> the flag that it holds."""
 
 STATE_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
-"""Each state is published as a multiple of 2 to minus this."""
+"""Each state is published as a multiple of 2 to the power of minus this, in its SI unit (docs/channels.md)."""
 DEGREE_BITS = 24
+"""Latitudes and longitudes are published as multiples of 2^-24 degrees (7 mm); chosen by hand."""
 N_CORRELATIONS = N_STATES * (N_STATES - 1) // 2
+"""Number of correlations above the diagonal of a covariance."""
 COVARIANCE = ("covariance", "sigma", "correlation")
-"""Fields that hold it, in logs of older versions and of this one."""
+"""Fields that hold the covariance, in logs of older versions and of this one."""
 KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
-"""All that `read_states` reads but the covariance, which is most of a channel."""
+"""Fields of the states without their covariances, which are most of a channel's bytes."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class VehicleStates:
         size_m: tuple[float | None, float | None] = (None, None),
         flags: UInt8Array | None = None,
     ) -> VehicleStates:
-        """States of the ego, each known at its stamp; without a covariance it is unknown."""
+        """Make states of the ego, logged at their stamps; without `covariance` it is NaN."""
         n = len(stamp_ns)
         if covariance is None:
             covariance = np.broadcast_to(np.nan, (n, N_STATES, N_STATES))
@@ -86,7 +89,7 @@ class VehicleStates:
         return len(self.stamp_ns)
 
     def rows(self, rows: Rows) -> VehicleStates:
-        """The given rows, in the given order."""
+        """Select rows, in the given order."""
         return VehicleStates(
             self.ids.rows(rows),
             self.stamp_ns[rows],
@@ -99,16 +102,16 @@ class VehicleStates:
         )
 
     def as_published(self) -> VehicleStates:
-        """The same to the precision that is published."""
+        """Round the states to the published precision."""
         state = np.column_stack([to_step(self.state[:, k], bits) for k, bits in enumerate(STATE_BITS)])
         return replace(self, state=state, covariance=packed(self.covariance))
 
     def by_stamp(self) -> VehicleStates:
-        """In the order of the stamps, the first of each stamp: for the states of one vehicle."""
+        """Sort the states of one vehicle by stamp, and keep the first of each stamp."""
         return self.rows(rows_by_stamp(self.stamp_ns))
 
     def logged_within(self, start_ns: int | None, end_ns: int | None) -> VehicleStates:
-        """The states whose log time is in [start_ns, end_ns)."""
+        """Select the states whose log time is in [start_ns, end_ns); None is no bound."""
         if start_ns is None and end_ns is None:
             return self
         keep = np.ones(len(self), dtype=bool)
@@ -122,7 +125,7 @@ class VehicleStates:
 def write_states(
     channel: Channel, states: VehicleStates, local_map: LocalMap | None, *, has_covariance: bool = True
 ) -> OutputChannel:
-    """One message a state.
+    """Make the channel of one message a state.
 
     Args:
         channel: Which of the channels of states.
@@ -157,7 +160,7 @@ def write_states(
 
 
 def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovariances) -> None:
-    is_definite = np.isfinite(covariance.sigma[:, 0])  # of one that is not, all are NaN
+    is_definite = np.isfinite(covariance.sigma[:, 0])  # a covariance that is not definite was packed as NaN
     if is_definite.all():
         return
     first = int(np.argmin(is_definite))
@@ -168,11 +171,11 @@ def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovar
 
 
 def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleStates:
-    """The states of a channel, in log-time order.
+    """Read the states of a channel, in log-time order.
 
     Args:
         columns: The channel; its fields `KINEMATICS` are enough for states without covariance.
-        with_covariance: Without, it is NaN and takes no memory.
+        with_covariance: If False, the covariance is NaN and takes no memory.
 
     Raises:
         DataError: A field is missing, or the covariance has not as many values as it should: another version wrote it.
@@ -194,10 +197,10 @@ def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleSta
 
 
 def _read_covariance(columns: Columns) -> Covariances:
-    """The covariances: packed, or those of a log of an older version.
+    """Read the covariances: packed, or full as older versions wrote them.
 
     Raises:
-        DataError: They are not there.
+        DataError: They are missing.
     """
     old = find(columns, "covariance")
     if old is not None and (not isinstance(old, Ragged) or len(old.values)):
@@ -215,7 +218,7 @@ def _read_covariance(columns: Columns) -> Covariances:
 
 
 def _read_flags(columns: Columns) -> UInt8Array:
-    """The flags, none where the channel has no such fields: an older version wrote it."""
+    """Read the flags of each state; fields that an older version did not write count as unset."""
     flags = np.zeros(len(columns), np.uint8)
     for name, flag in FLAGS.items():
         flags[numbers(columns, name) > 0.0] |= np.uint8(flag)

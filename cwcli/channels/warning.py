@@ -1,4 +1,4 @@
-"""`cwcli.v1.Warning`: the life of every warning, and in words for the viewer's log panel."""
+"""`cwcli.v1.Warning`: every evaluation of a standing warning, and its text for a viewer's log panel."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Str
 from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
 from cwcli.warning.rows import HELD, RAISED, WarningRows
 
-LEVEL_INFO, LEVEL_WARNING = 2, 3  # foxglove.Log
+LEVEL_INFO, LEVEL_WARNING = 2, 3
+"""The levels of log messages: values of `foxglove.Log.Level`."""
 FIELDS = tuple(field.name for field in fields(WarningRows) if field.name != "log_time_ns")
-"""Of the message, as the rows name them."""
+"""Fields of the message, which have the names of the rows' columns."""
 WITHOUT_WORDS = tuple(name for name in FIELDS if name not in ("host_id", "message"))
+"""Fields from which events are collected: all but the host's id and the text."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class WarningEvent:
         event_id: Its number in the log.
         rule: The rule that warned.
         other_id: The other vehicle, or what else it is about.
-        raised_ns, last_ns: When the first and the last evaluation at which it stood could have been known.
-        rows: Rows of the channel in which it was raised or held, by stamp; the first raised it.
+        raised_ns, last_ns: Times at which its first and its last evaluation could have been known.
+        rows: Rows of the channel in which it was raised or held, in order of stamps; the first raised it.
     """
 
     event_id: int
@@ -41,7 +43,7 @@ class WarningEvent:
 
 
 def write_warnings(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
-    """The warnings of one or several rules, and in words those that were raised or cleared."""
+    """Make the channel of the warnings of all rules, and a log channel of those raised or cleared."""
     log_time_ns = np.concatenate([part.log_time_ns for part in parts])
     joined: dict[str, Field] = {name: _joined([getattr(part, name) for part in parts]) for name in FIELDS}
     warnings = output(WARNINGS, log_time_ns, joined)
@@ -69,7 +71,7 @@ def _joined(parts: Sequence[Any]) -> Field:
 
 
 def read_warnings(columns: Columns) -> WarningRows:
-    """The warnings of a channel, in log-time order; what it does not tell is NaN, absent, or in no state.
+    """Read the warnings of a channel, in log-time order; unknown values are NaN, absent, or without a state.
 
     Args:
         columns: The channel; for events its fields `WITHOUT_WORDS` are enough.
@@ -80,7 +82,7 @@ def read_warnings(columns: Columns) -> WarningRows:
     return WarningRows(
         log_time_ns=columns.log_time_ns,
         stamp_ns=stamp_ns,
-        known_ns=np.where(known_ns > 0, known_ns, stamp_ns),  # an older version tells the stamps alone
+        known_ns=np.where(known_ns > 0, known_ns, stamp_ns),  # older versions wrote stamps only
         rule=texts(columns, "rule") or absent,
         event_id=whole_numbers(columns, "event_id")[0],
         state=whole_numbers(columns, "state")[0].astype(np.int32),
@@ -96,9 +98,9 @@ def read_warnings(columns: Columns) -> WarningRows:
 
 
 def warning_events(warnings: WarningRows) -> list[WarningEvent]:
-    """The events of a channel, in order of the time at which they were raised.
+    """Collect the events of a channel, in order of the time at which they were raised.
 
-    What was raised before the channel begins (somebody has cut the log) is no event of it: nobody knows when it was.
+    A warning that was raised before the channel begins (the log was cut) is no event, because its time is unknown.
     """
     event_id, state, stamp_ns, known_ns = warnings.event_id, warnings.state, warnings.stamp_ns, warnings.known_ns
     rows = np.flatnonzero((state == RAISED) | (state == HELD))

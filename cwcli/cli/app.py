@@ -30,10 +30,11 @@ from cwcli.stages import STAGES
 from cwcli.text import shown
 
 MAX_VALUE = 60
-"""Characters of a wrong value that are shown."""
+"""Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 MAX_WITHOUT_HEADINGS = 15
-"""The options of a command with no more than this stand in one list."""
+"""Commands with at most this many options list them without headings; chosen by hand."""
 EXIT_WORDS = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
+"""All exit codes with their meanings, for the help."""
 EPILOG = f"""
 Exit codes: {EXIT_WORDS}.
 
@@ -41,17 +42,18 @@ Exit codes: {EXIT_WORDS}.
 Example:
   cwcli run drive.mcap -o annotated.mcap --metrics-dir metrics/
 """
+"""Text at the end of `cwcli --help`."""
 
 
 class PlainCommand(typer.core.TyperCommand):
-    """A command whose plain values need no pydantic."""
+    """A Typer command that converts plain values without pydantic."""
 
     def get_params(self, ctx: Any) -> Any:
         """The parameters, `--help` included."""
         return skip_coercion(super().get_params(ctx))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """The arguments, then the options: under the headings of their groups where there are many."""
+        """Write the arguments, then the options, below the headings of their groups if there are many."""
         arguments: list[tuple[str, str]] = []
         groups: dict[str, list[tuple[str, str]]] = {}
         for parameter in self.get_params(ctx):
@@ -70,7 +72,7 @@ class PlainCommand(typer.core.TyperCommand):
 
 
 class LazyGroup(typer.core.TyperGroup):
-    """A group whose commands are imported when they are invoked."""
+    """A Typer group that imports a command only when it is invoked."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
@@ -86,7 +88,7 @@ class LazyGroup(typer.core.TyperGroup):
         return load_command(cmd_name) if cmd_name in COMMANDS else None
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """The list of commands, without importing them."""
+        """Write the list of commands without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
 
@@ -179,7 +181,7 @@ def _usage_error(error: typer.TyperException, arguments: list[str]) -> UsageErro
 
 
 def _with_origin(error: UsageError, arguments: list[str]) -> UsageError:
-    """The error, and which environment variable or key of a file an option in it has its value from."""
+    """Add to an error the environment variable or configuration key that set the option it names."""
     given = {argument.partition("=")[0] for argument in arguments}
     command = arguments[0].replace("-", "_") if arguments else ""
     for option in re.findall(r"--[a-z][a-z0-9-]*", error.what):
@@ -194,7 +196,7 @@ def _with_origin(error: UsageError, arguments: list[str]) -> UsageError:
 
 
 def _variable(error: typer.TyperException, context: Any) -> str | None:
-    """The environment variable whose value is wrong, None where the value comes from elsewhere."""
+    """The environment variable that holds the wrong value; None if the value comes from elsewhere."""
     option = getattr(error, "param", None)
     if context is None or option is None:
         return None

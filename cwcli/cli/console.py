@@ -1,4 +1,4 @@
-"""Where words go: stdout is data, stderr is talk.
+"""Prints to the terminal: data and summaries on stdout, notes and errors on stderr.
 
 No colour but bold headings, and those only on a terminal and when `NO_COLOR` is not set.
 """
@@ -17,76 +17,77 @@ from cwcli import __version__
 from cwcli.cli.text import paragraph, printable, shown
 from cwcli.errors import CwcliError, names_hint
 
-MAX_FOUND_WIDTH = 100  # paths and topics are long; a terminal wraps them
+MAX_FOUND_WIDTH = 100
+"""Width of the lines behind `found:`, in characters; chosen wide, because paths and topics are long."""
 MAX_FOUND = 200
-"""Entries behind `found:`."""
+"""Largest number of entries behind `found:`; chosen by hand."""
 MAX_ENTRY = 300
-"""Characters of one."""
+"""Longest entry behind `found:`, in characters; chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Console:
-    """Prints a command's words.
+    """Prints the output of a command.
 
     Attributes:
-        quiet: Only errors and what was asked for by name (`--json`, `-o -`) are printed.
-        summary_to_stderr: stdout carries the log (`-o -`) or JSON, so tables are talk.
+        quiet: Print only errors and requested output (`--json`, `-o -`).
+        summary_to_stderr: Print summaries on stderr, because stdout carries the log (`-o -`).
     """
 
     quiet: bool = False
     summary_to_stderr: bool = False
 
     def data(self, text: str) -> None:
-        """A line of data, whatever the options say."""
+        """Print a line of data on stdout, also when quiet."""
         write(sys.stdout, text)
 
     def document(self, command: str, values: Mapping[str, Any]) -> None:
-        """What `--json` prints, as `schemas/output.schema.json` says."""
+        """Print the content of `--json`, as `schemas/output.schema.json` describes it."""
         import json
 
         said = {"cwcli": __version__, "command": command, **values}
         self.data(json.dumps(said, indent=2, allow_nan=False))
 
     def summary(self, text: str) -> None:
-        """A table or a line that tells the result."""
+        """Print a table or a line of the result, unless quiet."""
         if not self.quiet:
             write(sys.stderr if self.summary_to_stderr else sys.stdout, text)
 
     def heading(self, text: str) -> None:
-        """A heading of the summary."""
+        """Print a heading of the summary, in bold on a terminal."""
         stream = sys.stderr if self.summary_to_stderr else sys.stdout
         self.summary(bold(printable(text), stream))
 
     def failure(self, text: str) -> None:
-        """Why the exit code is not 0, where that is no error of cwcli or of the input; told even when quiet."""
+        """Print on stderr why the exit code is not 0 without an error, such as a failed gate; also when quiet."""
         write(sys.stderr, paragraph(printable(text), rest="  "))
 
     def note(self, text: str) -> None:
-        """Something the user should know, which is not the result."""
+        """Print a note on stderr, unless quiet."""
         if not self.quiet:
             write(sys.stderr, paragraph(shown(text), first="note: ", rest="      "))
 
 
 def write(stream: TextIO | None, text: str) -> None:
-    """Write a line. A stream that was closed when the process started swallows it."""
+    """Write a line; nothing happens if the stream was closed when the process started."""
     if stream is not None:
         stream.write(text + "\n")
 
 
 def stdout_or_file(target: str | None) -> str | None:
-    """`-` for any name of standard output (`-`, `/dev/stdout`, `/dev/fd/1`), else the name as it is."""
+    """Replace any name of standard output (`/dev/stdout`, `/dev/fd/1`) by `-`; other names are returned unchanged."""
     if target is None or target == "-":
         return target
     try:
         there, here = os.stat(target), os.fstat(1)  # noqa: PTH116 - compared with an open file
-    except (OSError, ValueError):  # a zero byte in the name is told by whoever opens it
+    except (OSError, ValueError):  # opening the file reports a zero byte in its name
         return target
     is_same = not stat.S_ISREG(there.st_mode) and os.path.samestat(there, here)
     return "-" if is_same else target
 
 
 def is_terminal(stream: TextIO | None) -> bool:
-    """Whether somebody reads it as it comes."""
+    """Whether a stream is a terminal."""
     return stream is not None and stream.isatty()
 
 
@@ -96,12 +97,12 @@ def uses_style(stream: TextIO | None) -> bool:
 
 
 def bold(text: str, stream: TextIO | None) -> str:
-    """`text`, bold where the stream can show it."""
+    """Format text in bold if the stream can show it."""
     return f"\x1b[1m{text}\x1b[0m" if uses_style(stream) else text
 
 
 def format_error(error: CwcliError) -> str:
-    """The error as `error:`, `found:` and `hint:` lines.
+    """Format an error as `error:`, `found:` and `hint:` lines.
 
     ```
     error: drive.mcap: no channel holds the ego state (needed by `cwcli predict`)
@@ -121,7 +122,7 @@ def format_error(error: CwcliError) -> str:
 
 
 def _found_lines(entries: list[str]) -> list[str]:
-    """The entries behind `found:`, as many on a line as fit."""
+    """Format the entries behind `found:`, as many on a line as fit."""
     lines = ["  found: " + entries[0]]
     for entry in entries[1:]:
         if len(lines[-1]) + len(entry) + 3 <= MAX_FOUND_WIDTH:
@@ -133,11 +134,11 @@ def _found_lines(entries: list[str]) -> list[str]:
 
 
 def report_error(error: CwcliError) -> None:
-    """Print a known error on stderr. A closed stderr is no reason to fail again."""
+    """Print a known error on stderr; errors of a closed stderr are ignored."""
     with contextlib.suppress(OSError):
         write(sys.stderr, format_error(error))
 
 
 def closest(name: str, known: list[str]) -> str:
-    """A hint for a misspelt name: the closest known ones, else all of them."""
+    """Make a hint for a misspelt name: the closest known names, else all of them."""
     return names_hint(name, known, "known")

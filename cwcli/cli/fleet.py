@@ -1,4 +1,4 @@
-"""Tells of a run over many logs: while it runs, and at its end."""
+"""Runs a pipeline over many logs, shows its progress, and prints its summary."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cwcli.fleet.run import Fleet
 
 MAX_TOLD = 20
-"""Reasons for which logs failed; the others are in the manifest."""
+"""Largest number of errors that are printed; chosen by hand, the others are in the manifest."""
 
 
 def run_many(
@@ -51,7 +51,7 @@ def run_many(
 
 
 def document(fleet: Fleet, directory: str) -> dict[str, Any]:
-    """What `--json` prints."""
+    """Make the content of `--json`."""
     statuses = list(fleet.statuses.values())
     return {
         "directory": directory,
@@ -63,7 +63,7 @@ def document(fleet: Fleet, directory: str) -> dict[str, Any]:
 
 
 def tell(console: Console, fleet: Fleet, directory: str) -> None:
-    """The table of logs, and why stages were left out."""
+    """Print the table of logs, and notes on stages that were left out."""
     entries = fleet.manifest["logs"]
     rows: list[tuple[Cell, ...]] = [
         (
@@ -88,7 +88,7 @@ def tell(console: Console, fleet: Fleet, directory: str) -> None:
 
 
 def errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
-    """Why logs failed: each reason once, with the first log that failed for it."""
+    """Collect the errors of failed logs: each error once, with the first log that has it."""
     failed: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for entry in entries:
         if error := entry["error"]:
@@ -106,7 +106,7 @@ def errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
 
 
 def _left_out(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
-    """Why stages were left out -> the logs."""
+    """Reason for which a stage was left out -> ids of the logs."""
     reasons: dict[str, list[str]] = {}
     for entry in entries:
         for stage, reason in entry["left_out"].items():

@@ -13,11 +13,13 @@ if TYPE_CHECKING:
     from cwcli.report.addresses import Addresses
 
 RUN = "all logs"
+"""Name of a test case that is about all logs."""
 MAX_TEXT = 4000
+"""Longest detail of a test case, in characters; chosen by hand."""
 
 
 def junit_xml(results: Sequence[GateResult], addresses: Addresses | None = None) -> bytes:
-    """The document. Characters that XML does not allow, or that could deceive a reader, are escaped (`\\x1b`).
+    """Format gates as a JUnit document. Control and forbidden characters are escaped (`\\x1b`).
 
     Failures on warnings hold links into the page of the run, where its address is given.
     """

@@ -21,6 +21,7 @@ from cwcli.errors import (
 )
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Error numbers of a write that found no space."""
 
 
 def main() -> NoReturn:
@@ -32,7 +33,7 @@ def main() -> NoReturn:
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run `cwcli` with `arguments` and return the exit code. Prints; does not raise but for `SystemExit`."""
+    """Run `cwcli` with arguments, print its output and errors, and return the exit code; raises only `SystemExit`."""
     try:
         _make_streams_robust()
         from cwcli.cli.app import dispatch
@@ -65,12 +66,12 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def _terminate(number: int, frame: object) -> NoReturn:
-    """Leave through the `finally` blocks, so that temporary files go."""
+    """Handle a signal by raising `Terminated`, so that `finally` blocks remove temporary files."""
     raise Terminated
 
 
 def _make_streams_robust() -> None:
-    """A character that the terminal's encoding lacks is escaped; it never ends the run."""
+    """Let stdout and stderr escape characters that their encoding lacks, instead of raising."""
     for stream in (sys.stdout, sys.stderr):
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
@@ -93,7 +94,7 @@ def _full(error: OSError) -> OutputError:
 
 
 def _drop_stdout() -> None:
-    """Send what is still buffered to nowhere, so that the interpreter's own flush at exit stays silent."""
+    """Redirect stdout to the null device, so that the interpreter's flush at exit raises no error."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -134,7 +135,7 @@ def _report_bug(arguments: Sequence[str]) -> None:
 
 
 def _error_without_secrets(error: CwcliError, arguments: Sequence[str]) -> CwcliError:
-    """The error where its words repeat a part of a URL of the command line: what is left of one that was split."""
+    """Remove from an error the secrets of URLs on the command line, also where only a part of a URL is repeated."""
     if not any("://" in argument for argument in arguments):
         return error
     safe = CwcliError(
@@ -148,7 +149,7 @@ def _error_without_secrets(error: CwcliError, arguments: Sequence[str]) -> Cwcli
 
 
 def _without_secrets(text: str, arguments: Sequence[str]) -> str:
-    """Words of others without the secrets of the URLs on the command line, wherever they stand."""
+    """Remove from a text the secrets of all URLs, and those of the URLs on the command line."""
     from cwcli.url import redact_urls
 
     for argument in arguments:

@@ -1,4 +1,4 @@
-"""GitHub-flavoured Markdown: text of others can't become markup, links, mentions or table cells."""
+"""Writes GitHub-flavoured Markdown in which foreign text can't become markup, links, mentions or table cells."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from cwcli.cli.text import number, printable
 Cell = str | float | int | None
 
 _STRUCTURAL = re.compile(r"[`|\\]")
-"""What can end a code span or a table cell."""
+"""Characters that can end a code span or a table cell."""
 
 
 def code(text: str) -> str:
-    """`text` as code: nothing in it is interpreted."""
+    """Format text as code, so that nothing in it is interpreted."""
     shown = printable(text)
     if shown and shown == shown.strip() and not _STRUCTURAL.search(shown):
         return f"`{shown}`"
@@ -23,7 +23,7 @@ def code(text: str) -> str:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]]) -> str:
-    """A table. Cells of text are taken as Markdown that is already safe; numbers are right-aligned."""
+    """Format a table. Text cells must be safe Markdown already; columns of numbers are right-aligned."""
     is_number = [all(not isinstance(row[k], str) for row in rows) and bool(rows) for k in range(len(columns))]
     lines = [_row(columns), _row(["---:" if right else "---" for right in is_number])]
     lines += [_row([_cell(cell) for cell in row]) for row in rows]
@@ -41,6 +41,6 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def filled(text: str, mark: str, block: str) -> str:
-    """A page with what stands between `<!-- mark -->` and `<!-- end -->` replaced."""
+    """Replace the block of a page between `<!-- mark -->` and `<!-- end -->`."""
     begin = text.index(f"<!-- {mark} -->\n") + len(f"<!-- {mark} -->\n")
     return f"{text[:begin]}{block}\n{text[text.index('<!-- end -->', begin) :]}"

@@ -1,4 +1,4 @@
-"""Runs stages on a log: open, one stage after the other in memory, write, tell."""
+"""Runs stages on a log: opens it, runs the stages in memory, writes the outputs and prints the summary."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """One run of the command line over one log.
+    """One run of stages over one log.
 
     Attributes:
         command: Name of the command.
-        source: The log's name, those of its parts, or "-".
-        stages: Name -> stage, in order.
+        source: Name of the log, names of its parts, or "-".
+        stages: Stage calls by name, in order.
         metrics: File of the stage's main table, or None.
-        metrics_dir: Folder for every table of every stage, or None.
-        first: Names of those of the stages that only make what the command's own needs.
+        metrics_dir: Folder for all tables of all stages, or None.
+        first: Names of the stages that only prepare inputs of the command's own stage.
         missing, lenient: Which stages are left out; see `cwcli.pipeline.execute.run_stages`.
     """
 
@@ -53,7 +53,7 @@ class Job:
 
 
 def run_job(job: Job) -> Outcome:
-    """Run the stages of `job`, write what was asked for, and print the summary.
+    """Run the stages of a job, write its outputs, and print the summary.
 
     Raises:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
@@ -69,7 +69,7 @@ def run_job(job: Job) -> Outcome:
 
 
 def execute(job: Job) -> Outcome:
-    """Run the stages of `job` and write what was asked for, without a word but the progress.
+    """Run the stages of a job and write its outputs; prints only the progress.
 
     Raises:
         CwcliError: Known errors. Nothing is written unless every stage succeeded.
@@ -112,7 +112,7 @@ def _console(job: Job) -> Console:
 
 
 def _check_targets(job: Job) -> None:
-    """Refuse what can't be written before the work, not after it."""
+    """Check before the work that all outputs can be written."""
     from cwcli.metrics.table import check_table_name
     from cwcli.output import check_targets
 
@@ -127,7 +127,7 @@ def _check_targets(job: Job) -> None:
 
 
 def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
-    """Write the annotated log and the tables: all of them, or none."""
+    """Write the annotated log and the tables: all of them or none."""
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, check_targets, make_folder
 
@@ -144,7 +144,7 @@ def _write(job: Job, log: Log, outcome: Outcome, progress: Progress) -> None:
 
 
 def _write_log(job: Job, log: Log, outcome: Outcome, progress: Progress, together: Together) -> list[str]:
-    """Write the annotated log; returns its files."""
+    """Write the annotated log; returns the names of its files."""
     from cwcli.logs.write.annotate import annotate
     from cwcli.logs.write.annotate_parts import annotate_parts
 
@@ -164,7 +164,7 @@ def _write_log(job: Job, log: Log, outcome: Outcome, progress: Progress, togethe
 
 
 def _table_files(job: Job, outcome: Outcome) -> dict[Path, Table]:
-    """The tables that were asked for, by file."""
+    """The requested tables, by file."""
     files: dict[Path, Table] = {}
     if job.metrics is not None:
         own = next(result for result in outcome.results if result.stage not in job.first)
@@ -175,7 +175,7 @@ def _table_files(job: Job, outcome: Outcome) -> dict[Path, Table]:
 
 
 def document(job: Job, outcome: Outcome) -> dict[str, Any]:
-    """What `--json` prints."""
+    """Make the content of `--json`."""
     return {
         "input": outcome.name,
         "output": job.writing.output,
@@ -188,7 +188,7 @@ def document(job: Job, outcome: Outcome) -> dict[str, Any]:
 
 
 def tell(job: Job, console: Console, outcome: Outcome) -> None:
-    """Print the summaries, the file's faults and what was written."""
+    """Print the summaries of the stages, notes on left-out stages and faults, and the written files."""
     for result in outcome.results:
         print_result(console, result.summary)
     for stage, reason in outcome.left_out.items():

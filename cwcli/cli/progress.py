@@ -1,4 +1,4 @@
-"""A progress line for anything longer than a second: on stderr, and only on a terminal that can wipe it again."""
+"""A progress line for work longer than a second, on stderr and only on a terminal that can erase it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from cwcli.cli.text import WIDTH, display_width, printable
 from cwcli.url import redact_urls
 
 SHOW_AFTER_S = 1.0
+"""Time after which the line is shown, s; chosen by hand."""
 REFRESH_S = 0.2
+"""Time between two updates of the line, s; chosen by hand."""
 
 
 class Progress:
-    """Tells on one line what is being done, for how long, and how much of it is done where that is known.
+    """Shows on one line the current step, the elapsed time and, if known, the share that is done.
 
     A background thread redraws the line, so a long call that reports nothing still shows its time. An instance is
     passed on as a plain callable: `progress(done, total)`.
@@ -28,18 +30,18 @@ class Progress:
         )
         self._what = ""
         self._fraction: float | None = None
-        self._left: float | None = None  # as much as this times what has passed
+        self._left: float | None = None  # remaining time per elapsed time
         self._begin = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
     def step(self, what: str) -> None:
-        """Begin the next step."""
+        """Show the name of the next step."""
         self._what = printable(redact_urls(what))
         self._fraction = self._left = None
 
     def __call__(self, done: float, total: float, skipped: float = 0) -> None:
-        """Report how much is done since the beginning, in any unit, and how much of that took no time."""
+        """Report the work done, the total and the part that was skipped, in any common unit."""
         self._fraction = min(max(done / total, 0.0), 1.0) if total > 0 else None
         self._left = (total - done) / (done - skipped) if skipped < done < total else None
 
@@ -58,12 +60,12 @@ class Progress:
             self._thread = None
 
     def line(self, elapsed_s: float, width: int = WIDTH) -> str:
-        """The line as it is shown, narrower than the terminal: a line that wraps can't be wiped.
+        """Format the line, narrower than the terminal, because a wrapped line can't be erased.
 
-        What is too long is cut: the name, and what follows it only where that alone does not fit.
+        The name of the step is cut first, the numbers only if they alone do not fit.
 
         Args:
-            elapsed_s: Since the beginning.
+            elapsed_s: Time since the beginning, s.
             width: Columns of the terminal.
         """
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
@@ -85,7 +87,7 @@ class Progress:
 
 
 def _cut(text: str, width: int) -> str:
-    """The beginning of a text that fills at most `width` cells of a terminal."""
+    """Cut a text to at most `width` cells of a terminal."""
     cut = text[: max(width, 0)]  # a cell or two each, but for combining marks
     while display_width(cut) > width > 0:
         cut = cut[:-1]
@@ -93,7 +95,7 @@ def _cut(text: str, width: int) -> str:
 
 
 def _columns() -> int:
-    """Of the terminal on standard error, which may have been made narrower meanwhile."""
+    """Current width of the terminal on standard error, in columns."""
     try:
         return os.get_terminal_size(sys.stderr.fileno()).columns or WIDTH
     except (OSError, ValueError):

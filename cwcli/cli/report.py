@@ -1,4 +1,4 @@
-"""Prints a stage's summary: its tables, what became of the input, and its notes."""
+"""Prints a stage's summary: its tables, the counts of its input messages, and its notes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def print_result(console: Console, summary: Summary) -> None:
-    """The summary as tables of at most 80 columns; notes go to stderr."""
+    """Print a summary as tables; notes go to stderr."""
     console.heading(summary.title)
     for section in summary.sections:
         console.summary("")
@@ -33,7 +33,7 @@ def print_result(console: Console, summary: Summary) -> None:
 
 
 def input_table(inputs: Sequence[InputCount]) -> str:
-    """Read, used, rejected and repaired messages of each input; the reasons below the table."""
+    """Format a table of the read, used, rejected and repaired messages of each input, with the reasons below."""
     rows = [
         (entry.topic, entry.role, entry.read, entry.used, sum(entry.rejected.values()), sum(entry.repaired.values()))
         for entry in inputs
@@ -52,13 +52,13 @@ def input_table(inputs: Sequence[InputCount]) -> str:
 
 
 def reasons(counts: Mapping[str, int]) -> str:
-    """`3 outside the gate, 1 without a fix`, the most frequent first."""
+    """Format counts of reasons, the most frequent first: `3 outside the gate, 1 without a fix`."""
     ordered = sorted(counts.items(), key=lambda item: -item[1])
     return ", ".join(f"{count} {printable(reason)}" for reason, count in ordered if count)
 
 
 def print_written(console: Console, paths: Sequence[str]) -> None:
-    """Names the files that were written, with their sizes."""
+    """Print the names and sizes of written files."""
     from pathlib import Path
 
     from cwcli.cli.text import size

@@ -1,4 +1,4 @@
-"""The command of a stage, made from its line in the table of stages and its configuration."""
+"""Makes the command of a stage from its entry in the table of stages and its configuration."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from cwcli.stages import STAGES
 
 
 def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
-    """The command's code, as Typer takes it, and its examples.
+    """Make the function of a stage's command, as Typer takes it, and its examples.
 
     Raises:
         UsageError: The stage's module is missing.

@@ -1,4 +1,4 @@
-"""Tables that fit the terminal; in a pipe 80 columns, where no topic is broken."""
+"""Formats tables that fit the terminal, or 80 columns in a pipe, where topics are never broken."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ from cwcli.cli.text import WIDTH, display_width, number, pad, printable, shown, 
 Cell = str | float | int | None
 
 GAP = "  "
+"""Space between two columns."""
 MIN_TEXT_WIDTH = 12
+"""Least width of a column of text before the table is split, in cells; chosen by hand."""
 
 MAX_CELL = 300
-"""Characters of a cell."""
+"""Longest text of a cell, in characters; chosen by hand."""
 _NUMBER_LIKE = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
+"""Pattern of cells that are right-aligned: numbers, percentages and the dash of a missing value."""
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int | None = None) -> str:
-    """A table as lines of at most `width` cells (the terminal's): headings, a rule, one line a row.
+    """Format a table: headings, a rule and one line a row, each at most as wide as `width` or the terminal.
 
     Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
     enough, it is cut into several tables that repeat the first column. In a pipe, where `grep` reads, a topic is never
-    broken, if need be in a line that is too long.
+    broken, even if its line becomes too long.
     """
     keeps_topics = width is None and terminal_width() is None
     width = width or terminal_width() or WIDTH
@@ -50,7 +53,7 @@ def _topic_width(cell: str) -> int:
 
 
 def _narrowest(head: str, column: Sequence[str], right: bool) -> int:
-    """The fewest cells into which a column can be squeezed."""
+    """The least width of a column, in cells of the terminal."""
     widest_cell = max((display_width(cell) for cell in column), default=0)
     longest_word = max((display_width(word) for word in head.split()), default=0)
     return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_WIDTH))
@@ -61,7 +64,7 @@ def _natural(head: str, column: Sequence[str]) -> int:
 
 
 def _parts(narrowest: Sequence[int], width: int) -> list[list[int]]:
-    """Column numbers of each block: as many as fit when squeezed, the first column in every block."""
+    """Split columns into blocks that fit `width` at their least widths; every block begins with column 0."""
     parts: list[list[int]] = []
     part: list[int] = []
     used = 0
@@ -98,7 +101,7 @@ def _block(
 
 
 def _widths(natural: list[int], narrowest: list[int], least: list[int], available: int) -> list[int]:
-    """Take cells from the column that can spare most until the sum fits, if need be down to the least it must have."""
+    """Shrink the widest columns until the sum of widths fits, first to `narrowest`, then to `least`."""
     widths = list(natural)
     while sum(widths) > available:
         spare = [current - least for current, least in zip(widths, narrowest, strict=True)]
@@ -106,7 +109,7 @@ def _widths(natural: list[int], narrowest: list[int], least: list[int], availabl
             break
         widest = max((i for i, cells in enumerate(spare) if cells > 0), key=lambda i: widths[i])
         widths[widest] -= 1
-    while sum(widths) > available:  # a word wider than the terminal: it is cut
+    while sum(widths) > available:  # a word wider than the terminal is cut
         spare = [current - max(own, 1) for current, own in zip(widths, least, strict=True)]
         if max(spare) <= 0:
             break

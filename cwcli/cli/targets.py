@@ -1,4 +1,4 @@
-"""What commands write: whether the name of a file fits what it will hold, and the tables and summaries of runs."""
+"""Checks the names of output files before any work is done."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.errors import UsageError
 
 
 def check_suffix(output: str, suffixes: Sequence[str], *, what: str, required: bool = True) -> str:
-    """Refuse a file name that tells another format than the one that is written.
+    """Check that the suffix of a file name fits the format that is written.
 
     Args:
         output: Name of the file, or `-` for standard output, which has no suffix.
@@ -38,7 +38,7 @@ def check_suffix(output: str, suffixes: Sequence[str], *, what: str, required: b
 def check_outputs(
     sources: Sequence[str], talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool
 ) -> list[str]:
-    """Refuse what can't or must not be written before the work; returns the files that will be.
+    """Check before the work that outputs can be written; returns their names without standard output.
 
     Raises:
         UsageError: Two of them, or --json, want the same place.

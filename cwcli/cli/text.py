@@ -1,4 +1,4 @@
-"""Text for a terminal: safe, plain and narrow."""
+"""Measures, wraps and pads text for a terminal; re-exports `cwcli.text`."""
 
 from __future__ import annotations
 
@@ -27,23 +27,24 @@ __all__ = [
 ]
 
 WIDTH = 80
-"""Columns where the output is no terminal."""
+"""Width of the output in columns when it is no terminal."""
 MIN_WIDTH = 20
+"""Least width in columns that is used; chosen by hand."""
 
 
 def terminal_width() -> int | None:
-    """Columns of the terminal on standard output, at least `MIN_WIDTH`; None: a file or a pipe."""
+    """Width of the terminal on standard output in columns, at least 20; None for a file or a pipe."""
     if sys.stdout is None or not sys.stdout.isatty():
         return None
     try:
         columns = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError):
         return WIDTH
-    return max(columns or WIDTH, MIN_WIDTH)  # 0: a terminal that does not know
+    return max(columns or WIDTH, MIN_WIDTH)  # some terminals report 0
 
 
 def display_width(text: str) -> int:
-    """Terminal cells that `text` fills: two for wide East Asian characters, none for combining marks."""
+    """Number of terminal cells of a text: two for wide East Asian characters, none for combining marks."""
     if text.isascii():
         return len(text)
     return sum(
@@ -52,7 +53,7 @@ def display_width(text: str) -> int:
 
 
 def wrap(text: str, width: int) -> list[str]:
-    """`text` in lines of at most `width` cells, broken at spaces, else after `/ _ . ,`, else anywhere."""
+    """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else anywhere."""
     lines: list[str] = []
     rest = text
     width = max(width, 1)
@@ -83,13 +84,13 @@ def _cut(text: str, width: int) -> int:
 
 
 def paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:
-    """`text` wrapped to `width` (the terminal's), its first line behind `first`, the others behind `rest`."""
+    """Wrap a text to `width` or the terminal, with `first` before its first line and `rest` before the others."""
     width = width or terminal_width() or WIDTH
     lines = wrap(text, width - max(len(first), len(rest)))
     return "\n".join((first if i == 0 else rest) + line for i, line in enumerate(lines))
 
 
 def pad(text: str, width: int, *, right: bool) -> str:
-    """`text` filled with spaces to `width` cells, on its left if `right`-aligned."""
+    """Pad a text with spaces to `width` cells, on the left if `right`-aligned."""
     fill = " " * (width - display_width(text))
     return fill + text if right else text + fill

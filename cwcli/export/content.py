@@ -1,4 +1,4 @@
-"""What of an annotated log is exported: its channels, as tables and as tracks."""
+"""Reads the contents of an annotated log that can be exported, as tables and as tracks."""
 
 from __future__ import annotations
 
@@ -36,16 +36,17 @@ from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
 MOST_NAMED = 10
+"""Vehicles that an error names; chosen by hand."""
 WORLD = ("ego", "remote", "targets")
-"""What a format that holds the ego and all others is made of, as far as the log has it."""
+"""Contents that a format for all vehicles takes together, if the log has them."""
 
 
 class Content(NamedTuple):
-    """One thing to export.
+    """One content of a log that can be exported.
 
     Attributes:
-        channel: Where it is.
-        is_tracks: It is states of vehicles.
+        channel: The channel that holds it.
+        is_tracks: It holds states of vehicles.
     """
 
     channel: Channel
@@ -66,20 +67,20 @@ CONTENTS = {
     "measures": Content(MEASURED),
     "rejected": Content(REJECTED),
 }
-"""What can be exported -> where it is."""
+"""Name of a content, as `--what` spells it -> its channel."""
 
 
 def contents_of_world(log: Log) -> list[str]:
-    """The ego and whatever the log holds of others."""
+    """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     there = {channel.topic for channel in log.channels if channel.message_count}
     return [what for what in WORLD if CONTENTS[what].channel.topic in there] or [WORLD[0]]
 
 
 def require_content(log: Log, what: str) -> None:
-    """Check that the log holds it.
+    """Check that the log holds a content.
 
     Raises:
-        MissingSignalError: It does not; what it holds is named.
+        MissingSignalError: It does not; the error names what the log holds.
     """
     there = {channel.topic for channel in log.channels}
     channel = CONTENTS[what].channel
@@ -95,7 +96,7 @@ def require_content(log: Log, what: str) -> None:
 
 
 def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
-    """The channel as a table, a row a message: log time, then its fields as they are published.
+    """Read a content as a table with a row a message: log time, then the published fields.
 
     Args:
         log: An annotated log.
@@ -103,7 +104,7 @@ def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
         vehicle: Only the rows with this id, or None for all.
 
     Raises:
-        UsageError: No row has the id; those there are are named.
+        UsageError: No row has the id; the error names the ids there are.
         InputError: The log is damaged.
     """
     columns = log.columns(CONTENTS[what].channel.topic)
@@ -115,10 +116,10 @@ def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
 
 
 def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
-    """The states as tracks, one a vehicle, in the order in which they were first heard.
+    """Read states as tracks, one a vehicle, in the order of their first states.
 
     Raises:
-        UsageError: No state has the id; those there are are named.
+        UsageError: No state has the id; the error names the ids there are.
         MissingSignalError: There is no state.
         DataError: Another version wrote the channel.
         InputError: The log is damaged.
@@ -152,16 +153,16 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
 
 
 def _usual(sizes_m: FloatArray) -> float:
-    """The median of what is known."""
+    """The median of the finite values, NaN if there is none."""
     known = sizes_m[np.isfinite(sizes_m)]
     return float(np.median(known)) if len(known) else math.nan
 
 
 def require_globe(tracks: list[Track], log: Log, name: str) -> None:
-    """Check that the tracks have a place on the earth.
+    """Check that the tracks have latitudes and longitudes.
 
     Raises:
-        DataError: They have not: the log's positions are Cartesian.
+        DataError: They have none: the log's positions are Cartesian.
     """
     if not all(np.isfinite(track.latitude_deg).all() for track in tracks):
         raise DataError(
@@ -172,7 +173,7 @@ def require_globe(tracks: list[Track], log: Log, name: str) -> None:
 
 
 def _rows_of(columns: Columns, vehicle: str, what: str) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
-    """The rows with an id."""
+    """Row numbers of a vehicle's messages, by its id."""
     named = [columns.fields.get(field) for field in ("id", "other_id")]
     ids = next((column for column in named if isinstance(column, Strings)), None)
     if ids is None:

@@ -1,4 +1,4 @@
-"""An annotated log as a recording of Rerun: what Rerun makes of it by itself, and beside it paths, speeds and views."""
+"""Converts an annotated log to a Rerun recording: Rerun's own import of the log, plus paths, speeds and views."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 TIMELINE = "message_log_time"
-"""What Rerun calls the log times of MCAP messages."""
+"""Rerun's name for the timeline of log times of MCAP messages."""
 
 HEIGHT_M = 150.0
-"""Of the eye over the ego."""
+"""Height of the viewer's eye above the ego, m; chosen by eye."""
 
 
 def require_rerun() -> None:
-    """Refuse to begin where nothing can be recorded.
+    """Check that Rerun is installed.
 
     Raises:
         UsageError: The extra `view` is not installed.
@@ -44,7 +44,11 @@ def require_rerun() -> None:
 
 
 def show(log: Log, path: str) -> None:
-    """Open the viewer with a log; arguments and errors as those of `recorded`."""
+    """Open the Rerun viewer with an annotated log at `path`.
+
+    Raises:
+        MissingSignalError: The log holds no states.
+    """
     there = _topics(log)
     import rerun as rr
 
@@ -56,13 +60,13 @@ def show(log: Log, path: str) -> None:
 
 
 def recorded(log: Log, path: str) -> bytes:
-    """A log as the content of an `.rrd` file.
+    """Encode a log as the content of an `.rrd` file.
 
-    It is made in memory: where a disk is full, Rerun's own writer of files waits forever.
+    It is built in memory, because Rerun's own file writer waits forever when the disk is full.
 
     Args:
         log: The annotated log.
-        path: Where it lies; Rerun opens it by itself.
+        path: Path of the log, which Rerun opens itself.
 
     Raises:
         MissingSignalError: The log holds no states.
@@ -85,7 +89,7 @@ def _topics(log: Log) -> set[str]:
 
 
 def _send(recording: Any, log: Log, path: str, there: Container[str]) -> None:
-    """All that is shown of a log."""
+    """Send the log's file, speeds and paths to a recording."""
     import rerun as rr
 
     recording.log_file_from_path(path)

@@ -1,4 +1,4 @@
-"""Numbers, times and names as the text formats want them."""
+"""Formats numbers, times and names for text formats."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import re
 from datetime import UTC, datetime
 
 DEGREE_DIGITS = 9
-"""0.1 mm on the ground."""
+"""Decimals of an angle in degrees; chosen: 0.1 mm on the ground."""
 NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML 1.0 document may hold, not even escaped."""
 
 
 def degrees(value: float) -> str:
-    """An angle for XML."""
+    """Format an angle in degrees with nine decimals."""
     return f"{value:.{DEGREE_DIGITS}f}"
 
 
 def iso_time(stamp_ns: int) -> str:
-    """Unix time as ISO 8601 in UTC with nine digits."""
+    """Format a Unix time in ns as ISO 8601 in UTC with nine decimals."""
     return f"{datetime.fromtimestamp(stamp_ns // 10**9, UTC):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9:09d}Z"
 
 
 def xml_text(text: str) -> str:
-    """Text that an XML document may hold; what it may not is a replacement character."""
+    """Replace each character that an XML document may not hold by the replacement character."""
     return NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -16,16 +16,17 @@ if TYPE_CHECKING:
     from cwcli.signals.columns import Columns
 
 MADE_OF_PATHS = {each.topic for each in (EGO_PATH, REMOTE_PATH, PATH_SCENE)}
-"""What is streamed, and holds no images."""
+"""Topics of streamed channels that hold no images and so get a table."""
 LOG_TIME, PUBLISH_TIME = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")
+"""Descriptions of the two columns of times."""
 
 
 def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Table]]:
-    """Each channel that has columns, as (safe name, table); one at a time, because a log may be large.
+    """Yield (safe name, table) of each channel that has columns, one at a time because a log may be large.
 
     Args:
-        log: With the channels of the stages that ran.
-        left_out: Filled with topic -> why it has no table. Byte blobs (images) are in no column anyway.
+        log: The log with the channels of the stages that ran.
+        left_out: Filled with topic -> why it has no table. Bytes such as images are in no column.
     """
     streamed = {
         channel.topic
@@ -34,7 +35,7 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
     }
     for topic in sorted({channel.topic for channel in log.channels}):
         if topic in streamed:
-            left_out[topic] = "its images are made while they are written"
+            left_out[topic] = "its images are rendered only while the log is written"
             continue
         try:
             columns = log.columns(topic)
@@ -46,7 +47,7 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
 
 
 def channel_table(name: str, columns: Columns) -> Table:
-    """A channel's leaf fields, behind its log time, its publish time and its sequence numbers."""
+    """Make the table of a channel: log time, publish time and sequence number, then its leaf fields."""
     header: dict[str, TableColumn] = {
         "log_time_ns": columns.log_time_ns,
         "publish_time_ns": columns.publish_time_ns,

@@ -1,11 +1,11 @@
-"""The output folder: what lies where, and whether a log's part of it is finished.
+"""The output folder of a run: paths of its files, and whether a log's part of it is finished.
 
-manifest.json                                what was to be done, what was done, what failed and why
+manifest.json                                the pipeline, the logs that are done, and why others failed
 run_times.json                               the only file that differs from run to run
 logs/<id>/annotated.mcap                     the log with its new channels
-logs/<id>/entry.json                         written last: the log is done
+logs/<id>/entry.json                         what became of the log; written last
 metrics/log=<id>/metrics.parquet             headline metrics; all logs together are one table
-details/<table>/log=<id>/<table>.parquet     each table of each stage, likewise
+details/<table>/log=<id>/<table>.parquet     each table of each stage
 tables/<channel>/log=<id>/<channel>.parquet  the channels' columns (`--tables`)
 """
 
@@ -29,10 +29,15 @@ if TYPE_CHECKING:
     from cwcli.metrics.table import Table
 
 FORMAT = 1
+"""Version of the manifest's format."""
 MANIFEST, RUN_TIMES, ENTRY, ANNOTATED = "manifest.json", "run_times.json", "entry.json", "annotated.mcap"
-NOT_DONE = "it was not done"
+"""Names of the files in the output folder."""
+NOT_DONE = "it was not processed"
+"""Error text of a log that has no entry."""
 OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
+"""Hint of the error about a manifest in another format."""
 LOGS, METRICS, DETAILS, TABLES, SCRATCH = "logs", "metrics", "details", "tables", ".scratch"
+"""Names of the subfolders of the output folder."""
 
 Document = dict[str, Any]
 
@@ -51,20 +56,20 @@ class LogFolder:
 
     @property
     def annotated(self) -> Path:
-        """The log with its new channels."""
+        """Path of the annotated log."""
         return self.out / LOGS / self.id / ANNOTATED
 
     @property
     def metrics(self) -> Path:
-        """The file of headline metrics."""
+        """Path of the table of headline metrics."""
         return self._part(METRICS) / f"{METRICS}.parquet"
 
     def table(self, kind: str, name: str) -> Path:
-        """The file of one table, of `kind` details or tables."""
+        """Path of one table; `kind` is the folder of details or of channel tables."""
         return self._part(kind, name) / f"{name}.parquet"
 
     def entry(self) -> Document | None:
-        """What was recorded of the log; None if nothing was, or it can't be read."""
+        """Read the log's entry; None if there is none or it can't be read."""
         return read_document(self._entry)
 
     @property
@@ -72,24 +77,24 @@ class LogFolder:
         return self.out / LOGS / self.id / ENTRY
 
     def note(self) -> None:
-        """Remember the entry as an input: this run only reads it."""
+        """Register the entry as an input of this run, so that no output overwrites it."""
         note_input(self._entry)
 
     def is_done(self, entry: Document | None, key: str) -> bool:
-        """Whether the log was done with this key, and every file of it is still there in full."""
+        """Whether the log was done with this key and all its files still have their sizes."""
         if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _is_whole(entry):
             return False
         return bool(self._sizes(entry["outputs"]) == entry["bytes"])
 
     def finish(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
-        """Record what became of the log; returns the whole entry."""
+        """Write the log's entry with the names and sizes of its files; returns the whole entry."""
         paths = sorted(path.relative_to(self.out).as_posix() for path in outputs)
         whole = {**entry, "outputs": paths, "bytes": self._sizes(paths)}
         write_document(whole, self._entry)
         return whole
 
     def clear(self) -> None:
-        """Remove everything of the log.
+        """Remove all files of the log.
 
         Raises:
             OutputError: Something can't be removed.
@@ -107,7 +112,7 @@ class LogFolder:
             except OSError as error:
                 raise OutputError(f"it can't be removed: {error.strerror}", where=str(part)) from error
         for part in parts[2:]:
-            with suppress(OSError):  # the last log that had this table
+            with suppress(OSError):  # it is empty only after the last log that had this table
                 part.parent.rmdir()
 
     def _part(self, *names: str) -> Path:
@@ -122,19 +127,19 @@ def id_of_annotated(path: Path) -> str | None:
     try:
         resolved = path.resolve()
         is_of_run = resolved.name == ANNOTATED and (resolved.parent / ENTRY).is_file()
-    except (OSError, ValueError):  # whoever reads it tells what is wrong
+    except (OSError, ValueError):  # reading the file gives the error
         return None
     return resolved.parent.name if is_of_run else None
 
 
 @dataclass(frozen=True)
 class RecordedLog:
-    """What is known of one log of a run.
+    """One log of an earlier run, as its output folder records it.
 
     Attributes:
-        id: As it is recorded.
-        folder: Its part of the output folder; None where the id is no name of a file: it could lead elsewhere.
-        entry: Its own, else the manifest's, or {}.
+        id: The recorded id.
+        folder: Its part of the output folder; None where the id is no plain file name and could lead elsewhere.
+        entry: The log's own entry, else the manifest's, or {}.
     """
 
     id: str
@@ -144,7 +149,7 @@ class RecordedLog:
 
 @dataclass(frozen=True)
 class RecordedRun:
-    """What is known of a run.
+    """An earlier run, as its output folder records it.
 
     Attributes:
         logs: In order of id.
@@ -156,10 +161,10 @@ class RecordedRun:
 
 
 def read_output(out: Path) -> RecordedRun | None:
-    """The run whose output folder this is: the logs that the manifest names; without one, those that have a folder.
+    """Read the run in an output folder: the logs in the manifest, else those that have a folder.
 
-    A killed run's manifest calls every log pending, so a log's own entry counts more. None of it is believed further
-    than its types go: the files may be anybody's.
+    The manifest of a killed run calls every log pending, so a log's own entry takes precedence. All types are checked,
+    because the files may come from elsewhere.
 
     Returns:
         The run, or None if the folder holds none.
@@ -191,9 +196,9 @@ def read_output(out: Path) -> RecordedRun | None:
 
 
 def other_format(manifest: Mapping[str, Any]) -> str:
-    """What to say of a manifest that cwcli wrote in another format than this version's; "" if there is nothing to say.
+    """An error text for a manifest of cwcli in another format than this version's; "" for any other file.
 
-    A folder of logs may hold a manifest.json of another tool: that is nobody's run.
+    A folder of logs may hold a manifest.json of another tool, which is ignored.
     """
     found = manifest.get("format", FORMAT)
     if found == FORMAT or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
@@ -202,7 +207,7 @@ def other_format(manifest: Mapping[str, Any]) -> str:
 
 
 def new_entry(id: str, source: str) -> Document:
-    """The entry of a log of which nothing is known yet but that it is there."""
+    """Make the entry of a log that has not been processed yet."""
     return {
         "id": id,
         "source": source,
@@ -219,7 +224,7 @@ def new_entry(id: str, source: str) -> Document:
 
 
 def _is_whole(entry: Document) -> bool:
-    """Whether an entry of a log that is done has what is read of it: nobody may have changed it since."""
+    """Whether the entry of a log that is done has all fields that are read from it, in their types."""
     return (
         entry.get("error") is None
         and all(isinstance(entry.get(key), str) for key in ("id", "source", "sha256"))
@@ -241,7 +246,7 @@ def _is_count(count: Document) -> bool:
 
 
 def put_table(table: Table, path: Path) -> Path:
-    """Write one table, with its folders."""
+    """Write one table and create its folders; returns the path."""
     from cwcli.metrics.table import write_table
 
     make_folder(path.parent, parents=True)
@@ -250,7 +255,7 @@ def put_table(table: Table, path: Path) -> Path:
 
 
 def read_document(path: Path) -> Document | None:
-    """A JSON file of ours; None if it is not there or is no JSON object."""
+    """Read a JSON file that holds an object; None if it is missing or holds something else."""
     try:
         document = json.loads(path.read_bytes(), object_pairs_hook=_shared)
     except (OSError, ValueError, RecursionError):
@@ -259,12 +264,12 @@ def read_document(path: Path) -> Document | None:
 
 
 def _shared(pairs: list[tuple[str, Any]]) -> Document:
-    """An object whose words are kept once, however many logs have them."""
+    """Make an object whose strings are interned, because many logs repeat them."""
     return {sys.intern(key): sys.intern(value) if type(value) is str else value for key, value in pairs}
 
 
 def write_document(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:
-    """Write a JSON file that appears whole or not at all: a line for each key, and for each thing right below one."""
+    """Write a JSON file atomically, with a line for each key and for each item below it."""
     with open_output(path, force=True, durable=durable) as output:
         before = "{\n "
         for key, value in document.items():
@@ -294,7 +299,7 @@ def _json(value: Any) -> str:
 
 
 def recorded_ids(out: Path) -> Iterator[str]:
-    """Names of the logs that have a folder, in order."""
+    """Yield the ids of the logs that have a folder, sorted."""
     logs = out / LOGS
     if logs.is_dir():
         yield from sorted(path.name for path in logs.iterdir() if path.is_dir())

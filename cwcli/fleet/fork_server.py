@@ -1,4 +1,4 @@
-"""The process that forks workers: it imports what every log needs once, and reaches its parent through pipes alone.
+"""The process that forks workers: it imports shared modules once and talks to its parent through pipes only.
 
 Python's own fork server listens on a socket with a name in the folder for temporary files, and a run that is killed
 leaves that folder behind. This one is given its end of a pair of sockets when it starts; for each worker the parent
@@ -25,7 +25,7 @@ from cwcli.fleet.worker_call import PipeWorker, WorkerLost
 
 
 class ForkServer:
-    """Starts workers. Everything that it started ends with `stop`, or with this process.
+    """Starts worker processes, which all end when they are stopped or when this process ends.
 
     Raises:
         OSError: No process can be started.
@@ -54,7 +54,7 @@ class ForkServer:
             os.close(held)
 
     def start_worker(self) -> PipeWorker:
-        """A new worker.
+        """Fork a new worker.
 
         Raises:
             WorkerLost: The server has gone, or was stopped.
@@ -83,7 +83,7 @@ class ForkServer:
 
 
 def serve(control: int, leash: int) -> None:
-    """The server's whole life: import, then fork a worker for each socket that comes, until the parent has gone."""
+    """Run the server: import, then fork a worker for each socket that is received, until the parent has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     for descriptor in (control, leash):
@@ -119,7 +119,7 @@ def _has_ended(child: int) -> bool:
 
 
 def _work(descriptor: int, leash: int) -> None:
-    """A worker's whole life; does not return."""
+    """Answer calls until the connection closes, then exit the process; does not return."""
     code = 1
     try:
         threading.Thread(target=_leave_after, args=(leash,), daemon=True).start()

@@ -18,15 +18,15 @@ from cwcli.url import name_url, path_of_url
 
 
 def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Every log once, as (source, path): the name for people, and the absolute path, or the URL with its secrets.
+    """Expand arguments to the logs they name, each once, as (name to show, absolute path or full URL).
 
     A folder with a recorder's metadata.yaml is one log; another one stands for the logs that lie right in it. Patterns
     (`*`, `?`, `[...]`, `**`) are expanded here where the shell has not done it. A file of that very name comes first.
-    What is named twice, also through a link or with two signatures of one URL, is one log.
+    A log that is named twice, also through a link or with two signatures of one URL, counts once.
 
     Args:
         arguments: Files, folders, patterns and URLs.
-        results: Folders that the run writes, and removes: a pattern or a folder passes by what lies in them.
+        results: Folders that the run writes and removes; patterns and folders skip the files in them.
 
     Raises:
         UsageError: A pattern matches nothing, a folder holds no log, a name is empty or lies in `results`, or a URL
@@ -75,7 +75,7 @@ def _is_log(path: Path) -> bool:
 
 
 def _in_folder(argument: str, folder: Path) -> list[str]:
-    """A folder that is one log, or the logs right in a folder, each a file or such a folder."""
+    """List the logs of a folder: itself if it is one log, else the log files and log folders directly in it."""
     if is_recording(folder):
         return [argument]
     names = sorted(
@@ -107,7 +107,7 @@ def _expanded_remote(url: str) -> list[str]:
         try:
             system.ls(file_system(f"{parent}/")[1])
         except Exception as error:
-            if "bucket" in str(error).lower():  # there is no such one; else no such folder in it, where nothing matches
+            if "bucket" in str(error).lower():  # otherwise only the folder is missing: nothing matches
                 raise unreadable(url, error) from error
         raise UsageError("no file matches", where=url)
     return [str(system.unstrip_protocol(name)) for name in matches]
@@ -115,12 +115,12 @@ def _expanded_remote(url: str) -> list[str]:
 
 @contextmanager
 def local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
-    """A copy of a remote log, for as long as it is needed.
+    """Copy a remote log to a temporary file that is removed when the context ends.
 
     Args:
         url: The log.
         folder: Where the copy lies meanwhile; it is made if it is not there.
-        max_bytes: Of the copy.
+        max_bytes: Largest size of the copy.
 
     Raises:
         InputError: It can't be read, or is larger.

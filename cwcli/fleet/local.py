@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from cwcli.fleet.worker_call import PipeWorker
 
 ATTEMPTS = 2
-"""How often a log is begun whose worker dies: it may have been another process's fault."""
+"""Attempts at a log whose worker dies; chosen: one repetition, because another process may have caused it."""
 
 LOGS_PER_WORKER = 500
-"""Then it makes room for a new one: whatever a library keeps does not add up."""
+"""Logs after which a worker is replaced, so that memory that libraries keep does not add up; chosen by hand."""
 
 
 class WorkerDied(Exception):
@@ -32,14 +32,14 @@ class WorkerDied(Exception):
 def run_local(
     tasks: Sequence[Task], plan: Plan, jobs: int, do: Callable[[Task, Plan], Done] = work
 ) -> Iterator[tuple[Task, Done | WorkerDied]]:
-    """Do the logs on `jobs` processes, in order; yields each as it ends.
+    """Process the logs on `jobs` local processes, in order; yield each task with its result as it ends.
 
-    When the iterator is closed, or an error passes through it, the workers are gone before it is done.
+    All workers are stopped before the iterator closes, also after an error.
 
     Args:
-        tasks, plan: What is to be done.
+        tasks, plan: The logs, and what is done with each.
         jobs: Number of worker processes.
-        do: What a worker does with a log; a function of a module.
+        do: Function of a module that a worker calls for each log.
 
     Raises:
         OutputError: The output folder can't be written.
@@ -69,7 +69,7 @@ def run_local(
 
 
 class _Workers:
-    """One process per thread, so that it is known whose log killed it."""
+    """One worker process per thread, so that it is known which log killed a worker."""
 
     def __init__(self, plan: Plan, do: Callable[[Task, Plan], Done]) -> None:
         self._do = do
@@ -79,10 +79,10 @@ class _Workers:
         self._is_stopping = False
 
     def do(self, task: Task) -> Done:
-        """Do one log in this thread's process.
+        """Process one log in this thread's worker.
 
         Raises:
-            WorkerDied: It died, more than once.
+            WorkerDied: The worker died at every attempt.
         """
         for attempt in range(1, ATTEMPTS + 1):
             try:
@@ -99,12 +99,12 @@ class _Workers:
         raise WorkerDied
 
     def stop(self) -> None:
-        """End the workers at once."""
+        """Stop all workers at once."""
         self._is_stopping = True
         self._server.stop()
 
     def join(self) -> None:
-        """Wait until nothing of them is left."""
+        """Wait until all workers have ended."""
         self._server.join()
 
     def _worker(self) -> PipeWorker | SpawnedWorker:

@@ -1,4 +1,4 @@
-"""Safe, unique names for logs and topics: they become names of folders, and values of a partition."""
+"""Safe, unique names for logs and topics, which become names of folders and values of table partitions."""
 
 from __future__ import annotations
 
@@ -10,14 +10,19 @@ from collections.abc import Sequence
 from cwcli.url import HIDDEN
 
 MAX_LENGTH = 80
+"""Longest name in characters; chosen by hand."""
 MAX_BYTES = 160
-"""In UTF-8; file systems take 255, and more comes behind."""
+"""Longest name in bytes of UTF-8; chosen: file systems take 255, and a digest and a suffix follow."""
 DIGEST_LENGTH = 8
+"""Hexadecimal digits of the hash that makes a changed name unique; chosen by hand."""
 PLAIN = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
-"""Unicode's categories of letters, their marks, and digits."""
+"""Unicode categories of letters, their marks, and digits."""
 _MORE_THAN_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
+"""A letter that no number in text holds."""
 _LIKE_A_NUMBER = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
+"""Words that readers of tables take for a number, a missing value or a truth value."""
 _DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
+"""Names of devices, which Windows allows for no file."""
 
 
 def safe_name(text: str) -> str:
@@ -27,7 +32,7 @@ def safe_name(text: str) -> str:
     digits of the text's hash at its end, so that two texts never get one name. `2026-05-01` becomes `log-2026-05-01`: a
     reader of partitioned tables would take it for a date.
     """
-    composed = unicodedata.normalize("NFC", text)  # some disks do so, too: an accent is part of its letter
+    composed = unicodedata.normalize("NFC", text)  # some file systems do so too: an accent is part of its letter
     kept = "".join(char if _is_plain(char) else "\0" for char in composed)
     name = _cut(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", kept))).rstrip(".")
     if not _MORE_THAN_A_NUMBER.search(name) or _LIKE_A_NUMBER.fullmatch(name) or _DEVICES.fullmatch(name):
@@ -41,7 +46,7 @@ def safe_name(text: str) -> str:
 
 
 def _is_plain(char: str) -> bool:
-    """A letter, a digit or a mark on one, of any script, or one of `._-`."""
+    """Whether a character is a letter, a digit or a mark of any script, or one of `._-`."""
     return char in "._-" or (char.isalnum() if char.isascii() else unicodedata.category(char) in PLAIN)
 
 
@@ -87,9 +92,9 @@ def log_ids(sources: Sequence[str]) -> list[str]:
 
 
 def _parts(source: str) -> list[str]:
-    """Folders and stem, without what means nothing."""
+    """Split a source into its folders and stem, without empty parts and hidden secrets."""
     digest = ""
-    if "://" in source:  # as `name_url` names it: who reads it, and with which signature, is no part of the name
+    if "://" in source:  # as `name_url` shows it: user and signature are no part of the name
         source, _, rest = source.replace(f"{HIDDEN}@", "").replace(f"#{HIDDEN}", "").partition(f"?{HIDDEN}")
         digest = f"-{rest[2:-1]}" if rest else ""
     *folders, name = source.replace("\\", "/").rstrip("/").split("/")

@@ -1,4 +1,4 @@
-"""What is to be done with each log: a value that can be sent to another process."""
+"""The work of a run as values that can be sent to another process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cwcli.pipeline.call import StageCall
 
 @dataclass(frozen=True)
 class Plan:
-    """The same for every log of a run.
+    """Stages and options that are the same for every log of a run.
 
     Attributes:
         stages: In the order in which they run.
@@ -46,14 +46,14 @@ class Plan:
     channels: tuple[str, ...] = ()
 
     def calls(self) -> dict[str, StageCall]:
-        """Name -> stage, in order."""
+        """Stage calls by name, in order."""
         return {call.stage.name: call for call in self.stages}
 
     def key(self, input_sha256: str) -> str:
-        """A hash that is the same where the same version of cwcli would make the same of the same input.
+        """Hash of version, input and options; an equal key means equal results.
 
-        How much may come out of a pipe is no part of it, and without `--recover` neither is how far the chunks may
-        unpack together: a log that was read at all within a bound is read alike within another.
+        `max_pipe_bytes` is no part of it, nor, without `--recover`, `max_ratio`: a log that was read within one bound
+        gives the same results within another.
         """
         settings = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         settings["stages"] = [[call.stage.name, dataclasses.asdict(call.config)] for call in self.stages]

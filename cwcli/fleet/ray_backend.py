@@ -1,4 +1,4 @@
-"""Logs on a Ray cluster. Ray decides where and when, and begins a log again whose worker died."""
+"""Processes logs on a Ray cluster, which schedules them and repeats a log whose worker died."""
 
 from __future__ import annotations
 
@@ -13,21 +13,24 @@ from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, work
 
 RETRIES = 1
+"""Repetitions of a log whose worker died; chosen as for local processes."""
 LOCAL = "local"
+"""Address that means a new cluster on this machine."""
 CONNECT_S = 5.0
+"""Time after which a cluster counts as not answering, s; chosen by hand."""
 
 
 def run_ray(
     tasks: Sequence[Task], plan: Plan, address: str, jobs: int | None
 ) -> Iterator[tuple[Task, Done | WorkerDied]]:
-    """Do the logs on a Ray cluster; yields each as it ends.
+    """Process the logs on a Ray cluster; yield each task with its result as it ends.
 
     Inputs and the output folder must be reachable under the same names from every machine of the cluster.
 
     Args:
-        tasks, plan: What is to be done.
-        address: Of the cluster; `auto` for the one that this machine belongs to, `local` for one of its own.
-        jobs: With `local`, how many processors it gets; None: all.
+        tasks, plan: The logs, and what is done with each.
+        address: Address of the cluster; `auto` for the one of this machine, `local` for a new one.
+        jobs: With `local`, the number of processors; None for all.
 
     Raises:
         UsageError: Ray is not installed, or the cluster does not answer.
@@ -56,10 +59,10 @@ def run_ray(
 
 
 def _answers(address: str) -> None:
-    """Fail at once where nobody listens; Ray itself would try for minutes.
+    """Check that the cluster accepts connections; Ray itself would retry for minutes.
 
     Raises:
-        OSError: Nobody does.
+        OSError: It does not.
     """
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if port.isdecimal():
@@ -67,12 +70,12 @@ def _answers(address: str) -> None:
 
 
 def _started(address: str, jobs: int | None) -> Any:
-    """Ray, connected."""
+    """Import Ray, connect it to the cluster, and return its module."""
     try:
         import ray
     except ImportError as error:
         raise UsageError("--ray needs a package that is not installed", hint=install_hint("ray")) from error
-    # what `cwcli.cli.main` sets for this process, also on a cluster that somebody else has started
+    # the same thread limit as `cwcli.cli.main` sets for this process
     quiet: dict[str, Any] = {
         "log_to_driver": False,
         "logging_level": "ERROR",

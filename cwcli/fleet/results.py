@@ -1,4 +1,4 @@
-"""The headline metrics of a run, read back: from an output folder, from annotated logs, or from a metrics table."""
+"""Reads the headline metrics of a run from an output folder, from annotated logs, or from a metrics table."""
 
 from __future__ import annotations
 
@@ -23,19 +23,21 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 STDIN = "-"
+"""Name of standard input."""
 TEXTS = ("stage", "metric", "unit", "pool", "states")
-"""The columns of the metrics that hold text; the others hold numbers."""
+"""The text columns of the table of metrics; the others hold numbers."""
 NO_TABLE = "the log has no readable table of metrics, and no annotated log to make it from"
+"""Error text of a log that is done but has neither metrics nor an annotated log."""
 
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """The logs of a run and what they were measured by.
+    """The headline metrics of each log of a run.
 
     Attributes:
-        source: As the user named it.
-        logs: In order of id; failed ones are among them.
-        gates: Kept in the run's manifest.
+        source: The run, as the user named it.
+        logs: Metrics of each log in order of id, failed logs included.
+        gates: Gates in the run's manifest.
         is_one_log: The source is a single log.
     """
 
@@ -46,7 +48,7 @@ class RunMetrics:
 
 
 class _How(NamedTuple):
-    """How a log is scored; see `read_metrics`."""
+    """Options of scoring a log: the truth, and another system or None."""
 
     truth: str
     system: System | None
@@ -65,10 +67,10 @@ def read_metrics(
         source: Output folder of `cwcli run -d`; folder of annotated logs (`*.mcap`); one annotated log, also a folder
             with a recorder's metadata.yaml or a URL, `-` for standard input; or a table (`.parquet`) that `cwcli
             evaluate --metrics` has written.
-        truth: As in `cwcli.evaluation.evaluate_log`. What an output folder holds is computed again from its annotated
-            logs if it was computed with another one.
-        system: Another system in the logs, which is judged too: then everything is computed again.
-        step: Told of each log that is computed.
+        truth: As in `cwcli.evaluation.evaluate_log`. Metrics that an output folder holds for another truth are computed
+            again from its annotated logs.
+        system: Another system in the logs to score too; then all metrics are computed again.
+        step: Called with a text for each log that is computed.
 
     Raises:
         InputError: There is no such file or folder, or it holds none of these.
@@ -119,7 +121,7 @@ def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) 
 
 
 def _of_output(path: Path, run: RecordedRun, how: _How, step: Callable[[str], None]) -> Iterator[LogMetrics]:
-    """The logs of an output folder."""
+    """Yield the metrics of each log of an output folder."""
     for log in run.logs:
         if log.folder is None:
             raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST))
@@ -166,7 +168,7 @@ def _of_log(source: str, name: str, how: _How) -> LogMetrics:
 
 
 def _input_sha256(log: Log) -> str:
-    """Hash of the log before it was annotated, from the first record that tells it."""
+    """Hash of the log before it was annotated, from the first metadata record that holds it, else ""."""
     from cwcli.pipeline.records import run_records
 
     hashes = [record["input_sha256"] for record in run_records(log).values() if "input_sha256" in record]
@@ -174,7 +176,7 @@ def _input_sha256(log: Log) -> str:
 
 
 def _of_table(path: Path) -> list[LogMetrics]:
-    """The logs of a table with a column `log`."""
+    """Read the metrics of each log from a table with a column `log`."""
     table = read_metrics_table(path)
     ids = table.columns.get("log")
     if not isinstance(ids, list):
@@ -196,7 +198,7 @@ def _part(table: Table, rows: list[int]) -> Table:
 
 
 def read_metrics_table(path: Path) -> Table:
-    """A table of headline metrics, as a run and `cwcli evaluate --metrics` write it.
+    """Read a table of headline metrics, as a run and `cwcli evaluate --metrics` write it.
 
     Raises:
         InputError: It can't be read, or lacks a column.

@@ -1,4 +1,4 @@
-"""A run over many logs: what is to be done, where, by whom, and what became of it."""
+"""Runs a pipeline over many logs and records the results in an output folder."""
 
 from __future__ import annotations
 
@@ -45,16 +45,16 @@ from cwcli.url import name_url
 
 Report = Callable[[Task, str, int, int], None]
 PARTS = (LOGS, METRICS, DETAILS, TABLES, SCRATCH)
-"""Folders that a run fills, and empties."""
+"""Subfolders of the output folder that a run writes and may empty."""
 
 
 @dataclass(frozen=True)
 class Fleet:
-    """What became of a run.
+    """The result of a run over many logs.
 
     Attributes:
         out: The output folder.
-        manifest: As `manifest.json` holds it.
+        manifest: Content of `manifest.json`.
         statuses: Log id -> `done`, `failed` or `unchanged`.
     """
 
@@ -78,7 +78,7 @@ def run_fleet(
     force: bool = False,
     report: Report = lambda task, status, done, total: None,
 ) -> Fleet:
-    """Run a pipeline on every log, and record what became of each.
+    """Run a pipeline on every log, and record the result of each.
 
     Args:
         sources: Files, folders, patterns and URLs.
@@ -86,8 +86,8 @@ def run_fleet(
         out: The output folder.
         jobs: Worker processes; None: as many as there are processors.
         ray: Address of a Ray cluster, `auto` for the one of this machine, `local` for one of its own; None: no Ray.
-        force: Begin afresh: everything of earlier runs in the folder is removed.
-        report: Told of each log that ended: the task, its status, how many have ended, of how many.
+        force: Remove all results of earlier runs in the folder first.
+        report: Called when a log ends, with the task, its status, the number of ended logs and of all logs.
 
     Raises:
         UsageError: A pattern matches nothing, a folder holds no log, a log lies in the output folder, or that holds
@@ -144,7 +144,7 @@ def _start(tasks: list[Task], plan: Plan, jobs: int | None, ray: str | None) -> 
 
 
 def available_processors() -> int:
-    """How many processors this process may use."""
+    """The number of processors that this process may use."""
     with suppress(AttributeError):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -162,7 +162,7 @@ def _refuse_inputs(out: Path, tasks: Iterable[Task]) -> None:
 
 
 def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
-    """Make the folder, and refuse one that holds something else."""
+    """Prepare the output folder: refuse one with other content, and remove what cancelled or forced runs left."""
     by_id = {task.id: task for task in tasks}
     ours = [name for name in (LOGS, METRICS, DETAILS, TABLES) if (out / name).exists()]
     manifest = read_document(out / MANIFEST)
@@ -170,7 +170,7 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
         raise OutputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
     if ours and (manifest is None or manifest.get("format") != FORMAT):
         raise OutputError(
-            f"the folder holds something else: {', '.join(ours)}", where=str(out), hint="name a new folder with -d"
+            f"the folder holds no run of cwcli, but {', '.join(ours)}", where=str(out), hint="name a new folder with -d"
         )
     shutil.rmtree(out / SCRATCH, ignore_errors=True)
     if force:
@@ -182,7 +182,7 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
         if known in by_id:
             continue
         entry = LogFolder(out, known).entry()
-        if entry is None or name_url(str(entry.get("source"))) in sources:  # cut off, or it has another name now
+        if entry is None or name_url(str(entry.get("source"))) in sources:  # it was interrupted, or has another id now
             LogFolder(out, known).clear()
         else:
             others.append(known)
@@ -196,7 +196,7 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
 
 
 def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str] | None = None) -> Document:
-    """The manifest: the entries of the logs that have ended, and what is pending."""
+    """Make the manifest: the entries of the logs that have ended; all others are pending."""
     entries = []
     for task in tasks:
         known = LogFolder(out, task.id).entry() if statuses and task.id in statuses else None
@@ -205,7 +205,7 @@ def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str]
 
 
 def _record_death(task: Task, plan: Plan) -> Done:
-    """Record a log whose worker died at every attempt."""
+    """Record a log whose worker died at every attempt as failed."""
     entry = new_entry(task.id, task.source)
     entry["error"] = {
         "exit_code": EXIT_BUG,
@@ -220,7 +220,7 @@ def _record_death(task: Task, plan: Plan) -> Done:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Make the folder and keep other runs out of it."""
+    """Create the output folder and lock it against other runs while the context lasts."""
     make_folder(folder, parents=True)
     try:
         import fcntl

@@ -1,4 +1,4 @@
-"""Workers where processes can't be forked, on Windows: each imports everything for itself."""
+"""Workers for Windows, where processes can't be forked: each imports all modules itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cwcli.fleet.worker_call import WorkerLost
 
 
 class SpawningServer:
-    """Starts workers, as `cwcli.fleet.fork_server.ForkServer` does."""
+    """Starts workers with the interface of `cwcli.fleet.fork_server.ForkServer`."""
 
     def __init__(self) -> None:
         self._context = multiprocessing.get_context("spawn")
@@ -24,30 +24,30 @@ class SpawningServer:
         self._workers: set[SpawnedWorker] = set()
 
     def start_worker(self) -> SpawnedWorker:
-        """A new worker."""
+        """Start a new worker."""
         pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_begin, initargs=(self._held,))
         worker = SpawnedWorker(pool)
         self._workers.add(worker)
         return worker
 
     def stop(self) -> None:
-        """End all workers at once."""
+        """Stop all workers at once."""
         self._leash.close()
 
     def join(self) -> None:
-        """Wait until nothing of them is left, the threads that manage them included."""
+        """Wait until all workers and the threads that manage them have ended."""
         for worker in self._workers:
             worker.close()
 
 
 class SpawnedWorker:
-    """A process that does one thing at a time."""
+    """A worker process that makes one call at a time."""
 
     def __init__(self, pool: ProcessPoolExecutor) -> None:
         self._pool = pool
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """What a function of a module returns; what it raises is raised here.
+        """Call a function of a module in the worker and return its result; its errors are raised here.
 
         Raises:
             WorkerLost: The worker went away.
@@ -58,12 +58,12 @@ class SpawnedWorker:
             raise WorkerLost from error
 
     def close(self) -> None:
-        """Wait until it is gone."""
+        """Wait until the worker has ended."""
         self._pool.shutdown()
 
 
 def _begin(leash: Any) -> None:
-    """A worker's first call: leave Ctrl-C to the parent, and go when the parent says so or is gone."""
+    """Initialise a worker: ignore Ctrl-C, and exit when the parent stops it or has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[IS_WORKER] = "1"
     parent = multiprocessing.parent_process()

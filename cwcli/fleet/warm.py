@@ -1,4 +1,4 @@
-"""What every log needs, imported once before the workers are forked."""
+"""Imports the modules that every log needs, once, before workers are forked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One log of a run, from its file to its part of the output folder. What fails is recorded, not raised."""
+"""Processes one log of a run into its part of the output folder; failures are recorded, not raised."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from cwcli.url import redact_urls
 
 @dataclass(frozen=True)
 class Done:
-    """What a worker answers.
+    """The result of one log.
 
     Attributes:
-        id: The log.
-        status: `done`, `failed`, or `unchanged` where everything was there from an earlier run.
+        id: Id of the log.
+        status: `done`, `failed`, or `unchanged` if an earlier run had written the same.
         wall_s, cpu_s: Run times.
         peak_mb: Largest memory of the worker up to now.
-        attempts: How often the log was begun; more than once where a worker died.
+        attempts: Number of attempts; more than one if a worker died.
     """
 
     id: str
@@ -53,7 +53,7 @@ class Done:
 
 
 def work(task: Task, plan: Plan) -> Done:
-    """Do one log, unless that was done before.
+    """Process one log, unless an earlier run has done it.
 
     Raises:
         OutputError: The output folder can't be written: no other log would fare better.
@@ -106,7 +106,7 @@ def _work(task: Task, plan: Plan) -> str:
 
 
 def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
-    """Write the entry; of a log that failed nothing else stays.
+    """Write the entry of a log, and remove all other files of a log that failed.
 
     Raises:
         OutputError: It can't be written.
@@ -118,7 +118,7 @@ def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
 
 
 def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]:
-    """Run the stages and write everything but the entry; returns the files."""
+    """Run the stages and write all files but the entry; returns their paths."""
     calls, choice = plan.calls(), ChannelChoice(plan.channels)
     outcome, annotated = run_stages(
         log,
@@ -155,7 +155,7 @@ def _describe(outcome: Outcome, entry: Document) -> None:
 
 
 def error_entry(error: CwcliError) -> dict[str, Any]:
-    """A known error, as the manifest shows it."""
+    """Convert a known error to its form in the manifest."""
     return {
         "exit_code": error.exit_code,
         "what": error.what,
@@ -166,7 +166,7 @@ def error_entry(error: CwcliError) -> dict[str, Any]:
 
 
 def bug_entry(error: Exception, path: str = "") -> dict[str, Any]:
-    """Any other error: a bug, with where it came from; `path` is the log, whose secrets it may repeat."""
+    """Convert an unknown error to its form in the manifest, with its location; secrets in `path` are redacted."""
     frames = traceback.extract_tb(error.__traceback__)
     found = [f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in frames[-5:]]
     return {
@@ -180,7 +180,7 @@ def bug_entry(error: Exception, path: str = "") -> dict[str, Any]:
 
 @contextmanager
 def _opened(task: Task, max_pipe_bytes: int) -> Iterator[InputFile]:
-    """The log, or a copy of it on this machine."""
+    """Open a log, or a local copy of a remote one."""
     with ExitStack() as stack:
         path = task.path
         if is_remote(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened

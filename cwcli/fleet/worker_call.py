@@ -1,4 +1,4 @@
-"""A call of a function in a worker process, and its answer."""
+"""Calls a function in a worker process and receives its result."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import Any
 
 
 class WorkerLost(Exception):
-    """A worker went away in the middle of its work."""
+    """A worker process ended during a call."""
 
 
 class PipeWorker:
-    """A process that does one thing at a time; it reads what to do from a pipe or a socket, and answers there."""
+    """A worker process that makes one call at a time, through a pipe or a socket."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def call(self, function: Any, *arguments: Any) -> Any:
-        """What a function of a module returns; what it raises is raised here.
+        """Call a function of a module in the worker and return its result; its errors are raised here.
 
         Raises:
             WorkerLost: The worker went away.
@@ -32,5 +32,5 @@ class PipeWorker:
         return value
 
     def close(self) -> None:
-        """Let it go when it is done."""
+        """Close the connection; the worker ends after its current call."""
         self._connection.close()

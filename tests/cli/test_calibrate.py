@@ -46,7 +46,7 @@ def test_table_and_json(drives: list[str], capsys: pytest.CaptureFixture[str]) -
     assert run(["calibrate", drives[0]]) == 0
     shown = capsys.readouterr()
     assert "latency_s" in shown.out
-    assert "one log: nothing tells how much the next drive will differ" in shown.err
+    assert "one log: the spread between drives is unknown" in shown.err
     assert max(map(len, shown.out.splitlines())) <= 80
     assert run(["calibrate", drives[0], "--json", "-q"]) == 0
     document = json.loads(capsys.readouterr().out)

@@ -62,7 +62,7 @@ def channel(document: dict, topic: str) -> dict:
 
 def test_info_says_why_a_channel_is_not_used_and_what_to_try(cwcli: Run, log: Path) -> None:
     document = json.loads(cwcli("info", log, "--json").stdout)
-    assert channel(document, "/gps/a")["why_not"].startswith("one of several for ego_position")
+    assert channel(document, "/gps/a")["why_not"].startswith("one of several candidates for ego_position")
     assert channel(document, "/gps/a")["try"] == [
         "--topic ego_position=/gps/a",
         "--topic ego_position=/gps/a,/gps/b",

@@ -235,7 +235,7 @@ def test_logs_that_failed_or_were_not_done_are_told(tmp_path: Path, capsys: pyte
     assert code_ == 0
     assert [log["error"] for log in found["logs"]] == [
         "b.mcap: it is no MCAP file",
-        "it was not done",
+        "it was not processed",
         "the log has no readable table of metrics, and no annotated log to make it from",
     ]
     code_, found = document(capsys, "evaluate", tmp_path, "--gate", "data.read_count > 0")

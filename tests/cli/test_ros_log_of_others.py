@@ -112,7 +112,7 @@ def test_what_is_replaced_is_told(cwcli: Run, tmp_path: Path) -> None:
         annotate(log, [path_channel()], {}, both)
     done = cwcli("export", both, "--format", "ros2", "-o", tmp_path / "again.mcap", "--json")
     assert json.loads(done.stdout)["replaced"] == ["/cwcli/ros/p"]
-    assert b"/cwcli/ros/p: recorded, and replaced" in b" ".join(done.stderr.split())
+    assert b"/cwcli/ros/p: the recorded channel is replaced" in b" ".join(done.stderr.split())
 
 
 def test_numbers_that_a_ros_message_cannot_hold_are_left_out_and_counted(cwcli: Run, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The commands: those of the stages are made from their table, the others have a file each beside this one.
+"""The commands: those of stages are generated from the table of stages, each other one has a module here.
 
 A module holds `command`, whose docstring is the help, and `EXAMPLES`. Importing this table imports none of them.
 """
@@ -18,11 +18,11 @@ COMMANDS = {
     "compare": "Say what got better and what got worse between two runs.",
     "report": "Make one HTML page of a run, or of one annotated log.",
     "simulate": "Make a log with known truth from a scenario.",
-    "reproduce": "Make a paper's tables and figures again, beside ours.",
+    "reproduce": "Reproduce a paper's tables and figures, and compare the numbers.",
     "export": "Write states, paths, warnings or measures as a file of another tool.",
     "plot": "Draw one plot of an annotated log as an image.",
     "view": "Show an annotated log in Rerun, or write a recording for it.",
     "layout": "Make a viewer layout that shows every channel of cwcli.",
     "demo": "Estimate, predict and warn on two bundled logs.",
 }
-"""Name -> one line of help, in the order of `cwcli --help`."""
+"""Name of a command -> its line of help, in the order of `cwcli --help`."""

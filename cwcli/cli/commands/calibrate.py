@@ -27,16 +27,19 @@ EXAMPLES = (
     "cwcli calibrate monday.mcap tuesday.mcap wednesday.mcap -o car.toml",
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
+"""Headings of the table of constants."""
 TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "stamp_sigma_s",
         "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
-"""What the table shows; the file has some more."""
+"""Names of the constants that the table shows; the file holds some more."""
 CLOCK_ERROR_S = 0.01
-"""By how much synchronised clocks of one car may differ (chrony or NTP over a vehicle network: a few milliseconds)."""
+"""Largest difference of synchronised clocks in one car, s; chosen: NTP over a vehicle network keeps milliseconds."""
 MOST_NAMED = 4
-"""Logs that a note names."""
+"""Largest number of logs that a note names; chosen by hand."""
 NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad", "left_up_rad",
          "pitch_rad")  # fmt: skip
+"""Names of the constants on which notes are printed."""
 
 
 def command(
@@ -54,10 +57,10 @@ def command(
 ) -> int:
     """Find the constants of a car's sensors from many drives: latencies, biases, mounting, noise.
 
-    Each log is estimated by itself, one after the other. What they say of each constant is pooled, weighted by its
-    uncertainty; where the logs disagree by more than that, it is said and the interval is wider. `--calibration
-    car.toml` of estimate, lanes, observe and run uses the file. A log that fails is told and left out; the exit code is
-    then its.
+    Each log is estimated by itself. The estimates of each constant are pooled, weighted by their uncertainties; where
+    the logs disagree by more than that, a note says so and the interval is wider. `--calibration
+    car.toml` of estimate, lanes, observe and run uses the file. A log that fails is reported and left out; the exit
+    code is then that of its error.
     """
     from cwcli.estimation.calibration import calibration_text
     from cwcli.estimation.pooling import calibrated
@@ -152,7 +155,7 @@ def _rows(found: Calibration) -> list[tuple[Cell, ...]]:
 
 
 def _show(console: Console, found: Calibration) -> None:
-    """Print the table, and what the logs disagree on."""
+    """Print the table of constants, and notes on those that the logs disagree on."""
     console.heading(f"Calibration from {count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
     evidence = [f"{name} {value:.3g}" for name, value in found.evidence.items()]
     if evidence:
@@ -165,11 +168,11 @@ def _show(console: Console, found: Calibration) -> None:
                     for note in _notes(constant, name):
                         console.note(f"{source}: {name} of {quantity.replace('_', ' ')}: {note}")
     if len(found.logs) == 1:
-        console.note("one log: nothing tells how much the next drive will differ")
+        console.note("one log: the spread between drives is unknown")
 
 
 def _notes(constant: Constant, name: str) -> list[str]:
-    """What a user should know of a constant: that logs disagree on it, or that a latency is below zero."""
+    """Notes on a constant: that the logs disagree on it, or that a latency is negative."""
     from cwcli.estimation.calibration import ConstantStatus
 
     notes = []
@@ -190,7 +193,7 @@ def _notes(constant: Constant, name: str) -> list[str]:
 
 
 def _document(found: Calibration) -> dict[str, Any]:
-    """What `--json` prints: the file's content; a number that there is not is null."""
+    """Make the content of `--json`: that of the file, with null for numbers that are not finite."""
     return {key: _finite(value) for key, value in asdict(found).items()}
 
 

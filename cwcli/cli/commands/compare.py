@@ -30,11 +30,16 @@ EXAMPLES = (
     "cwcli compare baseline/ out/ --fail-on worse --markdown compare.md",
     "cwcli compare old.mcap new.mcap --exact",
 )
+"""Command lines at the end of the command's `--help`."""
 FAIL_ON = ("worse", "missing", "unclear")
+"""Verdicts that `--fail-on` takes."""
 MAX_NAMES = 5
+"""Largest number of logs that a note names; chosen by hand."""
 COLUMNS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
+"""Headings of the table of metrics."""
 
 CHANGES = {"new": "new", "other": "another verdict", "gone": "gone"}
+"""Kind of change of a warning or conflict -> the word that the table shows."""
 PageOption = Annotated[
     str | None,
     typer.Option(
@@ -75,7 +80,7 @@ def command(
             "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
         ),
     ] = False,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the resampling.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the resampling.")] = 0,
     truth: TruthOption = "auto",
     markdown_file: MarkdownOption = None,
     report_at: PageOption = None,
@@ -168,7 +173,7 @@ def _require_stage_results(run: RunMetrics) -> None:
 
 
 def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetrics]:
-    """Two single logs are a pair, whatever their names."""
+    """Give two single logs the same id, so that they are compared whatever their names."""
     from dataclasses import replace
 
     if before.is_one_log and after.is_one_log:
@@ -177,12 +182,12 @@ def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetri
 
 
 def _ids(run: RunMetrics) -> str:
-    """The ids of the logs that could be scored."""
+    """The first ids of the scored logs as text, or "none"."""
     return _some([log.id for log in run.logs if not log.error]) or "none"
 
 
 def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
-    """What `--fail-on` was to find, one line each."""
+    """List one line for each finding that `--fail-on` asks for."""
     from cwcli.metrics.compare import Verdict
 
     found = [f"{verdict}: {change.metric}" for verdict in fail_on for change in comparison.of(Verdict(verdict))]
@@ -221,7 +226,7 @@ def _show(
     console.summary(table(*_without_empty(COLUMNS, rows)) if rows else "  no metric is in both")
     if differing is not None:
         console.summary("")
-        console.summary("Warnings and conflicts that are not as before")
+        console.summary("Warnings and conflicts that differ")
         rows = [(CHANGES[each.change], printable(each.words), printable(each.address)) for each in differing.listed]
         console.summary(table(("what", "which", "where"), rows) if rows else "  none")
     for note in [*_notes(comparison, exact=exact), *_left_out(differing)]:
@@ -237,13 +242,13 @@ def _show(
 def _without_empty(
     columns: Sequence[str], rows: Sequence[tuple[Cell, ...]]
 ) -> tuple[list[str], list[tuple[Cell, ...]]]:
-    """The table without its empty columns."""
+    """Drop the columns of a table that are empty in all rows."""
     kept = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
     return [columns[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
 
 
 def _change_cells(change: Change) -> tuple[Cell, ...]:
-    """Change, interval, logs."""
+    """Format the cells of change, interval and number of logs."""
     if not math.isfinite(change.change):
         return "", "", change.n_pairs
     scale, unit = (100.0, " %") if change.is_relative else (1.0, "")
@@ -255,7 +260,7 @@ def _change_cells(change: Change) -> tuple[Cell, ...]:
 
 
 def _notes(comparison: RunComparison, *, exact: bool) -> list[str]:
-    """What the reader has to know of the logs."""
+    """Notes on logs that are too few, missing, failed, or made from another input."""
     from cwcli.metrics.pooling import MIN_LOGS
 
     notes = []
@@ -283,7 +288,7 @@ def _document(
     written: Sequence[str],
     differing: Differing | None,
 ) -> Document:
-    """What `--json` prints."""
+    """Make the content of `--json`."""
     told: Document = {}
     if differing is not None:
         listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing.listed]
@@ -328,7 +333,7 @@ def _document(
 
 
 def _left_out(differing: Differing | None) -> list[str]:
-    """Which differing warnings are not listed, and of which logs they were not looked for."""
+    """Notes on differing warnings that are not listed, and on logs whose warnings were not compared."""
     if differing is None:
         return []
     notes = []
@@ -346,7 +351,7 @@ def _left_out(differing: Differing | None) -> list[str]:
 
 
 def _some(names: Sequence[str]) -> str:
-    """At most MAX_NAMES of them."""
+    """Join the first names to a text, with "others" for the rest."""
     return join_names([*names[:MAX_NAMES], *(["others"] if len(names) > MAX_NAMES else [])])
 
 
@@ -359,7 +364,7 @@ def _markdown(
     *,
     exact: bool,
 ) -> str:
-    """The summary for a CI job's page: what changed first, the rest folded."""
+    """Format the summary for a CI job's page: changed metrics first, the others folded."""
     judged = _judged(comparison, everything=False)
     told = [change for change in judged if change.verdict.value not in {"same", "new"}]
     counts = {
@@ -383,7 +388,7 @@ def _markdown(
             + (f"[{markdown.code(each.words)}]({each.address})" if each.address else markdown.code(each.words))
             for each in differing.listed
         ]
-        parts.append("\n".join(["Warnings and conflicts that are not as before:", "", *lines]))
+        parts.append("\n".join(["Warnings and conflicts that differ:", "", *lines]))
     parts += [f"- {markdown.code(note)}" for note in [*_notes(comparison, exact=exact), *_left_out(differing)]]
     if failed:
         parts.append("\n".join(["Failed:", "", *(f"- {markdown.code(line)}" for line in failed)]))

@@ -16,6 +16,7 @@ from cwcli.cli.options.toml import toml
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli config", "cwcli config > pipeline.toml")
+"""Command lines at the end of the command's `--help`."""
 
 
 def command(
@@ -38,10 +39,10 @@ def command(
 
 
 def resolved(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """Every option that decides what `cwcli run` makes of a log, as the file, the environment and the defaults have it.
+    """Resolve all options of `cwcli run` that change its results, from the file, the environment and the defaults.
 
     Returns:
-        The document, and notes on what replaces old spellings.
+        The options as a document, and notes on options that are spelled in an old way.
 
     Raises:
         UsageError: The file can't be read, or holds an unknown key or a value that does not fit.

@@ -16,8 +16,9 @@ from cwcli.cli.options.shared import ReadingOptions, WritingOptions
 from cwcli.cli.pipeline import Job, document, execute, tell
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
+"""Command lines at the end of the command's `--help`."""
 SAMPLES = ("intersection", "rear-end")
-"""Sample logs with another vehicle in them."""
+"""Names of the bundled logs that hold another vehicle."""
 
 
 def command(
@@ -63,7 +64,7 @@ def command(
 
 @contextmanager
 def sample_log(name: str) -> Iterator[Path]:
-    """The path of a bundled log: from the installed package, else from the checkout."""
+    """Give the path of a bundled log, from the installed package or else from the checkout."""
     from importlib.resources import as_file, files
 
     import cwcli

@@ -32,9 +32,13 @@ EXAMPLES = (
     "cwcli evaluate out/ --gate 'pooled(warnings.recall) >= 0.9' --markdown -",
     "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true",
 )
+"""Command lines at the end of the command's `--help`."""
 BESIDE = ("metric", "the system", "cwcli", "states", "n")
+"""Headings of the table of another system's metrics."""
 MAX_SHOWN = 20
+"""Failed logs, and failed checks of a gate, that the terminal shows; chosen by hand."""
 MAX_IN_MARKDOWN = 200
+"""Failed checks that the Markdown summary shows; chosen by hand."""
 
 Document = dict[str, Any]
 
@@ -72,8 +76,9 @@ def command(
 
     Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
     really happened, lanes, tracks, and the quality of the data. --topic names another system's warnings, path or state
-    in the log, which are scored likewise, beside cwcli's own. Gates are those of --gate and those kept in the run's
-    manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data alone.
+    in the log, which are scored in the same way and compared with cwcli's. Gates are those of --gate and those in the
+    run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data
+    alone.
     """
     from cwcli.evaluation.system.topics import parse_system
     from cwcli.fleet.results import read_metrics
@@ -169,7 +174,7 @@ def _show(
 
 
 def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
-    """Another system's metrics, each beside cwcli's own."""
+    """Table rows of another system's metrics, each with cwcli's own value."""
     from cwcli.metrics.beside import beside
 
     return [
@@ -179,7 +184,7 @@ def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
 
 
 def _notes(run: RunMetrics) -> dict[str, list[str]]:
-    """Note -> ids of the logs that it is about."""
+    """Collect the notes of all logs: note -> ids of the logs that have it."""
     notes: dict[str, list[str]] = {}
     for log in run.logs:
         for note in log.notes:
@@ -192,7 +197,7 @@ def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
 
 
 def _short(states: str) -> str:
-    """`online/truth`, so that a name of a metric is not wrapped."""
+    """Shorten `online vs truth` to `online/truth`, so that names of metrics are not wrapped."""
     return states.replace(" vs ", "/")
 
 
@@ -218,7 +223,7 @@ def _words(check: Check) -> str:
 def _document(
     run: RunMetrics, truth: str, pooled: dict[str, MetricRow], results: Sequence[GateResult], written: Sequence[str]
 ) -> Document:
-    """What `--json` prints."""
+    """Make the content of `--json`."""
     return {
         "source": run.source,
         "truth": truth,
@@ -257,7 +262,7 @@ def _numbers(rows: Any) -> Document:
 def _markdown(
     run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult], addresses: Addresses | None
 ) -> str:
-    """The summary for a CI job's page."""
+    """Format the summary for a CI job's page."""
     failed = [result for result in results if result.failed]
     n_failed_logs = sum(bool(log.error) for log in run.logs)
     verdict = "no gates" if not results else f"{len(failed)} of {count(len(results), 'gate')} failed"

@@ -27,16 +27,22 @@ EXAMPLES = (
     "cwcli export annotated.mcap --format osi -o trace.mcap",
     "cwcli export annotated.mcap --format ros2 -o ros.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 WHAT = (
     "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures, "
     "rejected"
 )
+"""Names of all contents, for the help."""
 TABLES = ("csv", "parquet")
+"""Names of the formats of tables."""
 ROS_LOG = "ros2"
+"""Name of the format of ROS 2 logs."""
 LOG_SUFFIX = ".mcap"
-"""Of files of formats that are logs; it does not tell which of them."""
+"""Suffix of the files of all formats that are logs."""
 FORMATS = (*TABLES, *TRACK_FORMATS, ROS_LOG)
+"""Names of all formats."""
 MOST_NAMED = 10
+"""Largest number of channels that a note names; chosen by hand."""
 
 
 def command(
@@ -115,19 +121,19 @@ def command(
 
 
 def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[str, object]:
-    """Write a ROS 2 log; what `--json` says of it."""
+    """Write a ROS 2 log; returns the content of `--json`."""
     from cwcli.export.ros.convert import write_ros_log
 
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
-        console.note(f"no ROS message can be made of {join_names(list(made.left_out))}: left out")
+        console.note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
     for topic, counts in made.left_messages.items():
         said = join_names([f"{n} whose {field} it can't hold" for field, n in counts.items()])
         console.note(f"{topic}: the ROS message does without messages: {said}")
     for topic, fields in made.left_fields.items():
         console.note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
     if made.replaced:
-        console.note(f"{join_names(made.replaced)}: recorded, and replaced by what is made now")
+        console.note(f"{join_names(made.replaced)}: the recorded channel is replaced by the converted one")
     return {
         "what": "log",
         "rows": made.n_messages_made,
@@ -140,10 +146,10 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
 
 
 def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
-    """Check that the format can hold what is asked for.
+    """Check that the contents exist and that the format can hold them.
 
     Raises:
-        UsageError: It can't, or there is no such thing.
+        UsageError: A content or the format does not exist, or the format can't hold the contents.
     """
     from cwcli.export.content import CONTENTS
 
@@ -165,7 +171,7 @@ def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
 
 
 def known_suffixes() -> dict[str, str]:
-    """How names of files end -> the format that this means."""
+    """Suffix of a file's name -> the format that it selects."""
     from cwcli.export.formats import track_format
 
     of_tracks = {suffix: name for name in TRACK_FORMATS for suffix in track_format(name).suffixes}
@@ -173,7 +179,7 @@ def known_suffixes() -> dict[str, str]:
 
 
 def _format_of(output: str) -> str:
-    """The format that a file's name tells; csv for a name without a suffix.
+    """The format that a file's name selects; csv for a name without a suffix.
 
     Raises:
         UsageError: No format, or more than one, has files of that suffix.
@@ -200,7 +206,7 @@ def _format_of(output: str) -> str:
 
 
 def _encode(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
-    """The content of the file, and its number of rows."""
+    """Encode contents of a log; returns the bytes of the file and the number of rows."""
     from cwcli.export.content import require_globe, table_to_export, tracks_to_export
     from cwcli.export.formats import track_format
     from cwcli.metrics.table import table_bytes

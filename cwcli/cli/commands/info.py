@@ -29,11 +29,13 @@ EXAMPLES = (
     "cwcli info drive.mcap --expect contract.toml",
     "cwcli info drive.mcap --json | jq .commands",
 )
+"""Command lines at the end of the command's `--help`."""
 
 Document = dict[str, Any]
 MAX_NAMES = 100
+"""Largest number of attachments or metadata records that are named; chosen by hand."""
 MAX_FACT = 5000
-"""Characters."""
+"""Longest text of one fact about a log, in characters; chosen by hand."""
 
 
 DoctorOption = Annotated[
@@ -91,7 +93,7 @@ def command(
 
 
 def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
-    """What `--json` prints."""
+    """Describe a log without reading its messages: the content of `--json`."""
     from cwcli.channels.binding import EVERY_ROLE, bind, parse_overrides
     from cwcli.channels.reasons import reasons
 
@@ -136,7 +138,7 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
 
 
 def _container(log: Log) -> str:
-    """What the log was converted from when it was opened, by the first of its files; "" for an MCAP file."""
+    """A text on the format that the log was converted from, by its first file; "" for an MCAP file."""
     from cwcli.logs.read.converted import BAG_MAGIC, DATABASE_MAGIC
 
     head = bytes(log.file.files[0][:16])
@@ -158,8 +160,7 @@ def _explain_can_channels(log: Log, why: dict[str, Reason], files: list[str]) ->
 
 
 def _of_stations(log: Log, bindings: Bindings) -> list[str]:
-    """What to say of a log without the ego's position whose radios may have heard it."""
-    from cwcli.pipeline.stations import MOST_NAMED, stations_heard
+    """Notes on stations that may be the ego, for a log without the ego's position but with V2X messages."""
     from cwcli.signals.inputs import input_for
     from cwcli.signals.role import Role
     from cwcli.text import printable
@@ -171,6 +172,8 @@ def _of_stations(log: Log, bindings: Bindings) -> list[str]:
     topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
     if not topics:
         return []
+    from cwcli.pipeline.stations import MOST_NAMED, stations_heard  # imports numpy, which most logs do not need
+
     heard = stations_heard(log).most_common(MOST_NAMED)
     named = " or ".join(printable(station) for station, _ in heard) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
@@ -192,7 +195,7 @@ def _channel(channel: Any, duration_s: float, roles: list[str], reason: Reason |
 
 
 def _health(log: Log) -> list[Document]:
-    """The health of each topic with messages, but cwcli's own, as numbers; None where one is not known."""
+    """Examine each topic with messages except cwcli's own; unknown numbers are None."""
     from cwcli.channels.published import OWN_PREFIX
     from cwcli.pipeline.health import examine
 
@@ -224,7 +227,7 @@ def _known(value: Any) -> Any:
 
 
 def _inputs(log: Log, document: Document, reading: ReadingOptions, sensors: SensorOptions) -> list[Document]:
-    """What of the channels with a role can be used."""
+    """Read the channels with a role, and count used, rejected and repaired messages of each."""
     from cwcli.channels.binding import parse_overrides
     from cwcli.signals.role import Role
     from cwcli.stages.inputs.sources import SourceConfig, read_sources
@@ -286,7 +289,7 @@ def _commands(bound: set[str], undecided: set[str]) -> Document:
 
 
 def show(console: Console, document: Document) -> None:
-    """The document as tables of at most 80 columns."""
+    """Print the description of a log as tables."""
     console.heading(document["name"])
     for name, text in _facts(document):
         console.summary(paragraph(shown(text, MAX_FACT), first=f"{name:<12}", rest=" " * 12))
@@ -319,7 +322,7 @@ def show(console: Console, document: Document) -> None:
 
 
 def _show_read(console: Console, document: Document) -> None:
-    """What needed the messages to be read."""
+    """Print the tables of health, inputs and contract, for which messages were read."""
     if "health" in document:
         heads = ("topic", "rate [Hz]", "gaps", "longest [s]", "delay [ms]", "drift [ms/min]", "out of order", "bad")
         rows = [
@@ -336,14 +339,14 @@ def _show_read(console: Console, document: Document) -> None:
         counts = [
             (each["topic"], each["role"], each["read"], each["used"], _reasons(each)) for each in document["inputs"]
         ]
-        console.summary(table(("topic", "role", "read", "used", "else"), counts))
+        console.summary(table(("topic", "role", "read", "used", "details"), counts))
         console.summary("")
     if "contract" in document:
         judged = [
             (each["about"], each["condition"], each["found"], "kept" if each["holds"] else "BROKEN")
             for each in document["contract"]
         ]
-        console.summary(table(("of", "contract", "found", "verdict"), judged))
+        console.summary(table(("subject", "condition", "found", "verdict"), judged))
         console.summary("")
 
 
@@ -379,13 +382,13 @@ def _facts(document: Document) -> list[tuple[str, str]]:
 
 
 def _first(names: list[str]) -> str:
-    """The first of many names."""
+    """Join the first names to a text, with the number of others."""
     more = len(names) - MAX_NAMES
     return ", ".join(names[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:
-    """A row a stage. One that is another way to run a stage is listed where it is open."""
+    """Make a table row for each stage; a variant of another stage is listed only if it can run."""
     from cwcli.stages import STAGES
 
     rows: list[tuple[Cell, ...]] = []

@@ -30,6 +30,7 @@ EXAMPLES = (
     "cwcli join ego.mcap other.mcap --role remote -o both.mcap",
     "cwcli run both.mcap --stage predict,warn,measure -o annotated.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 
 
 def command(
@@ -70,8 +71,8 @@ def command(
     """Make one log of two cars' logs: the second car becomes a remote vehicle, with its own covariance.
 
     Each car is estimated from its own sensors, unless its log holds its states already. The stamps of both logs are
-    taken as GNSS time; how the two recorders' clocks differ is found from the positions and told. The new log is the
-    ego's with the states of both cars: predict, warn and measure go on from there.
+    taken as GNSS time; the offset between the recorders' clocks is estimated from the positions and printed. The new
+    log is the ego's with the states of both cars, on which predict, warn and measure can run.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.shared import SensorOptions

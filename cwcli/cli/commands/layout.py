@@ -14,6 +14,7 @@ from cwcli.cli.report import print_written
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli layout -o cwcli.foxglove.json", "cwcli layout drive.mcap -o drive.foxglove.json")
+"""Command lines at the end of the command's `--help`."""
 
 
 def command(

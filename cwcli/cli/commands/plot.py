@@ -14,7 +14,9 @@ from cwcli.cli.targets import check_suffix
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli plot annotated.mcap --what error -o error.png", "cwcli plot annotated.mcap --what ape -o ape.svg")
+"""Command lines at the end of the command's `--help`."""
 WHAT = "motion, error, ape, rpe, lane, speed, heading, yaw-rate, acceleration, map"
+"""Names of all plots, for the help."""
 
 
 def command(

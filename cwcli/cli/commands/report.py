@@ -23,8 +23,11 @@ EXAMPLES = (
     'cwcli report a.mcap -o r.html --tiles "$SERVER" --tiles-attribution "$OWNER"',
     "cwcli report annotated.mcap -o r.html --topic warning=/adas/fcw:data==true",
 )
+"""Command lines at the end of the command's `--help`."""
 PDF_SUFFIX = ".pdf"
+"""Suffix of a file name that selects a PDF."""
 PAGE_SUFFIXES = (".html", ".htm", PDF_SUFFIX)
+"""Suffixes that the page's file may have."""
 
 SourceArgument = Annotated[
     str,

@@ -29,19 +29,20 @@ EXAMPLES = (
     "cwcli reproduce song2016 --report docs/papers --force",
     "cwcli reproduce zhang2011 --frames 100 --seeds 5 --labelled labelled.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user wants.
+    """What to reproduce of a paper.
 
     Attributes:
-        seeds: Of each scenario.
-        jobs: Processes.
-        frames: To judge in each set of rendered frames; 0 for a paper without them.
-        only: Figures and tables that are wanted; none: all.
+        seeds: Number of seeds of each scenario.
+        jobs: Number of processes.
+        frames: Number of frames to judge in each rendered set; 0 for a paper without frames.
+        only: Figures and tables to reproduce; empty for all.
         labelled: A log with labelled frames, or None.
-        tick: To be called with the name of each part that is done.
+        tick: Called with the name of each part that is done.
     """
 
     seeds: int
@@ -76,12 +77,12 @@ def _zhang2011(request: Request) -> Reproduction:
 
 @dataclass(frozen=True)
 class Paper:
-    """One reproduction.
+    """The reproduction of one paper.
 
     Attributes:
-        run: Makes it.
-        seeds: How many, unless the user says.
-        frames: How many rendered frames of each set, unless the user says; 0: it has none.
+        run: Function that reproduces it.
+        seeds: Default number of seeds.
+        frames: Default number of frames in each rendered set; 0 for a paper without frames.
         has_labelled: It takes labelled frames.
     """
 
@@ -96,6 +97,7 @@ PAPERS: dict[str, Paper] = {
     "xiang2019": Paper(_xiang2019, 1000),
     "zhang2011": Paper(_zhang2011, 20, frames=500, has_labelled=True),
 }
+"""Name of a paper -> its reproduction."""
 
 
 def _papers(incomplete: str) -> list[str]:
@@ -103,7 +105,7 @@ def _papers(incomplete: str) -> list[str]:
 
 
 def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
-    """The figures and tables that `--only` names, as the expectations write them.
+    """Find the figures and tables that `--only` names, as the expectations spell them.
 
     Raises:
         UsageError: There is no such figure.
@@ -121,7 +123,7 @@ def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Targets:
-    """What is to be written: see the options."""
+    """Files and folders to write, as the options of the same names give them."""
 
     plots: str | None
     plot_format: str
@@ -131,10 +133,10 @@ class Targets:
 
 
 def _check(paper: str, entry: Paper, seeds: int, jobs: int, *, frames: int | None, labelled: str | None) -> None:
-    """Refuse numbers and inputs that a paper has no use for.
+    """Check the options against what the paper takes.
 
     Raises:
-        UsageError: As it says.
+        UsageError: A number is too small, or the paper has no frames or takes no labels.
     """
     if seeds < 2 or jobs < 1:
         raise UsageError("--seeds must be at least 2 and --jobs at least 1")
@@ -147,7 +149,7 @@ def _check(paper: str, entry: Paper, seeds: int, jobs: int, *, frames: int | Non
 
 
 def _check_targets(paper: str, targets: Targets, labelled: str | None) -> None:
-    """Refuse what can't be written or drawn, before any work is done."""
+    """Check before the work that all outputs can be written and drawn."""
     from cwcli.metrics.table import check_table_name
     from cwcli.output import check_targets
 
@@ -165,7 +167,7 @@ def _check_targets(paper: str, targets: Targets, labelled: str | None) -> None:
 
 
 def _write(made: Reproduction, paper: str, targets: Targets) -> list[str]:
-    """All that is asked for, or nothing; the names of the files."""
+    """Write all outputs or none; returns the names of the files."""
     from cwcli.metrics.table import write_table
     from cwcli.output import Together, make_folder
 
@@ -187,7 +189,7 @@ def _write(made: Reproduction, paper: str, targets: Targets) -> list[str]:
 
 
 def _write_report(made: Reproduction, folder: str, together: Together, *, force: bool) -> list[str]:
-    """The page and its pictures, in a folder beside it; the names of the files."""
+    """Write the page, and its pictures into a folder next to it; returns the names of the files."""
     from cwcli.output import make_folder, write_file
     from cwcli.reproduction.page import page, picture_folder
     from cwcli.reproduction.plots import write_plots
@@ -201,7 +203,7 @@ def _write_report(made: Reproduction, folder: str, together: Together, *, force:
 
 
 def _findings(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
-    """The findings with their numbers; what there is not is null."""
+    """List the findings as records; numbers that are not finite are None."""
     return [
         {name: None if isinstance(cell, float) and not math.isfinite(cell) else cell for name, cell in record.items()}
         for record in made.table.records()
@@ -229,7 +231,9 @@ def command(
             help="Seeds of each scenario; a note tells where fewer are taken.",
         ),
     ] = None,
-    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes; the numbers don't depend on it.")] = 2,
+    jobs: Annotated[
+        int, typer.Option("--jobs", metavar="N", help="Number of processes; results don't depend on it.")
+    ] = 2,
     frames: Annotated[
         int | None,
         typer.Option(
@@ -267,13 +271,13 @@ def command(
             "--report",
             metavar="DIR",
             show_default=False,
-            help="Write PAPER.md into this folder: every figure and table beside ours (needs matplotlib).",
+            help="Write PAPER.md into this folder: every figure and table next to ours (needs matplotlib).",
         ),
     ] = None,
     metrics: MetricsOption = None,
     force: ForceOption = False,
 ) -> int:
-    """Make a paper's tables and figures again and set ours beside the paper's.
+    """Reproduce a paper's tables and figures, and compare the numbers with the paper's.
 
     Each number gets a class: reproduced, fitted, within own bound, better, differs or not determinable, with the
     reason. The exit code is 1 if a class that is claimed is not reached.

@@ -37,6 +37,7 @@ EXAMPLES = (
     "cwcli run logs/*.mcap -d out/ --jobs 2",
     "cwcli run 's3://bucket/drives/*.mcap' -d out/ --ray auto",
 )
+"""Command lines at the end of the command's `--help`."""
 
 
 def _stages(incomplete: str) -> list[tuple[str, str]]:
@@ -45,7 +46,7 @@ def _stages(incomplete: str) -> list[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class PipelineOptions:
-    """What is done with each log, beside the options of the stages."""
+    """Which stages run on each log, and options of the whole pipeline."""
 
     heading: ClassVar[str] = "Pipeline"
     stages: Annotated[
@@ -72,7 +73,7 @@ class PipelineOptions:
 
 @dataclass(frozen=True)
 class FleetOptions:
-    """Where the results of many logs go, and who makes them."""
+    """Output folder and workers of a run over many logs."""
 
     heading: ClassVar[str] = "Many logs"
     directory: Annotated[
@@ -82,7 +83,7 @@ class FleetOptions:
             "-d",
             metavar="DIR",
             show_default=False,
-            help="Write each log's results into this folder; what is there unchanged is not done again.",
+            help="Write each log's results into this folder; results that are up to date are not computed again.",
         ),
     ] = None
     jobs: Annotated[
@@ -102,13 +103,13 @@ class FleetOptions:
 
 @dataclass(frozen=True)
 class AllOptions:
-    """The options of every stage.
+    """All options of a run.
 
     Attributes:
-        pipeline, reading, sensors, calibration: Those that the stages share.
-        of_stages: Stage -> its own.
-        wanted: The stages that are to run, in order.
-        notes: What replaces old spellings that were given.
+        pipeline, reading, sensors, calibration: Options that the stages share.
+        of_stages: Stage -> its own options.
+        wanted: Names of the stages to run, in order.
+        notes: Notes on options that are spelled in an old way.
     """
 
     pipeline: PipelineOptions
@@ -120,7 +121,7 @@ class AllOptions:
     notes: tuple[str, ...]
 
     def calls(self) -> dict[str, StageCall]:
-        """The stages that are to run, in order.
+        """Configure the stages to run, by name in order.
 
         Raises:
             UsageError: An option's value makes no sense.
@@ -133,14 +134,14 @@ class AllOptions:
         return {name: call_of(self.of_stages[name], self.sensors, known) for name in self.wanted}
 
     def document(self) -> dict[str, Any]:
-        """Every option and its value, as a configuration file has them."""
+        """Convert all options and their values to the form of a configuration file."""
         shared = {**asdict(self.reading), **asdict(self.sensors), **asdict(self.calibration)}
         shared["gates"] = list(self.pipeline.gates)
         run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
         return {**shared, "run": run, **{name: options.values() for name, options in self.of_stages.items()}}
 
     def plan(self, *, replace: bool, choice: ChannelChoice = ALL_CHANNELS) -> Plan:
-        """What is done with each log."""
+        """Make the plan of a run over many logs."""
         from cwcli.fleet.plan import Plan
 
         reading = self.reading
@@ -169,7 +170,7 @@ def all_options(
     calibration: CalibrationOptions,
     stages: dict[str, StageOptions],
 ) -> AllOptions:
-    """The options of every stage, old spellings replaced.
+    """Collect all options of a run, and replace old spellings.
 
     Raises:
         UsageError: There is no stage of a name.
@@ -185,7 +186,7 @@ def all_options(
 
 
 def default_options() -> AllOptions:
-    """Every option as it is when nobody says otherwise."""
+    """Collect the default values of all options."""
     stages = {kind.stage: kind() for kind in every_stage()}
     return all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), CalibrationOptions(), stages)
 
@@ -231,7 +232,7 @@ def command(
 
 
 def with_all_stages(job: Job, options: AllOptions) -> Job:
-    """The job with every stage that is to run and for which its log turns out to have the signals."""
+    """Add to a job all stages of the options; those without signals in its log are left out later."""
     from cwcli.pipeline.missing import SignalsFor
 
     missing = SignalsFor(STAGES, options.sensors.ego_station)

@@ -22,12 +22,14 @@ if TYPE_CHECKING:
     from cwcli.simulate.sensor_log import WrittenChannel
 
 ROAD = "road"
+"""Name that selects a rendered drive on a road instead of a scenario."""
 
 EXAMPLES = (
     "cwcli simulate intersection -o intersection.mcap",
     "cwcli simulate rear-end --seed 7 --set host.speed_mps=15 -o - | cwcli run -",
     "cwcli simulate road --weather rain --seed 3 --set size=640x480 -o road.mcap",
 )
+"""Command lines at the end of the command's `--help`."""
 
 
 def _names(incomplete: str) -> list[str]:
@@ -72,7 +74,7 @@ def command(
             metavar="NAME",
             show_default="clear",
             autocompletion=_weathers,
-            help=f"Of the {ROAD}: {', '.join(WEATHERS)}.",
+            help=f"Weather of the {ROAD}: {', '.join(WEATHERS)}.",
         ),
     ] = None,
     force: ForceOption = False,

@@ -15,6 +15,7 @@ from cwcli.cli.targets import check_suffix
 from cwcli.errors import InputError, UsageError
 
 EXAMPLES = ("cwcli view annotated.mcap", "cwcli view annotated.mcap -o annotated.rrd")
+"""Command lines at the end of the command's `--help`."""
 
 
 def command(

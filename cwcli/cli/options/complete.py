@@ -1,4 +1,4 @@
-"""What the shell offers after `--topic`: roles, then the topics of the log that the line names."""
+"""Shell completion of `--topic`: roles, then the topics of the log on the command line."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from typing import Any
 import typer
 
 BASH = "complete_bash"
+"""Value of Typer's variable that asks for bash completions."""
 MAX_TOPICS = 500
+"""Largest number of topics that are offered; chosen by hand."""
 
 
 def role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """`ego_position=`, or after it `ego_position=/gps/fix`. Never fails: what can't be read offers nothing."""
+    """Complete `ego_position=`, then `ego_position=/gps/fix`; an unreadable log gives no topics and no error."""
     from cwcli.channels.binding import ROLE_TEXT
 
     return _choices(ctx, incomplete, ROLE_TEXT)
 
 
 def system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
-    """As `role_topics`, for the roles of another system: `warning=/adas/fcw`."""
+    """Complete the roles of another system and their topics: `warning=/adas/fcw`."""
     from cwcli.evaluation.system.topics import WORDS
 
     return _choices(ctx, incomplete, WORDS)
@@ -38,7 +40,7 @@ def _choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, str]) -> l
     found: dict[str, str] = {}
     with contextlib.suppress(Exception):  # a message between two keys would spoil the line that is being typed
         found = {name: schema for log in _named(ctx) for name, schema in _topics(log) if name.startswith(topic)}
-    if not sign:  # at once with its topics: most shells set a space after the only word that is offered
+    if not sign:  # offer its topics too, because most shells add a space after a single offer
         return [(f"{name}{each}", schema) for name, _ in matching for each, schema in _first(found)] or matching
     return [(f"{role}={each}", schema) for each, schema in _first(found)]
 
@@ -48,7 +50,7 @@ def _first(found: Mapping[str, str]) -> list[tuple[str, str]]:
 
 
 def _named(ctx: typer.Context) -> list[str]:
-    """The files among the words before the cursor: as arguments, or left over where an option still lacks its value."""
+    """Names of existing MCAP files among the words before the cursor."""
     words: list[Any] = [*ctx.args]
     for parameter in ctx.command.get_params(ctx):
         if parameter.param_type_name == "argument" and parameter.name:
@@ -59,7 +61,7 @@ def _named(ctx: typer.Context) -> list[str]:
 
 
 def _topics(log: str) -> Iterator[tuple[str, str]]:
-    """Topic and schema of each channel, from the summary alone; none where the file has no summary."""
+    """Yield topic and schema of each channel in the file's summary; nothing without a summary."""
     from cwcli.input import InputFile
     from cwcli.logs.format.records import MAGIC
     from cwcli.logs.format.summary import find_footer, read_summary
@@ -75,9 +77,9 @@ def _topics(log: str) -> Iterator[tuple[str, str]]:
 
 
 def offer(complete: Callable[[], object]) -> None:
-    """Runs Typer's completion; for bash, which takes `ego_position=/gps` for three words, with them put together.
+    """Run Typer's completion; for bash, first join `ego_position=/gps`, which bash splits at the `=`.
 
-    Of what is offered bash then wants what follows the `=` alone.
+    Bash then replaces only the text after the `=`, so only that part of each offer is printed.
     """
     if os.environ.get("_CWCLI_COMPLETE") != BASH or not _join_words():
         complete()
@@ -91,7 +93,7 @@ def offer(complete: Callable[[], object]) -> None:
 
 
 def _join_words() -> bool:
-    """Puts `a=b` together in what bash hands over; whether the word at the cursor is such a one."""
+    """Join words that bash split at `=` in its variables; returns whether the word at the cursor holds `=`."""
     words, at = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
     if not at.isdecimal():
         return False

@@ -11,7 +11,7 @@ command, and `cwcli run` reads the tables of its stages. A name that no command 
 
 Without the option, `cwcli.toml` of the working folder, or of the nearest folder above it that has one, is such a file.
 
-What is written where, and what is overwritten, is said on the command line alone: a file of somebody else can't do it.
+A configuration file can name no output files and can't allow overwriting, because it may come from somebody else.
 """
 
 from __future__ import annotations
@@ -27,17 +27,19 @@ from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptio
 from cwcli.errors import UsageError
 
 FOUND_NAME = "cwcli.toml"
-"""The file that is found where none is named."""
+"""Name of the file that is used when no file is named."""
 NO_FILE = "none"
+"""Value of `--config` that disables configuration files."""
 OF_STAGE = "__"
-"""Between stage and option in the parameters of a command that runs several stages: no name of either holds it."""
+"""Separator of stage and option in parameter names of a command that runs several stages; no name contains it."""
 
 _ORIGINS: ContextVar[dict[str, str]] = ContextVar("origins", default={})  # noqa: B039 - never changed in place
+"""Option -> key and file of its value, in the configuration of this run."""
 
 WRITES = frozenset(
     {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots", "report"}
 )
-"""Parameters that say where files are written, or let them be overwritten."""
+"""Parameters that name output files or allow overwriting; a configuration file may not set them."""
 
 
 def read_config(ctx: typer.Context, value: str | None) -> str | None:
@@ -85,12 +87,12 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
 
 
 def configured_options() -> dict[str, str]:
-    """Option -> key and file of its value, for those that the configuration of this run has set."""
+    """Option -> key and file of its value, for the options that the configuration file has set."""
     return _ORIGINS.get()
 
 
 def _found() -> str | None:
-    """The nearest `cwcli.toml`; None, too, where the working folder was deleted or a folder can't be searched."""
+    """Find the nearest `cwcli.toml`; None also if the working folder is deleted or a folder can't be searched."""
     try:
         folder = Path.cwd()
         if (folder / FOUND_NAME).is_file():
@@ -145,7 +147,7 @@ def _check_writes_nothing(path: str, key: str) -> None:
 
 
 def _check_selection(path: str, defaults: dict[str, Any]) -> None:
-    """Check the topic choices and times as far as no log is needed for it."""
+    """Check the syntax of topic choices and times, without a log."""
     named = {key: defaults[key] for key in ("topic", "map", "start", "end") if key in defaults}
     if not named:
         return
@@ -172,7 +174,11 @@ def _unknown(path: str, key: str, known: list[str]) -> UsageError:
 
 
 def _checked(ctx: typer.Context, path: str, key: str, entry: Any, option: Any) -> Any:
-    """The entry, if its type and value fit the option."""
+    """Check that type and value of an entry fit its option; returns the value.
+
+    Raises:
+        UsageError: They do not.
+    """
     takes_list = bool(getattr(option, "multiple", False))
     is_flag = bool(getattr(option, "is_flag", False))
     items = entry if isinstance(entry, list) else [entry]

@@ -1,4 +1,4 @@
-"""The options that a stage's annotated configuration holds (`cwcli.option`), and where each value stands in it."""
+"""Lists the options in a stage's annotated configuration (`cwcli.option`) with the fields that hold their values."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from cwcli.stages import STAGES
 
 @dataclass(frozen=True)
 class Entry:
-    """An option and where its value stands in the configuration.
+    """An option of a stage and the field of the configuration that holds its value.
 
     Attributes:
-        key: Its name in a configuration file.
-        path: Of the field, through the configurations inside the configuration.
-        option: As it is annotated.
+        key: Name of the option in a configuration file.
+        path: Names of the nested fields that lead to the value.
+        option: The annotated option.
         kind: Type of its value.
-        default: Its value if nobody gives another.
+        default: Default value.
     """
 
     key: str
@@ -34,10 +34,10 @@ class Entry:
 
 @functools.cache
 def entries(name: str) -> tuple[Entry, ...]:
-    """The options of a stage.
+    """List the options of a stage.
 
     Raises:
-        UsageError: Its module is not there.
+        UsageError: The stage's module is missing.
     """
     return tuple(_entries(STAGES[name].configuration(), ()))
 
@@ -57,7 +57,7 @@ def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
 
 
 def _nothing(kind: Any) -> Any:
-    """The value of an option that nobody gave, where it is parsed."""
+    """Default of an option whose text is parsed: an empty list, False or None."""
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 
 

@@ -20,10 +20,9 @@ from cwcli.cli.options.configfile import OF_STAGE
 from cwcli.cli.options.stage import StageOptions
 
 ENVIRONMENT_PREFIX = "CWCLI"
-
-
+"""Beginning of the names of environment variables that set options."""
 STAGES = "stages"
-"""The parameter of a function that gets the options of stages, by their names."""
+"""Name of the parameter that receives the options of all stages, by stage."""
 
 
 def expand(
@@ -33,13 +32,13 @@ def expand(
     stages: Sequence[type[StageOptions]] = (),
     without: Collection[str] = (),
 ) -> Callable[..., Any]:
-    """`function` with its dataclass parameters replaced by their fields.
+    """Wrap a function so that its dataclass parameters are replaced by their fields.
 
     Args:
         function: The command's code.
         command: Its name.
         stages: The stages whose options the command has.
-        without: Parameters that the command does not offer; they get their defaults.
+        without: Parameters that the command does not offer; they take their defaults.
     """
     hints = typing.get_type_hints(function, include_extras=True)
     hints.pop("return", None)
@@ -60,7 +59,7 @@ def expand(
         groups[name] = (hint, {field: parameter.name for field, parameter in fields.items()})
 
     @functools.wraps(function)
-    def expanded(**values: Any) -> Any:
+    def call_with_dataclasses(**values: Any) -> Any:
         arguments = {name: values[name] for name in plain}
         made = {name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()}
         arguments |= {name: options for name, options in made.items() if name not in of_stages}
@@ -69,13 +68,13 @@ def expand(
         return function(**arguments)
 
     signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
-    expanded.__dict__["__signature__"] = signature
-    expanded.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return expanded
+    call_with_dataclasses.__dict__["__signature__"] = signature
+    call_with_dataclasses.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    return call_with_dataclasses
 
 
 def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]]:
-    """The dataclass's fields as parameters, by field name."""
+    """Convert the fields of a dataclass to parameters, by field name."""
     stage = kind.stage if issubclass(kind, StageOptions) else None
     hints = typing.get_type_hints(kind, include_extras=True)
     found = []
@@ -105,7 +104,7 @@ def _parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
 
 
 def _with_environment(hint: Any, prefix: str, name: str) -> Any:
-    """`hint` with the option's environment variable: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
+    """Add the option's environment variable to a type hint: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
 
     def change(option: OptionInfo) -> None:
         option.envvar = f"{prefix}_{name}".upper()
@@ -115,7 +114,7 @@ def _with_environment(hint: Any, prefix: str, name: str) -> Any:
 
 
 def _under_heading(hint: Any, heading: str | None) -> Any:
-    """`hint` with the heading that its option stands under in the help."""
+    """Set in a type hint the heading of its option in the help."""
 
     def change(option: OptionInfo) -> None:
         option.rich_help_panel = heading
@@ -124,7 +123,7 @@ def _under_heading(hint: Any, heading: str | None) -> Any:
 
 
 def _with_stage(hint: Any, stage: str) -> Any:
-    """`hint` with the stage's name in the flags."""
+    """Add the stage's name to the flags in a type hint."""
 
     def change(option: OptionInfo) -> None:
         flags = (option.default, *(option.param_decls or ())) if isinstance(option.default, str) else ()

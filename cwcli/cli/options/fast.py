@@ -1,7 +1,7 @@
-"""Keeps pydantic out of a command's start.
+"""Converts plain option values without pydantic, so that commands start faster.
 
-Typer coerces every value with a pydantic adapter, and importing pydantic takes as long as importing numpy (95 ms). Text
-needs no coercion, a number only `int` or `float`. Where a value is not plain, Typer's own coercion takes over.
+Typer converts every value with a pydantic adapter, and importing pydantic takes as long as importing numpy (95 ms).
+Text needs no conversion, a number only `int` or `float`. Other values are left to Typer.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from cwcli.errors import names_hint
 
 
 class _PlainCoercion:
-    """Stands in for Typer's runtime parameter: same method, no pydantic for plain values."""
+    """Replaces Typer's runtime parameter with one that converts plain values without pydantic."""
 
     def __init__(self, parameter: Any) -> None:
         self._annotation = parameter.type_descriptor.annotation
@@ -23,7 +23,7 @@ class _PlainCoercion:
         self._parameter = parameter
 
     def coerce(self, value: Any, param: Any, ctx: Any) -> Any:
-        """The value in its declared type."""
+        """Convert a value to the declared type."""
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
         plain = _plain(self._annotation, value)
@@ -45,13 +45,15 @@ class _PlainCoercion:
 
 
 _NOT_PLAIN = object()
+"""Marks a value that is left to Typer's conversion."""
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", list[str]: "a list of texts"}
+"""Type of a value -> its description in an error."""
 MAX_SHOWN = 60
-"""Characters of a value that does not fit."""
+"""Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 
 
 def _wanted(annotation: Any, info: Any) -> str:
-    """What an option takes, in words."""
+    """Describe the values that an option takes."""
     if get_origin(annotation) is Literal:
         return f"one of {', '.join(map(str, get_args(annotation)))}"
     words = _KINDS.get(annotation, "another value")
@@ -92,14 +94,14 @@ def _plain_number(kind: type[int] | type[float], value: Any) -> Any:
 
 
 def _is_within(value: Any, least: float | None, most: float | None) -> bool:
-    """Whether a value keeps to the bounds of its option; Typer has the words for one that does not."""
+    """Whether a value is within the bounds of its option; Typer reports one that is not."""
     return (least is None or value >= least) and (most is None or value <= most)
 
 
 def skip_coercion(parameters: list[Any]) -> list[Any]:
-    """`parameters`, each with the plain coercion.
+    """Give each parameter the plain conversion; returns the parameters.
 
-    A Typer without this hook is left as it is: the only difference is the start-up time.
+    A version of Typer without this hook is left unchanged; only the start takes longer.
     """
     for parameter in parameters:
         if getattr(parameter, "_runtime_param", 0) is not None or not hasattr(parameter, "type_descriptor"):

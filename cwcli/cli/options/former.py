@@ -1,7 +1,7 @@
-"""Stages that were once an option of another: the old spellings go on, and say what replaces them.
+"""Old options that are stages now; the old spellings are still accepted, with a note on the new ones.
 
 `predict --from observer` is `predict-lane`: on the command line, in `cwcli run` (`--predict-from observer`), in the
-environment and in configuration files. The options that were the new stage's then go to it.
+environment and in configuration files. The options that moved to the new stage are passed on to it.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from cwcli.cli.options.entries import Entry, entries, key_of
 
 @dataclass(frozen=True)
 class Former:
-    """An option some of whose values are stages now.
+    """An old option of which some values are stages now.
 
     Attributes:
-        flag: As it was spelled.
-        stages: Value -> the stage.
-        usual: Its other value, if it had no more and is gone; "" for an option that goes on as a list of names.
+        flag: The old flag.
+        stages: Value -> the stage that replaces it.
+        usual: The only other value of an option that was removed; "" for an option that still takes a list of names.
     """
 
     flag: str
@@ -37,11 +37,11 @@ FORMER: dict[str, dict[str, Former]] = {
         "rules": Former("--rules", {"lane-departure": "warn-lane"}),
     },
 }
-"""Stage -> key of the option -> what became of it."""
+"""Stage -> key of an old option -> the stages that replace it."""
 
 
 def former_fields(stage: str) -> list[tuple[str, Any, Any]]:
-    """Name, annotated type and default of the stage's hidden options: the old ones, and those that went with them."""
+    """List name, annotated type and default of a stage's hidden options: old ones and those moved to new stages."""
     found: dict[str, tuple[str, Any, Any]] = {}
     own = {entry.key for entry in entries(stage)}
     for key, former in FORMER.get(stage, {}).items():
@@ -58,7 +58,7 @@ def former_fields(stage: str) -> list[tuple[str, Any, Any]]:
 
 
 def respelled(stage: str) -> dict[str, Entry]:
-    """Key as it was once spelled -> the option, of the stage and of those whose options were once its own."""
+    """Former key -> option, for renamed options of the stage and of the stages that were split from it."""
     moved = (name for former in FORMER.get(stage, {}).values() for name in former.stages.values())
     every = (entry for name in (stage, *moved) for entry in entries(name))
     return {key_of(entry.option.former): entry for entry in every if entry.option.former}

@@ -1,4 +1,4 @@
-"""Options as they were once spelled, replaced by those of the stages that there are now (`former`)."""
+"""Replaces old spellings of options by the current stages and options (`former`)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from cwcli.cli.options.stage import StageOptions, stage_options
 def resolved(
     options: Mapping[str, StageOptions], wanted: Sequence[str]
 ) -> tuple[dict[str, StageOptions], tuple[str, ...], tuple[str, ...]]:
-    """Replace old spellings.
+    """Replace old spellings of options.
 
     Args:
-        options: Stage -> its options, at least of those that are wanted.
-        wanted: The stages that are to run.
+        options: Stage -> its options, for all stages to run.
+        wanted: Names of the stages to run.
 
     Returns:
-        The options, the stages, and notes on what replaces what was given.
+        The options by stage, the names of the stages, and notes on the replacements.
     """
     result, names, notes = dict(options), list[str](), list[str]()
     for name in wanted:
@@ -60,6 +60,6 @@ def resolved(
 
 
 def say_notes(talk: TalkOptions, notes: Sequence[str]) -> None:
-    """Say what replaces old spellings, in one note."""
+    """Print one note on the old spellings that were replaced."""
     if notes:
         Console(quiet=talk.quiet).note("; ".join(notes))

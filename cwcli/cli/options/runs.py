@@ -1,4 +1,4 @@
-"""Options of the commands that look at what a run has made: evaluate, compare, report."""
+"""Options of the commands that read results of runs: evaluate, compare, report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shared options: one name, one meaning, everywhere."""
+"""The options that commands share; each has the same name and meaning everywhere."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from cwcli.pipeline.channel_choice import ChannelChoice
 
 MEGABYTE = 1_000_000
+"""Bytes in a megabyte, as `--max-chunk` counts."""
 GIGABYTE = 1_000_000_000
+"""Bytes in a gigabyte, as `--max-input` counts."""
 MAX_CHUNK_MB, MAX_RATIO, MAX_INPUT_GB = 256, 64, 64
+"""Defaults of `--max-chunk` in MB, `--max-ratio` as a factor, and `--max-input` in GB; chosen by hand."""
 NO_LIMIT = 1_000_000
-"""Largest value of the three: a TB a chunk, a PB of input. More bounds nothing, and may be too many bytes to count."""
-_INPUT, _OUTPUT = "Input", "Output"  # headings of the help
+"""Largest value of these options; chosen: larger ones bound nothing and their bytes could overflow."""
+_INPUT, _OUTPUT = "Input", "Output"
+"""Headings of groups of options in the help."""
 
 LogArgument = Annotated[
     list[str],
@@ -41,7 +45,7 @@ LogsArgument = Annotated[
     ),
 ]
 AsOneOption = Annotated[
-    bool, typer.Option("--as-one", help="The logs that are named, or lie in the folder, are the parts of one log.")
+    bool, typer.Option("--as-one", help="Read the named logs, or those in the folder, as the parts of one log.")
 ]
 
 MaxChunkOption = Annotated[
@@ -77,7 +81,7 @@ MaxInputOption = Annotated[
 
 
 def one_log(logs: Sequence[str], as_one: bool) -> Source:
-    """The log that a command takes: the only one, or the one that consists of all.
+    """The source that a command reads: the only log, or all logs as the parts of one.
 
     Raises:
         UsageError: There are several, and not `as_one`.
@@ -92,13 +96,13 @@ def one_log(logs: Sequence[str], as_one: bool) -> Source:
 
 
 def names_of(source: Source) -> list[str]:
-    """The names of a log, or of its parts."""
+    """List the names of a log or of its parts."""
     return [str(source)] if isinstance(source, str | Path) else list(source)
 
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """How the input is read, and which part of it is used."""
+    """Options of reading a log: topics, time span and limits."""
 
     heading: ClassVar[str] = _INPUT
     topic: Annotated[
@@ -158,7 +162,7 @@ class ReadingOptions:
 
     @property
     def topics(self) -> list[str]:
-        """`--topic`, and `--map` with the files of `--dbc`.
+        """The values of `--topic`, and those of `--map` with the files of `--dbc`.
 
         Raises:
             UsageError: A mapping names no field, or a role that has none.
@@ -171,18 +175,18 @@ class ReadingOptions:
 
     @property
     def max_chunk_bytes(self) -> int:
-        """`--max-chunk`."""
+        """The value of `--max-chunk` in bytes."""
         return self.max_chunk * MEGABYTE
 
     @property
     def max_pipe_bytes(self) -> int:
-        """`--max-input`."""
+        """The value of `--max-input` in bytes."""
         return int(self.max_input * GIGABYTE)
 
 
 @dataclass(frozen=True)
 class SensorOptions:
-    """How the sensors' own messages are read: for the commands that use them."""
+    """Options of reading sensor messages."""
 
     heading: ClassVar[str] = _INPUT
     clock: Annotated[
@@ -202,7 +206,7 @@ class SensorOptions:
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """What is known of the sensors beforehand: for the commands that use it."""
+    """Option for the constants of the car's sensors from earlier drives."""
 
     heading: ClassVar[str] = _INPUT
     calibration: Annotated[
@@ -216,7 +220,7 @@ class CalibrationOptions:
     ] = None
 
     def load(self) -> Calibration | None:
-        """The calibration, if one was named.
+        """Load the calibration file, or return None if none is named.
 
         Raises:
             UsageError: The file's content is wrong.
@@ -250,7 +254,7 @@ def _topics(incomplete: str) -> list[str]:
 
 @dataclass(frozen=True)
 class WritingOptions:
-    """Where the annotated log goes."""
+    """Options of writing the annotated log."""
 
     heading: ClassVar[str] = _OUTPUT
     output: OutputOption = None
@@ -278,7 +282,7 @@ class WritingOptions:
 
     @property
     def choice(self) -> ChannelChoice:
-        """`--channels`."""
+        """The channels to write, parsed from `--channels`."""
         from cwcli.pipeline.channel_choice import ChannelChoice
 
         return ChannelChoice.parse(self.channels)

@@ -1,4 +1,4 @@
-"""The options of a stage's command, made from its annotated configuration (`cwcli.option`), and back."""
+"""Converts a stage's annotated configuration (`cwcli.option`) to options of a command, and options to a stage call."""
 
 from __future__ import annotations
 
@@ -24,28 +24,28 @@ if TYPE_CHECKING:
 
 
 class StageOptions:
-    """Base of options that belong to one stage; `stage_options` makes the classes.
+    """Base class of the options of one stage; the classes are generated.
 
     Their environment variables and their table in the configuration file carry the stage's name. In a command that
     runs several stages their flags do too: `--model` of `cwcli estimate` is `--estimate-model` of `cwcli run`.
     There they stand under a heading of their own.
 
     Attributes:
-        stage: Its name.
-        hidden: Old options, which help and documents leave out.
+        stage: Name of the stage.
+        hidden: Names of old options, which help and documents leave out.
     """
 
     stage: ClassVar[str]
     hidden: ClassVar[frozenset[str]] = frozenset()
 
     def values(self) -> dict[str, Any]:
-        """Every option and its value, as a configuration file has them."""
+        """All options and their values, in the form of a configuration file."""
         return {name: value for name, value in vars(self).items() if name not in self.hidden}
 
 
 @functools.cache
 def stage_options(name: str) -> type[StageOptions]:
-    """A dataclass with the stage's options, as `expand` takes it. Making one checks nothing."""
+    """Make a dataclass of a stage's options; its instances are not validated."""
     own = [(entry.key, Annotated[entry.kind, _typer_option(entry)], _field(entry.default)) for entry in entries(name)]
     hidden = former_fields(name)
     fields: list[Any] = [*own, *((key, kind, _field(value)) for key, kind, value in hidden)]
@@ -59,7 +59,7 @@ def stage_options(name: str) -> type[StageOptions]:
 
 
 def every_stage() -> tuple[type[StageOptions], ...]:
-    """The options of all stages, in the order in which they run."""
+    """Make the option classes of all stages, in the order in which they run."""
     return tuple(map(stage_options, STAGES))
 
 
@@ -83,10 +83,10 @@ def _typer_option(entry: Entry) -> Any:
 
 
 def call_of(options: StageOptions, sensors: SensorOptions, calibration: Calibration | None = None) -> StageCall:
-    """The stage with these options.
+    """Make the call of a stage from its options, the sensor options and a calibration.
 
     Raises:
-        UsageError: A value makes no sense.
+        UsageError: A value is invalid.
     """
     stage = STAGES[options.stage]
     given = {
@@ -113,7 +113,7 @@ def _parsed(option: Option, value: Any) -> Any:
 
 
 def _configured(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
-    """A configuration with some of its fields, and of those inside them, changed."""
+    """Replace fields of a configuration, also nested ones, by the values at their paths."""
     changes = {path[0]: value for path, value in given.items() if len(path) == 1}
     for name in dict.fromkeys(path[0] for path in given if len(path) > 1):
         inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
@@ -122,10 +122,10 @@ def _configured(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
 
 
 def uses_calibration(stage: Stage) -> bool:
-    """Whether the stage, or one that its command runs first, uses what is known of the sensors beforehand."""
+    """Whether the stage, or one that its command runs first, uses a calibration."""
     return any(hasattr(STAGES[name].configuration(), "calibration") for name in (stage.name, *stage.first))
 
 
 def reads_sensors(stage: Stage) -> bool:
-    """Whether the stage, or one that its command runs first, reads messages of sensors."""
+    """Whether the stage, or one that its command runs first, reads sensor messages."""
     return any(hasattr(STAGES[name].configuration(), "sources") for name in (stage.name, *stage.first))

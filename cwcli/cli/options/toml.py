@@ -1,4 +1,4 @@
-"""Writes TOML: what a configuration file holds, and no more (the standard library only reads it)."""
+"""Writes the part of TOML that configuration files need (the standard library only reads TOML)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def toml(document: Mapping[str, Any]) -> str:
-    """A document of values, lists of values and tables of both. None becomes a comment."""
+    """Format a document of values, lists and tables as TOML; None becomes a comment."""
     lines = [_line(key, value) for key, value in document.items() if not isinstance(value, Mapping)]
     for name, table in document.items():
         if isinstance(table, Mapping):

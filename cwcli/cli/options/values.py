@@ -1,4 +1,4 @@
-"""What the text of a shared option means, and a time as it is shown."""
+"""Parses times of shared options, and formats times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["time_ns", "utc"]
 
 
 def utc(time_ns: int) -> str:
-    """`2026-05-01 12:00:00.123 UTC`."""
+    """Format a Unix time as `2026-05-01 12:00:00.123 UTC`."""
     seconds, rest = divmod(time_ns, NS_PER_S)
     try:
         moment = datetime.fromtimestamp(seconds, UTC)

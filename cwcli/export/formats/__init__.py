@@ -1,4 +1,4 @@
-"""The formats of tracks, one file each: what it is called, and a function from tracks to the bytes of a file."""
+"""The formats of tracks; each module describes one and encodes tracks as the bytes of a file."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ TRACK_FORMATS = {
     "geojson": "cwcli.export.formats.geojson",
     "osi": "cwcli.export.formats.osi",
 }
-"""Name -> the module with its `FORMAT`."""
+"""Name of a format -> the module with its `FORMAT`."""
 
 
 def track_format(name: str) -> TrackFormat:
-    """The format of a name in `TRACK_FORMATS`."""
+    """Import the format of a name in `TRACK_FORMATS`."""
     found: TrackFormat = import_module(TRACK_FORMATS[name]).FORMAT
     return found

@@ -1,4 +1,4 @@
-"""What a format of tracks is."""
+"""Data classes of tracks and of their file formats."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 @dataclass(frozen=True)
 class Track:
-    """Where a vehicle was, n rows in the order of their stamps.
+    """States of one vehicle over time, n rows in the order of their stamps.
 
     Attributes:
-        id: The vehicle.
+        id: Id of the vehicle.
         stamp_ns: Shape (n,), Unix time.
         x_m, y_m, heading_rad: Shape (n,): in the map frame; the heading counter-clockwise from east.
         speed_mps: Shape (n,).
-        latitude_deg, longitude_deg: Shape (n,), WGS84; NaN where the map has no place on the earth.
-        what: What was exported: `ego`, `remote`, ...
+        latitude_deg, longitude_deg: Shape (n,), WGS84; NaN where the map has no geographic origin.
+        what: The exported content: `ego`, `remote`, ...
         accel_mps2, yaw_rate_radps: Shape (n,), or None.
         size_m: Length and width, NaN where unknown.
     """
@@ -40,16 +40,16 @@ class Track:
 
 @dataclass(frozen=True)
 class TrackFormat:
-    """A format.
+    """A file format of tracks.
 
     Attributes:
-        suffixes: How the names of its files may end, in lower case, the usual way first. No two formats share one.
-        what: What it is, and who reads it, in one line.
-        encode: Tracks -> the content of a file.
-        is_of_one: A file holds one track.
-        on_globe: It holds latitudes and longitudes.
-        is_text: It can be printed.
-        is_of_all: It holds the ego and all others together, unless something else is asked for.
+        suffixes: Suffixes of its files in lower case, the usual one first. No two formats share one.
+        what: Name of the format and of the tools that read it, in one line.
+        encode: Function from tracks to the content of a file.
+        is_of_one: A file holds one track only.
+        on_globe: It needs latitudes and longitudes.
+        is_text: It can be printed on a terminal.
+        is_of_all: By default a file holds the ego and all other vehicles.
     """
 
     suffixes: tuple[str, ...]

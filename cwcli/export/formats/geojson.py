@@ -14,7 +14,7 @@ from cwcli.text import finite
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """A `FeatureCollection`. A vehicle of one state is a point: a line string needs two."""
+    """Encode tracks as a `FeatureCollection`; a vehicle with one state is a point, because a line needs two."""
     features = [_feature(track) for track in tracks]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False).encode() + b"\n"
 
@@ -36,3 +36,4 @@ def _feature(track: Track) -> dict[str, Any]:
 
 
 FORMAT = TrackFormat((".geojson",), "GeoJSON (RFC 7946), for GIS tools", encode, on_globe=True)
+"""The description of this format for the table of formats."""

@@ -1,6 +1,6 @@
 """GPX 1.1: a track with a time at each point.
 
-Source: topografix.com/GPX/1/1. Headings and speeds have no place in it.
+Source: topografix.com/GPX/1/1. It holds no headings and speeds.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from cwcli.export.text import degrees, iso_time, xml_text
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <gpx version="1.1" creator="cwcli" xmlns="http://www.topografix.com/GPX/1/1">
 """
+"""Beginning of a GPX document."""
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """Every track as a `trk` of one segment."""
+    """Encode each track as a `trk` of one segment."""
     parts = [HEAD]
     for track in tracks:
         parts.append(f"<trk><name>{escape(xml_text(track.id))}</name><trkseg>\n")
@@ -31,3 +32,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
 
 
 FORMAT = TrackFormat((".gpx",), "GPX 1.1, for maps and GNSS tools", encode, on_globe=True)
+"""The description of this format for the table of formats."""

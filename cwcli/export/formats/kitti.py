@@ -13,7 +13,7 @@ from cwcli.export.formats.base import Track, TrackFormat
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """The pose of the body (x forward, y left, z up) in the map frame, height 0. Not that of a camera."""
+    """Encode the poses of the body (x forward, y left, z up; not a camera) in the map frame, height 0."""
     (track,) = tracks
     sine, cosine = np.sin(track.heading_rad), np.cos(track.heading_rad)
     lines = [
@@ -24,3 +24,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
 
 
 FORMAT = TrackFormat((".kitti", ".txt"), "KITTI poses, for evo; without times", encode, is_of_one=True)
+"""The description of this format for the table of formats."""

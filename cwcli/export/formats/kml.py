@@ -15,10 +15,11 @@ HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
 <Document>
 """
+"""Beginning of a KML document."""
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """Every track as a `Placemark`: first all its times, then all its places."""
+    """Encode each track as a `Placemark`: first all its times, then all its positions."""
     parts = [HEAD]
     for track in tracks:
         parts.append(f"<Placemark><name>{escape(xml_text(track.id))}</name><gx:Track>\n")
@@ -30,3 +31,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
 
 
 FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode, on_globe=True)
+"""The description of this format for the table of formats."""

@@ -25,22 +25,28 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
 OSI_VERSION = (3, 8, 0)
+"""Version of OSI whose messages are written."""
 TOPIC, SCHEMA = "ground_truth", "osi3.GroundTruth"
+"""Topic and schema of the only channel."""
 EGO = ("ego", "ego-online")
+"""Contents whose track is the host vehicle."""
 DEFAULT_SIZE_M = (4.5, 1.8)
-"""Length and width where nothing tells: what the measures assume, too."""
+"""Length and width of vehicles of unknown size, m; chosen: the same as in the criticality measures."""
 HEIGHT_M = 1.5
+"""Height of all vehicles, m; chosen: no message holds one."""
 MAX_GAP_S = 1.0
+"""Longest time between two states that is interpolated, s; chosen by hand."""
 TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
+"""The values of MovingObject.Type and of VehicleClassification.Type that are used."""
 GPS_EPOCH_NS = 315_964_800 * NS_PER_S
-"""Stamps before it count from the start of a simulation, not from 1970."""
+"""The GPS epoch as Unix time, ns; earlier stamps count from the start of a simulation, not from 1970."""
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """All tracks at the times of the ego's states; without an ego, at those of all states.
+    """Encode all tracks at the times of the ego's states; without an ego, at those of all states.
 
-    Others are interpolated between two states of theirs that are at most a second apart. Ids that are no whole numbers
-    get free ones, with the name beside it as an external reference.
+    Other vehicles are interpolated between states that are at most a second apart. Ids that are no whole numbers are
+    replaced by free numbers, with the original id as external reference.
     """
     host = next((track for track in tracks if track.what in EGO), None)
     at_ns = np.unique(host.stamp_ns if host is not None else np.concatenate([track.stamp_ns for track in tracks]))
@@ -77,6 +83,7 @@ def encode(tracks: Sequence[Track]) -> bytes:
 
 
 _PARTS = ("major", "minor", "patch")
+"""Names of the parts of a version."""
 
 
 def _versions() -> Mapping[str, str]:
@@ -93,7 +100,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def _ids(tracks: Sequence[Track]) -> list[int]:
-    """A number for each track: its own where it is one, and nobody's before it."""
+    """Give each track a unique number: its own id where that is a number and still free."""
     own = [int(t.id) if t.id.isdecimal() and t.id == str(int(t.id)) and int(t.id) < 2**64 - 1 else None for t in tracks]
     taken: set[int] = set()
     ids: list[int | None] = []
@@ -106,7 +113,7 @@ def _ids(tracks: Sequence[Track]) -> list[int]:
 
 
 def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
-    """The moving objects of each message, by message and then in the order of the tracks."""
+    """Make the moving objects of each message, in the order of the tracks."""
     parts = [_states(track, at_ns) for track in tracks]
     there = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]
     row = np.concatenate([np.flatnonzero(is_there) for is_there in there])
@@ -155,7 +162,7 @@ def _size(track: Track) -> tuple[float, ...]:
 
 
 def _states(track: Track, at_ns: Int64Array) -> FloatArray:
-    """x, y, speed, heading, acceleration and yaw rate at the given times, (n, 6); NaN where the track has none."""
+    """Interpolate x, y, speed, heading, acceleration and yaw rate at n times, shape (n, 6); NaN outside the track."""
     nothing = np.zeros(len(track.stamp_ns))
     motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
     lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
@@ -167,3 +174,4 @@ def _states(track: Track, at_ns: Int64Array) -> FloatArray:
 FORMAT = TrackFormat(
     (".osi.mcap",), "ASAM OSI trace, for simulators and their tools", encode, is_text=False, is_of_all=True
 )
+"""The description of this format for the table of formats."""

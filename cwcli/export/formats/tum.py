@@ -13,7 +13,7 @@ from cwcli.export.formats.base import Track, TrackFormat
 
 
 def encode(tracks: Sequence[Track]) -> bytes:
-    """Positions in metres in the map frame, height 0; seconds with nine digits, so that no stamp is rounded."""
+    """Encode positions in metres in the map frame, height 0; nine decimals of a second keep stamps exact."""
     (track,) = tracks
     half = 0.5 * track.heading_rad
     rows = zip(track.stamp_ns.tolist(), track.x_m, track.y_m, np.sin(half), np.cos(half), strict=True)
@@ -25,3 +25,4 @@ def encode(tracks: Sequence[Track]) -> bytes:
 
 
 FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode, is_of_one=True)
+"""The description of this format for the table of formats."""

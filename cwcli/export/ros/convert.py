@@ -1,4 +1,4 @@
-"""The channels of an annotated log as those of a ROS 2 log."""
+"""Converts an annotated log to a log of ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -22,26 +22,29 @@ from cwcli.signals.columns import OutputChannel, column_at
 from cwcli.signals.geodesy import LocalMap
 
 PROFILE = "ros2"
+"""Profile of an MCAP file that holds ROS 2 messages only."""
 FOLDER = f"{OWN_PREFIX}ros/"
-"""Of the topics that are made: no command takes what lies there for a measurement, or for a result of a stage."""
+"""Beginning of converted topics; no command reads topics below it as measurements or as results of a stage."""
 RECORD = "cwcli.export.ros2"
+"""Name of the metadata record that holds the map's origin."""
 NOT_IN_A_TOPIC = re.compile("[^A-Za-z0-9_/]")
-
+"""Characters that a ROS topic may not hold."""
 
 OWN_SCHEMAS = "cwcli."
+"""Beginning of the names of cwcli's own schemas."""
 
 
 @dataclass(frozen=True)
 class RosLog:
-    """What was written.
+    """Counts of a conversion to a ROS 2 log.
 
     Attributes:
-        n_messages_kept, n_messages_made: ROS messages of the source, and those made of others.
+        n_messages_kept, n_messages_made: ROS messages copied from the source, and messages converted.
         left_out: Topic -> schema of each channel for which there is no ROS message.
-        left_messages: Topic -> field -> number of messages with something there that the ROS message can't hold (a time
-            beyond int32 seconds, elements that differ in number), where there are any. A message counts once.
-        left_fields: Topic -> fields that the ROS message does not have, where another version wrote any.
-        replaced: Recorded ROS channels whose topic is that of one that was made.
+        left_messages: Topic -> field -> number of messages whose value the ROS message can't hold (a time beyond int32
+            seconds, elements that differ in number), where there are any. A message counts once.
+        left_fields: Topic -> fields that the ROS message does not have, because another version wrote them.
+        replaced: Topics of recorded ROS channels that a converted channel replaces.
     """
 
     n_messages_kept: int
@@ -53,9 +56,9 @@ class RosLog:
 
 
 def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLog:
-    """Write the ROS messages of a log as they are, and what cwcli made as ROS messages.
+    """Write a log of ROS 2 messages: recorded ROS messages unchanged, and cwcli's channels converted.
 
-    A metadata record says where the map lies on the earth, in place of the records of the stages.
+    A metadata record with the map's origin replaces the records of the stages.
 
     Raises:
         MissingSignalError: There is no channel that could be written.
@@ -109,7 +112,7 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
 
 
 def topic_names(topics: Iterable[str]) -> dict[str, str]:
-    """The topic that each becomes: a name of ROS, and no two the same (`/a b` and `/a_b` are `a_b` and `a_b_2`)."""
+    """The ROS topic of each topic, all different: `/a b` and `/a_b` become `a_b` and `a_b_2`."""
     names: dict[str, str] = {}
     for topic in topics:
         plain = FOLDER + (NOT_IN_A_TOPIC.sub("_", topic.removeprefix(OWN_PREFIX).strip("/")) or "_")
@@ -121,7 +124,7 @@ def topic_names(topics: Iterable[str]) -> dict[str, str]:
 def _converted(
     log: Log, topic: str, name: str, local_map: LocalMap | None
 ) -> tuple[OutputChannel, dict[str, int], list[str]]:
-    """The channel, the messages that are left out of it (by field, counted), and the names of the fields that are."""
+    """Convert a channel; returns it, the number of messages left out by field, and the names of fields left out."""
     columns = log.columns(topic)
     message = ROS_MESSAGES[columns.schema_name]
     fields = message.fields(columns, local_map)

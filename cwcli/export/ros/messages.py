@@ -1,7 +1,7 @@
-"""What ROS 2 message each of cwcli's becomes, one line each; and a function for each that is not taken field by field.
+"""Conversions of cwcli's messages to ROS 2 messages: a table, and a function for each that changes fields.
 
-States, targets and paths become the standard messages that RViz and evo know; what these have no room for
-(accelerations, flags, models) is in the annotated log alone. What none fits is a message of `cwcli_msgs`.
+States, targets and paths become the standard messages that RViz and evo read; values without a field there
+(accelerations, flags, models) are in the annotated log only. Other messages become messages of `cwcli_msgs`.
 """
 
 from __future__ import annotations
@@ -37,30 +37,34 @@ from cwcli.signals.vehicle_state import BODY_FRAME, EGO_ID, HEADING, MAP_FRAME, 
 
 Fields = Mapping[str, OutputField]
 POSE_SIZE = 36
-"""Of a covariance: x, y, z, and the turns about them."""
+"""Number of values in a 6 x 6 covariance of position and rotation (x, y, z, roll, pitch, yaw)."""
 ROLLED = 5
-"""Row of the turn about z."""
-CLEARED = 3  # cwcli.v1.Warning.State
-OK, WARN = 0, 1  # diagnostic_msgs/DiagnosticStatus
+"""Row of yaw in that covariance."""
+CLEARED = 3
+"""The value of `cwcli.v1.Warning.State` for a cleared warning."""
+OK, WARN = 0, 1
+"""The levels of `diagnostic_msgs/DiagnosticStatus`."""
 LOG_LEVEL_STEP = 10
-"""rcl_interfaces/Log counts 10, 20, ... where foxglove.Log counts 1, 2, ..."""
+"""Factor from levels of foxglove.Log (1, 2, ...) to those of rcl_interfaces/Log (10, 20, ...)."""
 MAX_LOG_LEVEL = 25
-"""More of it than a byte holds, ten times."""
+"""Largest level of foxglove.Log whose converted level still fits into a byte."""
 SERVICE_GPS = 1
+"""The value of SERVICE_GPS in sensor_msgs/NavSatStatus."""
 COVARIANCE_TYPES = (0, 1, 2, 3)
-"""Of sensor_msgs/NavSatFix."""
+"""The values of position_covariance_type in sensor_msgs/NavSatFix."""
 MAX_SECONDS = 1 << 31
-"""Of a ROS time: an int32."""
+"""Bound of the seconds in a ROS time, an int32."""
 TOLD_OF_WARNING = ("time_to_event_s", "predicted_distance_m", "ttc_s", "probability", "alert_probability")
+"""Numeric fields of a warning that become key-value pairs of a diagnostic status."""
 
 
 @dataclass(frozen=True)
 class RosMessage:
-    """What a message becomes.
+    """The ROS message that a message is converted to.
 
     Attributes:
-        schema: `package/msg/Name`.
-        fields: Columns of the channel, and the map of the log if it has a place on the earth -> those of the message.
+        schema: Name of the ROS message, `package/msg/Name`.
+        fields: Function from the channel's columns, and the log's map or None, to the fields of the ROS message.
     """
 
     schema: str
@@ -68,7 +72,7 @@ class RosMessage:
 
 
 def _same(columns: Columns, _map: LocalMap | None) -> Fields:
-    """The fields that the ROS message has too."""
+    """Copy the fields that the ROS message has under the same names."""
     schema = ROS_MESSAGES[columns.schema_name].schema
     unknown = unknown_fields(columns)
     fields = {path: column for path, column in columns.fields.items() if path not in unknown}
@@ -81,7 +85,7 @@ def _same(columns: Columns, _map: LocalMap | None) -> Fields:
 
 
 def unknown_fields(columns: Columns) -> list[str]:
-    """The fields that the ROS message does not have, of a channel that is taken field by field."""
+    """Names of the fields of a channel copied field by field that the ROS message does not have."""
     message = ROS_MESSAGES[columns.schema_name]
     if message.fields is not _same:
         return []
@@ -90,7 +94,7 @@ def unknown_fields(columns: Columns) -> list[str]:
 
 
 def _is_defined(definitions: Definitions, name: str, path: str) -> bool:
-    """Whether a message has a field, be it of another kind."""
+    """Whether a message definition has a field of this path, of any type."""
     head, _, rest = path.partition(".")
     for field in find_definition(definitions, name):
         if field.name == head:
@@ -99,7 +103,7 @@ def _is_defined(definitions: Definitions, name: str, path: str) -> bool:
 
 
 def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
-    """A state in the map of this log, also where a truth has another origin."""
+    """Convert states to odometry in the map of this log; a truth with another map origin is moved there."""
     has_covariance = isinstance(find(columns, "sigma"), np.ndarray)
     states = read_states(columns, with_covariance=has_covariance)
     state = states.state.copy()
@@ -125,7 +129,7 @@ def _odometry_of_state(columns: Columns, local_map: LocalMap | None) -> Fields:
 
 
 def _odometry_of_target(columns: Columns, _map: LocalMap | None) -> Fields:
-    """A target in its own frame of reference: the map, or the car."""
+    """Convert targets to odometry in their own frame, the map's or the car's."""
     n = len(columns)
     x_m, y_m, vx, vy = (numbers(columns, name, required=True) for name in ("x_m", "y_m", "vx_mps", "vy_mps"))
     heading = np.arctan2(vy, vx)
@@ -149,7 +153,7 @@ def _odometry(
     motion: tuple[FloatArray, FloatArray, FloatArray],
     covariances: tuple[FloatArray, FloatArray],
 ) -> Fields:
-    """`nav_msgs/Odometry`: the twist is that of the body. Height, roll and pitch are zero, with zero covariances."""
+    """Make the fields of `nav_msgs/Odometry`, twist in the body frame; height, roll and pitch are zero and exact."""
     speed, heading, yaw_rate = motion
     pose, twist = (np.nan_to_num(each.reshape(len(stamp_ns), POSE_SIZE)) for each in covariances)
     return {
@@ -166,7 +170,7 @@ def _odometry(
 
 
 def _path(columns: Columns, _map: LocalMap | None) -> Fields:
-    """`nav_msgs/Path`: each point has the time at which the vehicle is to be there."""
+    """Make the fields of `nav_msgs/Path`; the stamp of each point is its predicted time."""
     stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
     x_m, y_m, heading = (_ragged(columns, name) for name in ("x_m", "y_m", "heading_rad"))
     for name, other in (("y_m", y_m), ("heading_rad", heading)):
@@ -192,7 +196,7 @@ def _path(columns: Columns, _map: LocalMap | None) -> Fields:
 
 
 def _ragged(columns: Columns, name: str) -> Ragged:
-    """A repeated number of n rows; none where the field is not there."""
+    """Read a repeated numeric field of n rows; all rows are empty if the field is missing."""
     field, n = find(columns, name), len(columns)
     if field is None:
         return Ragged(np.zeros(0), np.zeros(n + 1, np.int64))
@@ -204,7 +208,7 @@ def _ragged(columns: Columns, name: str) -> Ragged:
 
 
 def _diagnostics(columns: Columns, _map: LocalMap | None) -> Fields:
-    """`diagnostic_msgs/DiagnosticArray` of one status: WARN until the warning is cleared."""
+    """Make the fields of `diagnostic_msgs/DiagnosticArray` with one status: WARN until the warning is cleared."""
     n = len(columns)
     stamp_ns, _ = whole_numbers(columns, "known_ns", "stamp_ns", required=True)
     state = whole_numbers(columns, "state", required=True)[0]
@@ -288,7 +292,7 @@ def _copied(columns: Columns, path: str, names: str) -> dict[str, OutputField]:
 
 
 def _orientation(columns: Columns, path: str) -> dict[str, OutputField]:
-    """A quaternion; no turn where there is none."""
+    """Copy a quaternion; missing ones become the identity."""
     turn = vector(columns, path, ("x", "y", "z", "w"))
     turn[~np.isfinite(turn).all(axis=1)] = 0.0, 0.0, 0.0, 1.0
     return {f"{path}.{name}": turn[:, k] for k, name in enumerate("xyzw")}
@@ -310,5 +314,5 @@ ROS_MESSAGES = {
     "foxglove.FrameTransform": RosMessage("tf2_msgs/msg/TFMessage", _transform),
     "foxglove.Log": RosMessage("rcl_interfaces/msg/Log", _log),
 }
-"""Schema of a channel -> what it becomes. Scenes and lines in images are left out: they are pictures of paths, targets
-and lanes, which are there themselves."""
+"""Schema of a channel -> its ROS message. Scenes and image annotations are left out, because they only draw paths,
+targets and lanes, which are converted themselves."""

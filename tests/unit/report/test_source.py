@@ -44,7 +44,7 @@ def test_a_logs_own_entry_counts_more_than_the_manifest_of_a_killed_run(tmp_path
         ("b", True),
         ("c", True),
     ]
-    assert read_run(str(out)).entries[2].error == {"what": "it was not done"}
+    assert read_run(str(out)).entries[2].error == {"what": "it was not processed"}
 
 
 @pytest.mark.parametrize("name", ["../other", "..", "", "a/b", "a\\b", "a\0b", "/etc"])

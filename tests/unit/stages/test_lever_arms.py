@@ -68,7 +68,7 @@ def test_places_come_from_the_transforms(tmp_path: Path) -> None:
         places, counts, notes = read_lever_arms(log, TOPICS, {})
     assert places == {"/gps/fix": pytest.approx((1.25, -0.5)), "/imu": pytest.approx((-0.5, 0.0))}
     assert [(c.topic, c.read, c.used) for c in counts] == [("/tf_static", 2, 1), ("/tf", 1, 1)]
-    assert notes[0] == "/gps/fix stands 1.25 m ahead and -0.50 m to the left of base_link (antenna)"
+    assert notes[0] == "/gps/fix is mounted 1.25 m ahead and -0.50 m to the left of base_link (antenna)"
     assert len(notes) == 2
 
 
