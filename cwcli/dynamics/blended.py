@@ -34,21 +34,28 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
 STEP_KMH = 10.0
+"""Distance between the speeds of neighbouring observers, km/h; zhang2011, section 3."""
 SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
+"""Speeds for which an observer is computed, km/h, shape (16,); zhang2011 uses multiples of 10 km/h."""
 DEFAULT_PERIOD_S = 0.1
+"""Sampling period of the observers when the log has fewer than two frames, s; that of the paper's camera (10 Hz)."""
 MIN_PERIOD_S = 0.001
+"""Shortest sampling period that is taken from the frames' stamps, s. Chosen by hand; not fitted."""
 MAX_PERIODS = 1_000_000
-"""A longer pause starts anew anyway."""
+"""Largest number of sampling periods between two frames that is computed. Chosen by hand: the observer starts anew
+after a pause that long."""
 OUTPUT = np.eye(4)[2:]
-"""C of eq. 21: y_L and e_L are measured."""
+"""Matrix C of zhang2011's eq. 21, shape (2, 4): y_L and e_L are measured."""
 
 
 @dataclass(frozen=True)
 class Bank:
-    """The observers of all speeds of `SPEEDS_KMH`.
+    """The discretised models and steady Kalman gains of the observers of all speeds.
 
     Attributes:
-        phi: Shape (16, 4, 4). gamma: Shape (16, 4, 2). gain: Shape (16, 4, 2).
+        phi: State transition matrices, shape (16, 4, 4).
+        gamma: Input matrices, shape (16, 4, 2).
+        gain: Kalman gains, shape (16, 4, 2).
     """
 
     phi: FloatArray
@@ -57,7 +64,7 @@ class Bank:
 
 
 def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> Bank:
-    """Discretise eq. 21 (corrected) at each speed and settle its Kalman filter (eq. 16, 17, 19)."""
+    """Discretise eq. 21 (corrected) at each speed and compute its steady Kalman gain (eq. 16, 17, 19)."""
     key = (
         *(vehicle.front_axle_m, vehicle.rear_axle_m, vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad),
         *(vehicle.yaw_inertia_kgm2, vehicle.mass_kg, config.preview_m + vehicle.camera_forward_m),
@@ -95,7 +102,10 @@ def observe_blended(
     yaw_rate: Samples | None = None,
     steer: Samples | None = None,
 ) -> LateralTrack:
-    """The paper's method at every frame. A measured steering angle replaces the vision's; a yaw rate is not used."""
+    """Run zhang2011's observers over all frames.
+
+    A measured steering angle replaces the one from vision. A measured yaw rate is not used.
+    """
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
     n = len(stamp_ns)
     v = speed_at(speed, stamp_ns, config.max_speed_gap_s)
@@ -150,7 +160,7 @@ def _median_period_s(dt_s: FloatArray) -> float:
 def _steer(
     lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: Samples | None
 ) -> FloatArray:
-    """delta_D: measured, or from vision by eq. 10 and 13."""
+    """The steering angle delta_D at each frame, shape (n,), rad: measured, or from vision by eq. 10 and 13."""
     if steer is not None:
         return resample(steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s)
     kinematic = steer_from_vision(
@@ -165,7 +175,7 @@ def _steer(
 
 
 def _kept(values: FloatArray) -> FloatArray:
-    """The last known value at each row; 0 before the first."""
+    """Replace each NaN by the last finite value before it, or by 0 before the first; shape (n,)."""
     known = np.isfinite(values)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return np.where(last >= 0, np.asarray(values)[np.maximum(last, 0)], 0.0)
@@ -174,7 +184,7 @@ def _kept(values: FloatArray) -> FloatArray:
 def _life(
     dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
-    """A `Begin` and the status of each frame."""
+    """Whether the observer starts, stops or goes on at each frame (`Begin`), and its status; shape (n,) each."""
     n = len(v)
     begin = np.full(n, Begin.GO_ON, dtype=np.int8)
     status = np.full(n, FrameStatus.LOST, dtype=np.int8)
