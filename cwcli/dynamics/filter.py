@@ -31,8 +31,8 @@ MAX_STEP_S = 0.1
 LOAD_RANGE = (0.5, 2.0)
 """Lowest and highest permitted estimate of nominal mass / mass. Chosen by hand; not fitted."""
 GYRO_RECENT_S = 0.2
-"""Age up to which an accepted yaw rate keeps the lane alone from starting the whole filter anew, s. Chosen by hand; not
-fitted."""
+"""Age up to which an accepted yaw rate counts as measured, s: frames that do not fit then restart the lane's states
+alone. Chosen by hand; not fitted."""
 STILL_MPS = 0.1
 """Speed below which the car is taken to stand, m/s: lateral speed and yaw rate are zero there. Chosen by hand; not
 fitted."""
