@@ -18,8 +18,9 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
+from cwcli.simulation.catalogue import scenario_text
 from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario, scenario_text
+from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import to_ns
 

@@ -1,6 +1,6 @@
-"""The vocabulary of a scenario file: every key with its type, unit, range and default, and the check of a table.
+"""The keys of a scenario file with their types, units, ranges and defaults, and the check of a table.
 
-`docs/scenarios.md` shows these tables to people; a test compares the two.
+`docs/scenarios.md` shows these tables; a test compares the two.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cwcli.dynamics.friction import PEAK_FRICTION
 from cwcli.errors import UsageError
 
 REQUIRED = object()
-"""Marks a key that has no default."""
+"""Default that marks a key as required."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class NumberKey:
     doc: str
 
     def check(self, value: Any, *, key: str, source: str) -> float:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise bad_value(source, key, f"is {value!r}", f"a number, {self.permitted()}")
         if not math.isfinite(value) or not self.low <= value <= self.high:
@@ -35,6 +36,7 @@ class NumberKey:
         return float(value)
 
     def permitted(self) -> str:
+        """What is permitted, for messages."""
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
@@ -49,11 +51,13 @@ class Integer:
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> int:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
             raise bad_value(source, key, f"is {value!r}", f"a whole number, {self.permitted()}")
         return value
 
     def permitted(self) -> str:
+        """What is permitted, for messages."""
         return f"{self.low} to {self.high}"
 
 
@@ -67,28 +71,32 @@ class Text:
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> str:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         return value
 
     def permitted(self) -> str:
+        """What is permitted, for messages."""
         return ", ".join(f'"{choice}"' for choice in self.choices) or "text"
 
 
 @dataclass(frozen=True)
 class Flag:
-    """true or false."""
+    """A truth value: true or false."""
 
     default: Any
     doc: str
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> bool:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, bool):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         return value
 
     def permitted(self) -> str:
+        """What is permitted, for messages."""
         return "true, false"
 
 
@@ -101,6 +109,7 @@ class Intervals:
     unit: str = "s"
 
     def check(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, list | tuple):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         pairs: list[tuple[float, float]] = []
@@ -112,6 +121,7 @@ class Intervals:
         return tuple(pairs)
 
     def permitted(self) -> str:
+        """What is permitted, for messages."""
         return "[[from, to], ...]"
 
 
@@ -127,13 +137,14 @@ TOP_KEYS: Keys = {
     ),
     "truth_rate_hz": NumberKey(20, 1, 1000, "Hz", "Rate of the truth channels."),
 }
-"""Besides these, the top level holds `start_time` and the tables `origin`, `vehicles`, `sensors`, `v2x`."""
+"""Keys of the top level, which also holds `start_time` and the tables `origin`, `vehicles`, `sensors` and `v2x`."""
 
 ORIGIN_KEYS: Keys = {
     "latitude_deg": NumberKey(28.1795, -85, 85, "deg", "WGS84 latitude of the map's origin."),
     "longitude_deg": NumberKey(112.9388, -180, 180, "deg", "WGS84 longitude of the map's origin."),
     "altitude_m": NumberKey(50, -400, 8000, "m", "Height above the ellipsoid."),
 }
+"""Keys of the table `origin`."""
 
 VEHICLE_KEYS: Keys = {
     "x_m": NumberKey(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
@@ -149,15 +160,18 @@ VEHICLE_KEYS: Keys = {
     "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
     "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
 }
-"""Besides these, a vehicle holds the lists `longitudinal` and `lateral`."""
+"""Keys of a vehicle, which also holds the lists `longitudinal` and `lateral`."""
 
 _FROM = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+"""The key `from_s` of segments."""
 _SMOOTH = Flag(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
 )
+"""The key `smooth` of segments."""
 _TO = NumberKey(
     None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later."
 )
+"""The key `to_s` of segments."""
 
 LONGITUDINAL_KEYS: Keys = {
     "from_s": _FROM,
@@ -170,6 +184,7 @@ LONGITUDINAL_KEYS: Keys = {
     "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
     "smooth": _SMOOTH,
 }
+"""Keys of a segment of `longitudinal`."""
 
 LATERAL_KEYS: Keys = {
     "from_s": _FROM,
@@ -182,6 +197,7 @@ LATERAL_KEYS: Keys = {
     "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
     "smooth": _SMOOTH,
 }
+"""Keys of a segment of `lateral`."""
 
 _SENSOR_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 1000, "Hz", "Measurement rate."),
@@ -192,11 +208,13 @@ _SENSOR_KEYS: Keys = {
     "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
     "outages": Intervals((), "Intervals in which nothing is sent."),
 }
+"""Keys that all sensors have."""
 
 _PLACE_KEYS: Keys = {
     "ahead_m": NumberKey(None, -20, 20, "m", "Where it stands, ahead of the host's point; 0 if not given."),
     "left_m": NumberKey(None, -5, 5, "m", "To the left of it; 0 if not given."),
 }
+"""Keys of a sensor's place in the vehicle."""
 
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
@@ -231,8 +249,10 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_PLACE_KEYS,
     },
 }
+"""Keys of each sensor; default noise is song2016's (docs/papers/song2016-scenarios.md)."""
 
 V2X_FORMATS = ("bsm-json", "ode-json")
+"""Names of the encodings of V2X messages."""
 
 V2X_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 100, "Hz", "Messages of each vehicle per second."),
@@ -257,6 +277,8 @@ V2X_KEYS: Keys = {
         ("plain", "j2945"),
     ),
 }
+"""Keys of the table `v2x`; default noise is song2016's (table 1, column "estimated";
+docs/papers/song2016-scenarios.md)."""
 
 
 def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -295,7 +317,7 @@ def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[
 
 
 def bad_value(source: str, key: str, what: str, permitted: str) -> UsageError:
-    """The one-line error of a scenario file: file, key, what is wrong, what is permitted."""
+    """The one-line error for a value of a scenario file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=source)
 
 
