@@ -169,7 +169,7 @@ class RoadDrive:
         return scene, self.camera.turned(float(self.pitch_rad[index])), road
 
     def _moved(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
-        """The vehicle at a time: it keeps its distance in the own lane, passes or falls back in others, or approaches."""
+        """The vehicle at a time: it keeps its distance in the own lane, passes or falls back in others, or comes."""
         rng = stream(self.config.seed, "road-drive", "vehicle", str(number))
         if vehicle.is_oncoming:
             ahead = vehicle.ahead_m - 1.9 * self.config.speed_mps * time_s
