@@ -231,7 +231,7 @@ def _situation(
     obstacle: _Obstacle,
     i: int,
 ) -> Situation:
-    """What the policy sees at step i: the cars' relative motion, reduced to a time to collision and eq. 11's dv."""
+    """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     relative_vx = obstacle.vx_mps[i] - speed_mps * cosine
     relative_vy = obstacle.vy_mps[i] - speed_mps * sine

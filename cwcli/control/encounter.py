@@ -59,7 +59,7 @@ class ReplaySpan:
 
     Attributes:
         duration_s: At most this long after the warning.
-        after_s: At most this far beyond the last state of a vehicle; it then goes on at its last speed and yaw rate.
+        after_s: At most this far beyond the last state of a vehicle, at its last speed and yaw rate.
     """
 
     duration_s: Annotated[
@@ -69,7 +69,7 @@ class ReplaySpan:
         float,
         Option(
             "--after",
-            "Go on at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
+            "Extrapolate at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
             metavar="SECONDS",
         ),
     ] = 6.0

@@ -246,7 +246,7 @@ def _seen(
     ego_size: Size,
     other_size: Size,
 ) -> Situation:
-    """What the driver sees: gaps and speeds of the other along and across the ego's heading."""
+    """Compute a driver's inputs: gaps and speeds of the other along and across the ego's heading."""
     cosine, sine = np.cos(own[2]), np.sin(own[2])
     dx, dy = other.x_m - own[0], other.y_m - own[1]
     ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine

@@ -148,7 +148,7 @@ def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table
     """The table `preventability`: one row per conflict and driver model."""
     rows = [(conflict, each) for conflict in judged for each in conflict.verdicts]
 
-    def numbers(name: str) -> FloatArray:
+    def field_values(name: str) -> FloatArray:
         return np.array([getattr(each, name) for _, each in rows], np.float64)
 
     return Table(
@@ -159,10 +159,10 @@ def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table
             "conflict_stamp_ns": np.array([conflict.conflict_ns for conflict, _ in rows], np.int64),
             "driver": strings_from([each.driver for _, each in rows]),
             "avoided": np.array([each.avoided for _, each in rows], np.bool_),
-            "braked_before_s": numbers("braked_s"),
-            "impact_mps": numbers("impact_mps"),
-            "least_gap_m": numbers("least_gap_m"),
-            "last_chance_before_s": numbers("last_chance_s"),
+            "braked_before_s": field_values("braked_s"),
+            "impact_mps": field_values("impact_mps"),
+            "least_gap_m": field_values("least_gap_m"),
+            "last_chance_before_s": field_values("last_chance_s"),
         },
         docs={
             "avoided": ColumnDoc(doc="whether a take-over 8 s before, or as soon as both are known, avoids a crash"),

@@ -75,15 +75,16 @@ def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> 
 
 @lru_cache(maxsize=8)
 def _bank(key: tuple[float, ...], is_continuous: bool) -> Bank:
+    """Compute the bank from the numbers it depends on, so that it can be cached."""
     lf, lr, kf, kr, inertia, mass, preview_m, r1, r2, period_s = key
     vehicle = Vehicle("", lf, lr, kf, kr, inertia, mass, mass)
-    made = []
+    designs = []
     for kmh in SPEEDS_KMH:
         a, b = preview_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
         phi, gamma = discretise(a, b, period_s)
         noise = discretise_noise(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
-        made.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
-    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*made, strict=True)))
+        designs.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
+    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
 
 
 def neighbours(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
@@ -153,6 +154,7 @@ def observe_blended(
 
 
 def _median_period_s(dt_s: FloatArray) -> float:
+    """The median time between frames, s; the default if there are fewer than two."""
     steps = dt_s[1:][dt_s[1:] > 0.0]
     return max(float(np.median(steps)), MIN_PERIOD_S) if len(steps) else DEFAULT_PERIOD_S
 

@@ -96,13 +96,13 @@ class ObserverConfig:
     ] = "cwcli"
     preview_m: float = PREVIEW_M
     estimate_load: Annotated[
-        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); turns are needed to tell it.")
+        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); only turns show it.")
     ] = False
     max_coast_s: Annotated[
         float,
         Option(
             "--coast",
-            "Carry the state on for so long without boundaries.",
+            "Predict the state for at most this long without boundaries.",
             metavar="SECONDS",
             above=0.0,
             at_most=60.0,
@@ -116,8 +116,8 @@ class ObserverConfig:
         Literal["raw", "robust"],
         Option(
             "--steer-rate",
-            "How zhang2011 takes the rate of the heading deviation (eq. 10): from two frames, or as the median slope "
-            "of five.",
+            "How zhang2011 computes the rate of the heading deviation (eq. 10): raw from two frames, robust as the "
+            "median slope of five.",
         ),
     ] = "raw"
     process_noise: float = 0.01

@@ -240,6 +240,7 @@ def _lane_rows(
 
 
 def _scalar_rows(samples: Samples, default: float) -> tuple[FloatArray, FloatArray]:
+    """A sensor's samples in the kernel's form: values and sigmas, (n, 3) each, of which the first column is used."""
     n = len(samples.values)
     values, sigmas = np.full((n, 3), np.nan), np.ones((n, 3))
     values[:, 0] = np.where(np.isfinite(samples.values), samples.values, np.nan)

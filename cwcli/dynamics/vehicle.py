@@ -143,6 +143,7 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
 
 
 def _text_of(source: str | Path) -> tuple[str, str]:
+    """Read the text of a shipped or other vehicle file; also return its name for messages."""
     if str(source) in vehicle_names():
         name = f"{source}{SUFFIX}"
         return (files("cwcli.dynamics") / "vehicles" / name).read_text(encoding="utf-8"), name
@@ -158,6 +159,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
 
 
 def _number(table: Mapping[str, Any], key: str, where: str) -> float:
+    """The checked number under a key, or its default if the key may be missing."""
     low, high, unit = RANGES[key]
     permitted = f"{low:g} to {high:g} {unit}"
     if key not in table:
@@ -168,6 +170,7 @@ def _number(table: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _loads(table: Any, where: str) -> dict[str, float]:
+    """The checked mass of each load, kg."""
     if not isinstance(table, Mapping) or not table:
         raise _bad(where, "load_kg", "is missing or empty", "a table of names and masses")
     low, high = MASS_KG
@@ -176,6 +179,7 @@ def _loads(table: Any, where: str) -> dict[str, float]:
 
 
 def _checked(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
+    """Return a number inside a closed range; refuse other values."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:  # not a number is out of range too
         raise _bad(where, key, f"is {value!r}", permitted)
@@ -183,4 +187,5 @@ def _checked(value: Any, low: float, high: float, where: str, key: str, permitte
 
 
 def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
+    """The one-line error for a key of a vehicle file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

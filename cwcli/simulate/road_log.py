@@ -146,7 +146,7 @@ def road_config(weather: str | None, seed: int | None, overrides: Sequence[str])
             config = replace(config, drive=replace(config.drive, **change))
         else:
             known = ", ".join(("size", "camera", "format", *kinds))
-            raise UsageError(f"--set {override}: a road has no {key}", hint=f"it has: {known}")
+            raise UsageError(f"--set {override}: there is no key {key}", hint=f"known keys: {known}")
     if weather is not None:
         config = replace(config, drive=replace(config.drive, weather=weather))
     if seed is not None:

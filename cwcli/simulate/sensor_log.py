@@ -203,4 +203,5 @@ def _truth_channel(
 
 
 def _json(value: Any) -> str:
+    """Format a value as JSON; times become text."""
     return json.dumps(value, default=str)

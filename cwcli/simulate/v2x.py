@@ -191,9 +191,11 @@ def _steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
 
 
 def _iso_time(time_ns: int) -> str:
+    """Format a time in ns since 1970 as ISO 8601 with milliseconds."""
     instant = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=time_ns // NS_PER_MS)
     return instant.strftime("%Y-%m-%dT%H:%M:%S.") + f"{instant.microsecond // 1000:03d}Z"
 
 
 def _compact(value: dict[str, Any]) -> bytes:
+    """Format a value as JSON without spaces, in bytes."""
     return json.dumps(value, separators=(",", ":")).encode()

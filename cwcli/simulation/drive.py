@@ -49,6 +49,7 @@ class SimulatedDrive:
 
     @property
     def _grid_s(self) -> FloatArray:
+        """The times of the truth, shape (m,), seconds of the run."""
         return np.arange(int(np.floor(self.scenario.duration_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
 
 

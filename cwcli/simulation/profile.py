@@ -214,7 +214,10 @@ def _turn_pieces(
         speed_mps = _piece_at(speed, start).at(start)[0]
         if speed_mps <= SPEED_TOLERANCE_MPS:
             raise bad_value(
-                source, place, "starts at rest from another kind of turn", "the same kind, or a moving vehicle"
+                source,
+                place,
+                "starts at rest with another kind of turn than before",
+                "the same kind, or a moving vehicle",
             )
         value = value / speed_mps if is_curvature else value * speed_mps
     duration = abs(target - value) / rate * (SMOOTH_PEAK if segment["smooth"] else 1.0)

@@ -36,7 +36,7 @@ class NumberKey:
         return float(value)
 
     def permitted(self) -> str:
-        """What is permitted, for messages."""
+        """Text for messages that says what is permitted."""
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
@@ -57,7 +57,7 @@ class Integer:
         return value
 
     def permitted(self) -> str:
-        """What is permitted, for messages."""
+        """Text for messages that says what is permitted."""
         return f"{self.low} to {self.high}"
 
 
@@ -77,7 +77,7 @@ class Text:
         return value
 
     def permitted(self) -> str:
-        """What is permitted, for messages."""
+        """Text for messages that says what is permitted."""
         return ", ".join(f'"{choice}"' for choice in self.choices) or "text"
 
 
@@ -96,7 +96,7 @@ class Flag:
         return value
 
     def permitted(self) -> str:
-        """What is permitted, for messages."""
+        """Text for messages that says what is permitted."""
         return "true, false"
 
 
@@ -121,7 +121,7 @@ class Intervals:
         return tuple(pairs)
 
     def permitted(self) -> str:
-        """What is permitted, for messages."""
+        """Text for messages that says what is permitted."""
         return "[[from, to], ...]"
 
 
@@ -131,7 +131,7 @@ Keys = Mapping[str, Key]
 TOP_KEYS: Keys = {
     "description": Text("", "What happens, in a sentence."),
     "duration_s": NumberKey(REQUIRED, 0.1, 3600, "s", "Length of the run."),
-    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` beats it."),
+    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` overrides it."),
     "friction": NumberKey(
         PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
     ),
@@ -155,8 +155,8 @@ VEHICLE_KEYS: Keys = {
     "width_m": NumberKey(1.8, 0.3, 5, "m", "Width."),
     "turning_radius_m": NumberKey(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
     "slope_deg": NumberKey(0, 0, 10, "deg", "Slope of the road that it drives on, in any direction, 1 sigma."),
-    "bounce_deg": NumberKey(0, 0, 5, "deg", "Its body's pitching on the springs (1 to 2 Hz), 1 sigma."),
-    "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Its body's pitch per acceleration, nose up."),
+    "bounce_deg": NumberKey(0, 0, 5, "deg", "Pitching of the body on its springs (1 to 2 Hz), 1 sigma."),
+    "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Pitch of the body per acceleration, nose up."),
     "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
     "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
 }
@@ -176,9 +176,9 @@ _TO = NumberKey(
 LONGITUDINAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to go to and hold."),
+    "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to reach and hold."),
     "speed_mps": NumberKey(
-        None, 0, 70, "m/s", "Or: the speed to go to and hold, in the shortest time that the limits allow."
+        None, 0, 70, "m/s", "Or: the speed to reach and hold, in the shortest time that the limits allow."
     ),
     "limit_mps2": NumberKey(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
     "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
@@ -189,11 +189,11 @@ LONGITUDINAL_KEYS: Keys = {
 LATERAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
+    "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to reach and hold; positive = left."),
     "curvature_rate_1pmps": NumberKey(
         0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
     ),
-    "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
+    "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to reach and hold; positive = left."),
     "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
     "smooth": _SMOOTH,
 }
@@ -211,8 +211,8 @@ _SENSOR_KEYS: Keys = {
 """Keys that all sensors have."""
 
 _PLACE_KEYS: Keys = {
-    "ahead_m": NumberKey(None, -20, 20, "m", "Where it stands, ahead of the host's point; 0 if not given."),
-    "left_m": NumberKey(None, -5, 5, "m", "To the left of it; 0 if not given."),
+    "ahead_m": NumberKey(None, -20, 20, "m", "Place of the sensor ahead of the host's point; 0 if not given."),
+    "left_m": NumberKey(None, -5, 5, "m", "Place of the sensor to the left of the host's point; 0 if not given."),
 }
 """Keys of a sensor's place in the vehicle."""
 
@@ -223,7 +223,9 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
         "slow_sigma_m": NumberKey(None, 0, 100, "m", "Slow error of east and north, each, 1 sigma (Gauss-Markov)."),
-        "slow_time_s": NumberKey(None, 0.1, 3600, "s", "Its time constant; 20 s if only its sigma is given."),
+        "slow_time_s": NumberKey(
+            None, 0.1, 3600, "s", "Time constant of the slow error; 20 s if only its sigma is given."
+        ),
         **_PLACE_KEYS,
     },
     "gnss_heading": {
@@ -235,8 +237,10 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_SENSOR_KEYS,
         "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
         "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
-        "scale": NumberKey(None, 0.5, 2, "", "What it reads for a true 1; 1 if not given."),
-        "lever_arm_m": NumberKey(None, -5, 5, "m", "Height of the host's point over the wheels that it reads; 0."),
+        "scale": NumberKey(None, 0.5, 2, "", "Ratio of the reading to the true speed; 1 if not given."),
+        "lever_arm_m": NumberKey(
+            None, -5, 5, "m", "Height of the host's point above the measured wheels; 0 if not given."
+        ),
     },
     "imu": {
         **_SENSOR_KEYS,
@@ -272,8 +276,8 @@ V2X_KEYS: Keys = {
     "yaw_rate_sigma_dps": NumberKey(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
     "sender": Text(
         None,
-        "What a sender does to its motion first: j2945 filters the acceleration (1 Hz) and latches the heading at "
-        "standstill, as SAE J2945/1 asks; plain nothing.",
+        "How a sender changes its motion before sending it: j2945 filters the acceleration (1 Hz) and holds the "
+        "heading at standstill, as SAE J2945/1 asks; plain not at all.",
         ("plain", "j2945"),
     ),
 }
@@ -322,4 +326,5 @@ def bad_value(source: str, key: str, what: str, permitted: str) -> UsageError:
 
 
 def _is_number(value: Any) -> bool:
+    """Whether a value is a finite number and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
