@@ -1,15 +1,15 @@
 """The lane at a preview point that the linear model of the default observer can follow.
 
-Roads are built for the speed at which they are driven: what counts is the lateral jerk, v^3 times the change of the
-curvature in a metre. At half the speed a road may bend eight times as quickly. So the preview point at D is taken
-nearer where the car is slow, as v^(3/2): then what a change of the curvature that nobody knows of, K' D^2 / 2, makes of
-the lane's direction there stays the same. And it is taken nearer where the lane turns: in a bend of 23 m there is no
-lane 33.5 m ahead.
+Roads are built for the speed at which they are driven. Their design limits the lateral jerk, v^3 times the change of
+the curvature per metre, so at half the speed the curvature may change eight times as quickly. The distance D of the
+preview point therefore falls as v^(3/2): an unknown change K' of the curvature then turns the lane's direction there by
+the same K' D^2 / 2 at all speeds. D is also smaller where the lane turns: in a bend of 23 m there is no lane 33.5 m
+ahead.
 
 With the sine of the lane's direction for e_L, eq. 20 holds for a car that follows a circle however far it turns: with
 y = R (1 - cos phi) and D = R sin phi the lane's place at D changes by tan phi (v - gamma y) - gamma D = v sin phi -
-gamma D = 0, and sin phi by cos phi (v K - gamma). A car that does not follow it moves y by 1 + tan phi tan(phi / 2)
-times as much as the model says: 10 % at a sine of 0.4.
+gamma D = 0, and sin phi by cos phi (v K - gamma). A car that leaves the circle moves y by 1 + tan phi tan(phi / 2)
+times as much as the model says: 10 % more at a sine of 0.4.
 """
 
 from __future__ import annotations
