@@ -110,10 +110,10 @@ class ReplayedWarning:
 def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, span: ReplaySpan) -> ReplayedWarning:
     """Replay both tracks around a warning, the host under every policy.
 
-    Only the stretches without a gap longer than `MAX_GAP_S` around the warning are used, from `BEFORE_S` before it.
+    Only the stretches without a gap longer than 1 s around the warning are used, from 5 s before it.
 
     Raises:
-        ValueError: A track begins more than `MAX_GAP_S` after the warning.
+        ValueError: A track begins more than 1 s after the warning.
     """
     motions, jerks, ends_s = [], [], []
     for track in (host, other):

@@ -88,7 +88,7 @@ def _bank(key: tuple[float, ...], is_continuous: bool) -> Bank:
 
 
 def neighbours(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
-    """Index of the lower neighbour in `SPEEDS_KMH` and the upper one's weight (v - v_1) / 10, eq. 22 (corrected)."""
+    """Index of the observer below each speed (n,), and weight (v - v_1) / 10 of the one above, eq. 22 (corrected)."""
     kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), SPEEDS_KMH[0], SPEEDS_KMH[-1])
     low = np.minimum((kmh - SPEEDS_KMH[0]) // STEP_KMH, len(SPEEDS_KMH) - 2).astype(np.int32)
     return low, (kmh - SPEEDS_KMH[low]) / STEP_KMH

@@ -87,7 +87,7 @@ def steer_from_vision(
         rate: A key of `RATES`: "raw" is the paper's difference.
 
     Returns:
-        Shape (n,), rad; NaN where something is missing or the car is slower than `MIN_SPEED_MPS`. Multiply by
+        Shape (n,), rad; NaN where something is missing or the car is slower than 1 m/s. Multiply by
         `correction` for the dynamic angle delta_D.
     """
     change = RATES[rate](stamp_ns, heading_deviation_rad)

@@ -140,7 +140,7 @@ def navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
 
 
 def headings(data: SensorData) -> list[bytes]:
-    """Encode `gnss_heading` measurements as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
+    """Encode headings of a GNSS as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
     records = _records("geometry_msgs/msg/QuaternionStamped", data.stamp_ns)
     half = data.values[:, 0] / 2
     records["quaternion"][:, 2] = np.sin(half).round(12)

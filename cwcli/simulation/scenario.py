@@ -131,7 +131,7 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
     """Read a scenario, apply overrides such as `host.speed_mps=12`, and check it.
 
     Raises:
-        UsageError: See `read_document`, `override` and `parse_scenario`.
+        UsageError: No such scenario, not TOML, a wrong override, or wrong content.
     """
     name, document = read_document(name_or_path)
     for text in overrides:

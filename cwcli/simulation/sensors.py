@@ -24,7 +24,7 @@ class SensorData:
     """The messages of one sensor, in the order of their log times.
 
     Attributes:
-        sensor: `gnss`, `gnss_heading`, `speed` or `imu`.
+        sensor: Name of the sensor: gnss, gnss_heading, speed or imu.
         stamp_ns: Shape (n,): the time that the sensor states, ns since 1970.
         log_time_ns: Shape (n,).
         values: Shape (n, k), see the sensor's function.
@@ -45,7 +45,7 @@ SLOW_S = 20.0
 fitted."""
 
 Model = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
-"""A function of true states (n, 8), tilt (n, 3) as of `Attitude.at`, and settings that returns noise-free values (n, k)
+"""A function of true states (n, 8), tilt (n, 3), and settings that returns noise-free values (n, k)
 and the sigma of their noise (k,)."""
 
 

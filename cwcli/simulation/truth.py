@@ -65,7 +65,7 @@ class _Pieces:
 
 
 class TrueMotion:
-    """True states of one vehicle at any time from `BEFORE_S` before the run to `AFTER_S` after it."""
+    """True states of one vehicle at any time from 6 s before the run to 10 s after it."""
 
     def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
         """Integrate the profile from a start position (east, north) and heading (counter-clockwise from east)."""

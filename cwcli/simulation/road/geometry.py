@@ -32,8 +32,7 @@ class RoadAhead:
     """The lane's centre line in the body frame.
 
     Attributes:
-        curvature_1pm: Shape (len(GRID_M),): at the arc lengths of `GRID_M` from the point beside the camera, left
-            positive.
+        curvature_1pm: Shape (k,): at the grid's arc lengths from the point beside the camera, left positive.
         offset_m: Offset of the camera from the lane's centre, left positive.
         heading_rad: Heading of the body from the lane's direction at that point, counter-clockwise positive.
         vertical_1pm: Vertical curvature g of the surface (above).

@@ -2,8 +2,8 @@
 
 An exit, seen in the direction of driving (an on-ramp is the same backwards):
 
-- the edge line leaves the lane over `TAPER_M`, until a lane has room beside it,
-- that lane goes on beside the own one for `BESIDE_M`, or not at all (then the taper leads to the ramp at once), with
+- the edge line leaves the lane over a taper, until a lane has room beside it,
+- that lane goes on beside the own one for some length, or not at all (then the taper leads to the ramp at once), with
   broad short dashes between the two; along the taper too, or nothing is painted there,
 - at the gore the own lane's solid line begins again, and the ramp leaves between two solid lines.
 

@@ -44,7 +44,7 @@ class Texture:
     """A texture that repeats along the road, with mean 0.
 
     Attributes:
-        sums: Shape (N_STEPS + 1, cells): running sum along the road times `STEP_M`.
+        sums: Shape (cells along + 1, cells across): running sum along the road times the length of a cell.
     """
 
     sums: Float32Array
