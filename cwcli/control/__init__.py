@@ -1,1 +1,1 @@
-"""The room of counterfactuals: what a braking controller would have made of a warning (song2016, section 4)."""
+"""Replays of recorded encounters with a braking controller or a driver model (song2016, section 4)."""

@@ -13,7 +13,9 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class CarResponse:
-    """A mid-size passenger car. The paper prints none of these; each is a usual value, chosen once.
+    """The response of a mid-size passenger car to its pedals.
+
+    song2016 prints none of these values. Each is a usual one, chosen by hand (docs/papers/song2016-choices.md).
 
     Attributes:
         brake_gain_mps2_per_mpa: 0.9, so that 10 MPa asks for about the friction limit.
@@ -33,7 +35,7 @@ class CarResponse:
 
 @dataclass(frozen=True)
 class CarState:
-    """Shape (n,) each: realised brake pressure and throttle, acceleration, speed, distance travelled."""
+    """The car in n runs, shape (n,) each: brake pressure and throttle as built up, acceleration, speed, distance."""
 
     pressure_mpa: FloatArray
     throttle: FloatArray
@@ -43,7 +45,7 @@ class CarState:
 
 
 def advance(car: CarResponse, state: CarState, throttle: FloatArray, pressure_mpa: FloatArray, dt_s: float) -> CarState:
-    """One step of the car under the given commands.
+    """Advance the car by one step under the given pedal commands.
 
     The lags are discretised exactly for a command held over the step. A car that reaches standstill stays there
     while it is braked: speed never turns negative, and the acceleration of a standing car is zero.

@@ -1,7 +1,7 @@
-"""Closed loop: the host's recorded motion until the warning, a policy at the wheel's pedals from then on.
+"""The closed loop: the host moves as recorded until the warning, and a policy works its pedals from then on.
 
 The host keeps to its recorded path (only its speed along it changes) and the other car is unaffected, as in song2016,
-section 4. Every warning moment of a study is run at once: the arrays have one row a run.
+section 4. Every warning moment of a study is run at once: the arrays have one row per run.
 """
 
 from __future__ import annotations
@@ -15,9 +15,14 @@ from cwcli.control.car import CarResponse, CarState, advance
 from cwcli.control.controller import command, speed_difference
 from cwcli.signals.columns import FloatArray
 
-COLLISION_DISTANCE_M = 2.5  # song2016, section 4: two cars nearer than this have collided
+COLLISION_DISTANCE_M = 2.5
+"""Distance of the cars' reference points below which they have collided, m; song2016, section 4."""
 DRIVER_REACTION_S = 1.5
+"""Time from the warning to the driver's braking, s: that of an unprepared driver. Chosen by hand
+(docs/papers/song2016-choices.md)."""
 DRIVER_PRESSURE_MPA = 7.0
+"""Brake pressure of the driver, MPa: hard but not full braking, 6.3 m/s^2. Chosen by hand
+(docs/papers/song2016-choices.md)."""
 
 
 @dataclass(frozen=True)
@@ -39,39 +44,40 @@ class RecordedMotion:
     yaw_rate_radps: FloatArray | None = None
 
     def at(self, time_s: FloatArray) -> RecordedMotion:
-        """The motion on another time grid, linear in between, held at the ends."""
+        """Resample the motion linearly at the times (k,); it is held beyond the ends."""
 
-        def between(column: FloatArray) -> FloatArray:
+        def interpolate(column: FloatArray) -> FloatArray:
             return np.asarray(np.interp(time_s, self.time_s, column))
 
         return RecordedMotion(
             time_s,
-            between(self.x_m),
-            between(self.y_m),
-            between(self.heading_rad),
-            between(self.speed_mps),
-            None if self.accel_mps2 is None else between(self.accel_mps2),
-            None if self.yaw_rate_radps is None else between(self.yaw_rate_radps),
+            interpolate(self.x_m),
+            interpolate(self.y_m),
+            interpolate(self.heading_rad),
+            interpolate(self.speed_mps),
+            None if self.accel_mps2 is None else interpolate(self.accel_mps2),
+            None if self.yaw_rate_radps is None else interpolate(self.yaw_rate_radps),
         )
 
     @property
     def acceleration_mps2(self) -> FloatArray:
-        """Along the heading, shape (k,)."""
+        """The acceleration along the heading, shape (k,)."""
         return _slope(self.speed_mps, self.time_s) if self.accel_mps2 is None else self.accel_mps2
 
     @property
     def turn_rate_radps(self) -> FloatArray:
-        """Of the heading, shape (k,)."""
+        """The rate of the heading, shape (k,)."""
         return _slope(self.heading_rad, self.time_s) if self.yaw_rate_radps is None else self.yaw_rate_radps
 
 
 def _slope(values: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Central differences of values (k,) over time, per second, shape (k,); 0 for a single point."""
     return np.asarray(np.gradient(values, time_s)) if len(time_s) > 1 else np.zeros(1)
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What a policy sees at one instant, shape (n,) each.
+    """The inputs of a policy at one instant, shape (n,) each.
 
     Attributes:
         since_warning_s: Negative before the warning.
@@ -87,27 +93,29 @@ class Situation:
 
 
 Policy = Callable[[Situation], tuple[FloatArray, FloatArray]]
+"""A function from what is seen at one instant to throttle opening (0 to 1) and brake pressure (MPa), shape (n,)
+each."""
 
 
 def fuzzy_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
-    """The fuzzy controller, from the warning on (song2016, section 4)."""
+    """Throttle and brake pressure of the fuzzy controller (song2016, section 4)."""
     return command(situation.ttc_s, situation.speed_difference_mps)
 
 
 def driver_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
-    """A driver who brakes hard and steadily `DRIVER_REACTION_S` after the warning."""
+    """Throttle and brake pressure of a driver who brakes hard and steadily 1.5 s after the warning."""
     braking = situation.since_warning_s >= DRIVER_REACTION_S
     return np.zeros(len(braking)), np.where(braking, DRIVER_PRESSURE_MPA, 0.0)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What would have happened, one row a run.
+    """The result of a replay, one row per run.
 
     Attributes:
         time_s: Shape (k,).
         x_m, y_m, heading_rad, speed_mps, accel_mps2, throttle, pressure_mpa: The host, shape (n, k).
-        distance_m: Between the two cars' reference points, shape (n, k).
+        distance_m: Distance of the two cars' reference points, shape (n, k).
         min_distance_m, min_distance_time_s: Shape (n,).
         collided: Shape (n,), bool: the distance fell below `COLLISION_DISTANCE_M`.
         peak_deceleration_mps2, peak_jerk_mps3: Shape (n,), magnitudes after the warning.
@@ -223,6 +231,7 @@ def _situation(
     obstacle: _Obstacle,
     i: int,
 ) -> Situation:
+    """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     relative_vx = obstacle.vx_mps[i] - speed_mps * cosine
     relative_vy = obstacle.vy_mps[i] - speed_mps * sine
@@ -239,7 +248,7 @@ def _situation(
 
 
 def time_to_close(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: FloatArray) -> FloatArray:
-    """First t >= 0 with gap + rate t + rate_change t^2 / 2 = 0, infinity where there is none; shape (n,)."""
+    """Time until the gap closes, shape (n,), s: first t >= 0 with gap + rate t + rate_change t^2 / 2 = 0, else inf."""
     quadratic = rate_mps**2 - 2.0 * rate_change_mps2 * gap_m
     root = np.sqrt(np.maximum(quadratic, 0.0))
     # 2 g / (-r + sqrt(r^2 - 2 a g)) is the smaller positive root, without cancellation for a near 0.
@@ -261,7 +270,7 @@ class _Obstacle:
 
 
 class _Path:
-    """The recorded path by distance travelled; straight on beyond its end.
+    """The recorded path as a function of the distance travelled; straight on beyond its end.
 
     The distance is the integral of the speed, not the sum of the steps between positions: noise of the positions would
     lengthen the latter, most of all where the car stands.
@@ -276,6 +285,7 @@ class _Path:
         self._heading = motion.heading_rad[moved]
 
     def at(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """x, y (m) and heading (rad) at the distances travelled (n,), shape (n,) each."""
         heading = np.interp(travelled_m, self._s, self._heading)
         beyond = np.maximum(travelled_m - self._s[-1], 0.0)
         x = np.interp(travelled_m, self._s, self._x) + beyond * np.cos(heading)

@@ -1,7 +1,7 @@
 """The longitudinal controller of song2016, section 4: (TTC, dv) in, throttle opening and brake pressure out.
 
-The paper names the inputs and outputs and prints neither sets nor rules. Those below are ours. The corners of the
-TTC sets are the paper's own numbers for drivers: 1.0 s most dangerous, 2.0 s begin to brake, 2.9 s normal following.
+The paper names the inputs and outputs but prints neither sets nor rules. Those below are chosen by hand. The corners of
+the TTC sets are the paper's numbers for drivers: 1.0 s most dangerous, 2.0 s begin to brake, 2.9 s normal following.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from cwcli.control.fuzzy import FuzzySet, Mamdani, Variable
 from cwcli.signals.columns import FloatArray
 
 MAX_PRESSURE_MPA = 10.0
+"""Largest brake pressure that the controller asks for, MPa. Chosen by hand (docs/papers/song2016-choices.md)."""
 
 TTC_S = Variable(
     0.0,
@@ -23,6 +24,8 @@ TTC_S = Variable(
         "free": FuzzySet(2.9, 4.5, 6.0, 6.0),
     },
 )
+"""Input: time to collision, s. The corners at 1.0, 2.0 and 2.9 s are song2016's numbers for drivers, the others are
+chosen by hand."""
 CLOSING_MPS = Variable(
     -5.0,
     20.0,
@@ -33,7 +36,8 @@ CLOSING_MPS = Variable(
         "fast": FuzzySet(3.0, 8.0, 20.0, 20.0),
     },
 )
-# The end sets reach beyond the range, so that their centroids can be "none" and "full" almost exactly.
+"""Input: speed difference dv of eq. 11, m/s, positive while the gap closes. Chosen by hand
+(docs/papers/song2016-choices.md)."""
 PRESSURE_MPA = Variable(
     0.0,
     MAX_PRESSURE_MPA,
@@ -45,6 +49,8 @@ PRESSURE_MPA = Variable(
         "full": FuzzySet(9.2, 10.0, 10.0, 10.0),
     },
 )
+"""Output: brake pressure, MPa. The centroids of the end sets are almost exactly 0 and 10 MPa. Chosen by hand
+(docs/papers/song2016-choices.md)."""
 THROTTLE = Variable(
     0.0,
     1.0,
@@ -54,8 +60,8 @@ THROTTLE = Variable(
         "half": FuzzySet(0.3, 0.5, 0.5, 0.7),
     },
 )
+"""Output: throttle opening, 0 to 1. Chosen by hand (docs/papers/song2016-choices.md)."""
 
-# Rows: TTC. Columns: dv. Read "when TTC is dangerous and the gap closes fast, brake fully".
 PRESSURE_RULES = {
     ("dangerous", "opening"): "light",
     ("dangerous", "equal"): "full",
@@ -75,25 +81,30 @@ PRESSURE_RULES = {
     ("free", "slow"): "medium",
     ("free", "fast"): "strong",
 }
+"""Brake pressure for each pair of (TTC, dv): a dangerous TTC with a fast closing gap gives full pressure. Chosen by
+hand."""
 THROTTLE_RULES = {
     (ttc, closing): {("free", "opening"): "half", ("following", "opening"): "small"}.get((ttc, closing), "closed")
     for ttc in TTC_S.sets
     for closing in CLOSING_MPS.sets
 }
+"""Throttle opening for each pair of (TTC, dv): closed but where the gap opens at a safe TTC. Chosen by hand."""
 
 _PRESSURE = Mamdani(TTC_S, CLOSING_MPS, PRESSURE_MPA, PRESSURE_RULES)
+"""The inference that gives the brake pressure, MPa."""
 _THROTTLE = Mamdani(TTC_S, CLOSING_MPS, THROTTLE, THROTTLE_RULES)
+"""The inference that gives the throttle opening, 0 to 1."""
 
 
 def speed_difference(
     host_speed_mps: FloatArray, other_speed_mps: FloatArray, heading_difference_rad: FloatArray
 ) -> FloatArray:
-    """dv = v1 - v2 cos(phi1 - phi2) (song2016 eq. 11), m/s; positive when the host is the faster."""
-    return np.asarray(host_speed_mps - other_speed_mps * np.cos(heading_difference_rad))  # eq. 11
+    """The speed difference dv = v1 - v2 cos(phi1 - phi2), m/s (song2016 eq. 11); positive when the host is faster."""
+    return np.asarray(host_speed_mps - other_speed_mps * np.cos(heading_difference_rad))
 
 
 def command(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Throttle opening and brake master-cylinder pressure.
+    """Infer throttle opening and pressure of the brake's master cylinder.
 
     Args:
         ttc_s: Shape (n,), infinity when the gap does not close.

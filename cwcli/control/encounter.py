@@ -1,4 +1,7 @@
-"""One warning of a recorded drive, replayed under each policy: the tracks are cut, carried on past their end, run."""
+"""The replay of one warning of a recorded drive under each policy.
+
+The tracks are cut to the time around the warning, extended beyond their end, and run in the closed loop.
+"""
 
 from __future__ import annotations
 
@@ -24,17 +27,22 @@ from cwcli.signals.units import NS_PER_S
 BoolArray = npt.NDArray[np.bool_]
 
 POLICIES = ("no-action", "fuzzy", "driver")
-"""Rows of every array below. No action: the recorded motion itself."""
+"""Names of the policies, in the order of the rows of every array below; `no-action` is the recorded motion itself."""
 BEFORE_S = 5.0
+"""Time before the warning at which a replay starts, s. Chosen by hand; not fitted."""
 MAX_GAP_S = 1.0
+"""Longest gap between the states of a track that a replay bridges, s. Chosen by hand; not fitted."""
 EXTENSION_STEP_S = 0.05
+"""Time between the states that extend a track beyond its end, s: the states' usual period (20 Hz)."""
 MIN_HEADING_SPEED_MPS = 1.0
+"""Speed below which the estimated heading of the host is not used, m/s. Chosen by hand; not fitted."""
 MIN_HEADING_WAY_M = 3.0
+"""Distance that a slow host must travel before its direction replaces the heading, m. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class RecordedTrack:
-    """One vehicle's estimated states.
+    """The estimated states of one vehicle.
 
     Attributes:
         stamp_ns: Shape (n,), strictly increasing.
@@ -51,7 +59,7 @@ class ReplaySpan:
 
     Attributes:
         duration_s: At most this long after the warning.
-        after_s: At most this far beyond the last state of a vehicle; it then goes on at its last speed and yaw rate.
+        after_s: At most this far beyond the last state of a vehicle, at its last speed and yaw rate.
     """
 
     duration_s: Annotated[
@@ -61,7 +69,7 @@ class ReplaySpan:
         float,
         Option(
             "--after",
-            "Go on at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
+            "Extrapolate at most this far beyond the last state of a vehicle, at its last speed and yaw rate.",
             metavar="SECONDS",
         ),
     ] = 6.0
@@ -69,14 +77,14 @@ class ReplaySpan:
 
 @dataclass(frozen=True)
 class ReplayedWarning:
-    """What would have happened after one warning; times are seconds after it, arrays have one row a policy.
+    """The replays of one warning; times are seconds after it, arrays have one row per policy.
 
     Attributes:
         outcome: The replay, on a grid that has the warning at 0.
         other: The other vehicle on the same grid.
         is_behind: The other vehicle was behind the host at the warning. It moves as recorded and may run into it.
-        recorded_until_s: From here on one of the two motions is carried on, not recorded.
-        after: Shape (k,), bool: from the warning on. What follows is taken over these steps.
+        recorded_until_s: Time from which one of the two motions is extrapolated, not recorded.
+        after: Shape (k,), bool: steps from the warning on. The values below are taken over these steps.
         min_distance_m, min_distance_time_s: Least distance of the reference points.
         collided: The distance fell below `COLLISION_DISTANCE_M`.
         collision_time_s, impact_speed_mps: When it first did, and the relative speed then; NaN if never.
@@ -102,10 +110,10 @@ class ReplayedWarning:
 def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, span: ReplaySpan) -> ReplayedWarning:
     """Replay both tracks around a warning, the host under every policy.
 
-    Only the stretches without a gap longer than `MAX_GAP_S` around the warning are used, from `BEFORE_S` before it.
+    Only the stretches without a gap longer than 1 s around the warning are used, from 5 s before it.
 
     Raises:
-        ValueError: A track begins more than `MAX_GAP_S` after the warning.
+        ValueError: A track begins more than 1 s after the warning.
     """
     motions, jerks, ends_s = [], [], []
     for track in (host, other):
@@ -128,7 +136,7 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
 
 
 def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP_S) -> slice:
-    """The rows around a time without a gap longer than `max_gap_s` between them.
+    """The rows around a time between which there is no gap longer than `max_gap_s`.
 
     Raises:
         ValueError: The first row is more than `max_gap_s` after the time.
@@ -144,12 +152,12 @@ def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP
 
 
 def extended(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
-    """The motion up to `end_s`, beyond its own end at its last speed and yaw rate (an arc).
+    """Extend the motion to `end_s` at its last speed and yaw rate (an arc).
 
     Args:
         motion: At least one point.
-        end_s: On the motion's clock.
-        step_s: Between the added points.
+        end_s: End on the motion's clock.
+        step_s: Time between the added points.
     """
     last_s = float(motion.time_s[-1])
     if end_s <= last_s:
@@ -171,12 +179,13 @@ def extended(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STE
 
 
 def cut(motion: RecordedMotion, start_s: float, end_s: float) -> RecordedMotion:
-    """The motion from `start_s` to `end_s`, with points at both."""
+    """Cut the motion to `start_s` to `end_s`, with points at both ends."""
     inside = (motion.time_s > start_s) & (motion.time_s < end_s)
     return motion.at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
 
 
 def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotion:
+    """The motion of some rows of a track, with times in seconds after the warning."""
     state = track.state[rows]
     return RecordedMotion(
         (track.stamp_ns[rows] - warning_ns) / NS_PER_S,
@@ -190,7 +199,7 @@ def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotio
 
 
 def _each_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
-    """Row by row the pedals of `POLICIES`."""
+    """Throttle and brake pressure of all policies, one row each; shape (3,) each."""
     throttle, pressure = np.zeros(len(POLICIES)), np.zeros(len(POLICIES))
     for row, policy in ((1, fuzzy_policy), (2, driver_policy)):
         opening, brake = policy(situation)
@@ -201,6 +210,7 @@ def _each_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
 def _encounter(
     outcome: Replay, other: RecordedMotion, recorded_until_s: float, known_jerk_mps3: FloatArray
 ) -> ReplayedWarning:
+    """Summarise the replayed runs: least distance, collision, peaks and standstill from the warning on."""
     after = outcome.time_s >= -1e-6
     distance = np.where(after, outcome.distance_m, np.inf)
     nearest = distance.argmin(axis=1)
@@ -234,7 +244,10 @@ def _encounter(
 
 
 def _is_behind(outcome: Replay, other: RecordedMotion, here: int) -> bool:
-    """Whether the other is behind the host. A standing car has no reliable heading: there its way ahead counts."""
+    """Whether the other vehicle is behind the host at step `here`.
+
+    The heading of a standing host is not reliable, so there the direction of its next few metres is used.
+    """
     x, y = outcome.x_m[0, here], outcome.y_m[0, here]
     heading = float(outcome.heading_rad[0, here])
     if outcome.speed_mps[0, here] < MIN_HEADING_SPEED_MPS:

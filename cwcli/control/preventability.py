@@ -1,4 +1,4 @@
-"""Whether a careful driver would have avoided a crash: four driver models in a closed loop with a recorded other.
+"""Four driver models, and the closed loop of one with the recorded motion of another vehicle.
 
 The models are those that UN Regulation 157 and the European Commission's study of it compare: the careful and competent
 human (annex 4, appendix 3), the regulation's own criterion (5.2.5.2), RSS (Shalev-Shwartz et al. 2017) and the fuzzy
@@ -21,24 +21,33 @@ from cwcli.signals.columns import FloatArray
 BoolArray = npt.NDArray[np.bool_]
 
 GRAVITY_MPS2 = 9.81
+"""Acceleration of gravity as the regulation rounds it, m/s^2."""
 HUMAN_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
+"""Largest deceleration of the careful and competent human, m/s^2; UN Regulation 157, annex 4, appendix 3: 0.774 g."""
 HUMAN_JERK_MPS3 = 12.65
+"""Rate at which the human's deceleration grows, m/s^3; UN Regulation 157, annex 4, appendix 3: 0.774 g in 0.6 s."""
 CRITICAL_TTC_S = 2.0
+"""Time to collision below which the human takes a cut-in as dangerous, s; UN Regulation 157, annex 4, appendix 3."""
 R157_BRAKING_MPS2, R157_REACTION_S, R157_LATERAL_M, R157_STEP_S = 6.0, 0.35, 0.5, 0.1
+"""Deceleration (m/s^2), reaction time (s), lateral gap (m) at which a vehicle cuts in, and added time step (s) of the
+regulation's own criterion; UN Regulation 157, 5.2.5.2, the last two as in JRC-FSM."""
 RSS_REACTION_S, RSS_ACCEL_MPS2, RSS_BRAKING_MPS2 = 0.75, 3.0, 6.0
+"""Reaction time (s), acceleration until then and braking after it (m/s^2) of RSS, along the road; values of the
+reference implementation JRC-FSM."""
 RSS_LATERAL_MPS2, RSS_FLUCTUATION_M = 1.0, 0.3
+"""Lateral acceleration (m/s^2) and lateral margin (m) of RSS; values of the reference implementation JRC-FSM."""
 
 
 @dataclass(frozen=True)
 class Situation:
-    """What a driver sees at one moment, (n,) each, along and across the ego's heading.
+    """The inputs of a driver model at one moment, (n,) each, along and across the ego's heading.
 
     Attributes:
-        gap_m, lateral_gap_m: Between the outlines; negative where they overlap in that direction.
+        gap_m, lateral_gap_m: Gaps between the outlines; negative where they overlap in that direction.
         reach_m: Half of both lengths together.
-        speed_mps, accel_mps2: Of the ego.
-        other_speed_mps: Of the other, along.
-        approach_mps: Of the other, across and towards the ego.
+        speed_mps, accel_mps2: Speed and acceleration of the ego.
+        other_speed_mps: Speed of the other along the ego's heading.
+        approach_mps: Speed of the other across it, towards the ego.
         is_behind: The other is behind the ego.
     """
 
@@ -53,12 +62,12 @@ class Situation:
 
     @property
     def closing_mps(self) -> FloatArray:
-        """How fast the ego comes nearer."""
+        """The closing speed along the ego's heading, shape (n,); positive while the gap closes."""
         return self.speed_mps - self.other_speed_mps
 
     @property
     def ttc_s(self) -> FloatArray:
-        """Gap over closing speed, its size."""
+        """The absolute value of gap over closing speed, shape (n,), s."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.abs(self.gap_m / self.closing_mps)
 
@@ -68,12 +77,12 @@ class Driver:
     """A driver model.
 
     Attributes:
-        summary: What it is, in words.
-        wants: Situation -> the deceleration it asks for, (n,): 0 where it sees no danger.
-        reaction_s: From seeing danger to braking.
+        summary: Name in words.
+        wants: Situation -> the deceleration that it requests, (n,); 0 where it sees no danger.
+        reaction_s: Time from seeing danger to braking.
         release_mps2: Deceleration while it reacts: the foot leaves the pedal.
         jerk_mps3: How fast the deceleration grows.
-        gives_up: Situation -> where it need not judge any more, (n,): the cut-in came with time enough.
+        gives_up: Situation -> whether a case is no longer judged, (n,), because the cut-in left enough time.
     """
 
     summary: str
@@ -85,27 +94,30 @@ class Driver:
 
 
 def _human(seen: Situation) -> FloatArray:
-    """The careful human at a cut-in: the other is in the way and nearer than 2 s."""
+    """Deceleration of the careful human at a cut-in: full where the other is in the way and nearer than 2 s."""
     danger = ~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s <= CRITICAL_TTC_S)
     return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
 
 
 def _human_gives_up(seen: Situation) -> BoolArray:
+    """Whether a vehicle has cut in with more time left than the human takes as dangerous."""
     return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > CRITICAL_TTC_S))
 
 
 def _human_behind(seen: Situation) -> FloatArray:
-    """The careful human behind one that brakes, or stands: it brakes."""
+    """Deceleration of the careful human behind a vehicle that brakes or stands: full."""
     return np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2)
 
 
 def _regulation(seen: Situation) -> FloatArray:
+    """Deceleration of the regulation's criterion: full where the time to collision is too short to brake."""
     bound_s = seen.closing_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
     danger = ~seen.is_behind & (seen.lateral_gap_m <= R157_LATERAL_M) & (seen.ttc_s <= bound_s)
     return np.where(danger, R157_BRAKING_MPS2, 0.0)
 
 
 def _rss(seen: Situation) -> FloatArray:
+    """Deceleration of RSS: full where the gap along and the gap across are both below their safe values."""
     after = seen.speed_mps + RSS_REACTION_S * RSS_ACCEL_MPS2
     safe_m = seen.speed_mps * RSS_REACTION_S + RSS_ACCEL_MPS2 * RSS_REACTION_S**2 / 2.0
     safe_m = safe_m + (after**2 - seen.other_speed_mps**2) / (2.0 * RSS_BRAKING_MPS2)
@@ -118,6 +130,7 @@ def _rss(seen: Situation) -> FloatArray:
 
 
 def _fuzzy(seen: Situation) -> FloatArray:
+    """Deceleration of the fuzzy safety model; 0 where the other stays beside the ego until it has passed."""
     beside = seen.lateral_gap_m > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         lateral_s = seen.lateral_gap_m / seen.approach_mps
@@ -131,15 +144,21 @@ def _fuzzy(seen: Situation) -> FloatArray:
 
 
 HUMAN = Driver("careful and competent human", _human, 0.75, 0.4, HUMAN_JERK_MPS3, _human_gives_up)
+"""The careful and competent human at a cut-in, with the regulation's reaction time and release of the pedal; UN
+Regulation 157, annex 4, appendix 3."""
 HUMAN_BEHIND = Driver("careful and competent human, behind", _human_behind, 0.75, 0.4, HUMAN_JERK_MPS3)
+"""The careful and competent human behind a vehicle that brakes or stands; UN Regulation 157, annex 4, appendix 3."""
 R157 = Driver("driver of UN R157", _regulation, R157_REACTION_S)
+"""The driver of UN Regulation 157, 5.2.5.2."""
 RSS = Driver("RSS", _rss, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
+"""The driver of RSS (Shalev-Shwartz et al. 2017), who brakes as the careful human does."""
 FSM = Driver("fuzzy safety model", _fuzzy, fuzzy.RESPONSE_S, 0.0, HUMAN_JERK_MPS3)
+"""The driver of the fuzzy safety model (Mattas et al. 2020), who brakes with the human's jerk."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Of one vehicle in every case, (n,) each, map frame: centre, heading, speed along it, speed across it (left)."""
+    """One vehicle in every case, (n,) each, map frame: centre, heading, speed along it, speed across it (left)."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -150,7 +169,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of each case, (n,) each.
+    """The results of all cases, (n,) each.
 
     Attributes:
         crashed: The outlines overlapped.
@@ -178,17 +197,17 @@ def drive(
     step_s: float,
     offset_m: FloatArray | None = None,
 ) -> Outcome:
-    """Drive every case with one driver model.
+    """Simulate every case with one driver model.
 
     Args:
-        driver: Who drives.
-        start_mps: The ego's speed at first, (n,).
-        ego_at: Way along the ego's path, (n,) -> x_m, y_m, heading_rad there.
-        other_at: Step -> the other, where it is to be minded, and its size.
-        ego_size: Of the ego.
-        n_steps: How many.
-        step_s: How long each; positions follow from the speed at its end.
-        offset_m: The ego's way at the start, (n,); None: 0.
+        driver: The driver model.
+        start_mps: The ego's speed at the start, (n,).
+        ego_at: Distance along the ego's path, (n,) -> x_m, y_m, heading_rad there.
+        other_at: Step -> the other's poses, whether the driver reacts to it, and its size.
+        ego_size: Length and width of the ego.
+        n_steps: Number of steps.
+        step_s: Duration of a step; positions follow from the speed at its end.
+        offset_m: The ego's distance along its path at the start, (n,); None: 0.
     """
     n = len(start_mps)
     speed, way = start_mps.astype(np.float64), np.zeros(n) if offset_m is None else offset_m.astype(np.float64)
@@ -227,6 +246,7 @@ def _seen(
     ego_size: Size,
     other_size: Size,
 ) -> Situation:
+    """Compute a driver's inputs: gaps and speeds of the other along and across the ego's heading."""
     cosine, sine = np.cos(own[2]), np.sin(own[2])
     dx, dy = other.x_m - own[0], other.y_m - own[1]
     ahead, left = dx * cosine + dy * sine, dy * cosine - dx * sine

@@ -1,7 +1,7 @@
 """Whether each driver model would have avoided a recorded conflict, and until when it could have taken over.
 
-The ego keeps to its recorded path and drives as recorded until the model takes over, which keeps that speed and brakes
-when it sees danger. The other drives as recorded, and goes on as it last did beyond the end of its track.
+The ego keeps to its recorded path and drives as recorded until the model takes over. The model keeps that speed and
+brakes when it sees danger. The other drives as recorded, and at its last speed and heading beyond its track.
 """
 
 from __future__ import annotations
@@ -19,27 +19,32 @@ from cwcli.signals.columns import FloatArray, constant_strings, strings_from
 from cwcli.signals.units import NS_PER_S
 
 BEFORE_S, AFTER_S = 8.0, 6.0
+"""Time before the conflict at which a driver model takes over first, and time after it at which its drive ends, s.
+Chosen by hand; not fitted."""
 STEP_S = 0.1
+"""Time step of the driver models, and between the moments at which they take over, s; that of the regulation's
+criterion."""
 DRIVERS: Mapping[str, Driver] = {
-    "careful human": replace(HUMAN, gives_up=None),  # here the whole conflict is judged, not a cut-in alone
+    "careful human": replace(HUMAN, gives_up=None),
     "UN R157": R157,
     "RSS": RSS,
     "fuzzy": FSM,
 }
-"""Name -> model. The human of the regulation brakes for what is in its way and less than 2 s from it."""
+"""The driver models by name. The human brakes for a vehicle that is in the way and less than 2 s away, and judges the
+whole conflict, not a cut-in alone."""
 
 
 @dataclass(frozen=True)
 class Preventability:
-    """What one driver model would have made of a conflict; times are seconds before it, negative after.
+    """The result of one driver model in a conflict; times are seconds before it, negative after it.
 
     Attributes:
-        driver: Its name.
-        avoided: It would have avoided a crash, taking over at the earliest moment that is judged.
-        braked_s: When it would have braked first; NaN: never.
-        impact_mps: The relative speed of the crash; NaN: none.
+        driver: Name of the model.
+        avoided: Whether it avoids a crash when it takes over at the earliest moment that is judged.
+        braked_s: When it brakes first; NaN: never.
+        impact_mps: Relative speed of the crash; NaN: none.
         least_gap_m: Least distance of the outlines; negative: a crash.
-        last_chance_s: The latest moment at which it could have taken over and avoided a crash; NaN: none was.
+        last_chance_s: The latest moment at which it can take over and avoid a crash; NaN: there is none.
     """
 
     driver: str
@@ -51,11 +56,11 @@ class Preventability:
 
 
 def preventability(pair: Pair, conflict_ns: int, drivers: Mapping[str, Driver] = DRIVERS) -> list[Preventability]:
-    """Of each driver model; none where the two are not both known right before the conflict.
+    """Judge a conflict with each driver model; empty if one of the two is not known right before the conflict.
 
     Args:
-        pair: Both.
-        conflict_ns: When they crashed, or were most critical.
+        pair: The ego and the other, with their actual tracks.
+        conflict_ns: Stamp of the crash, or of the most critical moment.
         drivers: Name -> model.
     """
     host, other = (_seconds(track, conflict_ns) for track in (pair.host, pair.other))
@@ -83,6 +88,7 @@ def preventability(pair: Pair, conflict_ns: int, drivers: Mapping[str, Driver] =
 
 
 def _verdict(name: str, outcome: Outcome, starts: FloatArray) -> Preventability:
+    """The result of one driver model from its drives with all take-over times `starts` (n,), s after the conflict."""
     in_time = np.flatnonzero(~outcome.crashed)
     return Preventability(
         driver=name,
@@ -95,7 +101,7 @@ def _verdict(name: str, outcome: Outcome, starts: FloatArray) -> Preventability:
 
 
 def _seconds(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
-    """Times, and x, y, speed, unwrapped heading, of the finite states."""
+    """Times (k,) in seconds after a stamp, and x, y, speed, unwrapped heading (k, 4), of the finite states."""
     rows = np.flatnonzero(np.isfinite(track.state[:, :4]).all(axis=1))
     state = track.state[rows, :4].copy()
     state[:, 3] = np.unwrap(state[:, 3])
@@ -103,35 +109,35 @@ def _seconds(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _path(way_m: FloatArray, state: FloatArray) -> Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
-    """The recorded path by the way along it, straight on beyond its end."""
+    """A function from the distance along the recorded path to x, y, heading there; straight on beyond its end."""
 
-    def at(asked_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def pose_at(asked_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         x, y, heading = (np.interp(asked_m, way_m, state[:, column]) for column in (0, 1, 3))
         beyond = np.maximum(asked_m - way_m[-1], 0.0)
         return x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading
 
-    return at
+    return pose_at
 
 
 def _recorded(
     other: tuple[FloatArray, FloatArray], starts: FloatArray, size: Size
 ) -> Callable[[int], tuple[Poses, BoolArray, Size]]:
-    """The other at each step of each case."""
+    """A function from the step to the recorded other in each case: poses, whether it counts, and its size."""
     time, state = other
 
-    def at(step: int) -> tuple[Poses, BoolArray, Size]:
+    def poses_at(step: int) -> tuple[Poses, BoolArray, Size]:
         now = starts + step * STEP_S
         x, y, speed, heading = (np.interp(now, time, state[:, column]) for column in range(4))
         beyond = np.maximum(now - time[-1], 0.0) * speed
         pose = Poses(x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(now)))
         return pose, np.ones(len(now), dtype=bool), size
 
-    return at
+    return poses_at
 
 
 @dataclass(frozen=True)
 class JudgedConflict:
-    """A conflict of the ego with another vehicle, and what each driver model would have made of it."""
+    """A conflict of the ego with another vehicle, and the result of each driver model in it."""
 
     other_id: str
     conflict_ns: int
@@ -139,10 +145,10 @@ class JudgedConflict:
 
 
 def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table:
-    """One row a driver model of a conflict."""
+    """The table `preventability`: one row per conflict and driver model."""
     rows = [(conflict, each) for conflict in judged for each in conflict.verdicts]
 
-    def numbers(name: str) -> FloatArray:
+    def field_values(name: str) -> FloatArray:
         return np.array([getattr(each, name) for _, each in rows], np.float64)
 
     return Table(
@@ -153,15 +159,15 @@ def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table
             "conflict_stamp_ns": np.array([conflict.conflict_ns for conflict, _ in rows], np.int64),
             "driver": strings_from([each.driver for _, each in rows]),
             "avoided": np.array([each.avoided for _, each in rows], np.bool_),
-            "braked_before_s": numbers("braked_s"),
-            "impact_mps": numbers("impact_mps"),
-            "least_gap_m": numbers("least_gap_m"),
-            "last_chance_before_s": numbers("last_chance_s"),
+            "braked_before_s": field_values("braked_s"),
+            "impact_mps": field_values("impact_mps"),
+            "least_gap_m": field_values("least_gap_m"),
+            "last_chance_before_s": field_values("last_chance_s"),
         },
         docs={
-            "avoided": ColumnDoc(doc="taking over 8 s before the conflict, or when the two are first known"),
-            "braked_before_s": ColumnDoc(doc="when it would have braked first, before the conflict; empty: never"),
-            "impact_mps": ColumnDoc(doc="relative speed of its crash; empty: none"),
-            "last_chance_before_s": ColumnDoc(doc="latest take-over that avoids a crash, before the conflict"),
+            "avoided": ColumnDoc(doc="whether a take-over 8 s before, or as soon as both are known, avoids a crash"),
+            "braked_before_s": ColumnDoc(doc="time before the conflict at which the model brakes first; empty: never"),
+            "impact_mps": ColumnDoc(doc="relative speed of the model's crash; empty: none"),
+            "last_chance_before_s": ColumnDoc(doc="latest take-over that avoids a crash, as time before the conflict"),
         },
     )

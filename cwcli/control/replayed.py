@@ -1,4 +1,4 @@
-"""Replayed warnings: the host's states under each policy, and tables of what would have come of each warning."""
+"""Results of replayed warnings: the host's states under each policy, and the tables of `cwcli control`."""
 
 from __future__ import annotations
 
@@ -17,20 +17,23 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 UNKNOWN_NS = -1
+"""Stamp that stands for an event that did not happen."""
 PUBLISH_STEP_S = 0.05
+"""Time between the steps of a replay that are published, s (20 Hz, as the estimated states)."""
 SINGULAR = 1e-9
+"""Tolerance of comparisons of times, s, against rounding."""
 
 
 @dataclass(frozen=True)
 class Replayed:
-    """One warning and what would have come of it.
+    """One warning and its replays.
 
     Attributes:
-        event_id: Its number, from 1.
-        warning_ns: When it was raised.
+        event_id: Number of the warning, from 1.
+        warning_ns: Stamp at which it was raised.
         other_id: The vehicle of which the host was warned.
         host_size_m, other_size_m: Length and width of the two.
-        encounter: The replay.
+        encounter: The replays under all policies.
     """
 
     event_id: int
@@ -41,24 +44,24 @@ class Replayed:
     encounter: ReplayedWarning
 
     def stamp_ns(self, time_s: float) -> int:
-        """A time of the replay as a stamp, -1 for NaN."""
+        """The stamp of a time of the replay, ns; -1 for NaN."""
         return UNKNOWN_NS if math.isnan(time_s) else self.warning_ns + round(time_s * NS_PER_S)
 
     @property
     def stamps_ns(self) -> Int64Array:
-        """Stamps of the replay's steps, shape (k,)."""
+        """The stamps of the replay's steps, shape (k,), ns."""
         return self.warning_ns + np.round(self.encounter.outcome.time_s * NS_PER_S).astype(np.int64)
 
     @property
     def published_rows(self) -> Int64Array:
-        """The steps that are published: one in `PUBLISH_STEP_S`, the warning's among them."""
+        """Indices of the steps that are published: one every 0.05 s, the warning's among them."""
         time_s = self.encounter.outcome.time_s
         steps = np.round(time_s / (time_s[1] - time_s[0])).astype(np.int64)
         return np.flatnonzero(steps % round(PUBLISH_STEP_S / (time_s[1] - time_s[0])) == 0)
 
     @property
     def extrapolated_s(self) -> float:
-        """How long the replay goes on beyond what is recorded of both vehicles."""
+        """How long the replay goes on after the end of the shorter recorded track, s."""
         return max(float(self.encounter.outcome.time_s[-1]) - self.encounter.recorded_until_s, 0.0)
 
     def states(self, policy: int) -> FloatArray:
@@ -80,7 +83,7 @@ class Replayed:
         return np.column_stack(columns)
 
     def gap_m(self, policy: int) -> FloatArray:
-        """Between the outlines, negative where they overlap, shape (k,)."""
+        """The gap between the outlines, shape (k,), m; negative where they overlap."""
         outcome, other = self.encounter.outcome, self.encounter.other
         return outline_distance(
             other.x_m - outcome.x_m[policy],
@@ -92,16 +95,18 @@ class Replayed:
         )
 
     def series(self, policy: int, rows: Int64Array) -> dict[str, Any]:
-        """Columns of the time series for the given steps."""
+        """The columns of the table `control_series` for the given steps."""
         outcome, other = self.encounter.outcome, self.encounter.other
-        turned = outcome.heading_rad[policy] - other.heading_rad
+        heading_difference = outcome.heading_rad[policy] - other.heading_rad
         return {
             "since_warning_s": outcome.time_s[rows],
             "distance_m": outcome.distance_m[policy, rows],
             "gap_m": self.gap_m(policy)[rows],
             "host_speed_mps": outcome.speed_mps[policy, rows],
             "other_speed_mps": other.speed_mps[rows],
-            "speed_difference_mps": speed_difference(outcome.speed_mps[policy], other.speed_mps, turned)[rows],
+            "speed_difference_mps": speed_difference(outcome.speed_mps[policy], other.speed_mps, heading_difference)[
+                rows
+            ],
             "accel_mps2": outcome.accel_mps2[policy, rows],
             "throttle": outcome.throttle[policy, rows],
             "brake_pressure_mpa": outcome.pressure_mpa[policy, rows],
@@ -110,13 +115,13 @@ class Replayed:
 
 
 def control_table(replayed: Sequence[Replayed], predictor: str, rule: str) -> Table:
-    """One row per warning and policy."""
+    """The table `control`: one row per warning and policy."""
     records = [record_of(one, policy, predictor, rule) for one in replayed for policy in range(len(POLICIES))]
     return table_of("control", _KINDS, records, docs=_DOCS)
 
 
 def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str, Any]:
-    """A row of the table."""
+    """The row of the table `control` for one warning and policy."""
     encounter = one.encounter
     outcome = encounter.outcome
     at_warning = int(encounter.after.argmax())
@@ -147,7 +152,7 @@ def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str
 
 
 def series_table(replayed: Sequence[Replayed]) -> Table:
-    """One row per warning, policy and `PUBLISH_STEP_S`."""
+    """The table `control_series`: one row per warning, policy and published step (0.05 s)."""
     parts: list[dict[str, Any]] = []
     for one in replayed:
         rows = one.published_rows
@@ -191,19 +196,21 @@ _KINDS: dict[str, type] = {
     "end_distance_m": float,
     "extrapolated_s": float,
 }
+"""Types of the columns of the table `control`."""
 _DOCS = {
     "event_id": ColumnDoc(doc="number of the warning in this replay, from 1"),
     "is_behind": ColumnDoc(doc="the other vehicle is behind the host at the warning; it does not react"),
     "collided": ColumnDoc(doc="the reference points came nearer than 2.5 m (song2016)"),
     "collision_stamp_ns": ColumnDoc(doc="-1: no collision"),
     "impact_speed_mps": ColumnDoc(doc="relative speed at the collision; NaN: none"),
-    "min_distance_m": ColumnDoc(doc="of the reference points, from the warning on"),
-    "min_gap_m": ColumnDoc(doc="of the outlines, from the warning on; negative: overlap"),
-    "peak_deceleration_mps2": ColumnDoc(doc="from the warning on; no-action: of the estimated states"),
-    "peak_jerk_mps3": ColumnDoc(doc="magnitude, from the warning on; no-action: of the estimated states"),
+    "min_distance_m": ColumnDoc(doc="least distance of the reference points from the warning on"),
+    "min_gap_m": ColumnDoc(doc="least gap between the outlines from the warning on; negative: overlap"),
+    "peak_deceleration_mps2": ColumnDoc(doc="largest from the warning on; no-action: that of the estimated states"),
+    "peak_jerk_mps3": ColumnDoc(doc="largest magnitude from the warning on; no-action: that of the estimated states"),
     "stopped_stamp_ns": ColumnDoc(doc="-1: does not stop"),
     "extrapolated_s": ColumnDoc(doc="how long the replay goes on beyond the last recorded state"),
 }
+"""Explanations of the columns of the table `control`."""
 _SERIES_KINDS: dict[str, type] = {
     "event_id": int,
     "other_id": str,
@@ -220,11 +227,13 @@ _SERIES_KINDS: dict[str, type] = {
     "brake_pressure_mpa": float,
     "is_extrapolated": bool,
 }
+"""Types of the columns of the table `control_series`."""
 _SERIES_DOCS = {
-    "distance_m": ColumnDoc(doc="of the reference points"),
-    "gap_m": ColumnDoc(doc="of the outlines; negative: overlap"),
+    "distance_m": ColumnDoc(doc="distance of the reference points"),
+    "gap_m": ColumnDoc(doc="gap between the outlines; negative: overlap"),
     "speed_difference_mps": ColumnDoc(doc="song2016 eq. 11"),
     "throttle": ColumnDoc(doc="commanded opening, 0 to 1"),
     "brake_pressure_mpa": ColumnDoc(unit="MPa", doc="built-up pressure"),
-    "is_extrapolated": ColumnDoc(doc="one of the two motions is carried on, not recorded"),
+    "is_extrapolated": ColumnDoc(doc="one of the two motions is extrapolated, not recorded"),
 }
+"""Explanations of the columns of the table `control_series`."""

@@ -34,21 +34,28 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
 STEP_KMH = 10.0
+"""Distance between the speeds of neighbouring observers, km/h; zhang2011, section 3."""
 SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
+"""Speeds for which an observer is computed, km/h, shape (16,); zhang2011 uses multiples of 10 km/h."""
 DEFAULT_PERIOD_S = 0.1
+"""Sampling period of the observers when the log has fewer than two frames, s; that of the paper's camera (10 Hz)."""
 MIN_PERIOD_S = 0.001
+"""Shortest sampling period that is taken from the frames' stamps, s. Chosen by hand; not fitted."""
 MAX_PERIODS = 1_000_000
-"""A longer pause starts anew anyway."""
+"""Largest number of sampling periods between two frames that is computed. Chosen by hand: the observer starts anew
+after a pause that long."""
 OUTPUT = np.eye(4)[2:]
-"""C of eq. 21: y_L and e_L are measured."""
+"""Matrix C of zhang2011's eq. 21, shape (2, 4): y_L and e_L are measured."""
 
 
 @dataclass(frozen=True)
 class Bank:
-    """The observers of all speeds of `SPEEDS_KMH`.
+    """The discretised models and steady Kalman gains of the observers of all speeds.
 
     Attributes:
-        phi: Shape (16, 4, 4). gamma: Shape (16, 4, 2). gain: Shape (16, 4, 2).
+        phi: State transition matrices, shape (16, 4, 4).
+        gamma: Input matrices, shape (16, 4, 2).
+        gain: Kalman gains, shape (16, 4, 2).
     """
 
     phi: FloatArray
@@ -57,7 +64,7 @@ class Bank:
 
 
 def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> Bank:
-    """Discretise eq. 21 (corrected) at each speed and settle its Kalman filter (eq. 16, 17, 19)."""
+    """Discretise eq. 21 (corrected) at each speed and compute its steady Kalman gain (eq. 16, 17, 19)."""
     key = (
         *(vehicle.front_axle_m, vehicle.rear_axle_m, vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad),
         *(vehicle.yaw_inertia_kgm2, vehicle.mass_kg, config.preview_m + vehicle.camera_forward_m),
@@ -68,19 +75,20 @@ def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> 
 
 @lru_cache(maxsize=8)
 def _bank(key: tuple[float, ...], is_continuous: bool) -> Bank:
+    """Compute the bank from the numbers it depends on, so that it can be cached."""
     lf, lr, kf, kr, inertia, mass, preview_m, r1, r2, period_s = key
     vehicle = Vehicle("", lf, lr, kf, kr, inertia, mass, mass)
-    made = []
+    designs = []
     for kmh in SPEEDS_KMH:
         a, b = preview_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
         phi, gamma = discretise(a, b, period_s)
         noise = discretise_noise(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
-        made.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
-    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*made, strict=True)))
+        designs.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
+    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
 
 
 def neighbours(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
-    """Index of the lower neighbour in `SPEEDS_KMH` and the upper one's weight (v - v_1) / 10, eq. 22 (corrected)."""
+    """Index of the observer below each speed (n,), and weight (v - v_1) / 10 of the one above, eq. 22 (corrected)."""
     kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), SPEEDS_KMH[0], SPEEDS_KMH[-1])
     low = np.minimum((kmh - SPEEDS_KMH[0]) // STEP_KMH, len(SPEEDS_KMH) - 2).astype(np.int32)
     return low, (kmh - SPEEDS_KMH[low]) / STEP_KMH
@@ -95,7 +103,10 @@ def observe_blended(
     yaw_rate: Samples | None = None,
     steer: Samples | None = None,
 ) -> LateralTrack:
-    """The paper's method at every frame. A measured steering angle replaces the vision's; a yaw rate is not used."""
+    """Run zhang2011's observers over all frames.
+
+    A measured steering angle replaces the one from vision. A measured yaw rate is not used.
+    """
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
     n = len(stamp_ns)
     v = speed_at(speed, stamp_ns, config.max_speed_gap_s)
@@ -143,6 +154,7 @@ def observe_blended(
 
 
 def _median_period_s(dt_s: FloatArray) -> float:
+    """The median time between frames, s; the default if there are fewer than two."""
     steps = dt_s[1:][dt_s[1:] > 0.0]
     return max(float(np.median(steps)), MIN_PERIOD_S) if len(steps) else DEFAULT_PERIOD_S
 
@@ -150,7 +162,7 @@ def _median_period_s(dt_s: FloatArray) -> float:
 def _steer(
     lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: Samples | None
 ) -> FloatArray:
-    """delta_D: measured, or from vision by eq. 10 and 13."""
+    """The steering angle delta_D at each frame, shape (n,), rad: measured, or from vision by eq. 10 and 13."""
     if steer is not None:
         return resample(steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s)
     kinematic = steer_from_vision(
@@ -165,7 +177,7 @@ def _steer(
 
 
 def _kept(values: FloatArray) -> FloatArray:
-    """The last known value at each row; 0 before the first."""
+    """Replace each NaN by the last finite value before it, or by 0 before the first; shape (n,)."""
     known = np.isfinite(values)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return np.where(last >= 0, np.asarray(values)[np.maximum(last, 0)], 0.0)
@@ -174,7 +186,7 @@ def _kept(values: FloatArray) -> FloatArray:
 def _life(
     dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
-    """A `Begin` and the status of each frame."""
+    """Whether the observer starts, stops or goes on at each frame (`Begin`), and its status; shape (n,) each."""
     n = len(v)
     begin = np.full(n, Begin.GO_ON, dtype=np.int8)
     status = np.full(n, FrameStatus.LOST, dtype=np.int8)

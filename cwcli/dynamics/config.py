@@ -13,27 +13,30 @@ from cwcli.option import Option
 
 @dataclass(frozen=True)
 class FilterNoise:
-    """What the default filter assumes. Standard deviations; `*_walk_*` are those of a random walk after one second.
+    """The standard deviations and gates that the default filter assumes.
+
+    A `*_walk_*` is the standard deviation of a random walk after one second.
 
     Attributes:
         lateral_speed_walk_mps, yaw_rate_walk_radps: Errors of the single-track model: wind, banked road, tyres.
         steer_walk_rad: How the driver steers.
         curvature_walk_1pm: Change of the road's curvature over one metre (not second): after 100 m ten times as much.
-        load_sigma, load_walk: Of nominal mass / mass, if the load is estimated.
-        gyro_bias_radps, gyro_bias_walk_radps: Of the measured yaw rate.
-        camera_yaw_rad, camera_yaw_walk_rad: Of the camera's mounting.
-        lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Of frames that carry no sigmas.
-        lateral_floor_m, heading_floor_rad, curvature_floor_1pm: What frames err together, beside their sigmas: a
-            parabola does not fit a road whose curvature changes, and errors of one frame's values go together.
-        floor_share: So much of the floors is added to every frame's sigmas (as squares), as if it were new in each
-            frame. Most of it lasts, and what lasts hardly disturbs what follows from the change between frames.
-        curvature_share: Likewise, as a share of the curvature: lane methods draw bends too flat, and an error of the
-            camera's pitch or height scales them.
-        yaw_rate_sigma_radps, steer_sigma_rad: Of sensors that carry none.
-        start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: At the first frame, about
-            a car that follows the road steadily.
+        load_sigma, load_walk: Standard deviation and walk of nominal mass / mass, if the load is estimated.
+        gyro_bias_radps, gyro_bias_walk_radps: Bias of the measured yaw rate and its walk.
+        camera_yaw_rad, camera_yaw_walk_rad: Yaw of the camera's mounting and its walk.
+        lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Sigmas of frames that carry none.
+        lateral_floor_m, heading_floor_rad, curvature_floor_1pm: Errors that frames share in addition to their sigmas: a
+            parabola does not fit a road whose curvature changes, and the errors of one frame's values are correlated.
+        floor_share: Share of the floors that is added to every frame's sigmas (as squares), as if it were new in each
+            frame. Most of the error lasts, and a lasting error hardly disturbs the changes between frames.
+        curvature_share: Share of the curvature that is added to its sigma in the same way: lane methods draw bends too
+            flat, and an error of the camera's pitch or height scales them.
+        yaw_rate_sigma_radps, steer_sigma_rad: Sigmas of sensors that carry none.
+        start_lateral_speed_mps, start_yaw_rate_radps, start_steer_rad, start_curvature_1pm: Sigmas at the first frame,
+            around a car that follows the road steadily.
         gate: Innovations beyond this many sigmas are gated.
-        restart_after: So many gated frames in a row start the filter anew, or the lane alone if a yaw rate is measured.
+        restart_after: Number of gated frames in a row that starts the filter anew, or the lane alone if a yaw rate is
+            measured.
     """
 
     lateral_speed_walk_mps: float = 0.05
@@ -70,7 +73,7 @@ class ObserverConfig:
 
     Attributes:
         method: A key of `METHODS`.
-        preview_m: Of the preview point ahead of the camera.
+        preview_m: Distance of the preview point ahead of the camera.
         estimate_load: "cwcli": also estimate the car's mass.
         max_coast_s: Without boundaries for longer than this there is no state.
         max_gap_s: A pause of the frames longer than this starts the observer anew.
@@ -93,13 +96,13 @@ class ObserverConfig:
     ] = "cwcli"
     preview_m: float = PREVIEW_M
     estimate_load: Annotated[
-        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); turns are needed to tell it.")
+        bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); only turns show it.")
     ] = False
     max_coast_s: Annotated[
         float,
         Option(
             "--coast",
-            "Carry the state on for so long without boundaries.",
+            "Predict the state for at most this long without boundaries.",
             metavar="SECONDS",
             above=0.0,
             at_most=60.0,
@@ -113,8 +116,8 @@ class ObserverConfig:
         Literal["raw", "robust"],
         Option(
             "--steer-rate",
-            "How zhang2011 takes the rate of the heading deviation (eq. 10): from two frames, or as the median slope "
-            "of five.",
+            "How zhang2011 computes the rate of the heading deviation (eq. 10): raw from two frames, robust as the "
+            "median slope of five.",
         ),
     ] = "raw"
     process_noise: float = 0.01
@@ -150,3 +153,4 @@ _POSITIVE = (
     "process_noise",
     "lane_noise",
 )
+"""Fields of `ObserverConfig` that must be positive numbers."""

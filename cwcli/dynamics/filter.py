@@ -1,9 +1,9 @@
 """The default observer: one Kalman filter with the times of frames and sensors as they are.
 
-Beside the paper's four states it estimates the steering angle and the road's curvature (which the paper takes as exact
-inputs), the bias of the gyroscope, the yaw of the camera's mounting and, if asked, the load as nominal mass / mass, in
-which the model is linear. Each frame counts with its own sigmas. A y_L that does not fit (another lane) starts y_L
-anew and nothing else; other values that do not fit are left out, and several such frames in a row start the filter
+In addition to the paper's four states it estimates the steering angle and the road's curvature (which the paper takes
+as exact inputs), the bias of the gyroscope, the yaw of the camera's mounting and, if asked, the load as nominal mass /
+mass, in which the model is linear. Each frame counts with its own sigmas. A y_L that does not fit (another lane) starts
+y_L anew and nothing else; other values that do not fit are left out, and several such frames in a row start the filter
 anew.
 """
 
@@ -27,15 +27,21 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 MAX_STEP_S = 0.1
+"""Longest time that the model is predicted in one step, s. Chosen by hand; not fitted."""
 LOAD_RANGE = (0.5, 2.0)
+"""Lowest and highest permitted estimate of nominal mass / mass. Chosen by hand; not fitted."""
 GYRO_RECENT_S = 0.2
-"""A yaw rate that fitted within this time is known, whatever the lane says."""
+"""Age up to which an accepted yaw rate counts as measured, s: frames that do not fit then restart the lane's states
+alone. Chosen by hand; not fitted."""
 STILL_MPS = 0.1
+"""Speed below which the car is taken to stand, m/s: lateral speed and yaw rate are zero there. Chosen by hand; not
+fitted."""
 MIN_SIGMA = 1e-9
+"""Smallest sigma of a measurement, in its own unit; it keeps the innovation covariance invertible."""
 
 
 def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
-    """The numbers of the car, the camera and the noise."""
+    """Build the kernel's parameters from the car, the camera and the noise."""
     m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
     lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
@@ -69,7 +75,7 @@ def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
 
 
 def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
-    """Noise intensities of the nine states."""
+    """Noise intensities (squared walks) of the nine states, in the kernel's order."""
     walks = [
         noise.lateral_speed_walk_mps,
         noise.yaw_rate_walk_radps,
@@ -85,7 +91,7 @@ def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
 
 
 def _starts(noise: FilterNoise, with_load: bool) -> list[float]:
-    """Standard deviations at the start."""
+    """Standard deviations of the nine states at the start, in the kernel's order."""
     return [
         noise.start_lateral_speed_mps,
         noise.start_yaw_rate_radps,
@@ -108,7 +114,7 @@ def observe_filter(
     yaw_rate: Samples | None = None,
     steer: Samples | None = None,
 ) -> LateralTrack:
-    """Filter frames, yaw rate and steering angle in the order of their stamps; the state at each frame."""
+    """Filter frames, yaw rate and steering angle in the order of their stamps, and return the state at each frame."""
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
     if lanes.yaw_sigma_rad > config.noise.camera_yaw_rad:
         config = replace(config, noise=replace(config.noise, camera_yaw_rad=lanes.yaw_sigma_rad))
@@ -178,7 +184,7 @@ def observe_filter(
 
 
 def _lasting(noise: FilterNoise, quick: FloatArray) -> FloatArray:
-    """Covariance (n, 4, 4) of what the lane's values err together over many frames: averaging does not take it away."""
+    """Covariance (n, 4, 4) of the lane errors that many frames share, which averaging does not reduce."""
     lasting = np.zeros((len(quick), 4, 4))
     lasting[:, 2, 2] = noise.lateral_floor_m**2
     lasting[:, 3, 3] = (noise.heading_floor_rad * quick**1.5) ** 2
@@ -186,14 +192,14 @@ def _lasting(noise: FilterNoise, quick: FloatArray) -> FloatArray:
 
 
 def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
-    """First order: the mass is the nominal one over the state. NaN where it is not estimated."""
+    """Sigma of the estimated mass at each frame, shape (n,), kg, to first order; NaN where it is not estimated."""
     if not config.estimate_load:
         return np.full(len(x), np.nan)
     return np.asarray(vehicle.mass_kg / x[:, ETA] ** 2 * np.sqrt(p[:, ETA, ETA]))
 
 
 def _of_frames(values: FloatArray, order: npt.NDArray[np.intp]) -> FloatArray:
-    """Of all events in their order; 0 at those that are no frame (the first ones are the frames)."""
+    """Spread one value per frame over all events in time order; events that are no frame get 0."""
     return np.concatenate([values, np.zeros(len(order) - len(values))])[order]
 
 
@@ -202,13 +208,13 @@ def _lane_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """y_L, e_L, K_L of the frames and their sigmas, shape (n, 3) each.
 
-    At a nearer point the sigmas are at most the default ones: what frames tell is of the farthest. Where roads bend so
-    much more quickly, a frame's curvature errs the more, its direction by that over the nearer distance, and its place,
-    by the distance's square, as ever.
+    Frames state their sigmas at the farthest preview point, so at a nearer point the sigmas are at most the default
+    ones. On roads for slow traffic the default sigma of the curvature grows with the cube of the slowness, that of the
+    direction with its 1.5th power, and that of the place does not grow.
 
     Args:
-        lanes, preview_m: From `near_lane`.
-        quick: Shape (n,), from `quickness`.
+        lanes, preview_m: The lane at the nearer preview point, and that point's distance, shape (n,).
+        quick: The slowness ratio of the car at each frame, shape (n,).
         config: The observer's.
     """
     noise, is_nearer = config.noise, preview_m < config.preview_m
@@ -234,6 +240,7 @@ def _lane_rows(
 
 
 def _scalar_rows(samples: Samples, default: float) -> tuple[FloatArray, FloatArray]:
+    """A sensor's samples in the kernel's form: values and sigmas, (n, 3) each, of which the first column is used."""
     n = len(samples.values)
     values, sigmas = np.full((n, 3), np.nan), np.ones((n, 3))
     values[:, 0] = np.where(np.isfinite(samples.values), samples.values, np.nan)
@@ -249,7 +256,7 @@ def _statuses(
     frame_speed: FloatArray,
     config: ObserverConfig,
 ) -> npt.NDArray[np.int8]:
-    """The frames' statuses from the kernel's outcomes; a state carried on for too long is lost."""
+    """The frames' statuses from the kernel's outcomes; a state that was predicted for too long is lost."""
     frames = kinds == EventKind.LANE
     result = np.full(np.count_nonzero(frames), FrameStatus.LOST, dtype=np.int8)
     own = outcome[frames]

@@ -1,7 +1,8 @@
 """Friction between tyre and dry asphalt, as a share of the weight: two numbers, because two questions are asked."""
 
 PEAK_FRICTION = 0.9
-"""What good tyres give at most: a scenario whose vehicles need more can't be driven. (The lead of
-`rear-end` brakes with 8 m/s^2, which is 0.82.)"""
+"""Largest friction coefficient of good tyres on dry asphalt: a scenario whose vehicles need more is refused. Chosen by
+hand above the 0.82 that the lead of `rear-end` needs to brake with 8 m/s^2."""
 BRAKING_FRICTION = 0.8
-"""With something in hand: what a controller of a replayed host may count on (docs/papers/song2016-choices.md)."""
+"""Friction coefficient that the controller of a replayed host may use, below the peak for safety. Chosen by hand
+(docs/papers/song2016-choices.md)."""

@@ -1,4 +1,4 @@
-"""The matrix exponential of a small matrix, and what it discretises exactly."""
+"""The matrix exponential of a small matrix, and the exact discretisation of linear models with it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 TAYLOR_ORDER = 14
+"""Highest power in the Taylor series of the exponential; the remainder is given at the largest norm below."""
 MAX_NORM = 0.5
-"""With order 14 the rest of the series is below 1e-17 of the result."""
+"""Largest row-sum norm at which the series is summed without scaling: at order 14 its remainder is below 1e-17 of the
+result."""
 
 
 def matrix_exponential(matrix: FloatArray) -> FloatArray:
-    """exp(M) by scaling and squaring of the Taylor series.
+    """Compute exp(M) by scaling and squaring of the Taylor series.
 
     Args:
         matrix: Shape (n, n), finite.
@@ -35,7 +37,7 @@ def matrix_exponential(matrix: FloatArray) -> FloatArray:
 
 
 def discretise(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
-    """dx/dt = A x + B u with u held for dt_s, exactly: x(t + dt) = Phi x + Gamma u.
+    """Discretise dx/dt = A x + B u exactly for an input u that is held for dt_s: x(t + dt) = Phi x + Gamma u.
 
     Args:
         a: Shape (n, n), 1/s.

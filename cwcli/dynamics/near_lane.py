@@ -1,15 +1,15 @@
 """The lane at a preview point that the linear model of the default observer can follow.
 
-Roads are built for the speed at which they are driven: what counts is the lateral jerk, v^3 times the change of the
-curvature in a metre. At half the speed a road may bend eight times as quickly. So the preview point at D is taken
-nearer where the car is slow, as v^(3/2): then what a change of the curvature that nobody knows of, K' D^2 / 2, makes of
-the lane's direction there stays the same. And it is taken nearer where the lane turns: in a bend of 23 m there is no
-lane 33.5 m ahead.
+Roads are built for the speed at which they are driven. Their design limits the lateral jerk, v^3 times the change of
+the curvature per metre, so at half the speed the curvature may change eight times as quickly. The distance D of the
+preview point therefore falls as v^(3/2): an unknown change K' of the curvature then turns the lane's direction there by
+the same K' D^2 / 2 at all speeds. D is also smaller where the lane turns: in a bend of 23 m there is no lane 33.5 m
+ahead.
 
 With the sine of the lane's direction for e_L, eq. 20 holds for a car that follows a circle however far it turns: with
 y = R (1 - cos phi) and D = R sin phi the lane's place at D changes by tan phi (v - gamma y) - gamma D = v sin phi -
-gamma D = 0, and sin phi by cos phi (v K - gamma). A car that does not follow it moves y by 1 + tan phi tan(phi / 2)
-times as much as the model says: 10 % at a sine of 0.4.
+gamma D = 0, and sin phi by cos phi (v K - gamma). A car that leaves the circle moves y by 1 + tan phi tan(phi / 2)
+times as much as the model says: 10 % more at a sine of 0.4.
 """
 
 from __future__ import annotations
@@ -23,42 +23,46 @@ from cwcli.signals.arcs import TURNED, lane_ahead, lane_middle, turned_at_m
 from cwcli.signals.columns import FloatArray
 
 CHOSEN_MPS = 25.0
-"""The speed of the drives with which the filter's walks and the preview distance were chosen."""
+"""Speed of the simulated drives on which the filter's walks and the preview distance were chosen, m/s."""
 SLOWEST_MPS = 5.0
-"""Below this speed roads bend no more quickly."""
+"""Speed below which the preview distance and the walks no longer change with the speed, m/s. Chosen by hand; not
+fitted."""
 MAX_SINE = 0.4
+"""Largest sine of the lane's direction at the preview point: there the linear model moves y_L by 10 % too little (see
+above)."""
 LEAST_M = 2.0
-"""Ahead of the camera and of the centre of gravity."""
+"""Smallest distance of the preview point ahead of the camera and of the centre of gravity, m. Chosen by hand; not
+fitted."""
 
 
 def quickness(speed_mps: FloatArray) -> FloatArray:
-    """How many times as slow as `CHOSEN_MPS` the car is, at least 1; 1 where the speed is not known."""
+    """Ratio of the reference speed (25 m/s) to the car's, shape (n,), at least 1; 1 where the speed is not known."""
     return np.fmax(1.0, CHOSEN_MPS / np.maximum(np.abs(speed_mps), SLOWEST_MPS))
 
 
 def as_angle(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """States (n, 4) and covariances (n, 4, 4) with the angle for e_L in place of its sine, to first order."""
+    """Replace the sine of e_L by its angle in states (n, 4) and, to first order, in covariances (n, 4, 4)."""
     sine = np.clip(state[:, 3], -TURNED, TURNED)
     size = np.ones_like(state)
     size[:, 3] = (1.0 - sine * sine) ** -0.5
-    made = np.column_stack([state[:, :3], np.arcsin(sine)])
-    return made, covariance * size[:, :, None] * size[:, None, :]
+    angles = np.column_stack([state[:, :3], np.arcsin(sine)])
+    return angles, covariance * size[:, :, None] * size[:, None, :]
 
 
 def near_lane(
     lanes: LaneSamples, speed_mps: FloatArray, preview_m: float, camera_forward_m: float
 ) -> tuple[LaneSamples, FloatArray, FloatArray]:
-    """The lane at a preview point that suits the speed and the bend.
+    """Move each frame's lane to a preview point that is near enough for the speed and the bend.
 
     Args:
-        lanes: n frames; where `lines` tells the lane's shape, values are taken from it, e_L as the sine.
+        lanes: n frames; where `lines` holds the lane's shape, values are taken from it, e_L as the sine.
         speed_mps: Shape (n,); NaN where it is not known.
-        preview_m: Of the preview point of `lanes`, which is the farthest.
-        camera_forward_m: Of the camera ahead of the centre of gravity.
+        preview_m: Distance of the preview point of `lanes`, which is the farthest.
+        camera_forward_m: Distance of the camera ahead of the centre of gravity.
 
     Returns:
         The frames, their sigmas still those of the farthest point; the point's distance ahead of the camera, shape
-        (n,); and how K_L changes in a metre, shape (n,), 0 where nothing tells.
+        (n,); and how K_L changes in a metre, shape (n,), 0 where it is not known.
     """
     whole_m = np.full(len(lanes), preview_m)
     if lanes.lines is None or lanes.curvature_change_1pm2 is None:
@@ -69,11 +73,11 @@ def near_lane(
     nearer_m = np.fmax(np.fmin(preview_m * quickness(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
     y_m, direction_rad, curvature_1pm = lane_ahead(lanes.lines, at_m, change_1pm2).T
-    is_told = np.isfinite(direction_rad)
+    is_known = np.isfinite(direction_rad)
     near = replace(
         lanes,
-        lateral_deviation_m=np.where(is_told, -y_m, lanes.lateral_deviation_m),
-        heading_deviation_rad=np.where(is_told, -np.sin(direction_rad), lanes.heading_deviation_rad),
-        curvature_1pm=np.where(is_told, -curvature_1pm, lanes.curvature_1pm),
+        lateral_deviation_m=np.where(is_known, -y_m, lanes.lateral_deviation_m),
+        heading_deviation_rad=np.where(is_known, -np.sin(direction_rad), lanes.heading_deviation_rad),
+        curvature_1pm=np.where(is_known, -curvature_1pm, lanes.curvature_1pm),
     )
-    return near, np.where(is_told, at_m, whole_m), np.where(is_told, -change_1pm2, 0.0)
+    return near, np.where(is_known, at_m, whole_m), np.where(is_known, -change_1pm2, 0.0)

@@ -16,7 +16,7 @@ from cwcli.errors import DataError, UsageError, names_hint
 
 
 class Observer(Protocol):
-    """A method: frames and sensors in, the state at each frame out."""
+    """An observer: it takes frames and sensors and returns the state at each frame."""
 
     def __call__(
         self,
@@ -31,7 +31,9 @@ class Observer(Protocol):
 
 
 METHODS: dict[str, Observer] = {"cwcli": observe_filter, "zhang2011": observe_blended}
+"""The registered observers by the name that `--method` takes."""
 DEFAULT_METHOD = "cwcli"
+"""Name of the observer that runs if none is named."""
 
 
 def observe(

@@ -7,11 +7,14 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 MAX_DOUBLINGS = 60
+"""Largest number of passes of the doubling algorithm: 60 stand for 2^60 steps of the plain iteration."""
 TOLERANCE = 1e-13
+"""Largest relative change of the covariance in a pass at which the iteration has converged. Chosen by hand near double
+precision."""
 
 
 def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-    """The predicted covariance P that a Kalman filter settles at, shape (n, n).
+    """The predicted covariance P to which a Kalman filter converges, shape (n, n).
 
     P = Phi P Phi' + Q - Phi P H' (H P H' + R)^-1 H P Phi' (zhang2011, eq. 16, 17, 19 at rest). Each pass of the
     doubling algorithm (Chu, Fan, Lin, Wang 2004) does as many steps of the plain iteration as all passes before it
@@ -24,7 +27,7 @@ def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArr
         r: Shape (m, m), symmetric positive.
 
     Raises:
-        ValueError: It does not settle: what is unstable can't be observed.
+        ValueError: It does not converge: an unstable part of the model is not observed.
     """
     a = phi.T.copy()
     g = h.T @ np.linalg.solve(r, h)
@@ -42,10 +45,10 @@ def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArr
                 break
             if np.abs(step).max() <= TOLERANCE * np.abs(p).max():
                 return np.asarray(p)
-    raise ValueError("the filter does not settle: an unstable or undamped part of the model is not observed")
+    raise ValueError("the filter does not converge: an unstable or undamped part of the model is not observed")
 
 
 def steady_gain(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
-    """K = P H' (H P H' + R)^-1 (eq. 17) at rest, shape (n, m)."""
+    """The Kalman gain K = P H' (H P H' + R)^-1 (eq. 17) of the converged filter, shape (n, m)."""
     p = steady_covariance(phi, h, q, r)
     return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)

@@ -1,4 +1,4 @@
-"""What the observers are given and what they give back, as plain arrays."""
+"""The inputs and outputs of the observers, as plain arrays."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray, Int64Array
 
 STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
-"""Columns of `LateralTrack.state`."""
+"""Names of the columns of `LateralTrack.state`: v_y, gamma, y_L and e_L, with their units."""
 PREVIEW_M = 33.5
-"""D_L of zhang2011."""
+"""Distance of the preview point ahead of the camera, m: D_L of zhang2011."""
 STEEPEST_RAD = 1.4
+"""Largest heading deviation whose tangent is taken, rad; larger ones are clipped. Chosen by hand; not fitted."""
 
 
 class FrameStatus(IntEnum):
-    """What stands behind the state of a frame."""
+    """How the state of a frame was obtained, or why there is none."""
 
     OBSERVED = 0
     """The frame's boundaries were used."""
@@ -45,11 +46,12 @@ class LaneSamples:
         stamp_ns: Shape (n,), non-decreasing.
         lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L; NaN where not found.
         lateral_sigma_m, heading_sigma_rad, curvature_sigma_1pm: Shape (n,), or None: the observer's default.
-        yaw_sigma_rad: What the camera's yaw contributes to the sigmas. It is the same in all frames, so a filter that
-            estimates it must not take it for noise.
-        lines: Shape (n, 2, 3): the left and the right boundary beside the camera in the body frame, as `signals.arcs`
-            tells curves; NaN where there is none, or its method tells no curve. None: not told.
-        curvature_change_1pm2: Shape (n,): of theirs, right positive; see `arcs.arc_places_m`. None: not told.
+        yaw_sigma_rad: Share of the camera's yaw in the sigmas. It is the same in all frames, so a filter that estimates
+            it must not take it for noise.
+        lines: Shape (n, 2, 3): the left and the right boundary beside the camera in the body frame, as curves of
+            `signals.arcs`; NaN where there is none, or the lane method gives no curve. None: not known.
+        curvature_change_1pm2: Shape (n,): change of the boundaries' curvature per metre, right positive; see
+            `arcs.arc_places_m`. None: not known.
     """
 
     stamp_ns: Int64Array
@@ -68,22 +70,22 @@ class LaneSamples:
 
 
 def for_small_angles(lanes: LaneSamples) -> LaneSamples:
-    """What a camera has seen, as the observers' linear model has it: e_L the lane's slope, K_L the second derivative.
+    """Convert lanes for the observers' linear model: e_L becomes the lane's slope, K_L the second derivative.
 
-    In gentle bends that is the same. In tight ones the preview point lies where the lane's direction is far from the
-    car's; there these two still change as eq. 8 and 9 say, and what the linear model leaves out counts as noise.
+    In gentle bends they are the same. In tight bends the lane's direction at the preview point is far from the car's.
+    There the slope and the second derivative still change as eq. 8 and 9 say; the rest is added to the sigmas.
     """
     slope = np.tan(np.clip(lanes.heading_deviation_rad, -STEEPEST_RAD, STEEPEST_RAD))
 
-    def widened(sigma: FloatArray | None, by: FloatArray) -> FloatArray | None:
-        return None if sigma is None else np.hypot(sigma, np.nan_to_num(by))
+    def widen_sigma(sigma: FloatArray | None, error: FloatArray) -> FloatArray | None:
+        return None if sigma is None else np.hypot(sigma, np.nan_to_num(error))
 
     return replace(
         lanes,
         heading_deviation_rad=slope,
         curvature_1pm=lanes.curvature_1pm * (1.0 + slope**2) ** 1.5,
-        lateral_sigma_m=widened(lanes.lateral_sigma_m, 0.5 * lanes.lateral_deviation_m * slope**2),
-        heading_sigma_rad=widened(lanes.heading_sigma_rad, slope**3),
+        lateral_sigma_m=widen_sigma(lanes.lateral_sigma_m, 0.5 * lanes.lateral_deviation_m * slope**2),
+        heading_sigma_rad=widen_sigma(lanes.heading_sigma_rad, slope**3),
     )
 
 
@@ -102,7 +104,7 @@ class Samples:
     sigma: FloatArray | float | None = None
 
     def sigmas(self, default: float) -> FloatArray:
-        """Shape (n,): sigma where it is known and positive, else the default."""
+        """The sigma of each sample, shape (n,): its own where it is finite and positive, else the default."""
         given = np.broadcast_to(np.nan if self.sigma is None else np.asarray(self.sigma, np.float64), self.values.shape)
         return np.where(np.isfinite(given) & (given > 0.0), given, default)
 
@@ -115,7 +117,7 @@ class LateralTrack:
         stamp_ns: Shape (n,): as the frames'.
         state: Shape (n, 4): v_y (m/s, left positive), gamma (rad/s, counter-clockwise), y_L (m), e_L (rad), NaN where
             there is none.
-        preview_m: Shape (n,): from the camera to the preview point of y_L, e_L and the curvature.
+        preview_m: Shape (n,): distance from the camera to the preview point of y_L, e_L and the curvature.
         covariance: Shape (n, 4, 4); NaN where the method gives none.
         speed_mps: Shape (n,).
         steer_rad: Shape (n,), left positive.
@@ -124,7 +126,7 @@ class LateralTrack:
         mass_sigma_kg: Shape (n,): of the estimate; NaN where it is assumed.
         status: Shape (n,), values of `FrameStatus`.
         counts: Name of a status -> frames.
-        notes: One line each, for people.
+        notes: One line each, for the user.
     """
 
     stamp_ns: Int64Array

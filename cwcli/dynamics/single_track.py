@@ -19,7 +19,8 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 
 MIN_MODEL_SPEED_MPS = 2.0
-"""Slower than this the tyres' slip angles lose their meaning (division by v); see `lateral_matrices`."""
+"""Lowest speed of the model, m/s: the tyres' slip angles divide by the speed (see `lateral_matrices`). Chosen by hand;
+not fitted."""
 
 
 def lateral_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArray, FloatArray]:
@@ -50,7 +51,7 @@ def lateral_rates(
     yaw_rate_radps: FloatArray,
     steer_rad: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """dv_y/dt and dgamma/dt of eq. 11 (corrected), by the tyres' forces; forward speeds, as `lateral_matrices`."""
+    """dv_y/dt (m/s^2) and dgamma/dt (rad/s^2) of eq. 11 (corrected), from the tyres' forces; for forward speeds."""
     v = np.maximum(speed_mps, MIN_MODEL_SPEED_MPS)
     lf, lr = vehicle.front_axle_m, vehicle.rear_axle_m
     front = vehicle.front_stiffness_nprad * (steer_rad * (speed_mps / v) - (lateral_mps + lf * yaw_rate_radps) / v)
@@ -94,19 +95,19 @@ def critical_speed_mps(vehicle: Vehicle) -> float:
 
 
 def steady_yaw_gain(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
-    """gamma / delta in a steady turn, 1/s: v / (L + K_mu v^2), eq. 12."""
+    """The ratio gamma / delta in a steady turn, 1/s: v / (L + K_mu v^2), eq. 12."""
     v = np.asarray(speed_mps, dtype=np.float64)
     return v / (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2)
 
 
 def steady_lateral_lever(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
-    """v_y / gamma in a steady turn, m: l_r - m l_f v^2 / (k_r L). Positive at low speed, negative at high speed."""
+    """The ratio v_y / gamma in a steady turn, m: l_r - m l_f v^2 / (k_r L), positive at low speed, negative at high."""
     v = np.asarray(speed_mps, dtype=np.float64)
     slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
     return vehicle.rear_axle_m - slip * v**2
 
 
 def steady_state(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
-    """v_y (m/s) and gamma (rad/s) of a steady turn."""
+    """The lateral speed v_y (m/s) and the yaw rate gamma (rad/s) of a steady turn."""
     yaw_rate = float(steady_yaw_gain(vehicle, speed_mps)) * steer_rad
     return float(steady_lateral_lever(vehicle, speed_mps)) * yaw_rate, yaw_rate

@@ -1,4 +1,4 @@
-"""The speed at other times, and where it is not known."""
+"""Interpolation of the speed at the times of frames and sensors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from cwcli.signals.resample import resample
 
 
 def speed_at(speed: Samples, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
-    """Speed at the given times, shape (m,): linear between samples, kept beside one; NaN beyond `max_gap_s`.
+    """Speed at the given times, shape (m,), m/s.
+
+    It is linear between samples and that of the nearest one outside of them; NaN where they are farther than
+    `max_gap_s`.
 
     Raises:
         MissingSignalError: There is no finite sample at all.

@@ -10,20 +10,24 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 MIN_SPEED_MPS = 1.0
-"""Eq. 10 divides by the speed: below this there is no steering angle from vision."""
+"""Lowest speed with a steering angle from vision, m/s: eq. 10 divides by the speed. Chosen by hand; not fitted."""
 WINDOW = 5
+"""Number of frames of the median slope: one wrong frame of five does not change it. Chosen by hand; not fitted."""
 
 
 def correction(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
-    """f(v) = (L + K_mu v^2) / L, eq. 13 (corrected), at the car's `correction_mass_kg`."""
+    """The factor f(v) = (L + K_mu v^2) / L from kinematic to dynamic steering angle, eq. 13 (corrected).
+
+    It takes the car's `correction_mass_kg`.
+    """
     gradient = understeer_gradient(vehicle, vehicle.correction_mass_kg)
     return 1.0 + gradient / vehicle.wheelbase_m * np.asarray(speed_mps, dtype=np.float64) ** 2
 
 
 def raw_rate(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5) -> FloatArray:
-    """The paper's difference to the previous frame, by real time; per second, shape (n,).
+    """The difference to the previous frame over the time between them, per second, shape (n,), as in the paper.
 
-    NaN at the first frame, beside a missing value, and after a gap or a stamp that does not increase.
+    NaN at the first frame, next to a missing value, and after a gap or a stamp that does not increase.
     """
     rate = np.full(len(values), np.nan)
     dt_s = np.diff(stamp_ns) / NS_PER_S
@@ -37,8 +41,8 @@ def robust_rate(
 ) -> FloatArray:
     """The median of the slopes of all pairs among the last `window` frames (Theil-Sen); per second, shape (n,).
 
-    One wrong frame of five does not reach it, and the noise is about a quarter of the raw difference's. It lags by half
-    the window: 0.2 s at 10 Hz. Pairs with a missing value, or with a time between them that is not in (0, window
+    One wrong frame of five does not change it, and its noise is about a quarter of the raw difference's. It lags by
+    half the window: 0.2 s at 10 Hz. Pairs with a missing value, or with a time between them that is not in (0, window
     max_gap_s], are left out; NaN where fewer than two frames remain.
     """
     n = len(values)
@@ -61,6 +65,7 @@ def robust_rate(
 
 
 RATES = {"raw": raw_rate, "robust": robust_rate}
+"""The methods for the rate of the heading deviation by the name that `--steer-rate` takes."""
 
 
 def steer_from_vision(
@@ -72,7 +77,7 @@ def steer_from_vision(
     *,
     rate: str = "raw",
 ) -> FloatArray:
-    """delta_k of eq. 10 in body signs (left positive): -(L K_L - (de_L/dt) L / v).
+    """The kinematic steering angle delta_k of eq. 10, left positive: -(L K_L - (de_L/dt) L / v).
 
     Args:
         vehicle: The car.
@@ -82,7 +87,7 @@ def steer_from_vision(
         rate: A key of `RATES`: "raw" is the paper's difference.
 
     Returns:
-        Shape (n,), rad; NaN where something is missing or the car is slower than `MIN_SPEED_MPS`. Multiply by
+        Shape (n,), rad; NaN where something is missing or the car is slower than 1 m/s. Multiply by
         `correction` for the dynamic angle delta_D.
     """
     change = RATES[rate](stamp_ns, heading_deviation_rad)

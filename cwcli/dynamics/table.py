@@ -1,4 +1,4 @@
-"""The observed lateral motion as a table."""
+"""The table of the observed lateral motion."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ SIGMA_NAMES = (
     "lateral_deviation_sigma_m",
     "heading_deviation_sigma_rad",
 )
+"""Names of the columns with the standard errors of the four states, in the states' order."""
 
 
 def observer_table(track: LateralTrack) -> Table:
-    """One row a frame."""
+    """The table `observer`: one row per frame with the state, its sigmas and the inputs."""
     variance = np.diagonal(track.covariance, axis1=1, axis2=2)
     sigma = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     columns: dict[str, TableColumn] = {
@@ -34,14 +35,14 @@ def observer_table(track: LateralTrack) -> Table:
         "mass_sigma_kg": track.mass_sigma_kg,
     }
     docs = {
-        "status": ColumnDoc(doc="what stands behind the state, see cwcli.v1.LateralState"),
+        "status": ColumnDoc(doc="how the state was obtained, or why there is none; see cwcli.v1.LateralState"),
         "lateral_speed_mps": ColumnDoc(frame="body", doc="at the centre of gravity, left positive"),
         "yaw_rate_radps": ColumnDoc(doc="counter-clockwise positive"),
-        "lateral_deviation_m": ColumnDoc(doc="of the lane's centre at the preview point, right positive (y_L)"),
-        "heading_deviation_rad": ColumnDoc(doc="of the car from the lane there, counter-clockwise positive (e_L)"),
-        "steer_rad": ColumnDoc(doc="of the front wheels, left positive"),
-        "curvature_1pm": ColumnDoc(doc="of the road at the preview point, right bend positive (K_L)"),
-        "mass_kg": ColumnDoc(doc="estimated, or as assumed"),
+        "lateral_deviation_m": ColumnDoc(doc="offset of the lane's centre at the preview point, right positive (y_L)"),
+        "heading_deviation_rad": ColumnDoc(doc="angle of the car to the lane there, counter-clockwise positive (e_L)"),
+        "steer_rad": ColumnDoc(doc="angle of the front wheels, left positive"),
+        "curvature_1pm": ColumnDoc(doc="curvature of the road at the preview point, right bend positive (K_L)"),
+        "mass_kg": ColumnDoc(doc="estimated mass, or the assumed one"),
         "mass_sigma_kg": ColumnDoc(doc="NaN: the mass is assumed"),
     }
     return Table("observer", columns, docs)

@@ -17,7 +17,9 @@ from cwcli.input import read_file
 from cwcli.toml_text import parse_toml
 
 SUFFIX = ".toml"
+"""File name ending of vehicle files."""
 DEFAULT_VEHICLE = "zhang2011"
+"""Name of the shipped car that is assumed if none is given: that of zhang2011 (table 5)."""
 
 RANGES: Mapping[str, tuple[float, float, str]] = {
     "front_axle_m": (0.1, 10.0, "m ahead of the centre of gravity"),
@@ -28,9 +30,14 @@ RANGES: Mapping[str, tuple[float, float, str]] = {
     "width_m": (0.3, 4.0, "m"),
     "camera_forward_m": (-10.0, 10.0, "m ahead of the centre of gravity"),
 }
+"""Number keys of a vehicle file: lowest and highest permitted value, and the unit in words. Chosen by hand: wide enough
+for all road vehicles, narrow enough to find a wrong unit or sign."""
 OPTIONAL: Mapping[str, float] = {"width_m": 1.8, "camera_forward_m": 0.0}
+"""Default values of the number keys that may be missing, m."""
 MASS_KG = (50.0, 60_000.0)
+"""Lowest and highest permitted mass of a load, kg. Chosen by hand, from an empty quadricycle to a lorry."""
 USE = ("load", "correction_load")
+"""Keys of the table `use` of a vehicle file: the load of the model and that of the steering correction."""
 
 
 @dataclass(frozen=True)
@@ -38,15 +45,15 @@ class Vehicle:
     """A car as the single-track model sees it.
 
     Attributes:
-        name: For messages.
+        name: Name in messages.
         front_axle_m, rear_axle_m: l_f and l_r, distances of the axles from the centre of gravity.
         front_stiffness_nprad, rear_stiffness_nprad: k_f and k_r, cornering stiffness of each axle.
         yaw_inertia_kgm2: I_zz.
-        mass_kg: m, of the chosen load.
+        mass_kg: m, the mass of the chosen load.
         correction_mass_kg: The mass in f(v).
         load_kg: Load name -> mass.
-        width_m: Outside of the front tyres.
-        camera_forward_m: Of the camera ahead of the centre of gravity.
+        width_m: Width over the outsides of the front tyres.
+        camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
 
     name: str
@@ -63,11 +70,11 @@ class Vehicle:
 
     @property
     def wheelbase_m(self) -> float:
-        """L = l_f + l_r."""
+        """The distance between the axles: L = l_f + l_r."""
         return self.front_axle_m + self.rear_axle_m
 
     def loaded(self, load: str) -> Vehicle:
-        """The same car with another load of its file; f(v) keeps its mass.
+        """The same car with another load of its file; the mass of f(v) stays.
 
         Raises:
             UsageError: The file has no such load.
@@ -84,7 +91,7 @@ def vehicle_names() -> tuple[str, ...]:
 
 
 def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = None) -> Vehicle:
-    """A car by the name of a shipped one, or from a file.
+    """Load a shipped car by its name, or a car from a file.
 
     Args:
         source: A name of `vehicle_names()`, or a file whose name ends in `.toml`.
@@ -104,7 +111,7 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
 
 
 def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
-    """A car from the content of its file.
+    """Check the content of a vehicle file and return the car.
 
     Raises:
         UsageError: An unknown or missing key, a wrong type, a value outside its range.
@@ -136,6 +143,7 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
 
 
 def _text_of(source: str | Path) -> tuple[str, str]:
+    """Read the text of a shipped or other vehicle file; also return its name for messages."""
     if str(source) in vehicle_names():
         name = f"{source}{SUFFIX}"
         return (files("cwcli.dynamics") / "vehicles" / name).read_text(encoding="utf-8"), name
@@ -151,6 +159,7 @@ def _text_of(source: str | Path) -> tuple[str, str]:
 
 
 def _number(table: Mapping[str, Any], key: str, where: str) -> float:
+    """The checked number under a key, or its default if the key may be missing."""
     low, high, unit = RANGES[key]
     permitted = f"{low:g} to {high:g} {unit}"
     if key not in table:
@@ -161,6 +170,7 @@ def _number(table: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _loads(table: Any, where: str) -> dict[str, float]:
+    """The checked mass of each load, kg."""
     if not isinstance(table, Mapping) or not table:
         raise _bad(where, "load_kg", "is missing or empty", "a table of names and masses")
     low, high = MASS_KG
@@ -169,6 +179,7 @@ def _loads(table: Any, where: str) -> dict[str, float]:
 
 
 def _checked(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
+    """Return a number inside a closed range; refuse other values."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:  # not a number is out of range too
         raise _bad(where, key, f"is {value!r}", permitted)
@@ -176,4 +187,5 @@ def _checked(value: Any, low: float, high: float, where: str, key: str, permitte
 
 
 def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
+    """The one-line error for a key of a vehicle file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

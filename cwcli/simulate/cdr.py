@@ -1,11 +1,11 @@
-"""The ROS 2 messages of a simulated log: whole channels as CDR.
+"""The ROS 2 messages of a simulated log, encoded as CDR, a whole channel at a time.
 
 With a constant `frame_id` every message of these types has the same layout, so that a channel is one NumPy array of
 records. (The writer of `mcap-ros2-support` writes files of CDR channels only, and has no public function that encodes a
 message.) The tests read the bytes with the official decoder.
 
-Values are rounded to a fixed, tiny step (stated beside each), so that the last bits of a processor's sine can't change
-the bytes of a log.
+Values are rounded to a fixed, tiny step (stated in each function), so that the last bits of a processor's sine can't
+change the bytes of a log.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.sensors import SensorData
 
 BODY_FRAME = "base_link"
+"""Value of `frame_id` in all headers: the vehicle's body frame of REP-105."""
 CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+"""Encapsulation header of little-endian CDR, the first four bytes of a message."""
 
 _HEADER = """
 ================================================================================
@@ -33,6 +35,7 @@ MSG: builtin_interfaces/Time
 int32 sec
 uint32 nanosec
 """
+"""Definition of `std_msgs/Header`, as the MCAP schema of a message that uses it appends it."""
 _QUATERNION = """
 ================================================================================
 MSG: geometry_msgs/Quaternion
@@ -41,6 +44,7 @@ float64 y
 float64 z
 float64 w
 """
+"""Definition of `geometry_msgs/Quaternion`, as the MCAP schema of a message that uses it appends it."""
 
 DEFINITIONS = {
     "sensor_msgs/msg/NavSatFix": """uint8 COVARIANCE_TYPE_UNKNOWN=0
@@ -99,7 +103,7 @@ float64 y
 float64 z
 """,
 }
-"""ROS 2 message definitions by schema name (common_interfaces and autoware_msgs; without their comments)."""
+"""ROS 2 message definitions by schema name, from common_interfaces and autoware_msgs without their comments."""
 
 _LAYOUTS = {
     "sensor_msgs/msg/NavSatFix": (
@@ -120,11 +124,11 @@ _LAYOUTS = {
         ("accel_covariance", "<f8", 9),
     ),
 }
-"""Members after the header, neighbours of one type joined: name, type, count."""
+"""Members of each message after the header: name, NumPy type and count; neighbours of one type are joined."""
 
 
 def navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
-    """`sensor_msgs/msg/NavSatFix` of `gnss` measurements; steps of 1e-9 deg and 0.1 mm."""
+    """Encode `gnss` measurements as `sensor_msgs/msg/NavSatFix`; steps of 1e-9 deg and 0.1 mm."""
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(*data.values.T)
     records = _records("sensor_msgs/msg/NavSatFix", data.stamp_ns)
     records["status"] = 2  # GBAS fix: differential corrections
@@ -136,7 +140,7 @@ def navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
 
 
 def headings(data: SensorData) -> list[bytes]:
-    """`geometry_msgs/msg/QuaternionStamped` of `gnss_heading` measurements: map from body; steps of 1e-12."""
+    """Encode headings of a GNSS as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
     records = _records("geometry_msgs/msg/QuaternionStamped", data.stamp_ns)
     half = data.values[:, 0] / 2
     records["quaternion"][:, 2] = np.sin(half).round(12)
@@ -145,7 +149,7 @@ def headings(data: SensorData) -> list[bytes]:
 
 
 def velocity_reports(data: SensorData) -> list[bytes]:
-    """`autoware_vehicle_msgs/msg/VelocityReport` of `speed` measurements; the yaw rate isn't measured (NaN)."""
+    """Encode `speed` measurements as `autoware_vehicle_msgs/msg/VelocityReport`; its yaw rate is NaN."""
     records = _records("autoware_vehicle_msgs/msg/VelocityReport", data.stamp_ns)
     records["velocity"][:, 0] = data.values[:, 0].round(6)
     records["velocity"][:, 2] = np.nan
@@ -153,7 +157,7 @@ def velocity_reports(data: SensorData) -> list[bytes]:
 
 
 def imu_messages(data: SensorData) -> list[bytes]:
-    """`sensor_msgs/msg/Imu` of `imu` measurements, without orientation; steps of 1e-9."""
+    """Encode `imu` measurements as `sensor_msgs/msg/Imu` without orientation; steps of 1e-9."""
     records = _records("sensor_msgs/msg/Imu", data.stamp_ns)
     records["orientation"][:, 3] = 1.0
     records["orientation_covariance"][:, 0] = -1.0  # REP-145: no orientation
@@ -165,7 +169,7 @@ def imu_messages(data: SensorData) -> list[bytes]:
 
 
 def _records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype[np.void]]:
-    """Zeroed records of one message type with the CDR and the ROS header filled in.
+    """Make zeroed records of one message type, shape (n,), with the CDR and the ROS header filled in.
 
     CDR aligns each member to its size, counted from the end of the 4-byte encapsulation header.
     """
@@ -193,6 +197,7 @@ def _records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype
 
 
 def _messages(records: np.ndarray[Any, np.dtype[np.void]]) -> list[bytes]:
+    """Split records (n,) into the bytes of n messages."""
     size = records.dtype.itemsize
     data = records.tobytes()
     return [data[start : start + size] for start in range(0, len(data), size)]

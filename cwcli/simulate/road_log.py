@@ -34,29 +34,48 @@ from cwcli.simulation.sensors import SensorData
 from cwcli.simulation.streams import stream, to_ns
 
 CAMERA_TOPIC = "/camera/image"
+"""Topic of the rendered frames."""
 CALIBRATION_TOPIC = "/camera/calibration"
+"""Topic of the camera's calibration."""
 TRANSFORM_TOPIC = "/tf"
+"""Topic of the camera's mounting in the body frame."""
 SPEED_TOPIC = "/vehicle/velocity"
+"""Topic of the speed sensor."""
 IMU_TOPIC = "/imu/data"
+"""Topic of the IMU."""
 LANES_TOPIC = "/truth/lanes"
+"""Topic of the true lane labels in TuSimple's format."""
 BOUNDARIES_TOPIC = "/truth/boundaries"
+"""Topic of the true boundaries as parabolas in the image."""
 LATERAL_TOPIC = "/truth/lateral"
+"""Topic of the true lateral motion."""
 EGO_TOPIC = "/truth/ego"
+"""Topic of the true track of the car."""
 METADATA = "cwcli.road"
+"""Name of the metadata record with the configuration of the drive."""
 
 CAMERA_FRAME = "camera"
+"""Frame id of the camera."""
 BODY_FRAME = "base_link"
+"""Frame id of the body frame, below the camera."""
 START_NS = 1_475_308_800_000_000_000
-"""2016-10-01T08:00:00Z, as in the scenarios."""
+"""Stamp of the drive's start, ns since 1970: 2016-10-01T08:00:00Z, as in the scenarios."""
 CAMERA_DELAY_NS, SENSOR_DELAY_NS = 20_000_000, 5_000_000
+"""Time from the stamp of a frame, or of a sensor's message, to its log time, ns. Chosen by hand; not fitted."""
 SPEED_HZ, IMU_HZ = 50.0, 100.0
+"""Message rates of the speed sensor and of the IMU, Hz. Chosen by hand as usual rates."""
 SPEED_SIGMA_MPS = 0.05
+"""Standard deviation of the speed sensor's noise, m/s. Chosen by hand; not fitted."""
 IMU_SIGMA = np.array([0.05, 0.05, 0.05, 0.002, 0.002, 0.002])
-"""m/s^2 and rad/s."""
+"""Standard deviations of the IMU's noise, shape (6,): accelerations in m/s^2, then angular rates in rad/s. Chosen by
+hand."""
 JPEG_QUALITY = 95
+"""JPEG quality of the frames, 0 to 100. Chosen by hand; not fitted."""
 GROUND_M = (5.0, 10.0, 20.0, 30.0)
+"""Distances ahead at which the lane labels give the boundaries in the body frame, m. Chosen by hand."""
 AHEAD_M: FloatArray = np.arange(1.0, 68.0) / 2.0
-"""To the paper's preview distance; between them a straight line is off by less than 2 mm in a bend of 23 m."""
+"""Distances ahead at which the lateral truth gives the lane, m, up to the paper's preview point; a straight line
+between them errs by less than 2 mm in a bend of 23 m."""
 
 LANES_SCHEMA = {
     "title": "TuSimpleLanes",
@@ -79,15 +98,15 @@ LANES_SCHEMA = {
         "ground_right_y_m": {"type": "array", "items": {"type": "number"}},
     },
 }
-"""TuSimple's label format, and the same in the ground plane."""
+"""JSON schema of the lane labels: TuSimple's format, and the same in the ground plane."""
 
 
 @dataclass(frozen=True)
 class RoadConfig:
-    """What `cwcli simulate road` makes.
+    """The configuration of `cwcli simulate road`.
 
     Attributes:
-        drive: Road, weather, motion.
+        drive: Road, weather and motion.
         camera: A name of `CAMERAS`.
         size: Image width and height, pixels.
         format: `jpeg` or `png`.
@@ -100,11 +119,11 @@ class RoadConfig:
 
 
 def road_config(weather: str | None, seed: int | None, overrides: Sequence[str]) -> RoadConfig:
-    """The configuration from the command line.
+    """Parse the configuration from the command line.
 
     Args:
-        weather: Or None for the default.
-        seed: Or None for the default.
+        weather: Name of the weather; None for the default.
+        seed: Seed; None for the default.
         overrides: `KEY=VALUE`: `camera`, `size` (640x480), `format`, or a field of `RoadDriveConfig`.
 
     Raises:
@@ -127,7 +146,7 @@ def road_config(weather: str | None, seed: int | None, overrides: Sequence[str])
             config = replace(config, drive=replace(config.drive, **change))
         else:
             known = ", ".join(("size", "camera", "format", *kinds))
-            raise UsageError(f"--set {override}: a road has no {key}", hint=f"it has: {known}")
+            raise UsageError(f"--set {override}: there is no key {key}", hint=f"known keys: {known}")
     if weather is not None:
         config = replace(config, drive=replace(config.drive, weather=weather))
     if seed is not None:
@@ -138,6 +157,7 @@ def road_config(weather: str | None, seed: int | None, overrides: Sequence[str])
 
 
 def _size(text: str) -> tuple[int, int]:
+    """Parse WIDTHxHEIGHT; refuse other text."""
     width, by, height = text.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal()):
         raise UsageError(f"--set size={text}: expected WIDTHxHEIGHT, e.g. 640x480")
@@ -145,12 +165,14 @@ def _size(text: str) -> tuple[int, int]:
 
 
 def _one_of(key: str, value: str, known: tuple[str, ...]) -> str:
+    """Return the value if it is one of the known ones; refuse another."""
     if value not in known:
         raise UsageError(f"--set {key}={value}: not one of {', '.join(known)}")
     return value
 
 
 def _value(key: str, text: str, kind: type) -> str | int | float:
+    """Parse the value of a field as its type; refuse other text and numbers that are not finite."""
     try:
         value = kind(text)
     except ValueError:
@@ -161,7 +183,7 @@ def _value(key: str, text: str, kind: type) -> str | int | float:
 
 
 def plan(config: RoadConfig) -> RoadDrive:
-    """The drive of a configuration.
+    """Plan the drive of a configuration.
 
     Raises:
         UsageError: A value is out of its range.
@@ -176,7 +198,7 @@ def write_road(
     them.
 
     Args:
-        drive: From `plan`.
+        drive: The planned drive.
         config: The same configuration.
         target: File, or `-` for standard output.
         force: Overwrite a file that exists.
@@ -214,12 +236,15 @@ def write_road(
 
 
 def _record(drive: RoadDrive, config: RoadConfig) -> dict[str, str]:
+    """The content of the metadata record: version, seed and the whole configuration as JSON."""
     document = {"camera": config.camera, "size": list(config.size), "format": config.format, **asdict(config.drive)}
     return {"version": __version__, "seed": str(config.drive.seed), "resolved": json.dumps(document)}
 
 
 def _camera(drive: RoadDrive, config: RoadConfig, stamp_ns: Int64Array) -> StreamedChannel:
-    def rows(start: int, stop: int) -> Mapping[str, OutputField]:
+    """The channel of the frames, rendered and encoded while it is written."""
+
+    def encode_rows(start: int, stop: int) -> Mapping[str, OutputField]:
         images = [_encoded(drive.frame(index).grey, config.format) for index in range(start, stop)]
         offsets = np.concatenate([[0], np.cumsum([len(image) for image in images])]).astype(np.int64)
         return {
@@ -229,10 +254,11 @@ def _camera(drive: RoadDrive, config: RoadConfig, stamp_ns: Int64Array) -> Strea
             "format": constant_strings(config.format, stop - start),
         }
 
-    return StreamedChannel(CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_DELAY_NS, rows=rows)
+    return StreamedChannel(CAMERA_TOPIC, "foxglove.CompressedImage", stamp_ns + CAMERA_DELAY_NS, rows=encode_rows)
 
 
 def _encoded(grey: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[np.uint8]:
+    """Encode a grey image (height, width) as JPEG or PNG; shape (n bytes,)."""
     import cv2
 
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if kind == "jpeg" else [cv2.IMWRITE_PNG_COMPRESSION, 3]
@@ -241,7 +267,7 @@ def _encoded(grey: npt.NDArray[np.uint8], kind: str) -> npt.NDArray[np.uint8]:
 
 
 def _calibration(drive: RoadDrive) -> tuple[OutputChannel, OutputChannel]:
-    """Calibration and mounting (at rest), once a second."""
+    """The channels of the camera's calibration and of its mounting at rest, one message per second each."""
     camera = drive.camera
     n = int(drive.time_s[-1]) + 1
     stamp_ns = START_NS + to_ns(np.arange(n, dtype=np.float64))
@@ -277,7 +303,7 @@ def _calibration(drive: RoadDrive) -> tuple[OutputChannel, OutputChannel]:
 
 
 def boundaries_channel(truths: Sequence[LaneTruth], stamp_ns: Int64Array) -> OutputChannel:
-    """`cwcli.v1.Lanes`: parabolas fitted to the truth in the image's pixels; at 33.5 m, in the paper's signs."""
+    """The true boundaries as `cwcli.v1.Lanes`: parabolas in pixels, and the lane at 33.5 m in the paper's signs."""
     y_m, direction, curvature = np.array([truth.at_preview(PAPER_PREVIEW_M) for truth in truths]).T
     n = len(truths)
     columns: dict[str, OutputField] = {
@@ -301,7 +327,7 @@ def boundaries_channel(truths: Sequence[LaneTruth], stamp_ns: Int64Array) -> Out
 
 
 def lanes_message(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
-    """One JSON message of `LANES_SCHEMA`."""
+    """Encode the true lane of one frame as a JSON message of `LANES_SCHEMA`."""
     height = truth.camera.height_px
     h_samples = np.arange(height // 3, height, max(2, round(height / 72)))
     x_m = np.array(GROUND_M)
@@ -324,6 +350,7 @@ def lanes_message(truth: LaneTruth, stamp_ns: int, index: int) -> bytes:
 
 
 def _lateral(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_ns: Int64Array) -> OutputChannel:
+    """The channel of the true lateral motion, and of the lane ahead in the paper's signs."""
     states = drive.states_at(drive.time_s)
     preview = np.array([truth.at_preview(PAPER_PREVIEW_M) for truth in truths])
     ahead = np.array([truth.lane_at(AHEAD_M) for truth in truths])
@@ -343,7 +370,7 @@ def _lateral(drive: RoadDrive, truths: Sequence[LaneTruth], stamp_ns: Int64Array
 
 
 def _ego(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
-    """The car's track; the heading is its direction of motion, the frame that of the start."""
+    """The channel of the car's true track, in the frame of its start; the heading is its direction of motion."""
     states = drive.states_at(drive.time_s)
     n = len(stamp_ns)
     along = drive.speed_at(drive.time_s)
@@ -367,22 +394,28 @@ def _ego(drive: RoadDrive, stamp_ns: Int64Array) -> OutputChannel:
 
 
 def _times(drive: RoadDrive, rate_hz: float) -> FloatArray:
+    """The times of a sensor's messages over the drive, shape (n,), s."""
     return np.asarray(np.arange(int(drive.time_s[-1] * rate_hz + 1e-9) + 1) / rate_hz)
 
 
 def _sensor(name: str, time_s: FloatArray, values: FloatArray, sigma: FloatArray, seed: int) -> SensorData:
+    """Add noise, stamps and log times to exact values (n, k) of a sensor."""
     noise = stream(seed, "road-drive", name).standard_normal(values.shape) * sigma
     stamp_ns = START_NS + to_ns(time_s)
     return SensorData(name, stamp_ns, stamp_ns + SENSOR_DELAY_NS, values + noise, sigma, 0)
 
 
 def _speed(drive: RoadDrive) -> SensorData:
+    """Simulate the speed sensor over the drive."""
     time_s = _times(drive, SPEED_HZ)
     return _sensor("speed", time_s, drive.speed_at(time_s)[:, None], np.array([SPEED_SIGMA_MPS]), drive.config.seed)
 
 
 def _imu(drive: RoadDrive) -> SensorData:
-    """At the centre of gravity of a level car: dv/dt - v_y gamma, dv_y/dt + v gamma, g; and the yaw rate."""
+    """Simulate the IMU at the centre of gravity of a level car.
+
+    It reads the accelerations dv/dt - v_y gamma, dv_y/dt + v gamma and g, and the yaw rate.
+    """
     time_s = _times(drive, IMU_HZ)
     states, along = drive.states_at(time_s), drive.speed_at(time_s)
     v_y, yaw_rate = states[:, LATERAL_SPEED], states[:, YAW_RATE]

@@ -18,8 +18,9 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
 from cwcli.simulate.cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
 from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
+from cwcli.simulation.catalogue import scenario_text
 from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario, scenario_text
+from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
 from cwcli.simulation.streams import to_ns
 
@@ -29,19 +30,24 @@ SENSOR_TOPICS = {
     "speed": ("/vehicle/velocity", "autoware_vehicle_msgs/msg/VelocityReport"),
     "imu": ("/imu/data", "sensor_msgs/msg/Imu"),
 }
+"""Topic and schema of each sensor of a scenario."""
 V2X_TOPICS = {"bsm-json": ("/v2x/bsm", BSM_SCHEMA), "ode-json": ("/v2x/ode_bsm", ODE_SCHEMA)}
+"""Topic and JSON schema of each V2X format."""
 TRUTH_TOPIC = "/truth/ego"
+"""Topic of the ego's true states."""
 OTHERS_TOPIC = "/simulation/vehicles"
-"""The other vehicles' truth. Not under `/truth`, so that the ego's truth stays the log's only truth channel."""
+"""Topic of the other vehicles' true states. It is not under `/truth`, so that the ego's truth stays the log's only
+truth channel."""
 
 METADATA = "cwcli.scenario"
+"""Name of the metadata record with the scenario."""
 SAMPLES = ("straight", "curve", "rear-end", "intersection")
-"""The scenarios whose logs lie in `sample_logs/`, each with its own seed."""
+"""Scenarios whose logs are stored in `sample_logs/`, each with its own seed."""
 
 
 @dataclass(frozen=True)
 class WrittenChannel:
-    """What was written to one topic: messages, and messages that the scenario lost on the way."""
+    """The number of messages written to one topic, and of those that the scenario lost on the way."""
 
     topic: str
     schema_name: str
@@ -58,7 +64,7 @@ def write_log(drive: SimulatedDrive, target: str | Path, *, force: bool = False)
         force: Overwrite a file that exists.
 
     Returns:
-        One entry a topic, in the order of the file's channels.
+        One entry per topic, in the order of the file's channels.
 
     Raises:
         OutputError: The target can't be written.
@@ -76,7 +82,7 @@ def write_log(drive: SimulatedDrive, target: str | Path, *, force: bool = False)
 
 
 def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
-    """The metadata record `cwcli.scenario`: enough to make the log again.
+    """The content of the metadata record `cwcli.scenario`: enough to make the log again.
 
     `scenario` is the file's content after overrides, `resolved` the same with every default filled in, both JSON.
     """
@@ -108,7 +114,7 @@ def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
 
 
 def regenerate_samples(target_dir: str | Path, *, force: bool = False) -> tuple[Path, ...]:
-    """Make the logs of `sample_logs/` again: `<name>.mcap` with its scenario file `<name>.toml` beside it.
+    """Make the logs of `sample_logs/` again: `<name>.mcap` and its scenario file `<name>.toml`.
 
     Raises:
         OutputError: A file exists and `force` is off, or the folder can't be written.
@@ -118,13 +124,14 @@ def regenerate_samples(target_dir: str | Path, *, force: bool = False) -> tuple[
     for name in SAMPLES:
         path = folder / f"{name}.mcap"
         write_log(simulate(load_scenario(name)), path, force=force)
-        beside = folder / f"{name}.toml"
-        write_file(beside, scenario_text(name).encode(), force=force)
-        paths += [path, beside]
+        scenario_path = folder / f"{name}.toml"
+        write_file(scenario_path, scenario_text(name).encode(), force=force)
+        paths += [path, scenario_path]
     return tuple(paths)
 
 
 def _write_sensors(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
+    """Write one channel per sensor of the host."""
     written = []
     for sensor, data in drive.sensors.items():
         topic, schema_name = SENSOR_TOPICS[sensor]
@@ -140,7 +147,7 @@ def _write_sensors(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -
 
 
 def _write_v2x(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
-    """All vehicles' messages on one topic, in the order of reception."""
+    """Write all vehicles' V2X messages to one topic, in the order of reception."""
     settings = drive.scenario.v2x
     if settings is None:
         return []
@@ -161,6 +168,7 @@ def _write_v2x(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> li
 
 
 def _write_truth(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> list[WrittenChannel]:
+    """Write the true states of the ego and, on a topic of their own, of the others."""
     n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
     others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != HOST}
@@ -176,7 +184,7 @@ def _write_truth(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> lis
 def _truth_channel(
     topic: str, vehicles: Mapping[str, ScenarioVehicle], time_s: FloatArray, start_ns: int, local_map: LocalMap
 ) -> OutputChannel:
-    """`cwcli.v1.VehicleState` of some vehicles at the same times, time by time; steps of 1e-9 (1e-11 deg)."""
+    """The channel of true `cwcli.v1.VehicleState` of some vehicles, time by time; steps of 1e-9 (1e-11 deg)."""
     n_vehicles, n_times = len(vehicles), len(time_s)
     states = np.stack([vehicle.motion.at(time_s) for vehicle in vehicles.values()], axis=1).reshape(-1, 8)
     lat_deg, lon_deg, _ = local_map.wgs84_from_map(states[:, 0], states[:, 1], np.zeros(len(states)))
@@ -195,4 +203,5 @@ def _truth_channel(
 
 
 def _json(value: Any) -> str:
+    """Format a value as JSON; times become text."""
     return json.dumps(value, default=str)

@@ -58,12 +58,14 @@ BSM_SCHEMA: dict[str, Any] = {
         }
     },
 }
+"""JSON schema of a BasicSafetyMessage of SAE J2735 with raw integers."""
 
 ODE_SCHEMA: dict[str, Any] = {
     "title": "OdeBsmData",
     "type": "object",
     "properties": {"metadata": {"type": "object"}, "payload": {"type": "object"}},
 }
+"""JSON schema of a record of the USDOT Operational Data Environment."""
 
 _UNAVAILABLE_BRAKES = {
     "wheelBrakes": "10000",
@@ -73,12 +75,17 @@ _UNAVAILABLE_BRAKES = {
     "brakeBoost": "unavailable",
     "auxBrakes": "unavailable",
 }
+"""Brake status of SAE J2735 whose parts are all unavailable."""
 _UNAVAILABLE_ANGLE = 127
+"""Steering wheel angle of SAE J2735 that stands for unavailable, steps of 1.5 deg."""
 _UNAVAILABLE_VERTICAL = -127
+"""Vertical acceleration of SAE J2735 that stands for unavailable, steps of 0.02 g."""
 
 
 def bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
-    """SAE J2735 BasicSafetyMessage with raw integers: 1e-7 deg, 0.1 m, 0.02 m/s, 0.0125 deg, 0.01 m/s^2, 0.01 deg/s.
+    """Encode messages as SAE J2735 BasicSafetyMessage with raw integers.
+
+    Steps are 1e-7 deg, 0.1 m, 0.02 m/s, 0.0125 deg, 0.01 m/s^2 and 0.01 deg/s.
 
     Yaw rate and lateral acceleration are positive to the right. A negative speed (noise at rest) is sent as 0.
     """
@@ -86,13 +93,16 @@ def bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
 
 
 def ode_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
-    """The record of the USDOT Operational Data Environment: the same steps, decoded to deg, m, m/s, m/s^2, deg/s."""
+    """Encode messages as records of the USDOT Operational Data Environment, in deg, m, m/s, m/s^2 and deg/s.
+
+    The values are rounded to the same steps as the raw integers.
+    """
     rows = zip(_core_data(data, local_map), data.stamp_ns.tolist(), data.log_time_ns.tolist(), strict=True)
     return [_compact(_ode_record(core, stamp, log_time)) for core, stamp, log_time in rows]
 
 
 def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, Any]]:
-    """`coreData` of each message, raw integers."""
+    """The part `coreData` of each message, with raw integers."""
     x_m, y_m, speed, heading, accel, yaw_rate = data.state.T
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
     accuracy = int(np.clip(np.round(data.sigma[0] / 0.05), 0, 254))
@@ -131,6 +141,7 @@ def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, An
 
 
 def _ode_record(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[str, Any]:
+    """The ODE record of one message, decoded from its raw integers."""
     accel, accuracy = core["accelSet"], core["accuracy"]
     return {
         "metadata": {
@@ -175,14 +186,16 @@ def _ode_record(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[s
 
 
 def _steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
-    """The nearest whole numbers of steps, inside the field's range."""
+    """Round values (n,) to whole numbers of steps, clipped to the field's range."""
     return np.clip(np.round(values / step), low, high).astype(np.int64)
 
 
 def _iso_time(time_ns: int) -> str:
+    """Format a time in ns since 1970 as ISO 8601 with milliseconds."""
     instant = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=time_ns // NS_PER_MS)
     return instant.strftime("%Y-%m-%dT%H:%M:%S.") + f"{instant.microsecond // 1000:03d}Z"
 
 
 def _compact(value: dict[str, Any]) -> bytes:
+    """Format a value as JSON without spaces, in bytes."""
     return json.dumps(value, separators=(",", ":")).encode()

@@ -1,1 +1,1 @@
-"""From a scenario to the truth, and from that to sensors and a V2X link: the same for the same seed."""
+"""Simulation of a scenario: true motion, sensors and V2X link, the same for the same seed."""

@@ -1,4 +1,4 @@
-"""How a vehicle is tilted: by the road's slope, by bouncing on its springs, by its own acceleration.
+"""The pitch and roll of a vehicle: from the road's slope, its springs and its acceleration.
 
 The road is a smooth terrain, z = sum A sin(k . r + phase), so that the slope belongs to the place: a standing car's
 pitch stays, and a car that turns on a slope changes its pitch without a pitch rate. All is closed form.
@@ -15,10 +15,13 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.streams import stream
 
 WAVELENGTHS_M = np.geomspace(80.0, 1200.0, 12)
+"""Wavelengths of the terrain's waves, shape (12,), m. Chosen by hand; not fitted."""
 BOUNCE_HZ = np.array([1.05, 1.32, 1.61, 1.93])
-"""A body's pitch on its springs."""
+"""Frequencies at which the body pitches on its springs, shape (4,), Hz: 1 to 2 Hz, as of passenger cars. Chosen by
+hand."""
 BOUNCE_SPEED_MPS = 2.0
-"""A car that stands does not bounce: the amplitude goes with v^2 / (v^2 + this^2)."""
+"""Speed v0 at which the body pitches half as much as at full speed, m/s: the amplitude goes with v^2 / (v^2 + v0^2).
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,7 @@ class Attitude:
         slope_deg: Slope of the road, in any direction, 1 sigma.
         bounce_deg: The body's own pitching at full speed, 1 sigma.
         squat_degpmps2: The body's pitch per acceleration: nose up for a positive one.
-        vehicle: Names the phases.
+        vehicle: Name of the vehicle; it selects the phases of the terrain's waves.
     """
 
     slope_deg: float
@@ -39,18 +42,18 @@ class Attitude:
 
     @cached_property
     def _waves(self) -> tuple[FloatArray, FloatArray]:
-        """Wave vectors (k, 2), 1/m, and phases (k,)."""
+        """The wave vectors (k, 2), 1/m, and phases (k,), rad, of the terrain."""
         rng = stream(0, self.vehicle, "terrain")
         direction = 2.0 * np.pi * rng.random(len(WAVELENGTHS_M))
         size = 2.0 * np.pi / WAVELENGTHS_M
         return np.column_stack([size * np.cos(direction), size * np.sin(direction)]), 2 * np.pi * rng.random(len(size))
 
     def at(self, time_s: FloatArray, state: FloatArray) -> FloatArray:
-        """The tilt at some times.
+        """Pitch, roll and pitch rate at the given times.
 
         Args:
             time_s: Shape (n,), seconds of the run.
-            state: Shape (n, 8): the true states there, see `truth.TrueMotion.at`.
+            state: Shape (n, 8): the true states at these times, columns as in `vehicle_state.STATE_NAMES`.
 
         Returns:
             Shape (n, 3): pitch (nose down positive, rad), roll (right side down positive, rad), and the turn rate about
@@ -85,3 +88,4 @@ class Attitude:
 
 
 LEVEL = Attitude(0.0, 0.0, 0.0, "")
+"""The attitude of a vehicle that is never tilted."""

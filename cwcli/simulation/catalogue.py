@@ -1,10 +1,11 @@
-"""The scenario files that come with cwcli. Imports nothing heavy, so that the command line can list them."""
+"""The scenario files that come with cwcli. It imports little, so that the command line can list them quickly."""
 
 from __future__ import annotations
 
 from importlib.resources import files
 
 SUFFIX = ".toml"
+"""File name ending of scenario files."""
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -14,5 +15,5 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def scenario_text(name: str) -> str:
-    """The file of a scenario that comes with cwcli."""
+    """The text of a scenario file that comes with cwcli."""
     return (files("cwcli.simulation") / "scenarios" / f"{name}{SUFFIX}").read_text(encoding="utf-8")

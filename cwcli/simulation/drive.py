@@ -1,4 +1,4 @@
-"""From a scenario and a seed to a drive: truth, measurements and received messages as plain arrays."""
+"""The simulation of a scenario with a seed: truth, measurements and received messages as plain arrays."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from cwcli.simulation.v2x_link import ReceivedMessages, receive
 
 @dataclass(frozen=True)
 class SimulatedDrive:
-    """What happened (truth) and what the host heard of it.
+    """A simulated drive: the truth and the messages that the host received.
 
     Attributes:
-        scenario: What was asked for.
-        seed: Of all draws.
+        scenario: The scenario.
+        seed: Seed of all draws.
         sensors: Sensor name -> the host's measurements.
         v2x: Vehicle name -> the messages that the host received from it.
     """
@@ -35,26 +35,30 @@ class SimulatedDrive:
 
     @cached_property
     def truth_stamp_ns(self) -> Int64Array:
-        """Shape (m,): a grid of 1 ms over the run, ns since 1970."""
+        """Stamps of the truth, shape (m,): a grid of 1 ms over the run, ns since 1970."""
         return self.scenario.start_ns + to_ns(self._grid_s)
 
     @cached_property
     def truth(self) -> Mapping[str, FloatArray]:
-        """Vehicle name -> shape (m, 8), columns as in `vehicle_state.STATE_NAMES`, `map` frame, heading not wrapped."""
+        """True states (m, 8) by vehicle name.
+
+        Columns are those of `vehicle_state.STATE_NAMES`, in the `map` frame, with the heading not wrapped.
+        """
         vehicles = self.scenario.vehicles.items()
         return MappingProxyType({name: vehicle.motion.at(self._grid_s) for name, vehicle in vehicles})
 
     @property
     def _grid_s(self) -> FloatArray:
+        """The times of the truth, shape (m,), seconds of the run."""
         return np.arange(int(np.floor(self.scenario.duration_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
 
 
 def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
-    """Drive a scenario once.
+    """Simulate a scenario once.
 
     Args:
         scenario: See `scenario.load_scenario`.
-        seed: Of all draws; None takes the scenario's own. The truth doesn't depend on it.
+        seed: Seed of all draws; None takes the scenario's own. The truth doesn't depend on it.
     """
     chosen = scenario.seed if seed is None else seed
     end_s = scenario.duration_s

@@ -1,4 +1,4 @@
-"""A scene that a lidar and a radar watch: truth, detections, clutter, missed detections. Plain arrays.
+"""Simulated scenes before a lidar and a radar: truth, detections, clutter, missed detections. Plain arrays.
 
 Axes: x right, y forward as in xiang2019 figure 1 for the paper's scenes (`static_target`, `segment`), any plane frame
 for `crossing_targets`. The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
@@ -17,18 +17,19 @@ from cwcli.signals.units import NS_PER_S
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
-# xiang2019 section 4.1: ranges of the static comparison, m
 PAPER_RANGES_M = (1.10, 3.20, 4.90, 9.30, 15.20)
-# xiang2019 section 4.2: the sampling period; the lidar and the radar alternate
+"""Ranges of the paper's static comparison, m; xiang2019, section 4.1."""
 PERIOD_S = 0.05
+"""Sampling period in which lidar and radar alternate, s; xiang2019, section 4.2."""
 
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """1-sigma noise. The paper only says that the radar system's resolution is 0.125 m (section 4.2).
+    """The standard deviations of lidar and radar.
 
-    The lidar value is an IBEO LUX's, the radar values those of a Delphi ESR in mid range (data sheets: about 0.1 m;
-    0.25 m, 0.5 deg, 0.12 m/s).
+    The paper only says that the radar system's resolution is 0.125 m (section 4.2). The
+    lidar value is an IBEO LUX's, the radar values those of a Delphi ESR in mid range (data sheets: about 0.1 m; 0.25 m,
+    0.5 deg, 0.12 m/s).
     """
 
     lidar_m: float = 0.1
@@ -39,7 +40,7 @@ class SensorNoise:
 
 @dataclass(frozen=True)
 class DualSensorScene:
-    """Truth and detections.
+    """The truth and the detections of a scene.
 
     Attributes:
         truth_stamp_ns, truth_id: Shape (t,).
@@ -61,12 +62,12 @@ class DualSensorScene:
 
 
 def lidar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
-    """Lidar measurements (n, 2) of states (n, 4) (xiang2019 eq. 1)."""
+    """Noisy lidar positions (n, 2), m, of states (n, 4) (xiang2019 eq. 1)."""
     return state[:, :2] + noise.lidar_m * rng.standard_normal((len(state), 2))
 
 
 def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
-    """Radar measurements (n, 3) of states (n, 4) (xiang2019 eq. 2-4). The range stays positive."""
+    """Noisy radar range, azimuth, range rate (n, 3) of states (n, 4) (xiang2019 eq. 2-4); ranges stay positive."""
     reach = np.hypot(state[:, 0], state[:, 1])
     rate = (state[:, :2] * state[:, 2:]).sum(axis=1) / np.maximum(reach, 1e-9)
     exact = np.stack([reach, np.arctan2(state[:, 1], state[:, 0]), rate], axis=1)
@@ -78,7 +79,7 @@ def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) ->
 
 
 def watch(time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> DualSensorScene:
-    """One target seen at every time: the lidar at the even samples, the radar at the odd ones."""
+    """Observe one target at every time: with the lidar at the even samples, with the radar at the odd ones."""
     stamp = np.round(time_s * NS_PER_S).astype(np.int64)
     lidar, radar = slice(0, None, 2), slice(1, None, 2)
     return DualSensorScene(
@@ -92,25 +93,29 @@ def watch(time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.ran
 def static_target(
     range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
 ) -> DualSensorScene:
-    """A target that stands straight ahead (xiang2019 figures 5 and 6), seen n times."""
+    """Simulate n observations of a target that stands straight ahead (xiang2019 figures 5 and 6)."""
     state = np.tile([0.0, range_m, 0.0, 0.0], (n, 1))
     return watch(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
 
 
 def _line(t: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, on a straight line at the times (n,)."""
     return np.stack([2.0 + 0.1 * t, 4.0 + 1.5 * t], axis=1)
 
 
 def _arc(t: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, on an arc at the times (n,)."""
     angle = 0.12 * t
     return np.stack([12.0 * np.sin(angle) - 4.0, 3.0 + 12.0 * (1.0 - np.cos(angle))], axis=1)
 
 
 def _weave(t: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, on a weaving path at the times (n,)."""
     return np.stack([1.5 * np.sin(0.6 * t), 5.0 + 1.2 * t], axis=1)
 
 
 def _turn(t: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, on two lines joined by a turn at the times (n,)."""
     angle = np.clip(t - 4.0, 0.0, 5.0) * 0.3
     straight, beyond = np.minimum(t, 4.0), np.maximum(t - 9.0, 0.0)
     x = -3.0 + 5.0 * (1.0 - np.cos(angle)) + 1.5 * beyond * np.sin(angle)
@@ -118,15 +123,15 @@ def _turn(t: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=1)
 
 
-# Four walks in front of the car. Figure 7 is lost in the text, so the shapes are declared here: a line, an arc, a
-# weave, a turn, at walking pace within 25 m, as the paper's site and its laser range finder allow.
 SEGMENTS: dict[str, Callable[[FloatArray], FloatArray]] = {
     "line": _line, "arc": _arc, "weave": _weave, "turn": _turn,
 }  # fmt: skip
+"""Paths of a target by name: time (n,) -> position (n, 2), m. Chosen by hand, because figure 7 of xiang2019 is not in
+the text: at walking pace within 25 m, as the paper's site and laser range finder allow."""
 
 
 def segment_truth(name: str, n: int, *, period_s: float = PERIOD_S) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) and states (n, 4) of one of `SEGMENTS`; the velocity is the path's central difference."""
+    """Times (n,) and true states (n, 4) on a named path; the velocity is the path's central difference."""
     t = np.arange(n, dtype=np.float64) * period_s
     path, h = SEGMENTS[name], 1e-5
     return t, np.concatenate([path(t), (path(t + h) - path(t - h)) / (2.0 * h)], axis=1)
@@ -135,7 +140,7 @@ def segment_truth(name: str, n: int, *, period_s: float = PERIOD_S) -> tuple[Flo
 def segment(
     name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
 ) -> DualSensorScene:
-    """One target along one of `SEGMENTS` (xiang2019 figures 7 and 8, table 1)."""
+    """Simulate one target along a named path (xiang2019 figures 7 and 8, table 1)."""
     return watch(*segment_truth(name, n, period_s=period_s), noise, rng)
 
 
@@ -152,7 +157,7 @@ def crossing_targets(
     noise: SensorNoise | None = None,
     with_radar: bool = False,
 ) -> DualSensorScene:
-    """Targets that cross near the middle of a square field at the same time, with clutter and missed detections.
+    """Simulate targets that cross near the middle of a square field at one time, with clutter and missed detections.
 
     Target k comes from direction 2 pi k / n (a little disturbed) and passes the middle within a few metres half-way
     through. Clutter is Poisson, uniform over the field (lidar) or over range, azimuth and +-15 m/s (radar).

@@ -1,4 +1,4 @@
-"""What the sensors of a car in a lane report: boundaries on the ground, the preview point, speed and yaw rate."""
+"""The simulated sensors of a car in a lane: boundaries on the ground, preview point, speed and yaw rate."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ from cwcli.simulation.lane_drive import STEP_S, Road, Truth
 from cwcli.simulation.streams import stream, to_ns
 
 SAMPLE_M = np.geomspace(6.0, 50.0, 16)
-"""Where the boundaries are seen."""
+"""Distances ahead at which the camera sees the boundaries, shape (16,), m. Chosen by hand; not fitted."""
 FOCAL_PX = 667.0
+"""Focal length that turns an error in pixels into one on the road, px: that of the paper's camera."""
 NEWTON_STEPS = 4
+"""Number of Newton steps that find the station at a distance ahead. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class CameraNoise:
-    """Of the simulated sensors.
+    """The errors and rates of the simulated sensors.
 
     Attributes:
         pixel_px: Error of each seen point of a boundary, at the paper's focal length of 667 pixels.
         frame_s: Mean time between frames.
         jitter_s: Each frame comes up to this much later.
         blind_s: (from, to) intervals without boundaries.
-        speed_hz, speed_sigma_mps: Of the speed sensor.
-        yaw_rate_hz, yaw_rate_sigma_radps, yaw_rate_bias_radps: Of the gyroscope.
+        speed_hz, speed_sigma_mps: Rate and noise of the speed sensor.
+        yaw_rate_hz, yaw_rate_sigma_radps, yaw_rate_bias_radps: Rate, noise and bias of the gyroscope.
     """
 
     pixel_px: float = 1.0
@@ -45,14 +47,14 @@ class CameraNoise:
 
 @dataclass(frozen=True)
 class SensedDrive:
-    """One run as its sensors saw it.
+    """The measurements of one run.
 
     Attributes:
         index: Shape (n,): the truth's row of each frame.
         left_body, right_body: Shape (n, 3): y0 (m), slope, curvature (1/m) before the camera; left positive, NaN
             where not found.
         lanes: At the preview point, with sigmas.
-        speed, yaw_rate: On times of their own.
+        speed, yaw_rate: Measurements on times of their own.
     """
 
     index: npt.NDArray[np.intp]
@@ -64,7 +66,7 @@ class SensedDrive:
 
     @property
     def stamp_ns(self) -> Int64Array:
-        """Shape (n,): of the frames."""
+        """The stamps of the frames, shape (n,), ns."""
         return self.lanes.stamp_ns
 
 
@@ -78,15 +80,15 @@ def sense_lane(
     seed: int = 0,
     preview_m: float = PREVIEW_M,
 ) -> SensedDrive:
-    """Sense one run of a drive.
+    """Simulate the sensors over one run of a drive.
 
     Args:
-        truth: From `drive_lane`.
-        run: Which column of it.
-        road, vehicle: As given to `drive_lane`.
-        noise: None: the defaults.
-        seed: Of all noise.
-        preview_m: Ahead of the camera.
+        truth: The truth of all runs.
+        run: Column of the run in the truth.
+        road, vehicle: The road and the car of the drive.
+        noise: Errors and rates; None: the defaults.
+        seed: Seed of all noise.
+        preview_m: Distance of the preview point ahead of the camera.
     """
     noise = noise or CameraNoise()
     names = ("lane", str(run))
@@ -130,8 +132,8 @@ def lanes_from_boundaries(
     Args:
         stamp_ns: Shape (n,).
         left_body, right_body: Shape (n, 3).
-        covariance: Shape (3, 3): of each boundary's fit.
-        preview_m: Ahead of the camera.
+        covariance: Shape (3, 3): covariance of each boundary's fit.
+        preview_m: Distance of the preview point ahead of the camera.
     """
     y0, slope0, curve = (0.5 * (left_body + right_body)).T
     slope = slope0 + curve * preview_m
@@ -158,6 +160,7 @@ def true_preview(
 
 
 def _frame_index(truth: Truth, noise: CameraNoise, random: np.random.Generator) -> npt.NDArray[np.intp]:
+    """Rows of the truth at which frames are taken, shape (n,), with their jitter."""
     step = round(noise.frame_s / STEP_S)
     index = np.arange(0, len(truth.time_s), step)
     late = random.integers(0, round(noise.jitter_s / STEP_S) + 1, len(index))
@@ -173,7 +176,11 @@ def _seen(
     offset_m: float,
     preview_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """A line's lateral place at `SAMPLE_M`, (n, 16); its place, direction and station at the preview point, (n,)."""
+    """The line at an offset from the lane's centre, as seen from the camera at the frames.
+
+    Returns:
+        Lateral place at the sample distances, (n, 16); lateral place, direction and station at the preview point, (n,).
+    """
     station = truth.station_m[index, run][:, None]
     table, xs, ys, directions = road.table(float(station.max()) + 200.0)
     yaw = truth.yaw_rad[index, run][:, None]
@@ -193,7 +200,7 @@ def _seen(
 
 
 def _fit_matrix() -> FloatArray:
-    """Shape (3, 16): least squares of y0, s, k, weighted as the inverse of the lateral error of a pixel."""
+    """The matrix (3, 16) that fits y0, slope and curvature to a boundary, weighted by the inverse error of a pixel."""
     design = np.column_stack([np.ones_like(SAMPLE_M), SAMPLE_M, 0.5 * SAMPLE_M**2])
     weight = 1.0 / SAMPLE_M
     return np.asarray(np.linalg.pinv(design * weight[:, None]) * weight)
@@ -202,6 +209,7 @@ def _fit_matrix() -> FloatArray:
 def _scalar(
     truth: Truth, values: FloatArray, rate_hz: float, sigma: float, bias: float, seed: int, names: tuple[str, ...]
 ) -> Samples:
+    """Sample a true value (k,) at a rate, with bias and noise."""
     index = np.arange(0, len(truth.time_s), max(1, round(1.0 / (rate_hz * STEP_S))))
     noisy = values[index] + bias + sigma * stream(seed, *names).standard_normal(len(index))
     return Samples(to_ns(truth.time_s[index]), noisy, sigma)

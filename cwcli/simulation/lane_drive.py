@@ -1,9 +1,7 @@
-"""A car that a driver keeps in a lane, or lets drift out of it: truth, camera, speed sensor and gyroscope. Plain
-arrays.
+"""A car that a driver keeps in a lane, or lets drift out of it, as plain arrays.
 
 The car is the single-track model; its place in the lane is exact geometry (not the linear eq. 20). Many runs on one
-road are computed at once. The camera sees points of both boundaries with an error of so many pixels, and fits
-y = y0 + s x + k x^2 / 2 to them as `cwcli.vision` does.
+road are computed at once. Its sensors are those of `lane_camera`.
 """
 
 from __future__ import annotations
@@ -19,8 +17,11 @@ from cwcli.simulation.drivers import TargetLineDriver
 from cwcli.simulation.streams import stream
 
 STEP_S = 0.01
+"""Time step of the integration and of the truth, s. Chosen by hand; not fitted."""
 TABLE_M = 0.5
+"""Distance of the points of the tabulated centre line, m. Chosen by hand; not fitted."""
 BEHIND_M = 50.0
+"""Length of the tabulated centre line before the start, m. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ class Road:
 
     Attributes:
         station_m, curvature_1pm: Shape (k,): left bend positive; constant beyond both ends.
-        lane_width_m: Between the boundaries.
+        lane_width_m: Distance of the boundaries.
     """
 
     station_m: FloatArray = field(default_factory=lambda: np.array([0.0]))
@@ -37,11 +38,11 @@ class Road:
     lane_width_m: float = 3.6
 
     def curvature(self, station_m: FloatArray) -> FloatArray:
-        """Curvature of the lane's centre line at the given stations."""
+        """Curvature of the lane's centre line at the given stations, 1/m, left positive."""
         return np.interp(station_m, self.station_m, self.curvature_1pm)
 
     def table(self, length_m: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Station, x, y and direction of the centre line from `-BEHIND_M` on; starts at the origin, eastward."""
+        """Station, x, y (m) and direction (rad) of the centre line, (k,) each; station 0 is the origin, eastward."""
         station = np.arange(-BEHIND_M, length_m + TABLE_M, TABLE_M)
         middle = self.curvature(0.5 * (station[1:] + station[:-1]))
         direction = np.concatenate([[0.0], np.cumsum(middle * TABLE_M)])
@@ -54,14 +55,14 @@ class Road:
 
 @dataclass(frozen=True)
 class Runs:
-    """m drives on one road. Shape (m,) where an array is said; drift_mps is positive to the left.
+    """m drives on one road.
 
     Attributes:
-        speed_mps: Shape (m,): at the start.
-        drift_mps: Shape (m,): lateral speed of the target line from `drift_start_s` on, after easing in over 1 s.
-        drift_start_s: Shape (m,).
-        accel_mps2: For all.
-        duration_s: For all.
+        speed_mps: Shape (m,): speed at the start.
+        drift_mps: Shape (m,): lateral speed of the target line, left positive; reached within 1 s.
+        drift_start_s: Shape (m,): time at which the target line starts to drift.
+        accel_mps2: Acceleration of all runs.
+        duration_s: Duration of all runs.
     """
 
     speed_mps: FloatArray
@@ -73,7 +74,7 @@ class Runs:
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened, at every step of `STEP_S`. Shapes (k,) and (k, m).
+    """The true motion of m runs at every step (10 ms), shapes (k,) and (k, m).
 
     Attributes:
         time_s: Shape (k,).
@@ -104,14 +105,14 @@ class Truth:
 def drive_lane(
     road: Road, vehicle: Vehicle, runs: Runs, *, driver: TargetLineDriver | None = None, seed: int = 0
 ) -> Truth:
-    """Drive all runs, by Runge-Kutta steps of `STEP_S` with the driver's unrest held over each.
+    """Simulate all runs by Runge-Kutta steps of 10 ms; the driver's unrest is held over each.
 
     Args:
         road: The lane.
         vehicle: The car, with its load.
         runs: Speeds and drifts.
         driver: None: the default driver.
-        seed: Of the unrest.
+        seed: Seed of the unrest.
     """
     driver = driver or TargetLineDriver()
     m = len(runs.speed_mps)
@@ -135,6 +136,7 @@ def drive_lane(
 
 
 def _unrest(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
+    """Draw the unwanted lateral acceleration of m drivers at n steps, shape (n, m), m/s^2 (Gauss-Markov)."""
     noise = stream(seed, "lane", "unrest").standard_normal((n, m))
     keep = float(np.exp(-STEP_S / driver.unrest_s))
     values = np.empty((n, m))
@@ -145,7 +147,7 @@ def _unrest(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
 
 
 def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
-    """A car that follows the lane steadily."""
+    """The states (6, m) at the start: a car that follows the lane steadily."""
     v = runs.speed_mps
     curvature = np.broadcast_to(road.curvature(np.zeros(1)), v.shape)
     slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
@@ -159,6 +161,7 @@ def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
 def _slope(
     t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: Runs, driver: TargetLineDriver
 ) -> FloatArray:
+    """Time derivative (6, m) of the states x (6, m): v_y, yaw rate, steering angle, station, offset, heading."""
     lateral, yaw_rate, steer, station, offset, heading = x
     v = np.maximum(runs.speed_mps + runs.accel_mps2 * t, 0.0)
     ve = np.maximum(v, MIN_MODEL_SPEED_MPS)
@@ -180,13 +183,14 @@ def _slope(
 
 
 def _target(t: float, runs: Runs) -> tuple[FloatArray, FloatArray]:
-    """Offset and lateral speed of the target line: eased in over 1 s with a constant acceleration."""
+    """Offset (m) and lateral speed (m/s) of the target line at a time, (m,) each; the speed is reached within 1 s."""
     since = np.maximum(t - runs.drift_start_s, 0.0)
     eased = np.minimum(since, 1.0)
     return runs.drift_mps * (0.5 * eased**2 + (since - eased)), runs.drift_mps * eased
 
 
 def _truth(time_s: FloatArray, states: FloatArray, road: Road, vehicle: Vehicle, runs: Runs) -> Truth:
+    """Add positions and gaps to the boundaries to the states (k, 6, m) of all runs."""
     lateral, yaw_rate, steer, station, offset, heading = np.moveaxis(states, 1, 0)
     speed = np.maximum(runs.speed_mps + runs.accel_mps2 * time_s[:, None], 0.0)
     table, x, y, direction = road.table(float(station.max()) + 100.0)

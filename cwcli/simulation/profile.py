@@ -1,6 +1,6 @@
-"""Profiles: the segments of a scenario file as polynomial pieces of speed and of curvature or yaw rate.
+"""Motion profiles: the segments of a scenario file as polynomial pieces of speed and of curvature or yaw rate.
 
-A segment goes from the present value to its target at the given rate, and holds it to its end. So acceleration,
+A segment goes from the present value to its target at the given rate, and holds it to its end. So the acceleration,
 curvature and yaw rate are continuous, and jerk and yaw acceleration are bounded; where a segment is `smooth`, jerk and
 yaw acceleration are continuous too.
 """
@@ -17,46 +17,48 @@ from numpy.polynomial.polynomial import polyder, polyroots, polyval
 from cwcli.simulation.spec import LATERAL_KEYS, LONGITUDINAL_KEYS, bad_value, read_table
 
 EDGE_TOLERANCE_S = 1e-9
+"""Difference of the times of neighbouring segments that counts as none, s, against rounding."""
 SPEED_TOLERANCE_MPS = 1e-9
+"""Speed that counts as standstill, m/s, against rounding."""
 SMOOTH_PEAK = 1.5
-"""Largest rate of a smooth ramp over its mean rate: the slope of 3 u^2 - 2 u^3 at u = 1/2."""
+"""Ratio of the largest to the mean rate of a smooth ramp: the slope of 3 u^2 - 2 u^3 at u = 1/2."""
 
 Piece = TypeVar("Piece", bound="SpeedPiece | TurnPiece")
 
 
 @dataclass(frozen=True)
 class SpeedPiece:
-    """From `start_s` on: speed (m/s) as a polynomial, in ascending powers of the time since then."""
+    """The speed (m/s) from `start_s` on: a polynomial in ascending powers of the time since then."""
 
     start_s: float
     coefficients: tuple[float, ...]
 
     def at(self, time_s: float) -> tuple[float, float]:
-        """Speed and acceleration at a time of the run."""
+        """Speed (m/s) and acceleration (m/s^2) at a time of the run."""
         t = time_s - self.start_s
         return float(polyval(t, self.coefficients)), float(polyval(t, polyder(self.coefficients)))
 
 
 @dataclass(frozen=True)
 class TurnPiece:
-    """From `start_s` on: curvature (1/m, if `is_curvature`) or yaw rate (rad/s), a polynomial like the speed's."""
+    """The curvature (1/m, if `is_curvature`) or yaw rate (rad/s) from `start_s` on: a polynomial like the speed's."""
 
     start_s: float
     is_curvature: bool
     coefficients: tuple[float, ...]
 
     def at(self, time_s: float) -> float:
-        """Curvature or yaw rate at a time of the run."""
+        """Curvature (1/m) or yaw rate (rad/s) at a time of the run."""
         return float(polyval(time_s - self.start_s, self.coefficients))
 
 
 @dataclass(frozen=True)
 class Profile:
-    """The motion that a scenario asks of a vehicle.
+    """The motion that a scenario prescribes for a vehicle.
 
     Attributes:
-        speed: In time order; the last piece holds a constant speed or acceleration to `end_s`.
-        turn: In time order.
+        speed: Pieces in time order; the last one holds a constant speed or acceleration to `end_s`.
+        turn: Pieces in time order.
         end_s: End of the run.
     """
 
@@ -65,11 +67,11 @@ class Profile:
     end_s: float
 
     def speed_piece_at(self, time_s: float) -> SpeedPiece:
-        """The piece of speed that holds at a time of the run."""
+        """The piece of speed that applies at a time of the run."""
         return _piece_at(self.speed, time_s)
 
     def turn_piece_at(self, time_s: float) -> TurnPiece:
-        """The piece of turning that holds at a time of the run."""
+        """The piece of curvature or yaw rate that applies at a time of the run."""
         return _piece_at(self.turn, time_s)
 
 
@@ -98,7 +100,7 @@ def read_profile(longitudinal: Any, lateral: Any, *, speed_mps: float, end_s: fl
 
 
 def _segments(entries: Any, keys: Any, end_s: float, path: str, source: str) -> list[tuple[str, dict[str, Any], float]]:
-    """The checked segments of one list, each with its place and its end, without gap or overlap from 0 to `end_s`."""
+    """Check the segments of one list: place in the file, keys and end of each, without gap from 0 to `end_s`."""
     if entries is None:
         return []
     if not isinstance(entries, list | tuple) or not entries:
@@ -123,6 +125,7 @@ def _segments(entries: Any, keys: Any, end_s: float, path: str, source: str) -> 
 
 
 def _check_edge(stated: float, end: float, *, is_last: bool, place: str, source: str) -> None:
+    """Refuse a stated end of a segment that leaves a gap or an overlap."""
     if is_last:
         if stated < end - EDGE_TOLERANCE_S:
             raise bad_value(source, f"{place}.to_s", f"is {stated:g}: the profile has a gap", f"at least {end:g} s")
@@ -134,12 +137,14 @@ def _check_edge(stated: float, end: float, *, is_last: bool, place: str, source:
 
 
 def _exactly_one(segment: dict[str, Any], names: tuple[str, str], place: str, source: str) -> None:
+    """Refuse a segment that has both of two keys, or neither."""
     if (segment[names[0]] is None) == (segment[names[1]] is None):
         which = "both" if segment[names[0]] is not None else "neither"
         raise bad_value(source, place, f"has {which} of {names[0]} and {names[1]}", "exactly one of them")
 
 
 def _speed_pieces(last: SpeedPiece, segment: dict[str, Any], end_s: float, place: str, source: str) -> list[SpeedPiece]:
+    """The pieces of speed of one segment, which goes on from the last piece."""
     start = segment["from_s"]
     speed, accel = last.at(start)
     mean_jerk = segment["jerk_mps3"] / (SMOOTH_PEAK if segment["smooth"] else 1.0)
@@ -163,7 +168,7 @@ def _speed_pieces(last: SpeedPiece, segment: dict[str, Any], end_s: float, place
 
 
 def _ramp(start: float, end: float, duration_s: float, *, is_smooth: bool) -> tuple[float, ...]:
-    """A value's way from `start` to `end` as a polynomial of time: linear, or 3 u^2 - 2 u^3 with u = t / duration."""
+    """Polynomial of time from `start` to `end`, ascending: linear, or 3 u^2 - 2 u^3 with u = t / duration."""
     change = end - start
     if is_smooth:
         return (start, 0.0, 3 * change / duration_s**2, -2 * change / duration_s**3)
@@ -197,6 +202,7 @@ def _speed_change(
 def _turn_pieces(
     last: TurnPiece, speed: Sequence[SpeedPiece], segment: dict[str, Any], end_s: float, place: str, source: str
 ) -> list[TurnPiece]:
+    """The pieces of curvature or yaw rate of one segment, which goes on from the last piece."""
     start = segment["from_s"]
     is_curvature = segment["curvature_1pm"] is not None
     if is_curvature:
@@ -208,7 +214,10 @@ def _turn_pieces(
         speed_mps = _piece_at(speed, start).at(start)[0]
         if speed_mps <= SPEED_TOLERANCE_MPS:
             raise bad_value(
-                source, place, "starts at rest from another kind of turn", "the same kind, or a moving vehicle"
+                source,
+                place,
+                "starts at rest with another kind of turn than before",
+                "the same kind, or a moving vehicle",
             )
         value = value / speed_mps if is_curvature else value * speed_mps
     duration = abs(target - value) / rate * (SMOOTH_PEAK if segment["smooth"] else 1.0)
@@ -220,6 +229,7 @@ def _turn_pieces(
 
 
 def _refuse_short(start_s: float, needed_s: float, end_s: float, place: str, source: str) -> None:
+    """Refuse a segment that is too short to reach its target."""
     if start_s + needed_s > end_s + EDGE_TOLERANCE_S:
         raise bad_value(
             source, place, f"lasts {end_s - start_s:g} s: too short to reach its target", f"at least {needed_s:.3f} s"
@@ -239,7 +249,7 @@ def _refuse_reverse(pieces: Sequence[SpeedPiece], end_s: float, path: str, sourc
 
 
 def _piece_at(pieces: Sequence[Piece], time_s: float) -> Piece:
-    """The piece that holds at a time (the first one before it)."""
+    """The piece that applies at a time; the first one before its start."""
     found = pieces[0]
     for piece in pieces[1:]:
         if piece.start_s > time_s:

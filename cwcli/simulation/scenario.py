@@ -32,24 +32,17 @@ from cwcli.simulation.spec import (
 from cwcli.simulation.truth import TrueMotion, check_possible
 from cwcli.toml_text import parse_toml
 
-__all__ = [
-    "HOST",
-    "Scenario",
-    "ScenarioVehicle",
-    "load_scenario",
-    "override",
-    "parse_scenario",
-    "read_document",
-    "scenario_names",
-    "scenario_text",
-]
-
 HOST = "host"
+"""Key of the ego vehicle among the vehicles of a scenario."""
 DEFAULT_START = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
+"""Time of a run's start if the scenario states none. Chosen by hand."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+"""Start of Unix time, from which stamps are counted."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+"""Permitted names of vehicles."""
 _STATION_ID = re.compile(r"[0-9a-f]{8}")
+"""Permitted station ids: eight lower-case hexadecimal digits."""
 
 
 @dataclass(frozen=True)
@@ -59,10 +52,10 @@ class ScenarioVehicle:
     Attributes:
         name: Key in the file; `host` is the ego.
         station_id: Eight hexadecimal digits, its id in V2X messages and in the truth.
-        profile, motion: What the scenario asks of it, and the integral of it.
-        attitude: How it is tilted on its way.
+        profile, motion: The prescribed profile, and the true motion that is its integral.
+        attitude: Pitch and roll of the vehicle on its way.
         length_m, width_m: Outline.
-        has_v2x: Whether it sends.
+        has_v2x: Whether it sends V2X messages.
     """
 
     name: str
@@ -138,7 +131,7 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
     """Read a scenario, apply overrides such as `host.speed_mps=12`, and check it.
 
     Raises:
-        UsageError: See `read_document`, `override` and `parse_scenario`.
+        UsageError: No such scenario, not TOML, a wrong override, or wrong content.
     """
     name, document = read_document(name_or_path)
     for text in overrides:
@@ -147,7 +140,7 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
 
 
 def override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
-    """A scenario document with one value replaced; the argument stays as it was.
+    """Return a copy of a scenario document with one value replaced.
 
     Args:
         document: A scenario file's content.
@@ -183,7 +176,7 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
 
     Args:
         document: The content.
-        name: Name of the scenario; `<name>.toml` stands in error messages.
+        name: Name of the scenario; error messages name `<name>.toml`.
 
     Raises:
         UsageError: One line with file, key and permitted range, for: unknown keys, wrong types, values out of range,
@@ -220,6 +213,7 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
 
 
 def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
+    """Check the table of vehicles, and that station ids differ; the host comes first."""
     if not isinstance(tables, Mapping) or HOST not in tables:
         raise bad_value(source, f"vehicles.{HOST}", "is missing", "a table: the ego vehicle")
     vehicles = {
@@ -236,6 +230,7 @@ def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, Sce
 
 
 def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> ScenarioVehicle:
+    """Check the table of one vehicle and integrate its motion."""
     path = f"vehicles.{name}"
     if not _NAME.fullmatch(name):
         raise bad_value(source, path, "is no name", "lower-case letters, digits, - and _")
@@ -269,6 +264,7 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Scen
 
 
 def _start_ns(value: Any, source: str) -> int:
+    """The start time as ns since 1970; refuse what is no date and time with offset."""
     if isinstance(value, str):  # as JSON holds it
         with suppress(ValueError):
             value = datetime.fromisoformat(value)
@@ -282,6 +278,7 @@ def _start_ns(value: Any, source: str) -> int:
 
 
 def _read_text(path: Path) -> str:
+    """Read a scenario file as text; refuse one that can't be read."""
     try:
         return read_file(path).decode()
     except (OSError, UnicodeDecodeError) as error:
@@ -289,6 +286,7 @@ def _read_text(path: Path) -> str:
 
 
 def _enter(place: Any, key: str, text: str) -> Any:
+    """The entry of a list, or the table of a table (made if missing), under a key."""
     if isinstance(place, list):
         return place[_index(place, key, text)]
     if isinstance(place, dict):
@@ -297,12 +295,14 @@ def _enter(place: Any, key: str, text: str) -> Any:
 
 
 def _index(place: list[Any], key: str, text: str) -> int:
+    """Parse the index of a list's entry; refuse one outside the list."""
     if not key.isdecimal() or int(key) >= len(place):
         raise UsageError(f"--set {text!r}: {key} is no entry of the list; permitted: 0 to {len(place) - 1}")
     return int(key)
 
 
 def _toml_value(text: str) -> Any:
+    """Parse text as a TOML value; text that is no TOML stays text."""
     try:
         return parse_toml(f"value = {text}")["value"]
     except (ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""The host's sensors: what each one reports of the truth, and when.
+"""The host's sensors: the values that each one reports of the truth, and when.
 
 Each message stamped t reports the truth at t - latency_s (a lag that the stamp doesn't show) with noise and bias, and
 is logged at t + delay_s + jitter. Noise is white and Gaussian, but for the slow error of a GNSS.
@@ -24,12 +24,12 @@ class SensorData:
     """The messages of one sensor, in the order of their log times.
 
     Attributes:
-        sensor: `gnss`, `gnss_heading`, `speed` or `imu`.
+        sensor: Name of the sensor: gnss, gnss_heading, speed or imu.
         stamp_ns: Shape (n,): the time that the sensor states, ns since 1970.
         log_time_ns: Shape (n,).
         values: Shape (n, k), see the sensor's function.
-        sigma: Shape (k,): the noise of each value.
-        n_lost: Messages that were made and not heard.
+        sigma: Shape (k,): standard deviation of each value's noise.
+        n_lost: Number of messages that were lost.
     """
 
     sensor: str
@@ -41,14 +41,16 @@ class SensorData:
 
 
 SLOW_S = 20.0
-"""Time constant of a slow error of which only the sigma is given: that of multipath on a drive."""
+"""Time constant of a slow error of which only the sigma is given, s: that of multipath on a drive. Chosen by hand; not
+fitted."""
 
 Model = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
-"""(true states (n, 8), tilt (n, 3) as of `Attitude.at`, settings) -> noise-free values (n, k), noise sigma (k,)."""
+"""A function of true states (n, 8), tilt (n, 3), and settings that returns noise-free values (n, k)
+and the sigma of their noise (k,)."""
 
 
 def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """East, north, up, metres in the map frame. Shapes (n, 3) and (3,)."""
+    """Position of the antenna: east, north, up (n, 3) in the map frame, m, and its sigma (3,)."""
     bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
     ahead, left = settings["ahead_m"] or 0.0, settings["left_m"] or 0.0
     c, s = np.cos(state[:, 3]), np.sin(state[:, 3])
@@ -58,12 +60,12 @@ def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple
 
 
 def gnss_heading(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """Heading, radians counter-clockwise from east, not wrapped. Shapes (n, 1) and (1,)."""
+    """Heading (n, 1), rad, counter-clockwise from east, not wrapped, and its sigma (1,)."""
     return state[:, 3:4] + np.radians(settings["bias_deg"]), np.radians([settings["sigma_deg"]])
 
 
 def speed(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """Speed along the heading, m/s. Shapes (n, 1) and (1,).
+    """Wheel speed along the heading (n, 1), m/s, and its sigma (1,).
 
     Wheels that a lever arm l below the host's point turn with are slower than it by l times the pitch rate.
     """
@@ -76,7 +78,7 @@ def speed(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> t
 
 
 def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
-    """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s). Shapes (n, 6) and (6,).
+    """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s), (n, 6), and sigma (6,).
 
     A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
     where f and u are the level forces, and the yaw rate on its forward and up axes alike. The car's own pitch adds to
@@ -105,7 +107,7 @@ def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tup
 
 
 def gauss_markov(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -> FloatArray:
-    """Two Gauss-Markov processes of unit sigma, autocorrelation exp(-t / decay_s), at times (n,): shape (n, 2)."""
+    """Draw two Gauss-Markov processes of unit sigma at times (n,), shape (n, 2); autocorrelation exp(-t / decay_s)."""
     keep = np.exp(-np.diff(time_s) / decay_s)
     drawn = rng.standard_normal((len(time_s), 2))
     drawn[1:] *= np.sqrt(1.0 - keep**2)[:, None]
@@ -115,6 +117,7 @@ def gauss_markov(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -
 
 
 SENSORS: Mapping[str, Model] = {"gnss": gnss, "gnss_heading": gnss_heading, "speed": speed, "imu": imu}
+"""The sensor models by the sensor's name in a scenario."""
 
 
 def measure(
@@ -128,7 +131,7 @@ def measure(
     vehicle: str,
     attitude: Attitude = LEVEL,
 ) -> SensorData:
-    """Run one sensor over the drive.
+    """Simulate the messages of one sensor over the drive.
 
     Args:
         sensor: A key of `SENSORS`.
@@ -136,8 +139,8 @@ def measure(
         settings: As checked by `spec.SENSOR_KEYS`.
         start_ns: Time of the run's start.
         end_s: Length of the run.
-        seed, vehicle: Name the random streams.
-        attitude: How the vehicle is tilted.
+        seed, vehicle: Seed and vehicle name, which select the random streams.
+        attitude: Pitch and roll of the vehicle.
     """
     plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
     true_s = plan.time_s - settings["latency_s"]

@@ -1,7 +1,7 @@
 """A single-track car before a camera: zhang2011's simulated runs (figures 14 to 16), on the paper's linear model.
 
 The steering angle is held while the road keeps its curvature, so the car soon leaves the lane and e_L grows without
-bound. The paper's linear model (eq. 20, 21) does not mind, and neither does this. A car that stays in a real lane is
+bound. The paper's linear model (eq. 20, 21) allows that. A car that stays in a real lane is
 `lane_drive`.
 """
 
@@ -26,15 +26,15 @@ class PaperRun:
     """One of the paper's simulated runs.
 
     Attributes:
-        figure: `fig 14`.
-        load: Of the simulated car.
-        steer_rad: Held.
-        start_kmh, end_kmh: Speed; it stays at the end's once that is reached.
-        accel_mps2: Between them.
-        duration_s: Of the run; the paper's text does not say.
+        figure: Name of the figure, e.g. `fig 14`.
+        load: Load of the simulated car.
+        steer_rad: Steering angle, which is held.
+        start_kmh, end_kmh: Speed at the start, and the speed that is held once it is reached.
+        accel_mps2: Acceleration between them.
+        duration_s: Duration; the paper's text does not state it.
         curvature_1pm: Mean curvature of the road.
-        step_s: Of the simulation.
-        frame_s: Of the observer.
+        step_s: Time step of the simulation.
+        frame_s: Time between the observer's frames.
     """
 
     figure: str
@@ -54,11 +54,13 @@ PAPER_RUNS: dict[str, PaperRun] = {
     "fig 15": PaperRun("fig 15", "half", 0.01, 60.0, 80.0, 0.2, 27.8),
     "fig 16": PaperRun("fig 16", "full", 0.01, 80.0, 80.0),
 }
+"""The simulated runs of zhang2011's figures 14 to 16 by figure; durations that the paper does not state are chosen by
+hand."""
 
 
 @dataclass(frozen=True)
 class LinearRun:
-    """What the car did and what the camera saw, at each frame.
+    """The true states and the exact measurements at each frame.
 
     Attributes:
         time_s: Shape (n,).
@@ -91,7 +93,7 @@ def simulate_paper_run(
         vehicle: The car; its load is set by the run.
         start: "turning": in a steady turn from the first frame on, so the observer begins with the whole of v_y and
             gamma as its error. "straight": from v_y = gamma = 0, as the steering steps.
-        preview_m: From the centre of gravity.
+        preview_m: Distance of the preview point from the centre of gravity.
     """
     car = vehicle.loaded(run.load)
     per_frame = round(run.frame_s / run.step_s)

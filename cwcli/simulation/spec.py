@@ -1,6 +1,6 @@
-"""The vocabulary of a scenario file: every key with its type, unit, range and default, and the check of a table.
+"""The keys of a scenario file with their types, units, ranges and defaults, and the check of a table.
 
-`docs/scenarios.md` shows these tables to people; a test compares the two.
+`docs/scenarios.md` shows these tables; a test compares the two.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from cwcli.dynamics.friction import PEAK_FRICTION
 from cwcli.errors import UsageError
 
 REQUIRED = object()
-"""Marks a key that has no default."""
+"""Default that marks a key as required."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class NumberKey:
     doc: str
 
     def check(self, value: Any, *, key: str, source: str) -> float:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise bad_value(source, key, f"is {value!r}", f"a number, {self.permitted()}")
         if not math.isfinite(value) or not self.low <= value <= self.high:
@@ -35,6 +36,7 @@ class NumberKey:
         return float(value)
 
     def permitted(self) -> str:
+        """Text for messages that says what is permitted."""
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
@@ -49,11 +51,13 @@ class Integer:
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> int:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
             raise bad_value(source, key, f"is {value!r}", f"a whole number, {self.permitted()}")
         return value
 
     def permitted(self) -> str:
+        """Text for messages that says what is permitted."""
         return f"{self.low} to {self.high}"
 
 
@@ -67,28 +71,32 @@ class Text:
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> str:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         return value
 
     def permitted(self) -> str:
+        """Text for messages that says what is permitted."""
         return ", ".join(f'"{choice}"' for choice in self.choices) or "text"
 
 
 @dataclass(frozen=True)
 class Flag:
-    """true or false."""
+    """A truth value: true or false."""
 
     default: Any
     doc: str
     unit: str = ""
 
     def check(self, value: Any, *, key: str, source: str) -> bool:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, bool):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         return value
 
     def permitted(self) -> str:
+        """Text for messages that says what is permitted."""
         return "true, false"
 
 
@@ -101,6 +109,7 @@ class Intervals:
     unit: str = "s"
 
     def check(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
+        """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, list | tuple):
             raise bad_value(source, key, f"is {value!r}", self.permitted())
         pairs: list[tuple[float, float]] = []
@@ -112,6 +121,7 @@ class Intervals:
         return tuple(pairs)
 
     def permitted(self) -> str:
+        """Text for messages that says what is permitted."""
         return "[[from, to], ...]"
 
 
@@ -121,19 +131,20 @@ Keys = Mapping[str, Key]
 TOP_KEYS: Keys = {
     "description": Text("", "What happens, in a sentence."),
     "duration_s": NumberKey(REQUIRED, 0.1, 3600, "s", "Length of the run."),
-    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` beats it."),
+    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` overrides it."),
     "friction": NumberKey(
         PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
     ),
     "truth_rate_hz": NumberKey(20, 1, 1000, "Hz", "Rate of the truth channels."),
 }
-"""Besides these, the top level holds `start_time` and the tables `origin`, `vehicles`, `sensors`, `v2x`."""
+"""Keys of the top level, which also holds `start_time` and the tables `origin`, `vehicles`, `sensors` and `v2x`."""
 
 ORIGIN_KEYS: Keys = {
     "latitude_deg": NumberKey(28.1795, -85, 85, "deg", "WGS84 latitude of the map's origin."),
     "longitude_deg": NumberKey(112.9388, -180, 180, "deg", "WGS84 longitude of the map's origin."),
     "altitude_m": NumberKey(50, -400, 8000, "m", "Height above the ellipsoid."),
 }
+"""Keys of the table `origin`."""
 
 VEHICLE_KEYS: Keys = {
     "x_m": NumberKey(0, -1e5, 1e5, "m", "Start position east of the origin (centre of the car)."),
@@ -144,44 +155,49 @@ VEHICLE_KEYS: Keys = {
     "width_m": NumberKey(1.8, 0.3, 5, "m", "Width."),
     "turning_radius_m": NumberKey(5, 1, 50, "m", "Tightest radius that the vehicle can drive."),
     "slope_deg": NumberKey(0, 0, 10, "deg", "Slope of the road that it drives on, in any direction, 1 sigma."),
-    "bounce_deg": NumberKey(0, 0, 5, "deg", "Its body's pitching on the springs (1 to 2 Hz), 1 sigma."),
-    "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Its body's pitch per acceleration, nose up."),
+    "bounce_deg": NumberKey(0, 0, 5, "deg", "Pitching of the body on its springs (1 to 2 Hz), 1 sigma."),
+    "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Pitch of the body per acceleration, nose up."),
     "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
     "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
 }
-"""Besides these, a vehicle holds the lists `longitudinal` and `lateral`."""
+"""Keys of a vehicle, which also holds the lists `longitudinal` and `lateral`."""
 
 _FROM = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+"""The key `from_s` of segments."""
 _SMOOTH = Flag(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
 )
+"""The key `smooth` of segments."""
 _TO = NumberKey(
     None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later."
 )
+"""The key `to_s` of segments."""
 
 LONGITUDINAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to go to and hold."),
+    "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to reach and hold."),
     "speed_mps": NumberKey(
-        None, 0, 70, "m/s", "Or: the speed to go to and hold, in the shortest time that the limits allow."
+        None, 0, 70, "m/s", "Or: the speed to reach and hold, in the shortest time that the limits allow."
     ),
     "limit_mps2": NumberKey(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
     "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
     "smooth": _SMOOTH,
 }
+"""Keys of a segment of `longitudinal`."""
 
 LATERAL_KEYS: Keys = {
     "from_s": _FROM,
     "to_s": _TO,
-    "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to go to and hold; positive = left."),
+    "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to reach and hold; positive = left."),
     "curvature_rate_1pmps": NumberKey(
         0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
     ),
-    "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to go to and hold; positive = left."),
+    "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to reach and hold; positive = left."),
     "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
     "smooth": _SMOOTH,
 }
+"""Keys of a segment of `lateral`."""
 
 _SENSOR_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 1000, "Hz", "Measurement rate."),
@@ -192,11 +208,13 @@ _SENSOR_KEYS: Keys = {
     "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
     "outages": Intervals((), "Intervals in which nothing is sent."),
 }
+"""Keys that all sensors have."""
 
 _PLACE_KEYS: Keys = {
-    "ahead_m": NumberKey(None, -20, 20, "m", "Where it stands, ahead of the host's point; 0 if not given."),
-    "left_m": NumberKey(None, -5, 5, "m", "To the left of it; 0 if not given."),
+    "ahead_m": NumberKey(None, -20, 20, "m", "Place of the sensor ahead of the host's point; 0 if not given."),
+    "left_m": NumberKey(None, -5, 5, "m", "Place of the sensor to the left of the host's point; 0 if not given."),
 }
+"""Keys of a sensor's place in the vehicle."""
 
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
@@ -205,7 +223,9 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
         "slow_sigma_m": NumberKey(None, 0, 100, "m", "Slow error of east and north, each, 1 sigma (Gauss-Markov)."),
-        "slow_time_s": NumberKey(None, 0.1, 3600, "s", "Its time constant; 20 s if only its sigma is given."),
+        "slow_time_s": NumberKey(
+            None, 0.1, 3600, "s", "Time constant of the slow error; 20 s if only its sigma is given."
+        ),
         **_PLACE_KEYS,
     },
     "gnss_heading": {
@@ -217,8 +237,10 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_SENSOR_KEYS,
         "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
         "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
-        "scale": NumberKey(None, 0.5, 2, "", "What it reads for a true 1; 1 if not given."),
-        "lever_arm_m": NumberKey(None, -5, 5, "m", "Height of the host's point over the wheels that it reads; 0."),
+        "scale": NumberKey(None, 0.5, 2, "", "Ratio of the reading to the true speed; 1 if not given."),
+        "lever_arm_m": NumberKey(
+            None, -5, 5, "m", "Height of the host's point above the measured wheels; 0 if not given."
+        ),
     },
     "imu": {
         **_SENSOR_KEYS,
@@ -231,8 +253,10 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_PLACE_KEYS,
     },
 }
+"""Keys of each sensor; default noise is song2016's (docs/papers/song2016-scenarios.md)."""
 
 V2X_FORMATS = ("bsm-json", "ode-json")
+"""Names of the encodings of V2X messages."""
 
 V2X_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 100, "Hz", "Messages of each vehicle per second."),
@@ -252,11 +276,13 @@ V2X_KEYS: Keys = {
     "yaw_rate_sigma_dps": NumberKey(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
     "sender": Text(
         None,
-        "What a sender does to its motion first: j2945 filters the acceleration (1 Hz) and latches the heading at "
-        "standstill, as SAE J2945/1 asks; plain nothing.",
+        "How a sender changes its motion before sending it: j2945 filters the acceleration (1 Hz) and holds the "
+        "heading at standstill, as SAE J2945/1 asks; plain not at all.",
         ("plain", "j2945"),
     ),
 }
+"""Keys of the table `v2x`; default noise is song2016's (table 1, column "estimated";
+docs/papers/song2016-scenarios.md)."""
 
 
 def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -295,9 +321,10 @@ def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[
 
 
 def bad_value(source: str, key: str, what: str, permitted: str) -> UsageError:
-    """The one-line error of a scenario file: file, key, what is wrong, what is permitted."""
+    """The one-line error for a value of a scenario file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=source)
 
 
 def _is_number(value: Any) -> bool:
+    """Whether a value is a finite number and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

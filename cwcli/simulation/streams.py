@@ -1,4 +1,4 @@
-"""Seeded random streams, one per use, and the times at which a sensor or a sender speaks."""
+"""Seeded random streams, one per use, and the schedule of a source's messages."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def stream(seed: int, *names: str) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class Schedule:
-    """The messages of one source.
+    """The times of one source's messages, and which of them arrive.
 
     Attributes:
         time_s: Shape (n,): measurement or generation time, seconds of the run, of every message made.
         arrival_ns: Shape (n,): log time minus the run's start.
-        is_heard: Shape (n,): False for what was lost or fell into an outage.
+        is_heard: Shape (n,): False for messages that were lost or fell into an outage.
     """
 
     time_s: FloatArray
@@ -38,22 +38,22 @@ class Schedule:
 
     @property
     def stamp_ns(self) -> Int64Array:
-        """Shape (n,): `time_s` as ns since the run's start."""
+        """The stamps of the messages, shape (n,), ns since the run's start."""
         return to_ns(self.time_s)
 
 
 def to_ns(time_s: FloatArray) -> Int64Array:
-    """Seconds as whole nanoseconds."""
+    """Round seconds to whole nanoseconds."""
     return np.round(np.asarray(time_s) * NS_PER_S).astype(np.int64)
 
 
 def schedule(settings: Mapping[str, Any], *, end_s: float, seed: int, names: tuple[str, ...]) -> Schedule:
-    """When a source speaks, when it is heard, and when not.
+    """Draw the stamps, arrival times and losses of a source's messages.
 
     Args:
         settings: `rate_hz`, `phase_s`, `delay_s`, `jitter_s`, `drop_probability`, `outages`.
         end_s: Length of the run; the last message is stamped before or at it.
-        seed, names: The source's random stream; losses and jitter have streams of their own.
+        seed, names: Select the source's random streams, one for losses and one for jitter.
     """
     n = max(0, int(np.floor((end_s - settings["phase_s"]) * settings["rate_hz"] + 1e-9)) + 1)
     time_s = settings["phase_s"] + np.arange(n) / settings["rate_hz"]

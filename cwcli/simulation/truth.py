@@ -19,23 +19,32 @@ from cwcli.simulation.profile import Profile
 from cwcli.simulation.spec import bad_value
 
 STEP_S = 0.001
-"""Grid on which the truth is handed out."""
+"""Time step of the grid on which the truth is returned, s. Chosen by hand; not fitted."""
 CELL_S = 0.01
-"""Steps of the quadrature; the edges of the profile's pieces are steps too, so that each one is smooth inside."""
+"""Step of the quadrature of the position, s. Edges of the profile's pieces are steps too, so that the motion is smooth
+inside each step. Chosen by hand; not fitted."""
 BEFORE_S = 6.0
+"""Time for which the truth goes on before the run at constant speed and turn, s: longer than the largest lag of a
+sensor."""
 AFTER_S = 10.0
-"""The truth goes on before and after the run, for sensors that lag: constant speed, constant curvature or yaw rate."""
+"""Time for which the truth goes on after the run at constant speed and turn, s: for sensors with a negative lag. Chosen
+by hand; not fitted."""
 
 
 _HALF_NODE = np.sqrt(0.6)
+"""Distance of the outer nodes of three-point Gauss quadrature from the middle of [-1, 1]."""
 _GAUSS_NODES = 0.5 * np.array([1 - _HALF_NODE, 1.0, 1 + _HALF_NODE])
+"""Nodes of three-point Gauss quadrature on [0, 1], shape (3,)."""
 _GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+"""Weights of three-point Gauss quadrature on [0, 1], shape (3,)."""
 
 
 N_SPEED = 5
+"""Number of coefficients of the speed: the integral of a smooth ramp of acceleration, which is cubic."""
 N_YAW_RATE = 8
-"""Terms of the polynomials: a smooth ramp is cubic in acceleration and in curvature; their product is of degree 7."""
+"""Number of coefficients of the yaw rate: the product of a cubic curvature and a quartic speed is of degree 7."""
 _POWERS = np.arange(1, N_YAW_RATE + 1)
+"""Divisors of the coefficients in the integral of a yaw rate, shape (8,)."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ class _Pieces:
 
 
 class TrueMotion:
-    """True states of one vehicle at any time from `BEFORE_S` before the run to `AFTER_S` after it."""
+    """True states of one vehicle at any time from 6 s before the run to 10 s after it."""
 
     def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
         """Integrate the profile from a start position (east, north) and heading (counter-clockwise from east)."""
@@ -69,7 +78,7 @@ class TrueMotion:
         self._position = track - track[np.searchsorted(self._grid_s, 0.0)] + np.array([x_m, y_m])
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """The true states at some times.
+        """The true states at the given times.
 
         Args:
             time_s: Shape (n,), seconds of the run.
@@ -89,7 +98,7 @@ class TrueMotion:
         return np.column_stack([self._position[cell] + rest, self._rates(time)])
 
     def _displacement(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Shape (n, 2): the way travelled from each start within each (short) step."""
+        """The displacement (n, 2), m, from each start within each (short) step."""
         total = np.zeros((len(start_s), 2))
         for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
             index, t = self._place(start_s + node * step_s)
@@ -99,15 +108,16 @@ class TrueMotion:
         return total
 
     def _place(self, time_s: FloatArray) -> tuple[Int64Array, FloatArray]:
-        """The piece that holds at each time, and the time since its edge."""
+        """The index of the piece that applies at each time (n,), and the time since its edge (n,), s."""
         index = np.clip(np.searchsorted(self._pieces.edge_s, time_s, side="right") - 1, 0, None)
         return index, time_s - self._pieces.edge_s[index]
 
     def _heading(self, index: Int64Array, t: FloatArray) -> FloatArray:
+        """The heading (n,), rad, at the times t since the edges of the pieces."""
         return self._pieces.heading_rad[index] + t * _evaluate(self._pieces.yaw_rate / _POWERS, index, t)
 
     def _rates(self, time_s: FloatArray) -> FloatArray:
-        """Shape (n, 6): the states from speed on, in closed form."""
+        """The states (n, 6) from speed on, in closed form."""
         pieces = self._pieces
         index, t = self._place(time_s)
         return np.column_stack(
@@ -123,7 +133,7 @@ class TrueMotion:
 
 
 def _evaluate(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> FloatArray:
-    """Row `index` of the polynomials (ascending powers) at `t`, by Horner's rule."""
+    """Evaluate row `index` (n,) of the polynomials (ascending powers) at `t` (n,), by Horner's rule."""
     total = np.zeros(len(t))
     for column in coefficients.T[::-1]:
         total = total * t + column[index]
@@ -131,11 +141,12 @@ def _evaluate(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> Flo
 
 
 def _derivative(coefficients: FloatArray) -> FloatArray:
+    """The coefficients of the derivatives of polynomials (m, k), shape (m, k - 1)."""
     return coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
 
 
 def _merge(profile: Profile, heading_rad: float) -> _Pieces:
-    """The profile's pieces on common edges, with the run's before and after added."""
+    """Merge the profile's pieces on common edges, and add the time before and after the run."""
     starts = {piece.start_s for piece in profile.speed} | {piece.start_s for piece in profile.turn}
     inner = sorted(start for start in starts if 0 < start < profile.end_s)
     edges = np.array([-BEFORE_S, 0.0, *inner, profile.end_s])
@@ -157,7 +168,7 @@ def _merge(profile: Profile, heading_rad: float) -> _Pieces:
 
 
 def _shifted(coefficients: tuple[float, ...], shift: float) -> FloatArray:
-    """The same polynomial in powers of the time since a later origin (Taylor's formula)."""
+    """Shift the origin of a polynomial's time by `shift` (Taylor's formula)."""
     return np.array(
         [polyval(shift, polyder(coefficients, k)) / factorial(k) for k in range(len(coefficients))], dtype=np.float64
     )

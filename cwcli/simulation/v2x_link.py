@@ -1,4 +1,4 @@
-"""The V2X link: what the host hears of the other vehicles.
+"""The V2X link: the messages of the other vehicles that the host receives.
 
 song2016 sends each car's own filter output. Here the sent state is the truth with the noise of the paper's table 1,
 column "estimated": white, Gaussian, independent in time (the real error of a filter is correlated; see
@@ -25,13 +25,14 @@ class ReceivedMessages:
     """The messages of one vehicle that reached the host, in the order of their reception.
 
     Attributes:
-        vehicle: Its name in the scenario.
+        vehicle: Name of the vehicle in the scenario.
         station_id: Eight hexadecimal digits.
         stamp_ns: Shape (n,): generation time, ns since 1970.
         log_time_ns: Shape (n,): reception time.
-        count: Shape (n,): the sender's message number, from 0; gaps show losses, a descent shows overtaking.
+        count: Shape (n,): the sender's message number, from 0; gaps show losses, a smaller number after a larger one
+            shows that a message overtook another.
         state: Shape (n, 6): x_m, y_m (map frame), speed_mps, heading_rad, accel_mps2, yaw_rate_radps.
-        sigma: Shape (6,): the noise of each.
+        sigma: Shape (6,): standard deviation of the noise of each.
         lateral_accel_mps2: Shape (n,): speed * yaw rate as sent, positive to the left.
         length_m, width_m: Outline.
         n_lost: Messages that were sent and not received.
@@ -62,13 +63,13 @@ def receive(
     end_s: float,
     seed: int,
 ) -> ReceivedMessages:
-    """Send one vehicle's state over the link.
+    """Simulate the messages of one vehicle that the host receives.
 
     Args:
-        vehicle, seed: Name the random streams.
-        motion: Its true motion.
+        vehicle, seed: Vehicle name and seed, which select the random streams.
+        motion: True motion of the vehicle.
         settings: As checked by `spec.V2X_KEYS`.
-        station_id, length_m, width_m: What it says of itself.
+        station_id, length_m, width_m: Id and size that the vehicle sends.
         start_ns: Time of the run's start.
         end_s: Length of the run.
     """
@@ -109,7 +110,7 @@ def receive(
 
 
 def _low_passed(motion: TrueMotion, at_s: FloatArray) -> FloatArray:
-    """The acceleration behind the sender's filter at some times (n,), which has seen the run from its start."""
+    """The acceleration after the sender's low-pass filter at times (n,), m/s^2; it filters from the run's start."""
     if not len(at_s):
         return np.zeros(0)
     time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + STEP_S, STEP_S)

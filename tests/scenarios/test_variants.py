@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.simulation.scenario import HOST, load_scenario, scenario_names
+from cwcli.simulation.catalogue import scenario_names
+from cwcli.simulation.scenario import HOST, load_scenario
 from cwcli.simulation.truth import closest_approach, first_time_below
 
 CONFLICT_M = 2.5

@@ -15,8 +15,8 @@ from cwcli.cli.report import print_written
 from cwcli.cli.tables import table
 from cwcli.cli.text import paragraph, printable
 from cwcli.errors import UsageError
+from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.road.names import WEATHERS
-from cwcli.simulation.scenario import scenario_names
 
 if TYPE_CHECKING:
     from cwcli.simulate.sensor_log import WrittenChannel

@@ -15,7 +15,9 @@ from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 
 MIN_SIZE_PX = (64, 48)
+"""Smallest width and height of a rendered image, px. Chosen by hand; not fitted."""
 MAX_SIZE_PX = (4096, 3072)
+"""Largest width and height of a rendered image, px. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +26,9 @@ class RoadCamera:
 
     Attributes:
         width_px, height_px: Image size.
-        fx, fy, cx, cy: Pixels.
-        height_m: Above the road.
-        pitch_rad: Nose down positive.
+        fx, fy, cx, cy: Focal lengths and principal point, pixels.
+        height_m: Height above the road.
+        pitch_rad: Pitch, nose down positive.
     """
 
     width_px: int
@@ -39,23 +41,23 @@ class RoadCamera:
     pitch_rad: float
 
     def matrix(self) -> FloatArray:
-        """Shape (3, 3): K."""
+        """The intrinsic matrix K, shape (3, 3), px."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def turned(self, pitch_rad: float) -> RoadCamera:
-        """The same camera with some pitch added (the car's body moves on its springs)."""
+        """The same camera with a pitch added, as the car's body pitches on its springs."""
         return replace(self, pitch_rad=self.pitch_rad + pitch_rad)
 
     def slope(self, v_px: FloatArray) -> FloatArray:
-        """Fall of the viewing ray of a row, metres down for a metre ahead; negative above the horizon."""
+        """Downward slope of the viewing rays of rows, metres down for a metre ahead; negative above the horizon."""
         return np.tan(self.pitch_rad + np.arctan((np.asarray(v_px) - self.cy) / self.fy))
 
     def depth(self, x_m: FloatArray, below_m: FloatArray | float) -> FloatArray:
-        """Distance along the optical axis of points x_m ahead and below_m under the camera."""
+        """Distance along the optical axis of points x_m ahead of and below_m under the camera, m."""
         return x_m * math.cos(self.pitch_rad) + below_m * math.sin(self.pitch_rad)
 
     def project(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Image points (u, v) of body points ahead of the camera; NaN behind it."""
+        """Project points of the body frame to image columns and rows (u, v), px; NaN behind the camera."""
         below = self.height_m - np.asarray(z_m)
         depth = self.depth(x_m, below)
         down = below * math.cos(self.pitch_rad) - x_m * math.sin(self.pitch_rad)
@@ -65,10 +67,13 @@ class RoadCamera:
 
 
 PAPER_PREVIEW_M = 33.5
-"""Where the optical axis meets the road (zhang2011, section 1.2.3)."""
+"""Distance ahead at which the optical axis meets the road, m; zhang2011, section 1.2.3."""
 PAPER_HEIGHT_M = 1.65
+"""Height of the paper's camera above the road, m: follows from the focal length and the rows that show road
+(docs/road-renderer.md)."""
 PAPER_FOCAL_PX = 800.0
-"""A lens of 12 mm before a 1/3-inch chip (4.8 mm over 320 pixels)."""
+"""Focal length of the paper's camera at 320 columns, px: a lens of 12 mm before a 1/3-inch chip (4.8 mm wide). Chosen
+by hand."""
 
 
 def paper_camera(width_px: int = 320, height_px: int = 240) -> RoadCamera:
@@ -96,9 +101,11 @@ def wide_camera(width_px: int = 1280, height_px: int = 720) -> RoadCamera:
 
 
 CAMERAS = {"paper": paper_camera, "wide": wide_camera}
+"""Functions from width and height in pixels to a camera, by the name that `--set camera` takes."""
 
 
 def _check_size(width_px: int, height_px: int) -> None:
+    """Refuse an image size that can't be rendered."""
     if not (MIN_SIZE_PX[0] <= width_px <= MAX_SIZE_PX[0] and MIN_SIZE_PX[1] <= height_px <= MAX_SIZE_PX[1]):
         raise UsageError(
             f"an image of {width_px} x {height_px} pixels can't be rendered",

@@ -12,16 +12,16 @@ from cwcli.simulation.road.surface import Float32Array
 from cwcli.simulation.road.truth import BoolArray
 
 FINE, COARSE = 4, 2
-"""Sub-samples a pixel in each direction, for small and for large objects."""
+"""Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""
 LARGE_PX = 12000
+"""Area of the drawn part of the image from which coarse sub-samples are used, px. Chosen by hand; not fitted."""
 SHIFT = 4
-"""Fraction bits of the polygons' corners."""
+"""Number of fraction bits of the polygons' corners. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class FilledShape:
-    """A filled polygon: corners (n, 2) as (u, v) in pixels, grey 0 to 255; or an ellipse that fills two corners'
-    box."""
+    """A filled polygon with corners (n, 2) as (u, v), px, or an ellipse in the box of two corners; grey 0 to 255."""
 
     corners: FloatArray
     grey: float
@@ -35,9 +35,9 @@ def draw(
 
     Args:
         image: Shape (height, width).
-        shapes: In order; those with a corner that is not finite are left out.
-        opacity: Of the union.
-        hidden: Pixels that are covered by half or more become True, where given.
+        shapes: Shapes in drawing order; those with a corner that is not finite are left out.
+        opacity: Opacity of the union, 0 to 1.
+        hidden: Shape (height, width), if given: pixels that are covered by half or more become True.
     """
     import cv2
 

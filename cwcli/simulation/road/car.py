@@ -16,16 +16,20 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 
 STEP_S = 0.01
+"""Time step of the integration, s. Chosen by hand; not fitted."""
 MIN_SPEED_MPS = 3.0
+"""Lowest speed of the car, m/s, below which the linear model loses its meaning. Chosen by hand; not fitted."""
 
 LATERAL_SPEED, YAW_RATE, STATION, OFFSET, HEADING, X, Y, BEARING, STEER = range(9)
+"""Columns of the car's states, in the order of the integrated model."""
 STATES = 9
+"""Number of the car's states."""
 
 
 def understeer_s2pm2(vehicle: Vehicle) -> float:
-    """f = 1 + this v^2 (zhang2011, eq. 13 corrected): 0.000843 in the paper.
+    """The factor k of the steering correction f = 1 + k v^2, s^2/m^2 (zhang2011, eq. 13 corrected; 0.000843 there).
 
-    (In this order of operations, not as a quotient of `understeer_gradient`: the same bits in every simulated log.)
+    The order of operations, other than that of `understeer_gradient`, keeps the bits of simulated logs.
     """
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
     moment = vehicle.rear_axle_m * kr - vehicle.front_axle_m * kf
@@ -39,13 +43,13 @@ def drive_along(
     duration_s: float,
     vehicle: Vehicle,
 ) -> tuple[FloatArray, FloatArray]:
-    """Drive; Runge-Kutta of fourth order at 10 ms.
+    """Simulate a drive along a lane by Runge-Kutta steps of fourth order at 10 ms.
 
     Args:
         curvature_at: Station -> curvature of the lane, left positive.
         speed_at: Time -> longitudinal speed, at least 3 m/s.
-        driver: Who steers.
-        duration_s: How long.
+        driver: The driver that steers.
+        duration_s: Duration of the drive.
         vehicle: The car, with its load.
 
     Returns:
@@ -66,7 +70,7 @@ def drive_along(
     state[HEADING] = -state[LATERAL_SPEED] / v0
     state[STEER] = wheelbase_m * (1.0 + understeer * v0**2) * k0
 
-    def rate(time_s: float, q: FloatArray) -> FloatArray:
+    def state_derivative(time_s: float, q: FloatArray) -> FloatArray:
         v = max(speed_at(time_s), MIN_SPEED_MPS)
         v_y, yaw_rate, station, offset, heading, steer = q[[0, 1, 2, 3, 4, 8]]
         kappa = curvature_at(station)
@@ -91,9 +95,9 @@ def drive_along(
     for i in range(n):
         states[i] = state
         t = i * STEP_S
-        k1 = rate(t, state)
-        k2 = rate(t + STEP_S / 2, state + STEP_S / 2 * k1)
-        k3 = rate(t + STEP_S / 2, state + STEP_S / 2 * k2)
-        k4 = rate(t + STEP_S, state + STEP_S * k3)
+        k1 = state_derivative(t, state)
+        k2 = state_derivative(t + STEP_S / 2, state + STEP_S / 2 * k1)
+        k3 = state_derivative(t + STEP_S / 2, state + STEP_S / 2 * k2)
+        k4 = state_derivative(t + STEP_S, state + STEP_S * k3)
         state = state + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     return np.asarray(np.arange(n) * STEP_S), states

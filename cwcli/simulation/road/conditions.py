@@ -1,4 +1,4 @@
-"""Weather and light, drawn at random: one function a condition. Registered in `CONDITIONS`."""
+"""Weather and light, drawn at random: one function per condition. Registered in `CONDITIONS`."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from cwcli.simulation.road.scene import Light, RoadScene, Shadow
 
 
 def clear(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Daylight without shadows on the road."""
+    """Draw daylight without shadows on the road."""
     return replace(scene, light=Light(exposure=rng.uniform(0.92, 1.12), sky=rng.uniform(195, 235)))
 
 
 def overcast(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Flat, dimmer light: less contrast between paint and road."""
+    """Draw flat, dimmer light with less contrast between paint and road."""
     light = Light(exposure=rng.uniform(0.80, 0.98), sky=rng.uniform(170, 205), fog_1pm=rng.uniform(0.0, 0.003))
     return replace(scene, light=light)
 
 
 def shadow_band(rng: np.random.Generator, first_m: float, last_m: float) -> Shadow:
-    """Of a pole, a trunk, a gantry or a bridge, somewhere between two stations."""
+    """Draw the shadow of a pole, a trunk, a gantry or a bridge somewhere between two stations."""
     length_m = rng.choice([0.35, 0.5, 1.0, 7.0], p=[0.35, 0.3, 0.25, 0.1])
     return Shadow(rng.uniform(first_m, last_m), length_m, slant=rng.normal(0.0, 0.7))
 
 
 def shadow(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Sun behind leaves, poles and bridges: hard shadows over road and paint."""
+    """Draw sun behind leaves, poles and bridges: hard shadows over road and paint."""
     bands = [shadow_band(rng, 6.0, 60.0) for _ in range(int(rng.integers(1, 5)))]
     light = Light(
         exposure=rng.uniform(1.0, 1.2),
@@ -41,7 +41,7 @@ def shadow(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
 
 
 def glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """A low sun ahead."""
+    """Draw a low sun ahead that dazzles the camera."""
     light = Light(
         exposure=rng.uniform(0.85, 1.0),
         sky=rng.uniform(205, 235),
@@ -52,7 +52,7 @@ def glare(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
 
 
 def rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Wet, mirroring road, streaks, drops on the windscreen, haze."""
+    """Draw rain: a wet, mirroring road, streaks, drops on the windscreen, haze."""
     light = Light(
         exposure=rng.uniform(0.82, 1.0),
         sky=rng.uniform(150, 190),
@@ -65,25 +65,26 @@ def rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
 
 
 def night(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """The own low beams, and the lights of others."""
+    """Draw night: light comes from the own low beams and the lamps of others."""
     light = Light(exposure=rng.uniform(0.95, 1.25), sky=60.0, night=True, noise=rng.uniform(1.5, 2.2))
     return replace(scene, light=light)
 
 
 def night_rain(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Both: the hardest of all."""
+    """Draw a night with rain, the hardest condition."""
     return replace(
         scene, light=replace(night(scene, rng).light, rain=rng.uniform(0.4, 0.8), fog_1pm=rng.uniform(0.002, 0.006))
     )
 
 
 def fog(scene: RoadScene, rng: np.random.Generator) -> RoadScene:
-    """Sight of 80 to 200 m (contrast falls to 5 %)."""
+    """Draw fog with a sight of 80 to 200 m, where contrast falls to 5 %."""
     light = Light(exposure=rng.uniform(0.9, 1.05), sky=rng.uniform(170, 205), fog_1pm=3.0 / rng.uniform(80, 200))
     return replace(scene, light=light)
 
 
 Condition = Callable[[RoadScene, np.random.Generator], RoadScene]
+"""A function that draws the light and weather of a scene."""
 
 CONDITIONS: dict[str, Condition] = {
     "clear": clear,
@@ -95,3 +96,4 @@ CONDITIONS: dict[str, Condition] = {
     "night-rain": night_rain,
     "fog": fog,
 }
+"""The functions that draw weather and light for a scene, by the name that `--weather` takes."""

@@ -1,7 +1,7 @@
-"""What makes real roads hard for lane methods, on demand: mountain bends, ramps, lane changes, the shadows of bridges,
-concrete's joints, raised dots.
+"""Optional difficulties of real roads for lane methods.
 
-Everything is drawn from streams of its own, so that a drive without them stays as it is.
+They are mountain bends, ramps, lane changes, shadows of bridges, concrete's joints and raised dots. All are drawn from
+a random stream of their own, so that a drive without them stays as it is.
 """
 
 from __future__ import annotations
@@ -16,36 +16,44 @@ from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.scene import Light, Marking, Patch, RoadScene, Shadow
 
 MARKINGS = ("painted", "dashed", "dots")
+"""Kinds of the own lane's markings that `--set markings` takes."""
 DASH_M = (6.0, 9.0)
+"""Length of a dash and of the gap after it, m; motorways of China (GB 5768.3)."""
 DOTS_M = (0.12, 3.6)
-"""Length and gap of raised dots."""
+"""Length of a raised dot and of the gap after it, m. Chosen by hand (docs/road-renderer.md)."""
 DOT_WIDTH_M = 0.1
+"""Width of a raised dot, m. Chosen by hand; not fitted."""
 KNOT_M = 5.0
+"""Distance of the stations at which bends and ramps give the curvature, m. Chosen by hand; not fitted."""
 BEND_M = 70.0
-"""From the middle of one mountain bend to that of the next, on average."""
+"""Mean distance from the middle of one mountain bend to that of the next, m. Chosen by hand; not fitted."""
 RAMP_S = (6.0, 2.5, 5.0, 2.5)
-"""Straight on, into the ramp, round it, out of it."""
+"""Durations of the parts of a ramp, s: straight on, into the ramp, round it, out of it. Chosen by hand
+(docs/road-renderer.md)."""
 CHANGE_S = 5.0
-"""Duration of a lane change."""
+"""Duration of a lane change, s. Chosen by hand (docs/road-renderer.md)."""
 BRIDGE_M = (8.0, 25.0)
+"""Smallest and largest length of a bridge's shadow along the road, m. Chosen by hand (docs/road-renderer.md)."""
 JOINT_M = 0.05
+"""Length of the joint between two concrete slabs along the road, m. Chosen by hand; not fitted."""
 PAVED_M = 1.0
+"""Width of the pavement beyond the markings of the added lane, m. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class LaneChangingDriver(SwayingDriver):
-    """Sways in the lane, and goes over to the next one at given times.
+    """Sways in the lane, and changes to the next one at given times.
 
     Attributes:
         change_s: When each change begins; the first leads to the left, the second back, and so on.
-        lane_width_m: How far.
+        lane_width_m: Lateral distance of a lane change.
     """
 
     change_s: tuple[float, ...] = field(default=())
     lane_width_m: float = 3.6
 
     def wish_m(self, time_s: float) -> float:
-        """Offset from the middle of the first lane that the driver wants."""
+        """Offset from the middle of the first lane that the driver wants at a time, m."""
         wish = super().wish_m(time_s)
         for number, start_s in enumerate(self.change_s):
             share = min(max((time_s - start_s) / CHANGE_S, 0.0), 1.0)
@@ -54,7 +62,7 @@ class LaneChangingDriver(SwayingDriver):
 
 
 def change_times(per_min: float, duration_s: float, rng: np.random.Generator) -> tuple[float, ...]:
-    """When lane changes begin: evenly, each moved by up to a quarter of their distance."""
+    """Draw the times at which lane changes begin, s: even ones, each moved by up to a quarter of their distance."""
     if per_min <= 0.0:
         return ()
     apart_s = 60.0 / per_min
@@ -63,7 +71,7 @@ def change_times(per_min: float, duration_s: float, rng: np.random.Generator) ->
 
 
 def mountain_curvature(knots_m: FloatArray, bend_1pm: float, rng: np.random.Generator) -> FloatArray:
-    """Bends to the left and to the right in turn, up to a curvature, at stations."""
+    """Draw the curvature at stations (k,), 1/m, of bends to the left and right in turn, up to `bend_1pm`."""
     n = math.ceil((knots_m[-1] - knots_m[0]) / (0.6 * BEND_M))
     middles = knots_m[0] + np.cumsum(rng.uniform(0.6, 1.4, n) * BEND_M)
     heights = bend_1pm * rng.uniform(0.4, 1.0, n) * (-1.0) ** np.arange(n)
@@ -73,7 +81,10 @@ def mountain_curvature(knots_m: FloatArray, bend_1pm: float, rng: np.random.Gene
 def ramp_curvature(
     knots_m: FloatArray, yaw_rate_radps: float, speed_mps: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Ramps round which the car turns at a yaw rate, with straights between them, to either side by chance."""
+    """Draw the curvature at stations (k,), 1/m, of ramps to random sides with straights between them.
+
+    On a ramp the car turns at the given yaw rate and speed.
+    """
     bounds_m = np.cumsum(RAMP_S) * speed_mps
     period_m = float(bounds_m[-1])
     turns = np.floor(np.maximum(knots_m, 0.0) / period_m).astype(np.intp)
@@ -83,20 +94,20 @@ def ramp_curvature(
 
 
 def with_markings(scene: RoadScene, kind: str) -> RoadScene:
-    """The scene with its own lane's boundaries of another kind (`MARKINGS`)."""
+    """The scene with another kind of markings at its own lane's boundaries."""
     if kind == "painted":
         return scene
 
-    def made(marking: Marking) -> Marking:
+    def change_kind(marking: Marking) -> Marking:
         if kind == "dots":
             return replace(marking, dash_m=DOTS_M, width_m=DOT_WIDTH_M, kept=1.0, is_double=False)
         return replace(marking, dash_m=DASH_M)
 
-    return replace(scene, left=made(scene.left), right=made(scene.right))
+    return replace(scene, left=change_kind(scene.left), right=change_kind(scene.right))
 
 
 def with_lane_beside(scene: RoadScene) -> RoadScene:
-    """A lane to the left that is free, beyond a dashed boundary."""
+    """The scene with a free lane to the left, beyond a dashed boundary."""
     width_m = scene.lane_width_m
     beyond = 1.5 * width_m
     others = scene.others
@@ -113,7 +124,7 @@ def with_lane_beside(scene: RoadScene) -> RoadScene:
 
 
 def with_bridges(scene: RoadScene, per_km: float, length_m: float, rng: np.random.Generator) -> RoadScene:
-    """Shadows of bridges across the road."""
+    """The scene with shadows of bridges across the road."""
     n = round(per_km * length_m / 1000.0)
     if not n:
         return scene
@@ -124,10 +135,10 @@ def with_bridges(scene: RoadScene, per_km: float, length_m: float, rng: np.rando
 
 
 def with_joints(scene: RoadScene, slab_m: float, length_m: float, rng: np.random.Generator) -> RoadScene:
-    """Concrete slabs: brighter, with a sealed joint across the road after each, and sealed joints along it.
+    """The scene on concrete slabs: brighter, with a sealed joint across the road after each, and joints along it.
 
     The joints along the road lie up to half a metre inside the markings, dark with a light edge where the concrete
-    broke: what a lane method takes for a marking.
+    broke. A lane method may take them for markings.
     """
     if slab_m <= 0.0:
         return scene
@@ -146,7 +157,7 @@ def with_joints(scene: RoadScene, slab_m: float, length_m: float, rng: np.random
 
 
 def in_lane(scene: RoadScene, offset_m: float) -> RoadScene:
-    """The scene for a car at an offset: the boundaries of the lane in which it is are the left and the right one."""
+    """The scene with the lane at an offset as the own lane: its boundaries become the left and the right one."""
     lane_m = scene.lane_width_m * round(offset_m / scene.lane_width_m)
     if lane_m == 0.0:
         return scene

@@ -1,4 +1,4 @@
-"""A drive along a road: the car's motion, and a frame for each instant of the camera."""
+"""A rendered drive along a road: the car's motion, and a frame for each instant of the camera."""
 
 from __future__ import annotations
 
@@ -37,39 +37,50 @@ from cwcli.simulation.road.truth import LaneTruth
 from cwcli.simulation.streams import stream
 
 KNOT_M = 90.0
-"""The curvature changes evenly between knots this far apart."""
+"""Distance of the knots between which the road's curvature changes evenly, m. Chosen by hand
+(docs/road-renderer.md)."""
 SHADOWS_PER_M = 1 / 15.0
+"""Number of shadow bands per metre of a drive with shadows, 1/m. Chosen by hand; not fitted."""
 SET_DRIVES = 20
+"""Number of drives into which a set of frames is divided. Chosen by hand; not fitted."""
 PAPER_RATE_HZ = 10.0
-"""zhang2011, section 2.1."""
+"""Frame rate of the paper's camera, Hz; zhang2011, section 2.1."""
 MAX_DURATION_S = 3600.0
+"""Longest duration of a drive, s. Chosen by hand; not fitted."""
 RATE_HZ = (1.0, 100.0)
+"""Lowest and highest frame rate, Hz. Chosen by hand; not fitted."""
 SPEED_MPS = (5.0, 60.0)
+"""Lowest and highest speed of a drive, m/s. Chosen by hand; not fitted."""
 DEFECTS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m", "junctions")
-"""Fields of the configuration that only `defects` knows."""
+"""Fields of the configuration that ask for the difficulties of `defects` and `junctions`."""
 BENDS_1PM = (0.0, 0.05)
+"""Lowest and highest curvature of mountain bends, 1/m. Chosen by hand; not fitted."""
 RAMP_DEGPS = (0.0, 40.0)
+"""Lowest and highest yaw rate on ramps, deg/s. Chosen by hand; not fitted."""
 CHANGES_PER_MIN = (0.0, 6.0)
+"""Lowest and highest number of lane changes per minute. Chosen by hand; not fitted."""
 BRIDGES_PER_KM = (0.0, 20.0)
+"""Lowest and highest number of bridges per kilometre. Chosen by hand; not fitted."""
 SLAB_M = (0.0, 30.0)
+"""Lowest and highest length of concrete slabs, m; 0 is asphalt. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class RoadDriveConfig:
-    """What to drive.
+    """The configuration of a rendered drive.
 
     Attributes:
         weather: A name of `CONDITIONS`.
-        road: A name of `SETS`: how worn, winding and busy the road is.
-        seed: Of everything.
-        duration_s, rate_hz: Length of the drive and rate of the camera.
-        speed_mps, accel_mps2: At the start; constant acceleration.
-        markings: Of the own lane, a name of `defects.MARKINGS`.
+        road: A name of a set of frames: how worn, winding and busy the road is.
+        seed: Seed of all draws.
+        duration_s, rate_hz: Duration of the drive and rate of the camera.
+        speed_mps, accel_mps2: Speed at the start, and the constant acceleration.
+        markings: Kind of the own lane's markings: painted, dashed or dots.
         bends_1pm: Greatest curvature of mountain bends, instead of the road's own ones; 0: none.
-        ramp_degps: Yaw rate round ramps, at the speed of the start; 0: none.
+        ramp_degps: Yaw rate on ramps at the start's speed; 0: none.
         lane_changes_per_min, bridges_per_km: How many lane changes, and shadows of bridges.
         slab_m: Length of concrete slabs, with joints; 0: asphalt.
-        junctions: What joins or leaves the lane on its right, a name of `junctions.JUNCTIONS`.
+        junctions: Roads that join or leave the lane on its right: none, exits or merges.
     """
 
     weather: str = "clear"
@@ -90,18 +101,18 @@ class RoadDriveConfig:
 
 @dataclass(frozen=True)
 class RoadDrive:
-    """A drive; frames are rendered when they are asked for, each on its own.
+    """A planned drive; each frame is rendered on its own, when it is needed.
 
     Attributes:
-        config: What was asked for.
-        camera: At rest; the body's motion on its springs is added.
-        scene: At the start.
-        time_s: Shape (n,): of the frames.
+        config: The configuration.
+        camera: The camera at rest; the body's motion on its springs is added.
+        scene: The scene at the start.
+        time_s: Shape (n,): times of the frames.
         fine_time_s: Shape (m,): a grid of 10 ms.
         fine_states: Shape (m, 9), see `car.drive_along`.
         knots_m, curvature_1pm: Curvature of the lane at stations, linear between them; left positive.
         vertical_1pm: Shape (k,): crests and sags at the same stations.
-        pitch_rad: Shape (n,): of the body at the frames, nose down positive.
+        pitch_rad: Shape (n,): pitch of the body at the frames, nose down positive.
     """
 
     config: RoadDriveConfig
@@ -119,28 +130,29 @@ class RoadDrive:
         return len(self.time_s)
 
     def states_at(self, time_s: FloatArray) -> FloatArray:
-        """Shape (len(time_s), 9): the car's states, linear between the 10 ms of the grid."""
+        """The car's states at the times (n,), shape (n, 9), linear between the 10 ms of the grid."""
         columns = [np.interp(time_s, self.fine_time_s, column) for column in self.fine_states.T]
         return np.column_stack(columns)
 
     def speed_at(self, time_s: FloatArray) -> FloatArray:
-        """Longitudinal speed."""
+        """The longitudinal speed at the times (n,), m/s."""
         return self.config.speed_mps + self.config.accel_mps2 * np.asarray(time_s)
 
     def frame(self, index: int) -> RoadFrame:
-        """Render one frame."""
+        """Render the frame with an index."""
         scene, camera, road = self._place(index)
         return render(scene, camera, road, stream(self.config.seed, "road-drive", "frame", str(index)))
 
     def truth(self, index: int) -> LaneTruth:
-        """The truth of a frame without its picture."""
+        """The truth of the frame with an index, without its picture."""
         return truth_of(*self._place(index))
 
     def frames(self) -> Iterator[RoadFrame]:
-        """All frames in order."""
+        """Render all frames in order."""
         return (self.frame(index) for index in range(len(self)))
 
     def _place(self, index: int) -> tuple[RoadScene, RoadCamera, RoadAhead]:
+        """The scene, the camera and the road ahead at the frame with an index."""
         time_s = float(self.time_s[index])
         state = self.states_at(np.array([time_s]))[0]
         stations = state[STATION] + GRID_M
@@ -157,7 +169,7 @@ class RoadDrive:
         return scene, self.camera.turned(float(self.pitch_rad[index])), road
 
     def _moved(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
-        """The same lane keeps its distance, other lanes pass or fall back, oncoming traffic comes."""
+        """The vehicle at a time: it keeps its distance in the own lane, passes or falls back in others, or comes."""
         rng = stream(self.config.seed, "road-drive", "vehicle", str(number))
         if vehicle.is_oncoming:
             ahead = vehicle.ahead_m - 1.9 * self.config.speed_mps * time_s
@@ -170,7 +182,7 @@ class RoadDrive:
 
 
 def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
-    """Draw the road, the traffic and the weather, and drive.
+    """Draw the road, the traffic and the weather, and simulate the car's motion.
 
     Raises:
         UsageError: The weather or the road is unknown, or a number is out of its range.
@@ -211,7 +223,7 @@ def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
 def _shaped(
     config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knots, curvature and crests with mountain bends and ramps, where they are asked for."""
+    """Knots, curvature and crests with mountain bends and ramps, if the configuration has them."""
     if not (config.bends_1pm or config.ramp_degps):
         return knots_m, curvature, vertical
     fine_m = np.arange(knots_m[0], knots_m[-1], FINE_KNOT_M)
@@ -221,6 +233,7 @@ def _shaped(
 
 
 def _with_defects(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+    """Add the difficulties that the configuration has to the scene."""
     scene = with_markings(scene, config.markings)
     if config.lane_changes_per_min:
         scene = with_lane_beside(scene)
@@ -230,13 +243,13 @@ def _with_defects(scene: RoadScene, config: RoadDriveConfig, length_m: float, rn
 
 
 def draw_vertical(spec: SetSpec, n: int, rng: np.random.Generator) -> FloatArray:
-    """Crests and sags at n stations."""
+    """Draw the vertical curvature at n stations, 1/m: crests are negative, sags positive."""
     sigma, limit = spec.vertical_1pm
     return np.clip(rng.normal(0.0, sigma, n), -limit, limit)
 
 
 def sway_rad(spec: SetSpec, config: RoadDriveConfig, time_s: FloatArray, phases: FloatArray) -> FloatArray:
-    """Pitch of the body on its springs, nose down positive, shape as `time_s`; phases of shape (3,)."""
+    """Pitch of the body on its springs at the times (n,), rad, nose down positive; phases of shape (3,)."""
     sway = (
         np.sin(2 * math.pi * 1.4 * time_s + phases[0])
         + 0.6 * np.sin(2 * math.pi * 2.3 * time_s + phases[1])
@@ -253,14 +266,14 @@ def set_drives(
     camera: RoadCamera | None = None,
     n_frames: int = SET_SIZE // SET_DRIVES,
 ) -> Iterator[RoadDrive]:
-    """A set as short drives at the paper's 10 Hz instead of single frames: for methods that follow the lane.
+    """Plan a set as short drives at the paper's 10 Hz instead of single frames, for methods that follow the lane.
 
     Args:
-        name: A key of `SETS`.
-        n_drives: How many; each has its own road, traffic, speed (17 to 33 m/s) and weather.
+        name: Name of the set: good, complex or hard.
+        n_drives: Number of drives; each has its own road, traffic, speed (17 to 33 m/s) and weather.
         seed: Another seed gives another set with the same distribution.
-        camera: zhang2011's where not given.
-        n_frames: Of each drive; 20 drives of 25 make the 500 of a set.
+        camera: The camera; None: zhang2011's.
+        n_frames: Frames of each drive; 20 drives of 25 make the 500 of a set.
     """
     spec = SETS[name]
     names, chances = list(spec.conditions), np.array(list(spec.conditions.values()))
@@ -278,7 +291,7 @@ def set_drives(
 
 
 def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
-    """Spread patches and shadows along the whole drive, and let each dash begin where it fell."""
+    """Repeat patches and shadows along the whole drive at random stations."""
     patches = []
     for patch in scene.patches:
         for start in np.arange(0.0, length_m, 80.0):
@@ -290,6 +303,7 @@ def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng:
 
 
 def _check(config: RoadDriveConfig) -> None:
+    """Refuse unknown names and numbers outside their ranges."""
     for name, chosen, known in (
         ("weather", config.weather, CONDITIONS),
         ("road", config.road, SETS),

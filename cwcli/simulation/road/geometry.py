@@ -1,4 +1,4 @@
-"""The road ahead as the camera sees it: lines beside the lane's centre, and which distance each image row shows.
+"""The road ahead of the camera: lines parallel to the lane's centre, and the distance that each image row shows.
 
 Body frame: x forward, y left, z up. Offsets from the lane's centre line are positive to the left; one that is an array
 has a value for each arc length of `GRID_M`. The surface is a cylinder z = g x^2 / 2 across the driving direction (a
@@ -18,11 +18,13 @@ from cwcli.simulation.road.camera import RoadCamera
 GRID_M: FloatArray = np.concatenate(
     [np.arange(-2.0, 40.0, 0.5), np.arange(40.0, 120.0, 1.0), np.arange(120.0, 421.0, 3.0)]
 )
-"""Arc lengths at which curves are computed. Between them a chord is off by less than 0.1 mm in the first 40 m at a
-radius of 300 m: below 0.02 pixel."""
+"""Arc lengths ahead at which curves are computed, shape (k,), m. Between them a chord errs by less than 0.1 mm in the
+first 40 m at a radius of 300 m: below 0.02 pixel."""
 FAR_M = 400.0
-"""The road's surface ends here."""
+"""Distance ahead at which the road's surface ends, m. Chosen by hand; not fitted."""
 AWAY_RAD = np.radians(75.0)
+"""Angle from the camera's axis at which the road has turned away and is no longer seen, rad. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)
@@ -30,13 +32,12 @@ class RoadAhead:
     """The lane's centre line in the body frame.
 
     Attributes:
-        curvature_1pm: Shape (len(GRID_M),): at the arc lengths of `GRID_M` from the point beside the camera, left
-            positive.
-        offset_m: Of the camera from the lane's centre, left positive.
-        heading_rad: Of the body from the lane's direction at that point, counter-clockwise positive.
-        vertical_1pm: g, above.
-        station_m: Arc length of the point beside the camera along the road: fixes dashes and texture.
-        bearing_rad: Of the body from the start of a drive, counter-clockwise: moves the skyline.
+        curvature_1pm: Shape (k,): at the grid's arc lengths from the point beside the camera, left positive.
+        offset_m: Offset of the camera from the lane's centre, left positive.
+        heading_rad: Heading of the body from the lane's direction at that point, counter-clockwise positive.
+        vertical_1pm: Vertical curvature g of the surface (above).
+        station_m: Arc length of the point beside the camera along the road, which fixes dashes and texture.
+        bearing_rad: Heading of the body from the start of a drive, counter-clockwise, which moves the skyline.
     """
 
     curvature_1pm: FloatArray
@@ -48,14 +49,14 @@ class RoadAhead:
 
     @cached_property
     def direction_rad(self) -> FloatArray:
-        """Shape (len(GRID_M),): the line's direction in the body frame, by the trapezoidal rule."""
+        """The direction of the centre line in the body frame at the grid's arc lengths, shape (k,), rad."""
         steps = np.diff(GRID_M) * (self.curvature_1pm[1:] + self.curvature_1pm[:-1]) / 2
         turned = np.concatenate([[0.0], np.cumsum(steps)])
         return np.asarray(turned - np.interp(0.0, GRID_M, turned) - self.heading_rad)
 
     @cached_property
     def centre_m(self) -> tuple[FloatArray, FloatArray]:
-        """x and y of the centre line, each of shape (len(GRID_M),). The curve is a chain of short arcs."""
+        """x and y of the centre line at the grid's arc lengths, (k,) each, m. The curve is a chain of short arcs."""
         direction = self.direction_rad
         middle = (direction[1:] + direction[:-1]) / 2
         turn = direction[1:] - direction[:-1]
@@ -71,37 +72,37 @@ class RoadAhead:
         )
 
     def line(self, offset_m: float | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """x and y of the line at an offset from the lane's centre, at the arc lengths of `GRID_M`."""
+        """x and y of the line at an offset from the lane's centre, at the grid's arc lengths, (k,) each, m."""
         x, y = self.centre_m
         return x - offset_m * np.sin(self.direction_rad), y + offset_m * np.cos(self.direction_rad)
 
     @cached_property
     def n_ahead(self) -> int:
-        """How many entries of `GRID_M` lie before the road turns away from the camera (75 deg)."""
+        """The number of grid points before the road turns away from the camera (75 deg)."""
         away = np.flatnonzero(np.abs(self.direction_rad) > AWAY_RAD)
         return int(away[0]) if len(away) else len(GRID_M)
 
     def lateral_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
-        """y of the line at an offset, at distances ahead; NaN outside the road."""
+        """y of the line at an offset, at distances ahead, m; NaN outside the road."""
         x, y = (values[: self.n_ahead] for values in self.line(offset_m))
         return np.interp(x_m, x, y, left=np.nan, right=np.nan)
 
     def arc_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
-        """Station of the line at an offset, at distances ahead: arc length of the centre line beside the point."""
+        """Station of the line at an offset, at distances ahead, m: arc length of the centre line beside the point."""
         x = self.line(offset_m)[0][: self.n_ahead]
         return np.interp(x_m, x, GRID_M[: self.n_ahead]) + self.station_m
 
     def at_arc(self, s_m: float, offset_m: float) -> tuple[float, float, float]:
-        """x, y and direction of the point s_m ahead along the lane, offset_m to its left."""
+        """x, y (m) and direction (rad) of the point s_m ahead along the lane, offset_m to its left."""
         x, y = self.line(offset_m)
         return tuple(float(np.interp(s_m, GRID_M, values)) for values in (x, y, self.direction_rad))  # type: ignore[return-value]
 
     def z_at(self, x_m: FloatArray) -> FloatArray:
-        """Height of the surface at distances ahead."""
+        """Height of the surface at distances ahead, m."""
         return self.vertical_1pm * np.asarray(x_m) ** 2 / 2
 
     def distance_of_rows(self, camera: RoadCamera, v_px: FloatArray) -> FloatArray:
-        """Distance ahead of the nearest road point on each row; NaN where the row meets none within `FAR_M`.
+        """Distance ahead of the nearest road point on each row, m; NaN where the row meets none within 400 m.
 
         From h - g x^2 / 2 = m x with m the ray's fall: x = 2 h / (m + sqrt(m^2 + 2 g h)).
         """
@@ -113,11 +114,11 @@ class RoadAhead:
         return np.where(x <= FAR_M, x, np.nan)
 
     def column_of(self, camera: RoadCamera, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
-        """Image column of the line at an offset, at distances ahead; NaN outside the road."""
+        """Image column of the line at an offset, at distances ahead, px; NaN outside the road."""
         depth = camera.depth(x_m, camera.height_m - self.z_at(x_m))
         return np.asarray(camera.cx - camera.fx * self.lateral_at(offset_m, x_m) / depth)
 
 
 def clothoid(curvature_1pm: float, rate_1pm2: float = 0.0) -> FloatArray:
-    """Curvature over `GRID_M` that changes evenly; it stays as it is beyond 150 m."""
+    """Curvature at the grid's arc lengths that changes evenly, shape (k,), 1/m; constant beyond 150 m."""
     return np.asarray(curvature_1pm + rate_1pm2 * np.clip(GRID_M, None, 150.0))

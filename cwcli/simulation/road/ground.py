@@ -1,4 +1,4 @@
-"""The road's surface and the light on it, over (row, lateral cell)."""
+"""The grey of the road's surface and the light on it, by image row and lateral cell."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from cwcli.simulation.road.scene import Patch, RoadScene, Shadow
 from cwcli.simulation.road.surface import CELL_M, CELLS_M, HALF_WIDTH_M, Float32Array
 
 VERGE_GREY = 78.0
+"""Mean grey of the verge beside the pavement, 0 to 255. Chosen by hand; not fitted."""
 TRACK_M = 0.75
-"""Wheel tracks lie this far from the middle of a lane."""
+"""Distance of the wheel tracks from the middle of a lane, m. Chosen by hand; not fitted."""
 SEAM_M = 0.05
+"""Width of the tar seam around a patch, m. Chosen by hand; not fitted."""
 NEAR_M = 150.0
-"""Patches and shadows farther ahead are not drawn."""
+"""Distance ahead beyond which patches and shadows are not drawn, m. Chosen by hand; not fitted."""
 PENUMBRA_M = 0.06
+"""Width over which the side of a shadow band fades, m. Chosen by hand; not fitted."""
 
 
 def grey_strip(rows: ImageRows, scene: RoadScene) -> Float32Array:
-    """Grey of the unlit-by-shadow surface, markings left out; shape (n, cells)."""
+    """Grey of the surface without shadows and markings, by row and cell; shape (n, cells)."""
     rng = np.random.default_rng(scene.seed)
     shift, along = int(rng.integers(0, 60)) - 30, float(rng.uniform(0, 100))
     start, end = rows.start_m + along, rows.end_m + along
@@ -37,12 +40,12 @@ def grey_strip(rows: ImageRows, scene: RoadScene) -> Float32Array:
         right_edge_m = np.interp(0.5 * (rows.start_m + rows.end_m), *np.transpose(scene.right_edge_path_m))[:, None]
     paved = np.atleast_2d(_between(right_edge_m, scene.left_edge_m, 0.1))
     grass = VERGE_GREY * (1.0 + surface.verge().mean(start, end))
-    made: Float32Array = grass + paved * (road - grass)
-    return made
+    ground: Float32Array = grass + paved * (road - grass)
+    return ground
 
 
 def light_strip(rows: ImageRows, scene: RoadScene) -> Float32Array | None:
-    """Factor on the grey from shadows and headlights, shape (n, cells); None where it is 1 everywhere."""
+    """Factor of shadows and headlights on the grey, by row and cell, shape (n, cells); None if it is 1 everywhere."""
     light = scene.light
     made: Float32Array | None = None
     if light.dapple > 0 or light.shadows:
@@ -62,7 +65,7 @@ def light_strip(rows: ImageRows, scene: RoadScene) -> Float32Array | None:
 
 
 def headlights(rows: ImageRows) -> Float32Array:
-    """Light of the own low beams over (row, cell), with a little from the sky and the street."""
+    """Factor of the own low beams on the grey, by row and cell, with a little light from sky and street."""
     x = rows.x_m[:, None]
     y = rows.road.lateral_at(0.0, rows.x_m)[:, None] + CELLS_M[None, :]
     spread = 1.3 + 0.16 * x
@@ -71,19 +74,22 @@ def headlights(rows: ImageRows) -> Float32Array:
 
 
 def _is_near(rows: ImageRows, station_m: float, reach_m: float) -> bool:
+    """Whether an object at a station is near enough ahead to be drawn."""
     here = rows.road.station_m
     return here - reach_m - 5.0 < station_m < here + reach_m + NEAR_M
 
 
 def _tracks(lane_width_m: float) -> Float32Array:
-    """Darkening over the cells by the wheels of all lanes, up to 0.12."""
+    """Darkening of the cells by the wheel tracks of all lanes, shape (cells,), up to 0.12."""
     in_lane = np.mod(CELLS_M + lane_width_m / 2, lane_width_m) - lane_width_m / 2
     return np.asarray(0.12 * np.exp(-0.5 * ((np.abs(in_lane) - TRACK_M) / 0.25) ** 2), np.float32)
 
 
 def _between(low_m: float | FloatArray, high_m: float, soft_m: float) -> Float32Array:
-    """1 in the cells between two offsets, falling to 0 over soft_m (at least a cell) on both sides; low_m is a number
-    or of shape (n, 1), for n rows."""
+    """Share of each cell between two offsets: 1 inside, falling to 0 over soft_m (at least a cell) on both sides.
+
+    `low_m` is a number, or of shape (n, 1) for n rows.
+    """
     soft = max(soft_m, CELL_M)
     rise = np.clip((CELLS_M - low_m) / soft + 0.5, 0.0, 1.0)
     return np.asarray(np.minimum(rise, np.clip((high_m - CELLS_M) / soft + 0.5, 0.0, 1.0)), np.float32)
@@ -92,12 +98,13 @@ def _between(low_m: float | FloatArray, high_m: float, soft_m: float) -> Float32
 def _share(
     rows: ImageRows, start_m: FloatArray | Float32Array | float, end_m: FloatArray | Float32Array | float
 ) -> FloatArray:
-    """Share of each row's stretch of road that lies between two stations; bounds (1, cells) or numbers."""
+    """Share of each row's stretch of road that lies between two stations, (n, 1) or (n, cells)."""
     low, high = rows.start_m[:, None], rows.end_m[:, None]
     return np.clip((np.minimum(high, end_m) - np.maximum(low, start_m)) / np.maximum(high - low, 1e-3), 0.0, 1.0)
 
 
 def _lay(road: Float32Array, rows: ImageRows, patch: Patch) -> None:
+    """Draw a patch with its seam into the grey of the surface (n, cells), in place."""
     low, high = patch.offset_m - patch.width_m / 2, patch.offset_m + patch.width_m / 2
     if patch.seam:
         outer = _share(rows, patch.station_m - SEAM_M, patch.station_m + patch.length_m + SEAM_M)
@@ -108,6 +115,7 @@ def _lay(road: Float32Array, rows: ImageRows, patch: Patch) -> None:
 
 
 def _band(rows: ImageRows, shadow: Shadow) -> Float32Array:
+    """Share of each row and cell that lies in a shadow band, shape (n, cells)."""
     start = shadow.station_m + shadow.slant * CELLS_M[None, :]
     inside = _share(rows, start, start + shadow.length_m)
     return np.asarray(inside * _between(shadow.right_m, shadow.left_m, PENUMBRA_M), np.float32)

@@ -2,8 +2,8 @@
 
 An exit, seen in the direction of driving (an on-ramp is the same backwards):
 
-- the edge line leaves the lane over `TAPER_M`, until a lane has room beside it,
-- that lane goes on beside the own one for `BESIDE_M`, or not at all (then the taper leads to the ramp at once), with
+- the edge line leaves the lane over a taper, until a lane has room beside it,
+- that lane goes on beside the own one for some length, or not at all (then the taper leads to the ramp at once), with
   broad short dashes between the two; along the taper too, or nothing is painted there,
 - at the gore the own lane's solid line begins again, and the ramp leaves between two solid lines.
 
@@ -25,32 +25,40 @@ from cwcli.simulation.road.scene import Marking, RoadScene
 from cwcli.simulation.road.truth import BoolArray
 
 JUNCTIONS = ("none", "exits", "merges")
+"""Kinds of junctions that `--set junctions` takes."""
 TAPER_M = (60.0, 240.0)
+"""Shortest and longest taper, m; from the design guides above."""
 BESIDE_M = (100.0, 250.0)
+"""Shortest and longest lane beside the own one, m; the longest is that of RAA 2008, the shortest is chosen by hand."""
 BESIDE_CHANCE = 0.7
+"""Chance that a lane beside the own one follows the taper. Chosen by hand (docs/road-renderer.md)."""
 BARE_CHANCE = 0.5
-"""That nothing is painted between the lane and a taper."""
+"""Chance that nothing is painted between the lane and a taper. Chosen by hand (docs/road-renderer.md)."""
 SLOPE = (12.0, 25.0)
-"""A ramp leaves one metre in so many."""
+"""Smallest and largest length over which a ramp leaves by one metre, m. Chosen by hand (docs/road-renderer.md)."""
 AWAY_M = 8.0
-"""So far from the lane a ramp is drawn; there it has turned away."""
+"""Offset from the lane at which a ramp ends, because it has turned away, m. Chosen by hand (docs/road-renderer.md)."""
 APART_M = (60.0, 200.0)
-"""Of plain road before each junction."""
+"""Shortest and longest plain road before each junction, m. Chosen by hand (docs/road-renderer.md)."""
 DIVIDING_M = ((6.0, 3.0), (1.0, 1.0), (0.9, 2.7))
+"""Lengths of dash and gap of dividing lines, m: RMS, others, MUTCD (above)."""
 DIVIDING_WIDTH_M = (0.2, 0.3)
+"""Smallest and largest width of dividing lines, m: all broader than lane lines. Chosen by hand
+(docs/road-renderer.md)."""
 SHOULDER_M = (0.5, 2.5)
+"""Smallest and largest width of the pavement right of the junction's lines, m. Chosen by hand; not fitted."""
 END_M = 10.0
-"""Of the pavement, beyond a ramp that has turned away."""
+"""Length over which the pavement of a ramp ends, m. Chosen by hand; not fitted."""
 
 
 def with_junctions(scene: RoadScene, kind: str, length_m: float, rng: np.random.Generator) -> RoadScene:
-    """The scene with exits or on-ramps one after the other on its right; a lane on the left, and no other cars.
+    """The scene with exits or on-ramps one after the other on its right, a lane on its left, and no other cars.
 
     Args:
-        scene: Without.
-        kind: Of `JUNCTIONS`.
-        length_m: Of the road.
-        rng: Of the junctions.
+        scene: The scene without them.
+        kind: none, exits or merges.
+        length_m: Length of the road.
+        rng: Random stream of the junctions.
     """
     if kind == "none":
         return scene
@@ -93,11 +101,10 @@ def with_junctions(scene: RoadScene, kind: str, length_m: float, rng: np.random.
 
 
 def is_marked(scene: RoadScene, marking: Marking, station_m: FloatArray) -> BoolArray:
-    """Shape as station_m: whether a marking of the lane, or a dividing line in its place, is painted there or between
-    dashes."""
-    made = np.zeros(np.shape(station_m), np.bool_)
+    """Mask of stations (n,) at which a marking, or a dividing line in its place, is painted; dashes' gaps count."""
+    is_painted = np.zeros(np.shape(station_m), np.bool_)
     for each in (marking, *scene.others):
         if each.offset_m == marking.offset_m and not each.path_m:
             for low_m, high_m in each.where_m or ((-math.inf, math.inf),):
-                made |= (station_m >= low_m) & (station_m <= high_m)
-    return made
+                is_painted |= (station_m >= low_m) & (station_m <= high_m)
+    return is_painted

@@ -1,4 +1,4 @@
-"""Lights of other vehicles: a core and a halo."""
+"""The lamps of other vehicles: a core and a halo."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import numpy as np
 from cwcli.simulation.road.surface import Float32Array
 
 HALO = 9.0
-"""Radius of the halo in radii of the lamp."""
+"""Radius of the halo in radii of the lamp. Chosen by hand; not fitted."""
 BY_DAY = 0.25
+"""Strength of a lamp by day relative to night. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class Lamp:
 
 
 def shine(image: Float32Array, lamps: Sequence[Lamp], *, at_night: bool) -> None:
-    """Add lamps to the image, in place."""
+    """Draw lamps into the image, in place."""
     height, width = image.shape
     for lamp in lamps:
         reach = int(min(lamp.radius_px * HALO, width / 5)) + 2

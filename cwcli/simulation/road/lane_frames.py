@@ -1,4 +1,4 @@
-"""Frames of a run of `lane_drive`: the same car and truth, seen by the rendered camera instead of simulated points."""
+"""Rendered frames of a run of `lane_drive`: the same car and truth before a rendered camera."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from cwcli.simulation.road.sets import SETS, draw_scene
 from cwcli.simulation.streams import stream
 
 KEPT_STATION_M = 1e-6
+"""Smallest distance of two stations that are kept as separate knots, m, against rounding."""
 
 
 def drive_of_run(
@@ -27,17 +28,18 @@ def drive_of_run(
     rate_hz: float = 20.0,
     camera: RoadCamera | None = None,
 ) -> RoadDrive:
-    """One run as a drive whose frames can be rendered.
+    """Convert one run of a lane drive to a drive whose frames can be rendered.
 
     Args:
-        truth: From `drive_lane`.
-        run: Which column of it.
-        road: As given to `drive_lane`: its curvature and the lane's width are kept.
-        look: A key of `SETS`: surface, markings, traffic, crests and the body's motion on its springs.
+        truth: The truth of all runs.
+        run: Column of the run in the truth.
+        road: The road of the runs; its curvature and the lane's width are kept.
+        look: Name of a set of frames (good, complex, hard): surface, markings, traffic, crests and the body's motion on
+            its springs.
         weather: A name of `CONDITIONS`.
-        seed: Of the look and of the frames' noise.
-        rate_hz: Of the camera.
-        camera: zhang2011's where not given.
+        seed: Seed of the look and of the frames' noise.
+        rate_hz: Rate of the camera.
+        camera: The camera; None: zhang2011's.
     """
     duration_s = float(truth.time_s[-1])
     speed_mps = float(truth.speed_mps[0, run])

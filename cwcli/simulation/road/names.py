@@ -1,4 +1,4 @@
-"""Names for the command line, without importing NumPy."""
+"""The names of the weather conditions for the command line, without importing NumPy."""
 
 WEATHERS = ("clear", "overcast", "shadow", "glare", "rain", "night", "night-rain", "fog")
-"""The keys of `conditions.CONDITIONS`."""
+"""Names of the weather conditions: the keys of `conditions.CONDITIONS`."""

@@ -18,32 +18,41 @@ from cwcli.simulation.road.trees import N_SHAPES, draw_tree
 from cwcli.simulation.road.truth import BoolArray
 
 MIN_DEPTH_M = 0.5
+"""Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""
 CIRCLE = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
+"""Points of the unit circle with which wheels are drawn, 14 pairs."""
 HAZE_GREY = 200.0
+"""Grey of far haze by day, 0 to 255. Chosen by hand; not fitted."""
 NIGHT_GREY = 0.16
+"""Factor on the grey of objects at night, without headlights. Chosen by hand; not fitted."""
 POST_SPACING_M = 50.0
+"""Distance between guide posts along the road, m. Chosen by hand; not fitted."""
 TREE_SPACING_M = 14.0
+"""Mean distance between trees along the road, m. Chosen by hand; not fitted."""
 RAIL_BANDS = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
-"""A rail and the groove in it: lower and upper edge above the road (m), grey."""
+"""Bands of a guard rail and of the groove in it: lower and upper edge above the road (m), grey. Chosen by hand; not
+fitted."""
 RAIL_STEPS_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
-"""A rail is drawn from far to near in pieces of even haze."""
+"""Distances ahead at which a guard rail is divided into pieces of even haze, far to near, m. Chosen by hand; not
+fitted."""
 DRAWN_M = 150.0
+"""Distance ahead beyond which vehicles and posts are not drawn, m. Chosen by hand; not fitted."""
 
 
 class _View:
-    """Projects points given along the road, and takes the haze of their distance."""
+    """The view of the road: it projects points of the body frame, and fades greys with the distance."""
 
     def __init__(self, camera: RoadCamera, road: RoadAhead, light: Light) -> None:
         self.camera, self.road, self.light = camera, road, light
 
     def points(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> FloatArray:
-        """Corners (n, 2) of body points; z above the road."""
+        """Project points of the body frame, with z above the road, to image points (n, 2), px."""
         x = np.maximum(np.asarray(x_m, np.float64), MIN_DEPTH_M)
         u, v = self.camera.project(x, np.asarray(y_m), np.asarray(z_m) + self.road.z_at(x))
         return np.column_stack([u, v])
 
     def shade(self, grey: float, distance_m: float) -> float:
-        """Grey of a thing at a distance: night, haze."""
+        """Grey of an object at a distance, after night or haze."""
         if self.light.night:
             return grey * NIGHT_GREY + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
         clear = math.exp(-(self.light.fog_1pm + 0.0008) * distance_m)
@@ -51,7 +60,7 @@ class _View:
 
 
 def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene) -> None:
-    """Trees, posts and rails, in place."""
+    """Draw trees, posts and guard rails, in place."""
     view = _View(camera, road, scene.light)
     _trees(image, view, scene)
     for side in (scene.left_edge_m + 0.7, scene.right_edge_m - 0.7):
@@ -64,10 +73,10 @@ def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scen
 def draw_vehicles(
     image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, hidden: BoolArray
 ) -> list[Lamp]:
-    """Vehicles, in place; marks what they hide.
+    """Draw the vehicles in place, and mark the pixels that they hide.
 
     Returns:
-        Lights that dazzle at night.
+        Lamps that dazzle at night.
     """
     view = _View(camera, road, scene.light)
     lamps: list[Lamp] = []
@@ -78,18 +87,19 @@ def draw_vehicles(
 
 
 def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: BoolArray) -> list[Lamp]:
+    """Draw a vehicle in place, mark the pixels that it hides, and return its lamps."""
     x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
     forward = np.array([math.cos(direction), math.sin(direction)])
     left = np.array([-forward[1], forward[0]])
     half, height, length = vehicle.width_m / 2, vehicle.height_m, vehicle.length_m
     is_tall = height > 2.2
 
-    def at(along: float, across: float, up: float) -> tuple[float, float, float]:
+    def body_point(along: float, across: float, up: float) -> tuple[float, float, float]:
         place = np.array([x, y]) + along * forward + across * left
         return float(place[0]), float(place[1]), up
 
     def shape(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
-        px, py, pz = np.array([at(*corner) for corner in corners]).T
+        px, py, pz = np.array([body_point(*corner) for corner in corners]).T
         return FilledShape(view.points(px, py, pz), view.shade(grey, x))
 
     def face(
@@ -135,7 +145,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
     for across in (half - 0.2, -half + 0.2):
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
         body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
-        centre = view.points(*(np.array([value]) for value in at(0.0, across, lamp_z)))[0]
+        centre = view.points(*(np.array([value]) for value in body_point(0.0, across, lamp_z)))[0]
         radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.11) / max(x, 1.0)
         if np.isfinite(centre).all():
             strength = 1.0 if vehicle.is_oncoming else (0.7 if vehicle.is_braking else 0.4)
@@ -145,6 +155,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
 
 
 def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
+    """Draw the guard rail at an offset, in place."""
     x, y = (values[: view.road.n_ahead] for values in view.road.line(offset_m))
     starts = np.arange(4.0, 60.0, 4.0)[::-1]
     along = starts[:, None] + np.array([0.0, 0.12, 0.12, 0.0])
@@ -164,6 +175,7 @@ def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
 
 
 def _posts(image: Float32Array, view: _View, offset_m: float) -> None:
+    """Draw the guide posts at an offset, in place."""
     first = -view.road.station_m % POST_SPACING_M
     for ahead in np.arange(first, DRAWN_M, POST_SPACING_M)[::-1]:
         if ahead < 5.0:
@@ -179,7 +191,7 @@ def _posts(image: Float32Array, view: _View, offset_m: float) -> None:
 
 
 def _trees(image: Float32Array, view: _View, scene: RoadScene) -> None:
-    """Trees and bushes beside the road: the same ones at the same stations for a scene's seed."""
+    """Draw trees and bushes along the road, the same ones at the same stations for a scene's seed."""
     first = math.floor(view.road.station_m / TREE_SPACING_M) + 1
     for number in range(first + int(130 / TREE_SPACING_M), first, -1):
         rng = np.random.default_rng([scene.seed, number])

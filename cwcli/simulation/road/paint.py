@@ -15,6 +15,7 @@ from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.surface import WEAR_CELL_M, WEAR_CELLS, WEAR_LEVELS, Float32Array, wear
 
 FULLY_KEPT = 0.97
+"""Share of paint that is left from which a marking is drawn without wear. Chosen by hand; not fitted."""
 
 
 def paint(image: Float32Array, rows: ImageRows, marking: Marking, *, gain: float) -> None:
@@ -23,7 +24,7 @@ def paint(image: Float32Array, rows: ImageRows, marking: Marking, *, gain: float
     Args:
         image: Shape (n, width): grey before the light.
         rows: The rows.
-        marking: What to paint.
+        marking: The marking.
         gain: Factor on the paint's grey (wet or retro-reflecting paint).
     """
     sign = 1.0 if marking.offset_m >= 0 else -1.0
@@ -35,6 +36,7 @@ def paint(image: Float32Array, rows: ImageRows, marking: Marking, *, gain: float
 def _stripe(
     image: Float32Array, rows: ImageRows, marking: Marking, offset_m: float, dash_m: tuple[float, float], gain: float
 ) -> None:
+    """Blend one stripe of a marking into the image of the rows, in place."""
     camera, road, half = rows.camera, rows.road, marking.width_m / 2
     start_m, end_m = road.station_m + GRID_M[0], road.station_m + FAR_M
     where_m = [each for each in marking.where_m if each[1] > start_m and each[0] < end_m]
@@ -72,7 +74,7 @@ def _stripe(
 
 
 def _painted(edge_m: FloatArray, dash_m: tuple[float, float]) -> FloatArray:
-    """Painted share of the stretches between neighbouring edges (n, k + 1) -> (n, k); edges fall along a row."""
+    """Share of the stretches between neighbouring edges (n, k + 1) that dashes cover, (n, k); edges fall in a row."""
     line, gap = dash_m
     if gap <= 0.0:
         return np.ones((edge_m.shape[0], edge_m.shape[1] - 1))
@@ -84,7 +86,7 @@ def _painted(edge_m: FloatArray, dash_m: tuple[float, float]) -> FloatArray:
 
 
 def _inside(edge_m: FloatArray, where_m: list[tuple[float, float]]) -> FloatArray:
-    """Share of the stretches between neighbouring edges (n, k + 1) that lies where there is paint, (n, k)."""
+    """Share of the stretches between neighbouring edges (n, k + 1) that lies where the line is painted, (n, k)."""
     far, near = edge_m[:, :-1], edge_m[:, 1:]
     within = sum(np.maximum(np.minimum(far, end) - np.maximum(near, start), 0.0) for start, end in where_m)
     return np.asarray(within / np.maximum(far - near, 1e-6))
@@ -99,7 +101,7 @@ def _kept(
     marking: Marking,
     offset_m: float,
 ) -> FloatArray:
-    """Share of the paint that is left at the pixels of a stripe."""
+    """Share of the paint that is left at the pixels of a stripe, shape of `columns`."""
     level = min(WEAR_LEVELS, key=lambda each: abs(each - marking.kept))
     texture, mean = wear(level)
     shift_m = 37.0 * offset_m  # so that neighbouring markings wear differently

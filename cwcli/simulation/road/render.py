@@ -18,10 +18,11 @@ from cwcli.simulation.road.scene import RoadScene
 from cwcli.simulation.road.truth import LaneTruth, lane_truth
 
 RETRO_REFLECTION = 1.45
-"""Paint's gain over the road's in the own headlights."""
+"""Factor on the grey of paint in the own headlights, relative to the road. Chosen by hand; not fitted."""
 WET_PAINT = 0.88
-"""A film of water takes some of a marking's contrast."""
+"""Factor on the grey of paint in full rain, because a film of water takes contrast. Chosen by hand; not fitted."""
 WET_ROAD = 0.72
+"""Factor on the grey of the road in full rain. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class RoadFrame:
 
     Attributes:
         grey: Shape (height, width), uint8.
-        truth: What it shows.
+        truth: Exact truth of the frame.
     """
 
     grey: npt.NDArray[np.uint8]
@@ -41,10 +42,10 @@ def render(scene: RoadScene, camera: RoadCamera, road: RoadAhead, rng: np.random
     """Render one frame.
 
     Args:
-        scene: What there is.
-        camera: With the pitch of this moment.
-        road: The lane from the camera's place.
-        rng: Of rain and sensor noise.
+        scene: The scene.
+        camera: The camera with the pitch of this moment.
+        road: The road ahead of the camera.
+        rng: Random stream of rain and sensor noise.
     """
     light = scene.light
     rows = rows_of(camera, road)
@@ -83,5 +84,6 @@ def truth_of(scene: RoadScene, camera: RoadCamera, road: RoadAhead) -> LaneTruth
 
 
 def _truth(scene: RoadScene, camera: RoadCamera, road: RoadAhead, hidden: npt.NDArray[np.bool_]) -> LaneTruth:
+    """The truth of the scene's own lane with pixels (height, width) hidden by vehicles."""
     widths = (scene.left.width_m, scene.right.width_m)
     return lane_truth(camera, road, scene.lane_width_m, widths, scene.condition, hidden, lane_m=scene.lane_m)

@@ -1,4 +1,4 @@
-"""What each image row shows of the road: computed once a frame, shared by everything that is painted on it."""
+"""The part of the road that each image row shows, computed once per frame for all that is painted on it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from cwcli.simulation.road.geometry import FAR_M, RoadAhead
 from cwcli.simulation.road.surface import CELL_M, HALF_WIDTH_M, Float32Array
 
 SUB_ROWS = 4
-"""Each row is divided into so many for anti-aliasing."""
+"""Number of sub-rows of each row, for anti-aliasing. Chosen by hand; not fitted."""
 REACH_M = 8.0
-"""Between the lines at this offset on both sides, columns are interpolated linearly (texture only, not paint)."""
+"""Offset of the two lines between which columns are mapped linearly to lateral cells, m (texture only, not paint).
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class ImageRows:
     """The n rows that show road, from the top.
 
     Attributes:
-        camera, road: Of the frame.
+        camera, road: Camera and road of the frame.
         v_px: Shape (n,): row numbers.
         x_m: Shape (n,): distance at the rows' centres.
         edge_x_m: Shape (n, SUB_ROWS + 1): distance at the edges of the sub-rows, falling from top to bottom.
@@ -45,18 +46,18 @@ class ImageRows:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, width)."""
+        """The shape of an image of the rows: (n, width)."""
         return self.map_u.shape[0], self.map_u.shape[1]
 
     def spread(self, strip: Float32Array) -> Float32Array:
-        """Values over (row, lateral cell) as an image of the rows; mirrored beyond the outermost cells."""
+        """Map values (n, cells) by row and cell to an image (n, width); mirrored beyond the outermost cells."""
         import cv2
 
         return np.asarray(cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
 
 
 def rows_of(camera: RoadCamera, road: RoadAhead) -> ImageRows:
-    """The rows that show road."""
+    """Compute the rows that show road."""
     every = np.arange(camera.height_px, dtype=np.float64)
     x_m = road.distance_of_rows(camera, every)
     v = np.flatnonzero(np.isfinite(x_m))

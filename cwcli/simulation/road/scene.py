@@ -1,4 +1,4 @@
-"""What a rendered frame shows: the description that the renderer draws and that the sets draw at random.
+"""The description of a scene, which the renderer draws and the sets of frames draw at random.
 
 Offsets are from the lane's centre, left positive; stations are arc lengths along the road, so that a scene can be
 driven through. Grey values are those of an 8-bit camera image of a sunlit road.
@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 ASPHALT_GREY = 95.0
+"""Default grey of asphalt in sunlight, 0 to 255. Chosen by hand; not fitted."""
 PAINT_GREY = 205.0
+"""Default grey of new paint in sunlight, 0 to 255. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -17,15 +19,15 @@ class Marking:
     """A painted line along the road.
 
     Attributes:
-        offset_m: Of its stripe next to the lane.
-        width_m: Of a stripe.
+        offset_m: Offset of its stripe next to the lane.
+        width_m: Width of a stripe.
         dash_m: Painted length and gap; (0, 0) is solid.
         is_double: A second, solid stripe farther from the lane's centre, one width apart.
-        grey: Of new paint.
+        grey: Grey of new paint.
         kept: Share of the paint that is left, 0 to 1.
         phase_m: Station where a dash begins.
-        where_m: First and last station of each stretch in which it is painted; none: everywhere.
-        path_m: Stations, and the offsets there, of a marking that does not run beside the lane: linear between them.
+        where_m: First and last station of each stretch on which it is painted; empty: everywhere.
+        path_m: Stations and offsets of a marking that is not parallel to the lane, linear between them.
     """
 
     offset_m: float
@@ -48,7 +50,7 @@ class Patch:
     offset_m: float
     width_m: float
     ratio: float
-    """Of its grey to that of the road."""
+    """Ratio of the patch's grey to that of the road."""
     seam: bool = True
 
 
@@ -65,12 +67,12 @@ class Shadow:
 
 @dataclass(frozen=True)
 class SceneVehicle:
-    """A car or lorry, seen from behind (or from before, if it comes the other way).
+    """A car or lorry, seen from behind, or from the front if it is oncoming.
 
     Attributes:
         ahead_m: Arc length from the camera to its nearer end.
-        offset_m: Of its middle.
-        grey: Of its paint.
+        offset_m: Offset of its middle.
+        grey: Grey of its paint.
     """
 
     ahead_m: float
@@ -91,9 +93,9 @@ class Light:
         exposure: Factor on every grey value.
         dapple: Share of the road under leaves' shadow, 0 to 1.
         shadow_depth: Factor on the light inside a shadow.
-        shadows: Bands.
+        shadows: Shadow bands across the road.
         glare: Brightness of a low sun ahead, grey levels; 0 is none.
-        glare_u: Its place across the image, 0 to 1.
+        glare_u: Place of the sun across the image, 0 to 1.
         fog_1pm: Attenuation of contrast over distance.
         rain: 0 to 1: wet road, streaks, drops on the windscreen.
         night: The own headlights light the road; others' lights dazzle.
@@ -121,13 +123,12 @@ class RoadScene:
     """Everything but the camera and the place on the road.
 
     Attributes:
-        condition: Name for tables, e.g. `rain`.
-        lane_width_m: Of the own lane and its neighbours.
+        condition: Name of the weather in tables, e.g. `rain`.
+        lane_width_m: Width of the own lane and its neighbours.
         left, right: The boundaries of the own lane; `offset_m` is half the lane's width to both sides of `lane_m`.
         others: Further markings.
-        left_edge_m, right_edge_m: Where the pavement ends.
-        right_edge_path_m: Stations, and where the pavement ends there on the right, instead of `right_edge_m`, beyond
-            which posts and trees stand.
+        left_edge_m, right_edge_m: Offsets at which the pavement ends; posts and trees stand beyond them.
+        right_edge_path_m: Stations and offsets at which the pavement ends on the right, instead of `right_edge_m`.
         asphalt: Grey of the road.
         texture: Factor on the surface's grain.
         tracks: Darkening of the wheel tracks, 0 to 1.
@@ -135,9 +136,9 @@ class RoadScene:
         patches, vehicles: On the road.
         rail_left_m, rail_right_m: Offsets of guard rails; NaN is none.
         light: Light and weather.
-        seed: Of surface, verge and skyline; a drive keeps it, so that they stay in place.
-        lane_m: Offset of the own lane's centre line from the line that the road is described by: not 0 once the car
-            has changed lanes.
+        seed: Seed of surface, verge and skyline; a drive keeps it, so that they stay in place.
+        lane_m: Offset of the own lane's centre line from the line that describes the road; not 0 once the car has
+            changed lanes.
     """
 
     condition: str

@@ -4,7 +4,7 @@ The paper gives no numbers of either set; `SETS` is the one place that defines t
 1.2.1): in a complex environment there is much noise, and the gradient may be missing in places, but along the boundary
 as a whole it is very clear. So a boundary of `good` is painted all along, and one of `complex` on more than half of
 its rows; dashed lines (25 to 40 % painted) and double ones belong to `hard`, which the paper does not describe
-(docs/road-renderer.md explains each value, and tells what was set with zhang2011's results in view).
+(docs/road-renderer.md explains each value, and says which ones were set with zhang2011's results in view).
 """
 
 from __future__ import annotations
@@ -23,27 +23,29 @@ from cwcli.simulation.road.scene import Marking, Patch, RoadScene, SceneVehicle
 from cwcli.simulation.streams import stream
 
 SET_SIZE = 500
+"""Number of frames of a set. Chosen by hand (docs/road-renderer.md)."""
 DASHES_M = ((6.0, 9.0), (4.0, 6.0), (3.0, 9.0))
-"""Painted and unpainted length: motorways and main roads of China (GB 5768.3), US motorways."""
+"""Lengths of dash and gap, m: motorways and main roads of China (GB 5768.3), US motorways."""
 DASH_CHANCES = (0.5, 0.4, 0.1)
+"""Chances of these dash patterns. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class SetSpec:
-    """How a set's frames are drawn. Normal values have a sigma and a limit at which they are cut.
+    """The distributions of a set's frames. Normal values have a sigma and a limit at which they are clipped.
 
     Attributes:
         conditions: Name of `CONDITIONS` -> chance.
-        curvature_1pm, curvature_rate_1pm2: Of the lane: sigma, limit.
-        vertical_1pm: Of crests and sags: sigma, limit.
-        offset_m, heading_rad, pitch_rad: Of the car in its lane and on its springs: sigma, limit.
-        lane_width_m, marking_width_m, asphalt, paint: Lowest and highest, even.
+        curvature_1pm, curvature_rate_1pm2: Curvature of the lane and its change: sigma, limit.
+        vertical_1pm: Vertical curvature of crests and sags: sigma, limit.
+        offset_m, heading_rad, pitch_rad: Pose of the car in its lane and on its springs: sigma, limit.
+        lane_width_m, marking_width_m, asphalt, paint: Lowest and highest value, even.
         kept: Lowest share of paint that is left; even up to 1.
         dashed, double: Chance that a boundary is dashed; that the left one is double.
         patches: Greatest number of repair patches; even from 0.
-        cracks, tracks: Highest; even from 0.
+        cracks, tracks: Highest value; even from 0.
         vehicles: Chance of a vehicle in each of: own lane ahead, left lane, right lane.
-        own_gap_m: Nearest and farthest vehicle ahead in the own lane.
+        own_gap_m: Smallest and largest distance of the vehicle ahead in the own lane.
         rail: Chance of a guard rail on each side.
     """
 
@@ -100,6 +102,7 @@ _COMPLEX = SetSpec(
     own_gap_m=(22.0, 80.0),
     rail=0.5,
 )
+"""The set `complex`, whose values docs/road-renderer.md explains."""
 
 SETS: Mapping[str, SetSpec] = MappingProxyType(
     {
@@ -129,23 +132,24 @@ SETS: Mapping[str, SetSpec] = MappingProxyType(
         "hard": replace(_COMPLEX, kept=0.45, dashed=0.55, double=0.15),
     }
 )
+"""The sets of frames by name. Their values are chosen by hand; docs/road-renderer.md explains them."""
 
 
 def frames(name: str, n: int = SET_SIZE, *, seed: int = 0, camera: RoadCamera | None = None) -> Iterator[RoadFrame]:
-    """The frames of a set, each drawn on its own: frame i is the same however many are asked for.
+    """Render the frames of a set, each drawn on its own: frame i does not depend on n.
 
     Args:
-        name: A key of `SETS`.
-        n: How many.
+        name: Name of the set: good, complex or hard.
+        n: Number of frames.
         seed: Another seed gives another set with the same distribution.
-        camera: zhang2011's where not given.
+        camera: The camera; None: zhang2011's.
     """
     for index in range(n):
         yield frame(name, index, seed=seed, camera=camera)
 
 
 def frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = None) -> RoadFrame:
-    """One frame of a set."""
+    """Render one frame of a set."""
     rng = stream(seed, "road", name, str(index))
     spec = SETS[name]
     names, chances = list(spec.conditions), list(spec.conditions.values())
@@ -158,12 +162,12 @@ def frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = N
         vertical_1pm=_cut(rng, spec.vertical_1pm),
         bearing_rad=float(rng.uniform(-3, 3)),
     )
-    turned = (camera or paper_camera()).turned(_cut(rng, spec.pitch_rad))
-    return render(scene, turned, road, rng)
+    pitched = (camera or paper_camera()).turned(_cut(rng, spec.pitch_rad))
+    return render(scene, pitched, road, rng)
 
 
 def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadScene:
-    """Draw markings, surface, traffic and light; the road's shape is drawn apart."""
+    """Draw markings, surface, traffic and light; the road's shape is drawn separately."""
     width_m = rng.uniform(*spec.lane_width_m)
     n_left, n_right = int(rng.integers(0, 3)), int(rng.integers(0, 2))
     left = _boundary(spec, width_m / 2, rng, may_be_double=True)
@@ -198,10 +202,12 @@ def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadS
 
 
 def _cut(rng: np.random.Generator, normal: tuple[float, float]) -> float:
+    """Draw from a normal distribution around 0 with (sigma, limit), clipped at the limit."""
     return float(np.clip(rng.normal(0.0, normal[0]), -normal[1], normal[1]))
 
 
 def _boundary(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:
+    """Draw the marking of a boundary at an offset."""
     dash = DASHES_M[int(rng.choice(len(DASHES_M), p=DASH_CHANCES))]
     is_dashed = rng.random() < spec.dashed
     return Marking(
@@ -216,6 +222,7 @@ def _boundary(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_b
 
 
 def _patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
+    """Draw a repair patch in the own lane."""
     return Patch(
         station_m=rng.uniform(5.0, 45.0),
         length_m=rng.uniform(1.0, 8.0),
@@ -229,6 +236,7 @@ def _patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
 def _traffic(
     spec: SetSpec, lane_width_m: float, n_left: int, n_right: int, rng: np.random.Generator
 ) -> tuple[SceneVehicle, ...]:
+    """Draw the vehicles ahead in the own lane and in the lanes to its left and right."""
     found = []
     places = [(0.0, spec.vehicles[0], True)]
     places += [(lane_width_m * (k + 1), spec.vehicles[1], n_left > 0) for k in range(n_left)]

@@ -1,8 +1,8 @@
-"""Surfaces as seen from the car: asphalt, verge, leaves' shadow and worn paint, averaged over what each row shows.
+"""Textures of asphalt, verge, leaves' shadow and worn paint, averaged over the stretch that each row shows.
 
 A row near the horizon covers metres of road, one at the bottom centimetres. So that far texture neither flickers nor
 aliases, each texture is kept as its running sum along the road: the mean over a row's stretch of road is a difference
-of two sums. Textures are the same in every process: a fixed seed; scenes take them from different places.
+of two sums. Textures have fixed seeds, so they are the same in every process; scenes take different parts of them.
 """
 
 from __future__ import annotations
@@ -18,32 +18,39 @@ from cwcli.signals.columns import FloatArray
 Float32Array = npt.NDArray[np.float32]
 
 CELL_M = 0.04
-"""Lateral size of a texture's cell."""
+"""Width of a texture's cell across the road, m. Chosen by hand; not fitted."""
 HALF_WIDTH_M = 12.0
+"""Largest offset that the textures cover on each side, m. Chosen by hand; not fitted."""
 STEP_M = 0.05
-"""Size of a cell along the road."""
+"""Length of a texture's cell along the road, m. Chosen by hand; not fitted."""
 N_STEPS = 2048
+"""Number of a texture's cells along the road, after which it repeats. Chosen by hand; not fitted."""
 N_CELLS = round(2 * HALF_WIDTH_M / CELL_M)
+"""Number of a texture's cells across the road."""
 CELLS_M: Float32Array = ((np.arange(N_CELLS) + 0.5) * CELL_M - HALF_WIDTH_M).astype(np.float32)
-"""Offsets of the cells' centres."""
+"""Offsets of the cells' centres from the lane's centre, shape (cells,), m."""
 
 WEAR_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
+"""Shares of paint that is left for which a wear texture is made; a marking takes the nearest one. Chosen by hand; not
+fitted."""
 WEAR_CELL_M = 0.01
+"""Width of a wear texture's cell across a marking, m. Chosen by hand; not fitted."""
 WEAR_CELLS = 64
+"""Number of a wear texture's cells across a marking. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Texture:
-    """A texture that repeats along the road; its mean is taken out.
+    """A texture that repeats along the road, with mean 0.
 
     Attributes:
-        sums: Shape (N_STEPS + 1, cells): running sum along the road times `STEP_M`.
+        sums: Shape (cells along + 1, cells across): running sum along the road times the length of a cell.
     """
 
     sums: Float32Array
 
     def mean(self, start_m: FloatArray, end_m: FloatArray, shift: int = 0) -> Float32Array:
-        """Mean over stretches of road.
+        """Mean of the texture over stretches of road.
 
         Args:
             start_m, end_m: Shape (n,): stations, end after start.
@@ -61,6 +68,7 @@ class Texture:
         return np.roll(made, shift, axis=1) if shift else made
 
     def _sum_to(self, station_m: FloatArray) -> Float32Array:
+        """The running sum from station 0 to the stations (n,), shape (n, cells); it repeats with the texture."""
         place = np.mod(station_m / STEP_M, N_STEPS)
         low = np.minimum(place.astype(np.intp), N_STEPS - 1)
         part = (place - low).astype(np.float32)[:, None]
@@ -69,12 +77,13 @@ class Texture:
 
 
 def _texture(values: FloatArray) -> Texture:
+    """Make a texture of mean 0 from values (cells along, cells across)."""
     centred = (values - values.mean(axis=0)) * STEP_M
     return Texture(np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(centred, axis=0)]).astype(np.float32))
 
 
 def _blobs(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, float]) -> FloatArray:
-    """Smooth noise of standard deviation 1, cyclic; size is the blobs' sigma in cells along and across."""
+    """Draw smooth cyclic noise of standard deviation 1; `size` is its sigma in cells along and across."""
     along, across = (np.fft.fftfreq(n) for n in shape)
     filtered = np.exp(-2 * np.pi**2 * ((along[:, None] * size[0]) ** 2 + (across[None, :] * size[1]) ** 2))
     noise = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * filtered).real
@@ -83,7 +92,7 @@ def _blobs(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, 
 
 @cache
 def asphalt() -> Texture:
-    """Relative grey: grain, streaks along the road, blotches."""
+    """The relative grey of asphalt: grain, streaks along the road, blotches."""
     rng = np.random.default_rng(101)
     shape = (N_STEPS, N_CELLS)
     grain = rng.standard_normal(shape)
@@ -94,7 +103,7 @@ def asphalt() -> Texture:
 
 @cache
 def verge() -> Texture:
-    """Relative grey of grass and gravel."""
+    """The relative grey of grass and gravel beside the road."""
     rng = np.random.default_rng(102)
     shape = (N_STEPS, N_CELLS)
     return _texture(0.22 * _blobs(rng, shape, (1.5, 2.0)) + 0.16 * _blobs(rng, shape, (20.0, 12.0)))
@@ -102,7 +111,7 @@ def verge() -> Texture:
 
 @cache
 def cracks() -> Texture:
-    """Thin dark lines: sealed cracks along and across the road."""
+    """The relative grey of sealed cracks: thin dark lines along and across the road."""
     rng = np.random.default_rng(103)
     made = np.zeros((N_STEPS, N_CELLS))
     for _ in range(9):  # along, wandering
@@ -119,7 +128,7 @@ def cracks() -> Texture:
 
 @cache
 def leaves() -> Texture:
-    """1 in the leaves' shadow, 0 in the sun between (with the mean taken out): half the road each."""
+    """The shadow of leaves: 1 in shadow, 0 in sun, half the road each, less the mean."""
     rng = np.random.default_rng(104)
     shape = (N_STEPS, N_CELLS)
     field = _blobs(rng, shape, (14.0, 14.0)) + 0.7 * _blobs(rng, shape, (4.0, 4.0))
@@ -128,7 +137,7 @@ def leaves() -> Texture:
 
 @cache
 def wear(level: float) -> tuple[Texture, FloatArray]:
-    """Places where paint is left, and their mean per cell: 1 where it is, 0 where it is gone."""
+    """The texture of worn paint, 1 where paint is left and 0 where it is gone less the mean, and the mean per cell."""
     rng = np.random.default_rng(105)
     shape = (N_STEPS, WEAR_CELLS)
     field = _blobs(rng, shape, (5.0, 5.0)) + 0.8 * _blobs(rng, shape, (60.0, 30.0)) + 0.5 * rng.standard_normal(shape)

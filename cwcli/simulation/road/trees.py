@@ -1,4 +1,4 @@
-"""Trees: a few shapes with ragged crowns, made once and scaled to their place."""
+"""Trees: a few shapes with ragged crowns, made once and scaled to their size in the image."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.surface import Float32Array
 
 N_SHAPES = 12
+"""Number of different tree shapes. Chosen by hand; not fitted."""
 SIZE_PX = 96
+"""Height and width at which tree shapes are made, px. Chosen by hand; not fitted."""
 
 
 @cache
 def _shape(number: int) -> tuple[Float32Array, Float32Array]:
-    """Cover (0 to 1) and light (0 to 1) of a tree, each of shape (SIZE_PX, SIZE_PX)."""
+    """Make a tree shape: its cover and its light, 0 to 1, (96, 96) each."""
     rng = np.random.default_rng([11, number])
     v, u = np.mgrid[0:SIZE_PX, 0:SIZE_PX] / (SIZE_PX - 1.0)
     freq = np.fft.fftfreq(SIZE_PX)
@@ -44,7 +46,7 @@ def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, li
     Args:
         image: Shape (height, width).
         box: Shape (2, 2): top left and bottom right corner (u, v).
-        number: Shape, 0 to N_SHAPES - 1.
+        number: Number of the tree shape, 0 to 11.
         dark, light: Greys of its shadow and light sides.
     """
     import cv2

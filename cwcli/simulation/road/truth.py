@@ -1,4 +1,4 @@
-"""What a rendered frame shows, exactly."""
+"""The exact truth of a rendered frame."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from cwcli.simulation.road.geometry import GRID_M, RoadAhead
 BoolArray = npt.NDArray[np.bool_]
 
 VISIBLE_RANGE_M = 60.0
-"""Rows that show the road farther away count as not visible: a marking of 0.15 m is 2 pixels wide there (320 x 240)."""
+"""Distance beyond which a boundary counts as not visible, m: a marking of 0.15 m is 2 pixels wide there at 320 x
+240."""
 SIDES = ("left", "right")
+"""Names of the boundaries of the own lane."""
 
 
 @dataclass(frozen=True)
 class LaneTruth:
-    """Truth of one frame. Arrays over rows have one value for every image row, from the top.
+    """The truth of one frame. Arrays over rows have one value for every image row, from the top.
 
     A boundary is the centre line of its marking; of a double marking it is the stripe next to the lane. Where paint is
     missing (the gaps of a dashed line, worn places) the boundary goes on.
 
     Attributes:
-        camera: With the pitch of this moment.
+        camera: The camera with the pitch of this moment.
         road: The road ahead; see `boundary_y_m`.
         x_m: Shape (height,): distance ahead that each row's centre shows, NaN above the road's end.
         left_u_px, right_u_px: Shape (height,): column of the boundary, NaN where there is no road; may lie outside the
@@ -34,8 +36,8 @@ class LaneTruth:
         left_visible, right_visible: Shape (height,): inside the image, nearer than `VISIBLE_RANGE_M`, not hidden by a
             crest or a vehicle.
         left_half_width_px, right_half_width_px: Shape (height,): half the painted width.
-        lane_width_m: Between the two boundaries.
-        condition: What the frame shows, e.g. `rain`.
+        lane_width_m: Distance of the two boundaries.
+        condition: Name of the weather, e.g. `rain`.
         lane_m: Offset of the lane's centre line from that of `road`.
     """
 
@@ -54,33 +56,34 @@ class LaneTruth:
 
     @property
     def lateral_offset_m(self) -> float:
-        """Camera from the lane's centre beside it, left positive."""
+        """The offset of the camera from the lane's centre beside it, m, left positive."""
         return self.road.offset_m - self.lane_m
 
     @property
     def heading_rad(self) -> float:
-        """Body from the lane's direction beside the camera, counter-clockwise positive."""
+        """The heading of the body from the lane's direction beside the camera, rad, counter-clockwise positive."""
         return self.road.heading_rad
 
     @property
     def curvature_1pm(self) -> float:
-        """Of the lane beside the camera, left positive."""
+        """The curvature of the lane beside the camera, 1/m, left positive."""
         return float(np.interp(0.0, GRID_M, self.road.curvature_1pm))
 
     def boundary_y_m(self, side: str, x_m: FloatArray) -> FloatArray:
-        """Lateral place of a boundary (`left`, `right`) in the body frame at distances ahead."""
+        """Lateral place of a boundary (`left`, `right`) in the body frame at distances ahead, m, left positive."""
         half = self.lane_width_m / 2
         return self.road.lateral_at(self.lane_m + (half if side == "left" else -half), x_m)
 
     def at_preview(self, preview_m: float) -> tuple[float, float, float]:
-        """The lane's centre where the body's x axis is preview_m ahead; see `lane_at`."""
+        """y (m), direction (rad) and curvature (1/m) of the lane's centre preview_m ahead on the body's x axis."""
         y_m, direction_rad, curvature_1pm = self.lane_at(np.array([preview_m]))[:, 0].tolist()
         return y_m, direction_rad, curvature_1pm
 
     def lane_at(self, x_m: FloatArray) -> FloatArray:
-        """The lane's centre at distances ahead, shape (3, len(x_m)); NaN where it has turned away before (75 deg).
+        """y, direction and curvature of the lane's centre at distances ahead (n,), shape (3, n).
 
-        y_m (left positive), direction in the body frame (counter-clockwise positive), curvature (left positive).
+        y (m) and curvature (1/m) are left positive, the direction in the body frame (rad) is counter-clockwise
+        positive. NaN where the lane has turned away before (75 deg).
         """
         n = self.road.n_ahead
         x, y = self.road.line(self.lane_m)
@@ -89,7 +92,7 @@ class LaneTruth:
         return np.array([np.interp(s, GRID_M, each) for each in (y, self.road.direction_rad, curvature_1pm)])
 
     def tusimple(self, h_samples: npt.NDArray[np.int64]) -> list[list[int]]:
-        """Both boundaries in TuSimple's form: whole columns at the given rows, -2 where there is nothing to see."""
+        """Both boundaries in TuSimple's form: whole columns at the given rows, -2 where it is not visible."""
         lanes = []
         for u, visible in ((self.left_u_px, self.left_visible), (self.right_u_px, self.right_visible)):
             inside = h_samples[(h_samples >= 0) & (h_samples < len(u))]
@@ -98,10 +101,10 @@ class LaneTruth:
         return lanes
 
     def parabola(self, side: str) -> tuple[float, float, float]:
-        """Least-squares a, b, c of x = a y^2 + b y + c over the visible rows of the lower five eighths (zhang2011, eq.
-        1).
+        """Fit a, b, c of x = a y^2 + b y + c to a boundary by least squares (zhang2011, eq. 1).
 
-        Pixels numbered from 1 at the bottom left, y up. NaN with fewer than three visible rows.
+        The fit uses the visible rows of the lower five eighths of the image. Pixels numbered from 1 at the bottom left,
+        y up. NaN with fewer than three visible rows.
         """
         u, visible = (self.left_u_px, self.left_visible) if side == "left" else (self.right_u_px, self.right_visible)
         rows = np.flatnonzero(visible)
@@ -122,13 +125,13 @@ def lane_truth(
     *,
     lane_m: float = 0.0,
 ) -> LaneTruth:
-    """The truth of a frame.
+    """Compute the truth of a frame.
 
     Args:
-        camera, road: As rendered.
-        lane_width_m: Between the boundaries.
-        marking_width_m: Of the left and the right boundary's stripe.
-        condition: Name.
+        camera, road: Camera and road of the frame.
+        lane_width_m: Distance of the boundaries.
+        marking_width_m: Width of the left and of the right boundary's stripe.
+        condition: Name of the weather.
         occluded: Shape (height, width): pixels where a vehicle hides the road.
         lane_m: Offset of the lane's centre line.
     """

@@ -1,4 +1,4 @@
-"""What lies between road and picture: sky, haze, glare, rain, dazzling lights, and the camera's sensor. In place."""
+"""Sky, haze, glare, rain and the image sensor, drawn into the image."""
 
 from __future__ import annotations
 
@@ -14,16 +14,19 @@ from cwcli.simulation.road.scene import Light, RoadScene
 from cwcli.simulation.road.surface import Float32Array
 
 NIGHT_SKY_GREY = 14.0
+"""Grey of the sky at night, 0 to 255. Chosen by hand; not fitted."""
 READ_NOISE = 1.6
+"""Standard deviation of the sensor's noise in the dark, grey levels. Chosen by hand; not fitted."""
 SHOT_NOISE = 0.035
-"""Noise variance: READ_NOISE^2 + SHOT_NOISE * grey, grey levels."""
+"""Variance of the sensor's noise per grey level, which adds to that in the dark, grey levels. Chosen by hand; not
+fitted."""
 VIGNETTE = 0.22
-"""Loss of light in the image's corners."""
+"""Share of light that is lost in the image's corners, 0 to 1. Chosen by hand; not fitted."""
 
 
 @cache
 def _skyline(seed: int) -> Float32Array:
-    """Height of hills and woods over the horizon all around, rad; 4096 directions."""
+    """Height of hills and woods over the horizon in 4096 directions, shape (4096,), rad."""
     rng = np.random.default_rng([seed, 7])
     freq = np.fft.rfftfreq(4096, 1 / 4096)
     phases = np.exp(2j * np.pi * rng.random(len(freq)))
@@ -32,7 +35,7 @@ def _skyline(seed: int) -> Float32Array:
 
 
 def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, top: int) -> None:
-    """Sky and skyline above the road's first row `top`."""
+    """Draw sky and skyline above the road's first row `top`, in place."""
     light = scene.light
     if top <= 0:
         return
@@ -53,7 +56,7 @@ def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadSce
 
 
 def haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
-    """Koschmieder's law on the road's rows: contrast falls as exp(-k x) towards the sky's grey."""
+    """Apply haze to the road's rows in place: contrast falls as exp(-k x) to the sky's grey (Koschmieder's law)."""
     k = light.fog_1pm + (0.0 if light.night else 0.0008)
     if k <= 0:
         return
@@ -64,7 +67,7 @@ def haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
 
 
 def wet_road(image: Float32Array, top: int, light: Light) -> None:
-    """A wet road mirrors what is above the horizon, smeared downwards."""
+    """Mirror what is above the horizon in a wet road, smeared downwards, in place."""
     import cv2
 
     height, width = image.shape
@@ -79,7 +82,7 @@ def wet_road(image: Float32Array, top: int, light: Light) -> None:
 
 
 def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> None:
-    """A low sun: its halo, a veil over the picture, and the bright band that the road mirrors below it."""
+    """Add a low sun in place: its halo, a veil over the image, and the band that the road mirrors below it."""
     if light.glare <= 0:
         return
     u = np.arange(camera.width_px, dtype=np.float32)[None, :] / camera.width_px
@@ -94,7 +97,7 @@ def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> No
 
 
 def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -> Float32Array:
-    """Streaks in the air and drops on the windscreen; returns the new image."""
+    """Add streaks in the air and drops on the windscreen, and return the new image."""
     import cv2
 
     if light.rain <= 0:
@@ -123,13 +126,14 @@ def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -
 
 @cache
 def _vignette(height: int, width: int) -> Float32Array:
+    """Factor of the vignette on the light, shape (height, width); 1 in the middle."""
     u = (np.arange(width, dtype=np.float32)[None, :] - (width - 1) / 2) / (width / 2)
     v = (np.arange(height, dtype=np.float32)[:, None] - (height - 1) / 2) / (width / 2)
     return np.asarray(1.0 - VIGNETTE * (u * u + v * v) / 1.5625, np.float32)
 
 
 def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
-    """Exposure, vignette, lens blur, shot and read noise, saturation, eight bits."""
+    """Apply exposure, vignette, lens blur, noise and saturation, and return the image as eight bits."""
     import cv2
 
     height, width = image.shape

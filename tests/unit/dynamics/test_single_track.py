@@ -134,5 +134,5 @@ def test_gains_equal_scipys_riccati_solution(speed_kmh: int) -> None:
 
 
 def test_a_filter_that_can_not_settle_is_refused() -> None:
-    with pytest.raises(ValueError, match="does not settle"):
+    with pytest.raises(ValueError, match="does not converge"):
         steady_covariance(np.diag([1.1, 0.5]), np.array([[0.0, 1.0]]), np.eye(2), np.eye(1))

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from cwcli.errors import EXIT_USAGE, UsageError
+from cwcli.simulation.catalogue import scenario_names
 from cwcli.simulation.scenario import (
     load_scenario,
     override,
     parse_scenario,
     read_document,
-    scenario_names,
 )
 from cwcli.simulation.spec import (
     LATERAL_KEYS,

@@ -120,7 +120,7 @@ def test_config_of_the_command_line() -> None:
         ("camera=fisheye", "not one of paper, wide"),
         ("duration_s=long", "not a number"),
         ("duration_s=nan", "not a finite number"),
-        ("colour=red", "a road has no colour"),
+        ("colour=red", "there is no key colour"),
         ("size", "expected KEY=VALUE"),
         ("seed=-1", "must not be negative"),
     ],
