@@ -283,7 +283,7 @@ def test_record_in_a_chunk_of_two_to_the_63_bytes_is_an_error(tmp_path: Path) ->
         (b"", "empty"),
         (b"\x89MCAP0\r\n", "header is damaged"),
         (b"nothing of the kind", "not an MCAP file"),
-        (b"SQLite format 3\0", "rosbags can't read it"),
+        (b"SQLite format 3\0", "SQLite can't read it: file is not a database"),
         (b"\x89MCAP0\r\n" * 2, "header is damaged"),
     ],
 )

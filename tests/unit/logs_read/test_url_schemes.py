@@ -6,7 +6,7 @@ import fsspec
 import pytest
 
 from cwcli.cli.main import run
-from cwcli.errors import EXIT_USAGE, UsageError
+from cwcli.errors import EXIT_USAGE, InputError
 from cwcli.logs.read.remote import ALIASES, SCHEMES, file_system
 
 OTHERS = sorted({each for each in fsspec.available_protocols() if each not in (*SCHEMES, *ALIASES, "file", "local")})
@@ -33,5 +33,5 @@ def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatc
         raise KeyError(url)
 
     monkeypatch.setattr("fsspec.core.url_to_fs", fails)
-    with pytest.raises(UsageError):
+    with pytest.raises(InputError, match="it can.t be read"):
         file_system("https://host/drive.mcap")
