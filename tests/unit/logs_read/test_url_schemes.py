@@ -33,5 +33,5 @@ def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatc
         raise KeyError(url)
 
     monkeypatch.setattr("fsspec.core.url_to_fs", fails)
-    with pytest.raises(InputError, match="it can.t be read"):
+    with pytest.raises(InputError, match=r"it can.t be read"):
         file_system("https://host/drive.mcap")
