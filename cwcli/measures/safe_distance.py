@@ -1,7 +1,8 @@
 """The safe distances of Responsibility-Sensitive Safety, RSS (Shalev-Shwartz, Shammah and Shashua 2017).
 
 A gap is safe if no contact follows when one vehicle accelerates for its response time and then brakes gently, whatever
-the other does within its limits. The values are those of ad-rss-lib: IEEE 2846 names the assumptions and gives no numbers.
+the other does within its limits. The values are those of ad-rss-lib: IEEE 2846 names the assumptions and gives no
+numbers.
 """
 
 from __future__ import annotations
