@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 Size = tuple[float, float]
+"""Length and width of an outline, m."""
 
 
 def overlap_margin(

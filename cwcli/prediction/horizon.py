@@ -30,8 +30,6 @@ PATHS_AT_ONCE = 2048
 """Number of paths in a batch: models of a short track are judged together, as each call costs more than its paths.
 Chosen by hand."""
 
-__all__ = ["BASELINE", "HorizonErrors", "compare_models", "horizon_errors", "horizon_table"]
-
 
 def compare_models(
     models: Sequence[str],

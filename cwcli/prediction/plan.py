@@ -76,7 +76,7 @@ class PathPlan:
 
 @dataclass(frozen=True)
 class SomePaths:
-    """Some of the paths of a plan, in an order of their own."""
+    """A selection of the paths of a plan, in any order."""
 
     plan: PathPlan
     chosen: Rows

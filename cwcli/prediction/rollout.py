@@ -20,13 +20,12 @@ from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.vehicle_state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
+"""How a model is integrated: exactly, or by song2016's recursion."""
 
 ROWS_AT_ONCE = 256
 """Number of starts in a batch: the working arrays of one batch fit into the processor's cache."""
 DRIVER_POINTS = 501
 """Number of times at which the driver's variance over the horizon is tabulated. Chosen by hand."""
-
-__all__ = ["Discretisation", "Paths", "path_jacobian", "rollout", "time_grid"]
 
 
 def time_grid(horizon_s: float, step_s: float) -> FloatArray:

@@ -188,3 +188,4 @@ _EVENT_DOCS = {
     ),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
 }
+"""Explanations of columns of the table of events."""

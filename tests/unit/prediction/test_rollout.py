@@ -11,7 +11,8 @@ from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
 from cwcli.prediction.fleet import KNOTS_S
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import Paths, rollout, time_grid
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout, time_grid
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
