@@ -10,6 +10,10 @@ from collections.abc import Iterable
 
 from cwcli.url import redact_urls
 
+DISTRIBUTION = "cwcli-drive"
+"""Name of the package for pip, as in `pyproject.toml`. `cwcli` on the Python package index is a stranger's package (for
+the ConnectWise API), so no text tells anybody to install that."""
+
 EXIT_DONE = 0
 EXIT_GATE_FAILED = 1
 EXIT_USAGE = 2
@@ -40,6 +44,11 @@ EXIT_CODES = {
 
 SIMILAR_SHARE = 0.1
 """Two names are suggested if their likeness (`SequenceMatcher.ratio`, 0 to 1) to what was given differs by no more."""
+
+
+def install_hint(extra: str) -> str:
+    """The command that installs the packages of an extra, for `CwcliError.hint`."""
+    return f"pip install '{DISTRIBUTION}[{extra}]'"
 
 
 class CwcliError(Exception):

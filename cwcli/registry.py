@@ -12,6 +12,8 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import fields, replace
 from functools import lru_cache, wraps
 from operator import attrgetter
@@ -30,6 +32,8 @@ PLAIN: dict[str, tuple[type, ...]] = {
     "float | None": (float, int, type(None)),
 }
 """Annotation of a field -> what its value may be, where that can be said in a word."""
+_plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
+"""Whether the registries hold their built-in entries alone, whatever is installed."""
 Check = Callable[..., Any]
 """The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
 
@@ -168,6 +172,8 @@ class Registry(Mapping[str, T]):
 
     def _plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
+        if _plugins_hidden.get():
+            return out
         for found in _installed(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)
             if name in self._builtin or name in self._taken:
@@ -176,6 +182,16 @@ class Registry(Mapping[str, T]):
                 raise plugin.error(f"has the name of one of the package {out[name].package}")
             out[name] = plugin
         return out
+
+
+@contextmanager
+def hide_plugins() -> Iterator[None]:
+    """Leave the entries of other packages out of every registry: for documents about cwcli alone."""
+    token = _plugins_hidden.set(True)
+    try:
+        yield
+    finally:
+        _plugins_hidden.reset(token)
 
 
 def named(target: str) -> Any:

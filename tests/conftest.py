@@ -1,27 +1,109 @@
-"""What is not installed is not collected, and said in one line above the tests; nothing is skipped silently."""
+"""Which tests a run collects: those whose needs are installed, and the long ones only on request."""
 
 from __future__ import annotations
 
-import shutil
+import os
+from collections import Counter
+from collections.abc import Generator
 from pathlib import Path
 
-TESTS = Path(__file__).parent
-SHARED = TESTS.parents[1] / "shared"
-HAS_TYPESCRIPT_READER = (
-    bool(shutil.which("node")) and (TESTS / "typescript" / "node_modules" / "@mcap" / "core").is_dir()
-)
+import pytest
 
-collect_ignore = [] if HAS_TYPESCRIPT_READER else ["cli/test_typescript_reader.py"]
+from tests.requirements import FOLDER, describe_left_out, find_missing, is_available, is_long, needs_more
+
+SHARED = Path(__file__).parents[2] / "shared"
+BEGIN_S = pytest.StashKey[float]()
+CPU = "processor_s"
+LONG_HINT = "tests marked `long` are left out; `pytest --long` and .ci/run run them"
 
 
 def pytest_report_header() -> list[str]:
-    """One line for each part of the tests that does not run here, with what it needs."""
-    lines = []
-    if not HAS_TYPESCRIPT_READER:
-        lines.append(
-            "not collected: tests/cli/test_typescript_reader.py (needs Node.js, and `npm ci --prefix tests/typescript`)"
-        )
-    for folder, what in (("logs", "the development logs"), ("oracles", "the results of other programs")):
-        if not (SHARED / folder).is_dir():
-            lines.append(f"skipped: the tests with {what} (needs ../shared/{folder} beside the checkout)")
-    return lines
+    """One line for each kind of shared data that is absent, whose tests say so, too."""
+    return [
+        f"skipped: the tests with {what} (needs ../shared/{folder} beside the checkout)"
+        for folder, what in (("logs", "the development logs"), ("oracles", "the results of other programs"))
+        if not (SHARED / folder).is_dir()
+    ]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options by which .ci/run reaches everything."""
+    group = parser.getgroup("cwcli")
+    group.addoption("--long", action="store_true", help="run the tests marked `long` too")
+    group.addoption("--cpu", action="store_true", help="print the processor seconds of each test file")
+    group.addoption("--rest", action="store_true", help="run only the peers and the long tests")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Name the markers."""
+    config.addinivalue_line("markers", "long: takes many seconds; run by `pytest --long` and by .ci/run")
+    config.addinivalue_line("markers", "peer(module): needs a module of the extra `[peers]`")
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Leave a file out whose needs are not installed; one line at the end says so."""
+    return True if find_missing(collection_path) else None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect what this run does not want, or can't run."""
+    wanted = [item for item in items if is_wanted(config, item)]
+    others = [item for item in items if not is_wanted(config, item)]
+    if others:
+        config.hook.pytest_deselected(items=others)
+        items[:] = wanted
+
+
+def is_wanted(config: pytest.Config, item: pytest.Item) -> bool:
+    """Whether the options ask for a test, and the module of its marker `peer` is there."""
+    marker = item.get_closest_marker("peer")
+    if marker is not None and not all(map(is_available, marker.args)):
+        return False
+    takes_long = item.get_closest_marker("long") is not None or is_long(item.path)
+    if config.getoption("--rest"):
+        return takes_long or marker is not None or needs_more(item.path)
+    return not takes_long or bool(config.getoption("--long")) or is_named(config, item)
+
+
+def is_named(config: pytest.Config, item: pytest.Item) -> bool:
+    """Whether the command line names the test's file or a folder of it below `tests`: who asks for it gets it."""
+    named = {Path(argument.partition("::")[0]).resolve() for argument in config.args}
+    return any(path in named for path in (item.path, *item.path.parents) if FOLDER in path.parents)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Note the processor time at the begin of a test, before its set-up."""
+    item.stash[BEGIN_S] = processor_seconds()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Hand the processor time on with the report of the teardown; a report travels from worker to controller."""
+    report = yield
+    if report.when == "teardown":
+        report.user_properties.append((CPU, processor_seconds() - item.stash[BEGIN_S]))
+    return report
+
+
+def processor_seconds() -> float:
+    """Processor time of this process and of its children that have ended, in seconds."""
+    return sum(os.times()[:4])
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say in a line each what was not collected and what was left out."""
+    if config.getoption("--cpu"):
+        seconds: Counter[str] = Counter()
+        for reports in terminalreporter.stats.values():
+            for report in reports:
+                file = getattr(report, "nodeid", "").partition("::")[0]
+                seconds[file] += sum(value for name, value in getattr(report, "user_properties", ()) if name == CPU)
+        terminalreporter.section("processor seconds of each file")
+        for file, value in seconds.most_common():
+            terminalreporter.write_line(f"{value:9.1f}  {file}")
+        terminalreporter.write_line(f"{seconds.total():9.1f}  together")
+    for line in (describe_left_out(), None if config.getoption("--long") or config.getoption("--rest") else LONG_HINT):
+        if line is not None:
+            terminalreporter.write_line(line)

@@ -15,19 +15,28 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PAGE = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
-NOT_INSTALLED = {"stonesoup": "stonesoup"}
-"""Modules of benchmarks that run without the package too -> the package."""
+NOT_INSTALLED = {
+    "evo": "evo",
+    "foxglove": "foxglove-sdk",
+    "osi_utilities": "asam-osi-utilities",
+    "pycrate_asn1dir": "pycrate",
+    "rerun": "rerun-sdk",
+    "sumo": "eclipse-sumo",
+}
+"""Modules of the peers, which may not be installed -> the package, where its name is another."""
+DEVELOPMENT = ("test", "peers", "check")
+"""The extras for those who change cwcli; `dev` is all of them."""
 RUN = {
     "build": ".ci/run: -m build",
     "cython": 'tests/fuzz/sanitized.py: "cython"',
-    "evo": "tests/cli/test_ros_tools.py: evo_ape",
+    "evo": "tests/peers/test_ros_tools.py: evo_ape",
     "import-linter": ".ci/run: lint-imports",
     "mkdocs-material": ".ci/run: mkdocs",
-    "moto": "tests/unit/fleet/test_inputs.py: moto.server",
+    "moto": "tests/peers/test_s3.py: moto.server",
     "mypy": ".ci/run: mypy",
     "pytest-xdist": "README.md: pytest -n auto",
     "ruff": ".ci/run: ruff",
-    "s3fs": "tests/unit/fleet/test_inputs.py: s3://bucket",
+    "s3fs": "tests/peers/test_s3.py: s3://bucket",
 }
 """What is run, or found by its name, and not imported -> where: what stands there."""
 
@@ -42,7 +51,11 @@ def declared(extra: str) -> set[str]:
 
 
 RUNTIME = {*map(package, PROJECT["project"]["dependencies"])}
-EXTRAS = {extra: declared(extra) for extra in PROJECT["project"]["optional-dependencies"] if extra != "dev"}
+EXTRAS = {
+    extra: declared(extra)
+    for extra in PROJECT["project"]["optional-dependencies"]
+    if extra not in (*DEVELOPMENT, "dev")
+}
 
 
 def modules(path: Path) -> Iterator[str]:
@@ -59,10 +72,11 @@ def modules(path: Path) -> Iterator[str]:
                     yield part.value
 
 
-def imported(*folders: str) -> set[str]:
+def imported(*folders: str, without: tuple[str, ...] = ()) -> set[str]:
     """The packages that the files below some folders import, our own and Python's aside."""
     packages = {name: {*map(str.lower, found)} for name, found in packages_distributions().items()}
     files = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
+    files = [path for path in files if not any(path.is_relative_to(ROOT / folder) for folder in without)]
     ours = {"cwcli", "tests", "tools", *(path.stem for path in files)}
     names = {name.partition(".")[0] for path in files for name in modules(path)} - ours - {*sys.stdlib_module_names}
     assert names
@@ -86,12 +100,12 @@ def test_the_page_lists_what_is_declared() -> None:
     assert sorted(name for (name,) in listed("At run time", 0)) == sorted(RUNTIME)
     extras: dict[str, set[str]] = {}
     for extra, name in listed("Extras", 1):
-        extras.setdefault(extra.strip("`").removeprefix("cwcli[").rstrip("]") or [*extras][-1], set()).add(name)
+        extras.setdefault(extra.strip("`").removeprefix("cwcli-drive[").rstrip("]") or [*extras][-1], set()).add(name)
     assert extras == EXTRAS
-    developer = {name for (name,) in listed("To develop", 0)}
     shared = set().union(*(EXTRAS[extra] for extra in ("bags", "plots", "report", "can", "ray", "remote")))
-    assert developer == declared("dev") - shared
     assert shared <= declared("dev")
+    for extra in DEVELOPMENT:
+        assert {name for (name,) in listed(f"To develop: `[{extra}]`", 0)} == declared(extra) - shared
     for name in PROJECT["build-system"]["requires"]:
         assert re.search(rf"\b{package(name)}\b", listed_text("To build"), re.IGNORECASE)
 
@@ -102,9 +116,15 @@ def listed_text(heading: str) -> str:
 
 def test_what_tests_import_is_declared_for_them_and_nothing_else() -> None:
     dev = declared("dev")
+    assert dev == set().union(*map(declared, DEVELOPMENT))
     found = imported("tests", "tools")
     assert found - RUNTIME <= dev | EXTRAS["bench"]
     assert dev - found - {*RUN} - imported("cwcli") == set()
+
+
+def test_a_default_run_imports_nothing_but_what_the_extra_for_tests_installs() -> None:
+    found = imported("tests", without=("tests/peers", "tests/studies", "tests/bench"))
+    assert found - RUNTIME <= declared("test")
 
 
 @pytest.mark.parametrize("name", RUN)

@@ -24,7 +24,7 @@ WAITS = {
     "disturb.py": "a run's length only says how far apart the moments of its disturbances are",
     "fuzz/__main__.py": "a person says how many minutes it runs",
     "fuzz/drive.py": "a person says how many minutes it runs",
-    "unit/fleet/test_inputs.py": "waits for a server",
+    "peers/test_s3.py": "waits for a server",
     "unit/fleet/test_local.py": "waits for the end of a process",
     "unit/test_array_memory.py": "waits for a thread",
 }

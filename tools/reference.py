@@ -2,7 +2,8 @@
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
 docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the output of `cwcli
-info` and the exit codes in README.md, and the map in CONTRIBUTING.md.
+info` and the exit codes in README.md, and the map in CONTRIBUTING.md. Plug-ins of other packages that are installed are
+left out: the pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from cwcli.cli.markdown import filled, table
 from cwcli.errors import EXIT_CODES
+from cwcli.registry import hide_plugins
 
 ROOT = Path(__file__).parents[1]
 README_WIDTH = 124
@@ -89,7 +91,12 @@ def readme() -> str:
 
 
 def pages() -> dict[Path, str]:
-    """The generated pages of the checkout, by file."""
+    """The generated pages of the checkout, by file, as they are without plug-ins."""
+    with hide_plugins():
+        return _pages()
+
+
+def _pages() -> dict[Path, str]:
     from tools.channel_reference import channel_reference
     from tools.house_reference import guide_page
     from tools.metric_reference import evaluation_page

@@ -55,8 +55,8 @@ points each 0.1 s). CPI and P_MC likewise (`python -m tests.studies.sampled_meas
 | P_MC | 0.0034 | |
 | CPI | 0.0003 | |
 
-`p-contact` takes the same sum; samples of the states' errors, not of the paths', differ from it by 0.013 at most in
-eight encounters (`tests/unit/measures/test_p_contact.py`).
+`p-contact` takes the same sum. Samples of the states' errors, not of the paths', differ from it by less than 0.02, root
+mean square below 0.01: `tests/unit/measures/test_p_contact.py` asserts it of eight encounters.
 
 ## The careful drivers against the European Commission's
 
@@ -105,7 +105,7 @@ within 0.01 m/s^2.
 
 SUMO's device `ssm` (1.28) measures along lanes, between bumpers. Where two follow each other in one lane TTC, DRAC and
 MDRAC agree (within 0.02 s, 0.01 and 0.01 m/s^2 in five scenes, which a test drives); where ways cross at a right angle,
-TTC, PET and PPET do (within 0.02, 0.1 and 0.1 s in four scenes; `tests/unit/measures/test_sumo_scenes.py`). The rest is
+TTC, PET and PPET do (within 0.02, 0.1 and 0.1 s in four scenes; `tests/peers/test_sumo_scenes.py`). The rest is
 defined otherwise:
 
 | measure | SUMO's |
@@ -150,7 +150,9 @@ def measures_page() -> str:
         said = {
             "No value": measure.undefined,
             "Misleads": measure.misleads,
-            "Threshold": limit and f"{limit.rstrip()} ({measure.threshold_source})",
+            "Threshold": f"{limit.rstrip()} ({measure.threshold_source})"
+            if measure.threshold_source
+            else limit.rstrip(),
         }
         sections += "".join(f"{label}: {words}.\n" for label, words in said.items() if words)
     return MEASURES_PAGE.format(

@@ -1,4 +1,7 @@
-"""Make a release: `python -m tools.release 0.2.0` (with `--check`: only look whether it could be made).
+"""Make a release: `python -m tools.release 0.2.0`.
+
+`--check` only looks whether it could be made; `--dry-run` also shows what would change in the files and what would be
+run, and changes nothing.
 
 Sets the version where it stands (`pyproject.toml`, `cwcli/__init__.py`, `CITATION.cff`) and the date of the changelog's
 first section, runs `.ci/run`, builds the source distribution and the wheel, commits and tags. What fails leaves the
@@ -9,9 +12,12 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import difflib
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -24,6 +30,8 @@ PLACES = {
 """File -> where its version stands."""
 SECTION = re.compile(r"^## (\S+) \(([^)]+)\)$", re.MULTILINE)
 UNRELEASED = "unreleased"
+COMMANDS = ([".ci/run"], [sys.executable, "-m", "build", "--outdir", "dist", "."])
+"""What a release runs in the checkout, between the change of the files and the tag."""
 
 
 def versions(root: Path) -> dict[str, str]:
@@ -68,6 +76,23 @@ def write(root: Path, version: str, day: datetime.date) -> None:
     path.write_text(SECTION.sub(f"## {version} ({day.isoformat()})", text, count=1), encoding="utf-8")
 
 
+def show(root: Path, version: str, day: datetime.date) -> None:
+    """Print the lines that a release would change, and the commands that it would run."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        names = [*PLACES, "CHANGELOG.md"]
+        for name in names:
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(root / name, copy / name)
+        write(copy, version, day)
+        for name in names:
+            before, after = ((where / name).read_text(encoding="utf-8").splitlines() for where in (root, copy))
+            for line in difflib.unified_diff(before, after, name, name, n=0, lineterm=""):
+                print(line)
+    for command in (*COMMANDS, ["git", "commit", "--all"], ["git", "tag", f"v{version}"]):
+        print("would run:", " ".join(command))
+
+
 def git(root: Path, *arguments: str) -> str:
     """What git prints; it raises where git fails."""
     return subprocess.run(["git", *arguments], cwd=root, check=True, capture_output=True, text=True).stdout
@@ -78,16 +103,23 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="tools.release")
     parser.add_argument("version")
     parser.add_argument("--check", action="store_true", help="only look whether the release could be made")
+    parser.add_argument("--dry-run", action="store_true", help="also show what would be changed and run")
     options = parser.parse_args()
     said = problems(ROOT, options.version)
     for line in said:
         print(f"error: {line}", file=sys.stderr)
-    if said or options.check:
+    if said and not options.dry_run:
+        return 1
+    if options.check:
+        return 0
+    day = datetime.datetime.now(datetime.UTC).date()
+    if options.dry_run:
+        show(ROOT, options.version, day)
         return int(bool(said))
-    write(ROOT, options.version, datetime.datetime.now(datetime.UTC).date())
+    write(ROOT, options.version, day)
     try:
-        subprocess.run([ROOT / ".ci/run"], cwd=ROOT, check=True)
-        subprocess.run([sys.executable, "-m", "build", "--outdir", "dist", "."], cwd=ROOT, check=True)
+        for command in COMMANDS:
+            subprocess.run(command, cwd=ROOT, check=True)
     except subprocess.CalledProcessError as error:
         git(ROOT, "checkout", "--", *PLACES, "CHANGELOG.md")
         raise SystemExit(f"error: no release: {error}") from error

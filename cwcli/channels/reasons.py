@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -10,6 +11,7 @@ from cwcli.channels.binding import MANY_TOPICS, TRUTH_ROLES, Bindings, ChannelLi
 from cwcli.channels.published import OWN_PREFIX
 from cwcli.signals.input_rows import CAN_SCHEMAS
 from cwcli.signals.inputs import inputs_of, normalise
+from cwcli.text import count as format_count
 
 if TYPE_CHECKING:
     from cwcli.logs.codecs.ros2msg import MessageField
@@ -29,6 +31,8 @@ UNKNOWN_TYPE = "no role takes this type"
 MAX_LEAVES = 2000
 MAX_DEPTH = 8
 MAX_TRIES = 2
+MAX_SIGNALS_SHOWN = 8
+"""Greatest number of CAN signals that a reason lists; a DBC file may describe thousands."""
 _SPEED_UNITS = {"kmh": "kmh", "kph": "kmh", "kmph": "kmh", "mph": "mph", "knots": "knots"}
 _UNITS = _SPEED_UNITS | {"deg": "deg", "degrees": "deg"}
 _SPEED = frozenset({"speed", "velocity", "vel", "vx"})
@@ -156,12 +160,30 @@ def leaves(channel: Described) -> Iterator[str]:
         return
 
 
-def suggestions(topic: str, paths: Sequence[str]) -> tuple[str, ...]:
+def explain_can_frames(topic: str, signals: Sequence[str], files: Sequence[str]) -> Reason:
+    """Why a channel of CAN frames fills no role where DBC files are given, with the `--map` lines to try.
+
+    Args:
+        topic: The channel's topic.
+        signals: The signals of the files, as `MESSAGE.SIGNAL`.
+        files: The DBC files, as the user named them.
+    """
+    found = suggestions(topic, signals, has_units=True)[:MAX_TRIES]
+    of_files = "".join(f" --dbc {shlex.quote(file)}" for file in files)
+    known = f"CAN frames; {', '.join(files)} describes {format_count(len(signals), 'signal')}"
+    if found:
+        return Reason(f"{known}: name the one that a role takes", tuple(f"{line}{of_files}" for line in found))
+    shown = ", ".join(signals[:MAX_SIGNALS_SHOWN])
+    return Reason(f"{known}, none with the name of a speed, heading or steering angle: {shown}")
+
+
+def suggestions(topic: str, paths: Sequence[str], *, has_units: bool = False) -> tuple[str, ...]:
     """The `--map` lines to try for a message with these numbers, the likeliest first.
 
     Args:
         topic: Of the channel.
         paths: Its leaf fields.
+        has_units: Whether units come with the fields, so that none is guessed from a name.
     """
     found: list[tuple[int, str]] = []
     by_parent: dict[str, dict[str, str]] = {}
@@ -173,13 +195,13 @@ def suggestions(topic: str, paths: Sequence[str]) -> tuple[str, ...]:
             by_parent.setdefault(parent, {})[place] = path
         if words & _NO_MEASUREMENT or "stamp" in path:
             continue
-        unit = next((f"*{_UNITS[word]}" for word in _words(path) if word in _UNITS), "")
+        unit = "" if has_units else next((f"*{_UNITS[word]}" for word in _words(path) if word in _UNITS), "")
         if words & (_SPEED | set(_SPEED_UNITS)) and not set(_words(path)) & _NO_MEASUREMENT:
             found.append((1 + 10 * ("[" in leaf), f"--map ego_speed={topic}:{path}{unit if unit != '*deg' else ''}"))
         elif words & _STEER or ("angle" in words and "steer" in path.lower()):
             found.append((2, f"--map ego_steer={topic}:{path}{unit if unit == '*deg' else ''}"))
         elif words & _COMPASS:
-            found.append((3, f"--map ego_heading={topic}:-{path}*deg+90deg"))
+            found.append((3, f"--map ego_heading={topic}:-{path}{'' if has_units else '*deg'}+90deg"))
         elif "yaw" in words:
             found.append((3, f"--map ego_heading={topic}:{path}{unit if unit == '*deg' else ''}"))
     for both in by_parent.values():

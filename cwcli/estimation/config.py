@@ -99,6 +99,7 @@ class EstimatorConfig:
             would only show later; else it is weighed with what the log says.
         blind: With `causal`: no parameter is looked for in the log. Those of the calibration count, without one the
             stamps, the noise that the messages state and the defaults.
+        compares_sources: Sources that contradict each other are looked for and told, and what is outvoted is left out.
         senders: What senders of BSMs did to their motion before they sent it: "plain" nothing, "j2945" what SAE J2945/1
             asks (`signals.bsm_sender`), which is taken back.
         rate_hz: Grid of the output when `estimate_track` gets no output stamps.
@@ -156,6 +157,7 @@ class EstimatorConfig:
     reset_after: int = 20
     calibration: Calibration | None = None
     blind: bool = False
+    compares_sources: bool = True
     senders: Annotated[
         Senders,
         Option(

@@ -13,6 +13,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import RATES, Kind
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import Series
+from cwcli.estimation.sensor_limits import LATENCY
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
@@ -30,6 +31,7 @@ class LatencyStatus(StrEnum):
         NOT_OBSERVABLE: The log has too little in it to tell: not corrected.
         GIVEN: Corrected as the user said.
         CALIBRATED: Corrected as a calibration says, or as it and the log say together.
+        CONTRADICTS: Found beyond what a sensor can be late by (`sensor_limits.LATENCY`): not corrected.
         OFF: Not looked for.
     """
 
@@ -40,6 +42,7 @@ class LatencyStatus(StrEnum):
     NOT_OBSERVABLE = "not observable"
     GIVEN = "given"
     CALIBRATED = "calibrated"
+    CONTRADICTS = "contradicts"
     OFF = "off"
 
 
@@ -86,6 +89,14 @@ class Latency:
         Farther from the middle than DRIFT_REACH_S it is held: the line was not found there.
         """
         return np.asarray(self.drift * np.clip(time_s - self.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S))
+
+
+def within_limits(latency: Latency) -> Latency:
+    """The latency, not to be corrected where no sensor is late by so much."""
+    found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
+    if not found or LATENCY.holds(latency.found_s):
+        return latency
+    return replace(latency, status=LatencyStatus.CONTRADICTS, drift=0.0)
 
 
 def straightened(series: Series, latency: Latency) -> Series:

@@ -15,6 +15,8 @@ class ParameterStatus(StrEnum):
         NOT_BETTER: Tried; the log is not predicted better with it, so it is left out.
         USED: Found and used.
         GIVEN: Used as the user, or a calibration, said.
+        CONTRADICTS: Found beyond what such a sensor can be (`sensor_limits`): not used, but for a bias, whose state
+            the filter has in any case.
     """
 
     OFF = "off"
@@ -22,6 +24,7 @@ class ParameterStatus(StrEnum):
     NOT_BETTER = "not better"
     USED = "used"
     GIVEN = "given"
+    CONTRADICTS = "contradicts"
 
 
 @dataclass(frozen=True)

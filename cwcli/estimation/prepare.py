@@ -33,6 +33,7 @@ class PreparedSeries:
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
         n_held_back: Rows left out because they came in a burst (see `held_back`).
         mounting: How the IMU was levelled, or None.
+        mean_force_mps2: Shape (3,): an IMU's mean specific force (forward, left, up) in m/s^2, or None.
     """
 
     series: Series
@@ -42,6 +43,7 @@ class PreparedSeries:
     n_interpolated: int = 0
     n_held_back: int = 0
     mounting: ImuMounting | None = None
+    mean_force_mps2: FloatArray | None = None
 
 
 def epoch_ns(measurements: Sequence[Measurements]) -> int:
@@ -101,7 +103,12 @@ def prepare(
                 series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
                 if kind is Kind.ACCEL and len(series):
                     series = replace(series, pitch_rate=PitchRate(imu.time_s, imu.pitch_rate_radps))
-                prepared.append(PreparedSeries(series, True, len(m), lost, imu.n_interpolated, mounting=imu.mounting))
+                prepared.append(
+                    PreparedSeries(
+                        series, True, len(m), lost, imu.n_interpolated,
+                        mounting=imu.mounting, mean_force_mps2=values[:, :3].mean(axis=0) if len(values) else None,
+                    )
+                )  # fmt: skip
             continue
         late = held_back(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
@@ -153,7 +160,8 @@ def prepare_blind(
         ):
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
             series = _with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
-            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting))
+            force = m.values[rows, :3].mean(axis=0) if len(rows) else None
+            prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting, mean_force_mps2=force))
     return prepared
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
@@ -123,6 +124,7 @@ class Track:
         notes: One-line remarks for the user (resets, what could not be observed).
         manoeuvre: Sigma of the motion model -> what was found or given; of `model.ModelParameters`.
         gated: What the gate rejected, one by one; nothing of the paper's filter, which has no gate.
+        contradictions: Sources that can't both be right, the one that matters most first.
     """
 
     stamp_ns: Int64Array
@@ -134,3 +136,4 @@ class Track:
     notes: tuple[str, ...] = field(default=())
     manoeuvre: Mapping[str, float] = field(default_factory=dict)
     gated: Gated = NOTHING_GATED
+    contradictions: tuple[Contradiction, ...] = ()

@@ -21,6 +21,7 @@ from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
 from cwcli.estimation.prepare import thinned_to
 from cwcli.estimation.score import GAIN, GATE_PROBABILITY, prediction_score
+from cwcli.estimation.sensor_limits import limit_of_error
 from cwcli.estimation.sensor_model import AHEAD_PRIOR_M, Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
 from cwcli.estimation.start import start_with_parameters
 from cwcli.kernels.ekf import UpdateStatus
@@ -57,11 +58,13 @@ class FoundModel:
         model: The sensor model to use.
         status: What was made of each error that was looked for.
         ahead_m: Place ahead and its sigma, of the series that have one.
+        beyond: What was found of the errors that lie beyond what such a sensor can have, and are not used.
     """
 
     model: SensorModel = field(default_factory=SensorModel)
     status: Mapping[Part, ParameterStatus] = field(default_factory=dict)
     ahead_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    beyond: Mapping[Part, float] = field(default_factory=dict)
 
     def without_ahead(self, series: Sequence[int]) -> FoundModel:
         """The same, but where some series stand can't be told."""
@@ -293,7 +296,7 @@ def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
     status = {
         part: ParameterStatus.NOT_BETTER if part in found.model.parts else was for part, was in found.status.items()
     }
-    return FoundModel(SensorModel(), status)
+    return FoundModel(SensorModel(), status, beyond=found.beyond)
 
 
 def _reduced(trials: _Trials, trial: _Trial) -> FoundModel:
@@ -312,7 +315,35 @@ def _reduced(trials: _Trials, trial: _Trial) -> FoundModel:
                 break
             least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    return FoundModel(trial.model, status, _ahead_m(trial))
+    trial, beyond = _without_beyond(trials, trial)
+    status.update(dict.fromkeys(beyond, ParameterStatus.CONTRADICTS))
+    return FoundModel(trial.model, status, _ahead_m(trial), beyond)
+
+
+def _without_beyond(trials: _Trials, trial: _Trial) -> tuple[_Trial, dict[Part, float]]:
+    """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""
+    beyond: dict[Part, float] = {}
+    while found := {
+        part: value
+        for part in trial.model.parts
+        if not limit_of_error(part[1], trial.layout.series[part[0]].kind).holds(value := _value(trial, part))
+    }:
+        beyond.update(found)
+        model = trial.model
+        for part in found:
+            model = model.without(part)
+        trial = trials.try_model(model, trial)
+    return trial, beyond
+
+
+def _value(trial: _Trial, part: Part) -> float:
+    """Of a slow error its sigma, of another its value, as they are reported."""
+    i, name = part
+    if name == "slow":
+        return trial.model.slow[i].sigma
+    s = trial.layout.series[i]
+    state = {"scale": s.scale_state, "lever": s.lever_state, "ahead": s.ahead_state}[name]
+    return float(trial.state[state]) + (name == "scale") if state >= 0 else float("nan")
 
 
 def _observed(trial: _Trial, part: Part) -> ParameterStatus:

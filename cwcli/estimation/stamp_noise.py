@@ -22,6 +22,7 @@ from cwcli.estimation.model import ModelParameters
 from cwcli.estimation.parameter import EXACT_STAMPS, Parameter, ParameterStatus
 from cwcli.estimation.passes import PassResult, Series
 from cwcli.estimation.score import CLEAR_SIGMAS, GAIN, GATE_PROBABILITY, clearly_better, prediction_score, row_scores
+from cwcli.estimation.sensor_limits import STAMP_SIGMA
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
@@ -137,7 +138,15 @@ class _Search:
         move = 0.5 * (after - before) / bend if bend > 0.0 else 0.0
         value = FIRST_S * 2.0 ** (best[0] / OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
+        if not STAMP_SIGMA.holds(value):
+            return self._refused()
         return self._with_white(best, Parameter(value, sigma, ParameterStatus.USED))
+
+    def _refused(self) -> NoiseFit:
+        """The fit without an error of the stamps, because no link has one as large as what was found."""
+        series = list(self._fit.series)
+        series[self._i] = replace(series[self._i], stamp_error=Parameter(0.0, status=ParameterStatus.CONTRADICTS))
+        return replace(self._fit, series=tuple(series))
 
     def _with_white(self, best: Point, error: Parameter) -> NoiseFit:
         """The fit with the white noise that the log is predicted best with beside an error of the stamps.

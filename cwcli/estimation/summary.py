@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.estimation.verdict import Nees, verdict
@@ -26,7 +27,7 @@ class TrackSummary:
         n_states, span_s, max_speed_mps: Its size.
         median_sigma_m: Median of the horizontal one-sigma per axis, NaN without states.
         n_flagged: States with each `StateFlag`, by its name.
-        sources, notes: As in `Track`.
+        sources, notes, contradictions: As in `Track`.
     """
 
     n_states: int
@@ -36,6 +37,7 @@ class TrackSummary:
     n_flagged: Mapping[str, int]
     sources: tuple[SourceReport, ...]
     notes: tuple[str, ...]
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 def summarise(track: Track) -> TrackSummary:
@@ -50,12 +52,15 @@ def summarise(track: Track) -> TrackSummary:
         n_flagged={str(f.name).lower(): int(np.count_nonzero(track.flags & f)) for f in StateFlag},
         sources=track.sources,
         notes=track.notes,
+        contradictions=track.contradictions,
     )
 
 
 def verdict_of(ego: TrackSummary, nees: Sequence[Nees] = ()) -> str:
     """The sentence on the ego's track; with `nees` where there is a truth."""
-    return verdict(ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees)
+    return verdict(
+        ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees, contradictions=ego.contradictions
+    )
 
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:

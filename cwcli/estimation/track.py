@@ -16,9 +16,11 @@ from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, know
 from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.consistency import effective_count
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.gaps import restarts_after_gaps
 from cwcli.estimation.latency import CORRECTED
 from cwcli.estimation.lever_arms import at_antenna, placed
+from cwcli.estimation.limit_check import beyond_limits
 from cwcli.estimation.measurements import RATES, Kind, Measurements
 from cwcli.estimation.median import median
 from cwcli.estimation.model import ModelParameters
@@ -30,6 +32,7 @@ from cwcli.estimation.result import Gated, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
 from cwcli.estimation.sensor_search import FoundModel
 from cwcli.estimation.song2016 import estimate_song2016
+from cwcli.estimation.source_vote import vote
 from cwcli.estimation.start import hold_before_start, start_with_parameters, within_reach
 from cwcli.estimation.trust import state_flags
 from cwcli.estimation.tune import TunedSeries, tune
@@ -120,12 +123,16 @@ def _with_notes_on_calibration(track: Track, measurements: Sequence[Measurements
 
 @dataclass(frozen=True)
 class _Settled:
-    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes."""
+    """Measurements ready for the passes: the stamp of second 0, the series before and after tuning, notes.
+
+    `contradictions` are those that the sources show before anything is estimated.
+    """
 
     epoch_ns: int
     prepared: list[PreparedSeries]
     tuned: TunedSeries
     notes: tuple[str, ...]
+    contradictions: tuple[Contradiction, ...] = ()
 
 
 def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _Settled:
@@ -140,7 +147,17 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
     epoch = epoch_ns(positions if config.blind else measurements)  # a row that comes later may be of an earlier time
     prepared, notes = _prepared(measurements, epoch, config)
     prepared = placed(prepared, config.lever_arms)
-    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes))
+    contradictions: tuple[Contradiction, ...] = ()
+    if config.compares_sources:
+        voted = vote(prepared)
+        contradictions = voted.contradictions
+        if config.blind or (config.causal and config.calibration is not None):
+            # No state may depend on what the whole log shows: it is told, and nothing is left out.
+            contradictions = tuple(each.without() for each in contradictions)
+        else:
+            prepared = voted.prepared
+        notes = [*(f"{each.sentence}; {each.consequence}" for each in contradictions), *notes]
+    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes), contradictions)
 
 
 def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64Array) -> Track:
@@ -183,6 +200,7 @@ def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64A
         tuple(notes),
         {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
         _gated(tuned, result, settled.epoch_ns, config.gate_probability),
+        (*settled.contradictions, *([] if config.blind else beyond_limits(reports, settled.contradictions))),
     )
 
 
@@ -319,7 +337,7 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         lever_arm_m=_parameter(found, (i, "lever"), s.lever_state, result, 0.0),
         ahead_m=_parameter(found, (i, "ahead"), s.ahead_state, result, 0.0),
         slow_error=SlowError(
-            float("nan") if slow is None else slow.sigma,
+            found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
         ),
@@ -337,7 +355,7 @@ def _parameter(found: FoundModel, part: Part, state: int, result: PassResult, of
     """A constant of a source, as it is at the end; `offset` is what its state 0 stands for."""
     status = found.status.get(part, ParameterStatus.OFF)
     if state < 0:
-        return Parameter(status=status)
+        return Parameter(found.beyond.get(part, float("nan")), status=status)
     sigma = float(np.sqrt(max(result.last_covariance[state, state], 0.0)))
     return Parameter(offset + float(result.last_state[state]), sigma, status)
 

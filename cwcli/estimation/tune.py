@@ -9,7 +9,7 @@ import numpy as np
 
 from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references, straightened
+from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references, straightened, within_limits
 from cwcli.estimation.latency_clock import Told, on_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
@@ -155,6 +155,8 @@ def _latencies(
 ) -> tuple[list[Latency], list[Latency], list[str]]:
     """What the log says of the latencies, what is made of them, and notes.
 
+    A latency beyond what sensors have is no latency: other drives are not told of it, and it is not corrected.
+
     A slow error of the fixes takes no part: it would hide a latency, and the scatter over the log's blocks, which is a
     latency's sigma, has it already.
     """
@@ -163,15 +165,24 @@ def _latencies(
         compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in roles]
     else:
         compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
+    found = [within_limits(each) for each in compared]
+    compared = [
+        Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each for each in found
+    ]
     if config.calibration is None:
-        return compared, *on_agreed_clock(_told(series, compared))
-    return compared, *with_latencies(series, compared, config.calibration, causal=config.causal)
+        latencies, notes = on_agreed_clock(_told(series, found))
+    else:
+        latencies, notes = with_latencies(series, found, config.calibration, causal=config.causal)
+    return compared, [within_limits(each) for each in latencies], notes
 
 
 def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool = False) -> Layout:
     """The layout with its stamps corrected; `likeliest`: by what is not significant, too."""
     corrections = [
-        latency.found_s if likeliest and np.isfinite(latency.found_s) else latency.applied_s for latency in latencies
+        latency.found_s
+        if likeliest and np.isfinite(latency.found_s) and latency.status is not LatencyStatus.CONTRADICTS
+        else latency.applied_s
+        for latency in latencies
     ]
     series = [
         replace(straightened(s, latency), latency_s=found_s)

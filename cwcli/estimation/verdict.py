@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import RATES
 from cwcli.estimation.result import SourceReport
 
@@ -37,18 +38,25 @@ class Nees:
 
 
 def verdict(
-    sources: Sequence[SourceReport], *, n_states: int, n_flagged: Mapping[str, int], nees: Sequence[Nees] = ()
+    sources: Sequence[SourceReport],
+    *,
+    n_states: int,
+    n_flagged: Mapping[str, int],
+    nees: Sequence[Nees] = (),
+    contradictions: Sequence[Contradiction] = (),
 ) -> str:
     """Whether the estimate is as good as it says.
 
-    The worst comes first: states that err by more than they say, sources that contradict the others, states that hang
-    in the air, sources that are noisier than taken for, and what is better than it says.
+    The worst comes first: sources of which one must be wrong, states that err by more than they say, sources that
+    contradict the others, states that hang in the air, sources that are noisier than taken for, and what is better than
+    it says.
 
     Args:
         sources: Of one vehicle.
         n_states: Of its track.
         n_flagged: How many of them have each flag, by its name.
         nees: Where there is a truth.
+        contradictions: Sources that can't both be right.
     """
     if not n_states:
         return "nothing was estimated"
@@ -58,7 +66,8 @@ def verdict(
         for each in nees
         if each.is_inside is False and each.per_dof > FACTOR
     ]
-    faults = [*surer, *_contradictions(sources), *_bridged(n_states, n_flagged), *_noisier(sources)]
+    wrong = [f"{each.sentence} ({each.consequence})" for each in contradictions]
+    faults = [*wrong, *surer, *_contradictions(sources), *_bridged(n_states, n_flagged), *_noisier(sources)]
     if faults:
         more = f", and {len(faults) - MOST_TOLD} more" if len(faults) > MOST_TOLD else ""
         return f"not consistent: {'; '.join(faults[:MOST_TOLD])}{more}"

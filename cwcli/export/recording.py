@@ -19,7 +19,7 @@ from cwcli.channels.published import (
     WARNING_LOG,
 )
 from cwcli.channels.vehicle_state import KINEMATICS, read_states
-from cwcli.errors import MissingSignalError, UsageError
+from cwcli.errors import MissingSignalError, UsageError, install_hint
 from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.vehicle_state import MAP_FRAME
 
@@ -40,7 +40,7 @@ def require_rerun() -> None:
         UsageError: The extra `view` is not installed.
     """
     if find_spec("rerun") is None:
-        raise UsageError("the viewer needs rerun-sdk", hint="pip install 'cwcli[view]'")
+        raise UsageError("the viewer needs rerun-sdk", hint=install_hint("view"))
 
 
 def show(log: Log, path: str) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.fleet.local import WorkerDied
 from cwcli.fleet.plan import Plan, Task
 from cwcli.fleet.worker import Done, work
@@ -71,7 +71,7 @@ def _started(address: str, jobs: int | None) -> Any:
     try:
         import ray
     except ImportError as error:
-        raise UsageError("--ray needs a package that is not installed", hint="pip install 'cwcli[ray]'") from error
+        raise UsageError("--ray needs a package that is not installed", hint=install_hint("ray")) from error
     # what `cwcli.cli.main` sets for this process, also on a cluster that somebody else has started
     quiet: dict[str, Any] = {
         "log_to_driver": False,

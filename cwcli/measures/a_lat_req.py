@@ -36,5 +36,4 @@ MEASURE = Measure(
     undefined="the other is not ahead, or the two are not on a collision course",
     misleads="where there is no room beside the lane",
     is_pointwise=True,
-    with_warnings=False,
 )

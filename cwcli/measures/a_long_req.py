@@ -34,5 +34,4 @@ MEASURE = Measure(
         "gap is used up"
     ),
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -28,5 +28,4 @@ MEASURE = Measure(
     undefined="one of the two is undefined",
     misleads="the car needs one of the two, not both",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -63,7 +63,7 @@ class Measure:
     is_of_host: bool = False
     is_sampled: bool = False
     needs_covariance: bool = False
-    with_warnings: bool = True
+    with_warnings: bool = False
     clause: Callable[[float], str] | None = None
 
     @property

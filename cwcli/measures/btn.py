@@ -28,5 +28,4 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads="on wet roads, where the car can do less",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -32,6 +32,5 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads="for a vehicle ahead that brakes",
     is_pointwise=True,
-    with_warnings=False,
     clause=lambda threshold: f"a vehicle ahead could hardly be avoided at its present speed (CFS above {threshold:g})",
 )

@@ -39,5 +39,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="as for PET",
     misleads="when following a vehicle, as for PET; messages carry no masses, so 1500 kg are assumed",
-    with_warnings=False,
 )

@@ -46,5 +46,4 @@ MEASURE = Measure(
     is_symmetric=False,
     undefined="both positions were never known at the same time",
     misleads="for a long drive: one bad second hardly shows in the mean",
-    with_warnings=False,
 )

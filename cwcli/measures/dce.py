@@ -25,5 +25,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="far ahead in time: a small DCE in 20 s means little; read it with TTCE",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -29,5 +29,4 @@ MEASURE = Measure(
     undefined="the two are not on a collision course",
     misleads="with a lorry: messages carry no masses, so they are taken as equal",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -24,5 +24,6 @@ MEASURE = Measure(
     threshold_source="song2016, section 4",
     misleads="for long vehicles: their outlines touch while the centres are far apart",
     is_pointwise=True,
+    with_warnings=True,
     clause=lambda threshold: f"the two were closer than {threshold:g} m, centre to centre",
 )

@@ -41,5 +41,6 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or do not close",
     misleads="when the other brakes or accelerates; at a crossing, where braking is not the only way out",
     is_pointwise=True,
+    with_warnings=True,
     clause=lambda threshold: f"a braking of {threshold:g} m/s² was needed to avoid contact",
 )

@@ -34,5 +34,4 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines, or the host does not close",
     misleads="in dense traffic, where nobody keeps 2 s",
     is_pointwise=True,
-    with_warnings=False,
 )

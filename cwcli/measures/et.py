@@ -30,5 +30,4 @@ MEASURE = Measure(
     is_symmetric=False,
     undefined="as for PET, or the two drive within 30 degrees of parallel",
     misleads="in a queue: it lasts as long as the host stands",
-    with_warnings=False,
 )

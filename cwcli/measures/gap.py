@@ -31,5 +31,6 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="on narrow roads, where two that pass each other safely are near",
     is_pointwise=True,
+    with_warnings=True,
     clause=lambda threshold: f"the two were less than {threshold:g} m apart" if threshold else "the two touched",
 )

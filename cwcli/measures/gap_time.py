@@ -27,5 +27,4 @@ MEASURE = Measure(
     undefined="the ways cross under less than 30 degrees, or one is past the crossing, or stands",
     misleads="for a vehicle that turns off before the crossing",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -24,5 +24,4 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads="in curves: what is straight ahead is not in the lane",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -28,5 +28,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="while the yaw rate changes",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -27,5 +27,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="where the states are smoothed: peaks are lower",
     is_pointwise=True,
-    with_warnings=False,
 )

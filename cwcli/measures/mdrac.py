@@ -36,5 +36,4 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or do not close",
     misleads="for a driver who brakes already: the reaction time is counted again",
     is_pointwise=True,
-    with_warnings=False,
 )

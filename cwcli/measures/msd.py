@@ -27,5 +27,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="it assumes no reaction time and a dry road",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -31,5 +31,4 @@ MEASURE = Measure(
     undefined="the two are not on a collision course at these accelerations",
     misleads="for a braking car far ahead: the formula lets it drive backwards after it has stopped",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -121,5 +121,4 @@ MEASURE = Measure(
     is_pointwise=True,
     is_stepped=True,
     needs_covariance=True,
-    with_warnings=False,
 )

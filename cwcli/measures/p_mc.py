@@ -64,5 +64,4 @@ MEASURE = Measure(
     is_pointwise=True,
     is_stepped=True,
     is_sampled=True,
-    with_warnings=False,
 )

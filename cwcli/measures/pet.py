@@ -159,4 +159,5 @@ MEASURE = Measure(
     undefined="neither vehicle entered a spot within 5 s after the other had left it",
     misleads="when following a vehicle: there it is the time gap, which is small for hours in dense traffic",
     is_series=False,
+    with_warnings=True,
 )

@@ -32,7 +32,6 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads="in dense traffic, where everybody follows more closely",
     is_pointwise=True,
-    with_warnings=False,
     clause=lambda threshold: (
         f"the gap would have been unsafe (PFS above {threshold:g}) if the vehicle ahead had braked"
     ),

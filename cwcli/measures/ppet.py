@@ -33,5 +33,4 @@ MEASURE = Measure(
     undefined="the ways cross under less than 30 degrees, or one has left the area, or stands",
     misleads="for a vehicle that brakes before the crossing",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -33,5 +33,4 @@ MEASURE = Measure(
     undefined="the two are not on a collision course, or the host stands",
     misleads="when the other moves away from the spot",
     is_pointwise=True,
-    with_warnings=False,
 )

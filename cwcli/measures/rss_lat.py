@@ -35,5 +35,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="alone: behind each other it is negative; RSS asks for both of its distances at once",
     is_pointwise=True,
-    with_warnings=False,
 )

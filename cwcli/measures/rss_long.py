@@ -49,5 +49,4 @@ MEASURE = Measure(
     undefined="the headings are more than 45 degrees off one line, or the two drive away from each other",
     misleads="alone: beside each other it is negative; RSS asks for both of its distances at once",
     is_pointwise=True,
-    with_warnings=False,
 )

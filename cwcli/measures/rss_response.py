@@ -39,5 +39,4 @@ MEASURE = Measure(
     misleads="at a cut-in: RSS then asks for braking across, which the host can't see as its own duty",
     is_pointwise=True,
     is_stepped=True,
-    with_warnings=False,
 )

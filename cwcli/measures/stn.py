@@ -28,5 +28,4 @@ MEASURE = Measure(
     undefined="as for a_lat,req",
     misleads="as for a_lat,req",
     is_pointwise=True,
-    with_warnings=False,
 )

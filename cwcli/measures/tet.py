@@ -31,5 +31,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="both positions were never known at the same time",
     misleads="for a long drive: it adds up many moments of which none was dangerous",
-    with_warnings=False,
 )

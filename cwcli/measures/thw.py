@@ -30,5 +30,4 @@ MEASURE = Measure(
     undefined="nothing is ahead of the host within the width of the two outlines, or the host stands",
     misleads="in dense traffic, where many drive at 0.8 s for hours; it does not depend on the closing speed",
     is_pointwise=True,
-    with_warnings=False,
 )

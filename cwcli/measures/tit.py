@@ -30,5 +30,4 @@ MEASURE = Measure(
     is_series=False,
     undefined="both positions were never known at the same time",
     misleads="as for TET",
-    with_warnings=False,
 )

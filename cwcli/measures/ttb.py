@@ -29,5 +29,4 @@ MEASURE = Measure(
     misleads="where there is no room, or the road is wet",
     is_pointwise=True,
     is_stepped=True,
-    with_warnings=False,
 )

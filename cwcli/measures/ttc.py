@@ -30,5 +30,6 @@ MEASURE = Measure(
     undefined="the two are not on a collision course",
     misleads="in curves, where two on their own lanes are on a collision course for a moment; when either brakes",
     is_pointwise=True,
+    with_warnings=True,
     clause=lambda threshold: f"the two were {threshold:g} s from contact",
 )

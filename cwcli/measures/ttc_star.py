@@ -26,5 +26,4 @@ MEASURE = Measure(
     undefined="the paths do not meet within 5 s",
     misleads="at the end of a curve, where the yaw rate changes",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -25,5 +25,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart, or nothing moves relative to the other",
     misleads="alone: a short time does not mean a short distance; read it with DCE",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -32,5 +32,4 @@ MEASURE = Measure(
     misleads="as for its parts",
     is_pointwise=True,
     is_stepped=True,
-    with_warnings=False,
 )

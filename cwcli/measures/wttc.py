@@ -46,5 +46,4 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="for two vehicles that pass each other on any road: it finds candidates, not conflicts",
     is_pointwise=True,
-    with_warnings=False,
 )

@@ -71,7 +71,7 @@ def run_stages(
         selection: What is used of the log.
         missing: Asked before each stage; what it returns is why that stage is left out.
         lenient: A stage that finds no signal when it runs is left out too, and only if none is left that is an error.
-        strict: Rejected, repaired or lost data is an error.
+        strict: Rejected, repaired or lost data, and sources that contradict each other, are an error.
         choice: The channels that will be written, for the records.
         step: Told what is being done.
 
@@ -113,13 +113,16 @@ def run_stages(
 
 
 def refuse_faults(outcome: Outcome, start_ns: int) -> None:
-    """`--strict`: whatever was rejected, repaired or lost is an error; its time counts from the log's start.
+    """`--strict`: whatever was rejected, repaired or lost, and sources that contradict each other, are an error.
+
+    The time of a fault counts from the log's start.
 
     Raises:
         DataError: There is a fault.
     """
     found = [f"{reason}: {count}" for reason, count in outcome.faults.items()]
     for result in outcome.results:
+        found += result.summary.contradictions
         for entry in result.summary.inputs:
             for kind, counts in (("rejected", entry.rejected), ("repaired", entry.repaired)):
                 for reason, count in counts.items():

@@ -45,7 +45,7 @@ def remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: E
     is_fresh = np.ones(len(signal.stamp_ns), np.bool_)
     for _, own in stations:
         is_fresh[own] = in_time(signal.stamp_ns[own], signal.log_time_ns[own])
-    config = replace(estimator, calibration=None, latency="none", sensor_model="none")
+    config = replace(estimator, calibration=None, latency="none", sensor_model="none", compares_sources=False)
 
     def estimated(own: Int64Array) -> TrackSummary:
         heard = own[is_fresh[own]]

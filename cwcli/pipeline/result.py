@@ -78,6 +78,7 @@ class Summary:
         title: The stage.
         sections, inputs, notes: Its tables, what became of the input, and remarks.
         verdict: One sentence on the result, "" where the stage has none.
+        contradictions: Sources of which one must be wrong, a sentence each; with `--strict` they are an error.
     """
 
     title: str
@@ -85,6 +86,7 @@ class Summary:
     inputs: tuple[InputCount, ...] = ()
     notes: tuple[str, ...] = ()
     verdict: str = ""
+    contradictions: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The summary as JSON-ready values, under names in snake_case; NaN, infinity and empty cells become null."""
@@ -108,6 +110,7 @@ class Summary:
             ],
             "notes": list(self.notes),
             **({"verdict": self.verdict} if self.verdict else {}),
+            **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
         }
 
     def to_record(self) -> dict[str, str]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.report.pooled import PooledMetric, PooledSource
 from cwcli.report.story import Badge
 from cwcli.report.tiles import Tiles
@@ -186,7 +186,7 @@ def _plotly() -> str:
 
 
 def _missing(package: str) -> UsageError:
-    return UsageError(f"the report needs the package {package}", hint="pip install 'cwcli[report]'")
+    return UsageError(f"the report needs the package {package}", hint=install_hint("report"))
 
 
 def _hash(script: str) -> str:

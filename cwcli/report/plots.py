@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.errors import MissingSignalError, UsageError
+from cwcli.errors import MissingSignalError, UsageError, install_hint
 from cwcli.evaluation.subject import EgoTruth
 from cwcli.report.drive import Drive
 from cwcli.report.map_figure import with_breaks
@@ -166,7 +166,7 @@ def draw(drive: Drive, what: str, file_format: str) -> bytes:
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:
-        raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'")
+        raise UsageError("plots need matplotlib", hint=install_hint("plots"))
     if drive.ego is None and what != "lane":
         raise MissingSignalError("the log holds no ego state", where=drive.name, hint="run `cwcli estimate` first")
     import matplotlib as mpl

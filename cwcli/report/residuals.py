@@ -177,7 +177,7 @@ def _found(told: list[tuple[Any, ...]], parameter: str, otherwise: float) -> flo
     for _, _, name, value, _, status in told:
         if (
             name == parameter
-            and status in (ParameterStatus.USED, ParameterStatus.GIVEN)
+            and (status in (ParameterStatus.USED, ParameterStatus.GIVEN) or name == "bias")  # which is always a state
             and math.isfinite(leading_number(value))
         ):
             return leading_number(value)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.output import Together, write_file
 from cwcli.reproduction.findings import Plot
 
@@ -32,7 +32,7 @@ def check_matplotlib() -> None:
     from importlib.util import find_spec
 
     if find_spec("matplotlib") is None:
-        raise UsageError("plots need matplotlib", hint="pip install 'cwcli[plots]'")
+        raise UsageError("plots need matplotlib", hint=install_hint("plots"))
 
 
 def write_plots(

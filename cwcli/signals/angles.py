@@ -13,6 +13,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 TWO_PI = 2.0 * np.pi
+"""One full turn, in radians."""
 
 
 @overload

@@ -41,13 +41,14 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 TURNED = 0.97
-"""Sine of the direction at which lines end."""
+"""The sine of the direction (1) at which a drawn line ends, because it turns back there; chosen by hand."""
 LEAST_REST = 0.2
-"""Of the radius, inside a boundary: farther in there is no lane."""
+"""The least radius of a parallel line inside a bend, as a share (1) of the bend's radius; a tighter line is no lane.
+Chosen by hand."""
 
 
 class Pinhole(NamedTuple):
-    """What of a camera the shape of a road takes: column of the principal point, fx, and fx / fy."""
+    """The parts of a camera that the shape of a road needs: column of the principal point, fx, and fx / fy."""
 
     centre_px: float
     focal_px: float
@@ -57,7 +58,7 @@ class Pinhole(NamedTuple):
 def own_arc(
     far_px: float, near: float, bend_px2: float, spiral_px3: float, pinhole: Pinhole
 ) -> tuple[float, float, float, float]:
-    """far, near, bend and spiral of the line at a place, from u_0, k and q of the one through the camera's foot.
+    """Return far, near, bend and spiral of the parallel line with this `near`, from those of the line through y = 0.
 
     Args:
         far_px, bend_px2, spiral_px3: u_0, k and q of that line, columns counted as those of `pinhole`.
@@ -76,7 +77,7 @@ def own_arc(
 
 
 def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
-    """Columns of lines, each told by the polynomial that touches it beside the camera.
+    """Return the image columns (px) of arcs, each given by the polynomial that touches it beside the camera.
 
     Args:
         roads: Shape (..., 4): far, near, bend, spiral of x = far + near h + bend / h + spiral / h^2.
@@ -102,7 +103,7 @@ def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: Flo
 
 
 def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = TURNED) -> FloatArray:
-    """The smallest positive t at which start + rate t + growth t^2 is `sine`, to either side; inf: none."""
+    """Return the smallest positive t at which start + rate t + growth t^2 is `sine` or -`sine`, else inf."""
     end = np.where(np.abs(start) < sine, np.inf, 0.0)
     for limit in (-sine, sine):
         root = np.sqrt(rate * rate - 4.0 * growth * (start - limit))
@@ -112,49 +113,50 @@ def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: f
     return end
 
 
-def arc_places_m(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0) -> FloatArray:
-    """Where lines lie on the road, each told by the polynomial that touches it beside the camera.
+def arc_places_m(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0) -> FloatArray:
+    """Return the lateral positions (m) of arcs on the road, each given by the polynomial that touches it beside the
+    camera.
 
     Args:
-        touching: Shape (..., 3): y0 (m), slope, curvature (1/m) of
+        arc_coefficients: Shape (..., 3): y0 (m), slope, curvature (1/m) of
             y = y0 + slope x + curvature x^2 / 2 + change x^3 / 6.
         x_m: Distances ahead, of a shape that goes together with (...).
-        change_1pm2: Of the curvature, for each metre ahead, of the parallel line through y = 0; that of the lines is
+        change_1pm2: Change of curvature per metre ahead, of the parallel line through y = 0; that of the lines is
             `changes_beside` times as great. Of a shape that goes together with (...).
 
     Returns:
         Metres to the side to which y counts; NaN where a line has turned back, and behind the camera.
     """
-    y0, slope, curvature = np.moveaxis(touching, -1, 0)
-    change = np.broadcast_to(change_1pm2 * changes_beside(touching), y0.shape)
+    y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
+    change = np.broadcast_to(change_1pm2 * changes_beside(arc_coefficients), y0.shape)
     roads = np.stack([slope, y0, curvature / 2.0, change / 6.0], axis=-1)
     ahead_m = np.where(x_m > 0.0, x_m, np.nan)
     places_m = ahead_m * arc_columns(roads, 1.0 / ahead_m, np.array(0.0), np.array(1.0))
     return np.asarray(np.where(x_m == 0.0, y0, places_m))
 
 
-def changes_beside(touching: FloatArray) -> FloatArray:
-    """Shape (...): how many times a line's change of curvature is that of the parallel line through y = 0.
+def changes_beside(arc_coefficients: FloatArray) -> FloatArray:
+    """Return the ratios (...) of each line's change of curvature to that of the parallel line through y = 0.
 
     Both as x^3 / 6 counts them; the other way round than `own_arc`, from K y = K_own y / (1 + K_own y).
 
     Args:
-        touching: Shape (..., 3), as for `arc_places_m`.
+        arc_coefficients: Shape (..., 3), as for `arc_places_m`.
     """
-    y0, slope, curvature = np.moveaxis(touching, -1, 0)
+    y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     tighter = np.clip(1.0 + curvature * cosine**3 * y0, LEAST_REST, 1.0 / LEAST_REST)
     start = np.clip(slope * cosine / tighter, -TURNED, TURNED)
     return np.asarray((tighter * np.sqrt(1.0 - start * start) / cosine) ** 3)
 
 
-def middle_arc(touching: FloatArray) -> FloatArray:
-    """Shape (n, 3): the line in the middle between parallel ones, told as they are.
+def middle_arc(arc_coefficients: FloatArray) -> FloatArray:
+    """Return the lines (n, 3) in the middle between parallel ones, with the same coefficients.
 
     Args:
-        touching: Shape (n, k, 3), as for `arc_places_m`.
+        arc_coefficients: Shape (n, k, 3), as for `arc_places_m`.
     """
-    y0, slope, curvature = np.moveaxis(touching, -1, 0)
+    y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     middle = y0.mean(axis=1)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     rate = curvature * cosine**3
@@ -164,15 +166,16 @@ def middle_arc(touching: FloatArray) -> FloatArray:
     return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])
 
 
-def arc_ahead(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (..., 3): y (m), direction (rad) and curvature (1/m) of lines at a distance; NaN where they have turned
-    back, and behind the camera.
+def arc_ahead(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+    """Return y (m), direction (rad) and curvature (1/m) of arcs at a distance ahead, shape (..., 3).
+
+    NaN behind the camera, and where an arc has turned back.
 
     Args:
-        touching, x_m, change_1pm2: As for `arc_places_m`.
+        arc_coefficients, x_m, change_1pm2: As for `arc_places_m`.
     """
-    places_m = arc_places_m(touching, x_m, change_1pm2)
-    start, rate, growth = _sines(touching, change_1pm2)
+    places_m = arc_places_m(arc_coefficients, x_m, change_1pm2)
+    start, rate, growth = _sines(arc_coefficients, change_1pm2)
     ahead = rate + 2.0 * growth * x_m
     sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
@@ -181,7 +184,7 @@ def arc_ahead(touching: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) ->
 
 
 def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (n, 3): y (m), direction (rad) and curvature (1/m) of the middle between both lines of each lane.
+    """Return y (m), direction (rad) and curvature (1/m) of each lane's centre at a distance ahead, shape (n, 3).
 
     Where one line alone is known, direction and curvature are its own, and y is NaN; so are all three where the lane
     has turned back.
@@ -196,25 +199,26 @@ def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> F
 
 
 def lane_middle(lines: FloatArray) -> FloatArray:
-    """Shape (n, 3): the middle between both lines, or the only one that is known; `lines` as for `lane_ahead`."""
+    """Return the line (n, 3) in the middle between both lines of each lane, or the only known one; `lines` as for
+    `lane_ahead`."""
     centre, only = middle_arc(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
     return np.where(np.isnan(centre[:, :1]), only, centre)
 
 
-def turned_at_m(touching: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
-    """Shape (n,): how far ahead the sine of each line's direction first reaches `sine`, to either side; inf: nowhere.
+def turned_at_m(arc_coefficients: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
+    """Return how far ahead (m) the sine of each line's direction first reaches `sine` to either side, (n,), else inf.
 
     Args:
-        touching, change_1pm2: As for `arc_places_m`; shapes (n, 3) and (n,).
+        arc_coefficients, change_1pm2: As for `arc_places_m`; shapes (n, 3) and (n,).
         sine: Positive, below 1. A line that points farther aside beside the camera has turned at 0.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _turns_back(*_sines(touching, change_1pm2), sine)
+        return _turns_back(*_sines(arc_coefficients, change_1pm2), sine)
 
 
-def _sines(touching: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """s_0, K and K' / 2 of each line: the sine of its direction x ahead is s_0 + K x + K' x^2 / 2; shape (...) each."""
-    _, slope, curvature = np.moveaxis(touching, -1, 0)
+def _sines(arc_coefficients: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return s_0, K and K' / 2 of each line, shape (...) each: its direction's sine is s_0 + K x + K' x^2 / 2."""
+    _, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    change = change_1pm2 * changes_beside(touching) * cosine**3
+    change = change_1pm2 * changes_beside(arc_coefficients) * cosine**3
     return slope * cosine, curvature * cosine**3, 0.5 * change

@@ -4,7 +4,7 @@
 - `"0000000100000"` or `"0100"`: bits or octets as text, the first flag first, bare or as `value` of an object (JER);
 - a number of 13 bits, the first flag the highest: what `signals.radio.bsm` decodes;
 - `j2735_v2x_msgs/VehicleEventFlags`: a sum of the message's own constants, which begin at the second flag: hazard
-  lights are 0 there, and can't be told.
+  lights are 0 there and can't be recognised.
 
 Part II is a list of extensions, of which one at most has flags.
 """
@@ -36,33 +36,42 @@ EVENT_FLAGS = (
     "eventDisabledVehicle",
     "eventAirBagDeployment",
 )
-"""Of VehicleEventFlags, the first one in the highest of the 13 bits."""
+"""The names of the 13 flags of VehicleEventFlags (SAE J2735), from the highest bit to the lowest."""
 N_FLAGS = len(EVENT_FLAGS)
+"""The number of event flags (13)."""
 HARD_BRAKING_NAME = "eventHardBraking"
+"""The name of the flag with which a sender reports that it brakes with more than 0.4 g (SAE J2735)."""
 HARD_BRAKING_FLAG = 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(HARD_BRAKING_NAME))
-"""The sender brakes with more than 0.4 g."""
+"""The bit of the hard-braking flag in the 13 flags."""
 
 CODED = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
-"""Where a JSON BSM has them as text or number, itself or as `value`."""
+"""The paths at which a JSON BSM has all flags in one text or number, directly or as `value`."""
 NAMED = ("payload.data.partII.value.events", "partII.value.events", "partII.partII-Value.events")
-"""Where a JSON message has them flag by flag."""
+"""The paths below which a JSON message has each flag as a field of its own."""
 _EXTENSIONS = "part_ii.vehicle_safety_extensions."
+"""The path prefix of the vehicle safety extensions in a ROS BSM."""
 ROS = _EXTENSIONS + "events.vehicle_event_flag"
+"""The path of the flags in a ROS BSM."""
 ROS_PRESENCE = _EXTENSIONS + "presence_vector"
+"""The path of the bits that say which extensions a ROS BSM has."""
 HAS_EVENTS = 1
+"""The bit of the presence field that says that the extension has event flags."""
 ROS_BITS = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAGS) if k}
-"""Constant of the ROS message -> flag: EVENT_STOP_LINE_VIOLATION is 1, EVENT_HARD_BRAKING 64."""
+"""The flag name for each constant of the ROS message: EVENT_STOP_LINE_VIOLATION is 1, EVENT_HARD_BRAKING 64."""
 UNREAD = -1
+"""The result for a text that holds no flags; no combination of flags is negative."""
 _BITS, _OCTETS = re.compile(r"[01]{13,}"), re.compile(r"[0-9A-Fa-f]{4}")
+"""The form of flags as a text of 13 or more bits and of two octets in hexadecimal."""
 
 
 def json_fields(prefixes: tuple[str, ...]) -> tuple[str, ...]:
-    """Every leaf that a JSON BSM, which may lie behind some prefixes, can have its flags in."""
+    """Return the paths of every leaf in which a JSON BSM behind one of the prefixes can have its event flags."""
     return (*_coded_paths(prefixes), *(f"{place}.{flag}" for place in NAMED for flag in EVENT_FLAGS))
 
 
 def json_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
-    """The 13 flags of each message (n,) as bits, the first one the highest, 0 of none; and which can't be read."""
+    """Return the 13 flags of each message (n,) as bits, 0 where there are none, and which messages (n,) can't be
+    read."""
     n = len(columns)
     found, is_unread = np.zeros(n, np.int64), np.zeros(n, np.bool_)
     for path in _coded_paths(prefixes):
@@ -76,12 +85,12 @@ def json_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array,
 
 
 def ros_fields() -> tuple[str, ...]:
-    """Every leaf of a ROS BSM that its flags are in."""
+    """Return the paths of the leaves that hold the event flags of a ROS BSM."""
     return (ROS, ROS_PRESENCE)
 
 
 def ros_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:
-    """The same of a ROS channel, of the extensions that say that they have flags.
+    """Return the 13 flags of each message (n,) of a ROS channel as bits, and which messages (n,) can't be read.
 
     A message is unread that has flags, and does not tell of each of its extensions whether it has some.
     """
@@ -107,7 +116,7 @@ def flag_events(
     latitude_deg: FloatArray,
     longitude_deg: FloatArray,
 ) -> RoadEvents:
-    """One event a flag and message; each holds for its own moment. All arguments have n rows."""
+    """Return one event for each set flag of each message; it is valid at its stamp only. All arguments have n rows."""
     of_flags = []
     for k, name in enumerate(EVENT_FLAGS):
         rows = np.flatnonzero(codes & (1 << (N_FLAGS - 1 - k)))
@@ -121,10 +130,10 @@ def flag_events(
 
 
 def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
-    """How many messages of how many stations flag hard braking, and how many have flags that are left out.
+    """Return notes on how many messages of how many stations flag hard braking, and how many flags can't be read.
 
     Args:
-        events: Flags of BSMs, and what DENMs notify, which is told elsewhere.
+        events: Flags of BSMs; events of DENMs are ignored here.
         is_unread: Which messages have flags that can't be read.
     """
     names = np.array([*(name == HARD_BRAKING for name in events.kind.values), False])
@@ -135,7 +144,7 @@ def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
         notes.append(f"{len(rows)} messages of {n_stations} stations flag hard braking (over 0.4 g)")
     if is_unread.any():
         n_unread = np.count_nonzero(is_unread)
-        notes.append(f"the event flags of {n_unread} messages are null or none that can be read: left out")
+        notes.append(f"the event flags of {n_unread} messages can't be read and are left out")
     return tuple(notes)
 
 
@@ -144,7 +153,7 @@ def _coded_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _coded(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
-    """Numbers of 13 bits, or texts; and what is neither."""
+    """Return flags (n,) from a field of 13-bit numbers or texts, and which rows (n,) hold neither."""
     if isinstance(field, Strings):
         flags = np.array([*(_from_text(text) for text in field.values), 0], np.int64)[field.codes]
         return np.maximum(flags, 0), flags == UNREAD
@@ -181,14 +190,14 @@ def _is_set(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
 
 
 def _dtype(field: Field | None) -> np.dtype[Any] | None:
-    """Of its numbers."""
+    """Return the type of a field's numbers, or None where it holds none."""
     if isinstance(field, Ragged):
         return field.values.dtype
     return field.dtype if isinstance(field, np.ndarray) else None
 
 
 def _no_numbers(field: Field | None, n: int) -> BoolArray:
-    """Which messages have a value that is null, or a text among numbers; outside lists the absent look the same."""
+    """Return which messages (n,) hold a null or a text among numbers; outside lists these look like absent values."""
     found = np.zeros(n, np.bool_)
     if isinstance(field, Ragged):
         found[np.repeat(np.arange(n), np.diff(field.offsets))[~np.isfinite(field.values)]] = True
@@ -198,7 +207,7 @@ def _no_numbers(field: Field | None, n: int) -> BoolArray:
 
 
 def _elements(field: Field | None, n: int) -> tuple[Int64Array, FloatArray]:
-    """Row and value of each finite number of a field, however many a message has."""
+    """Return the row and the value of each finite number of a field, whatever their number per message."""
     rows = np.arange(n, dtype=np.int64)
     values = np.zeros(0)
     if isinstance(field, Ragged):

@@ -1,4 +1,4 @@
-"""What SAE J2945/1 has a sender of BSMs do to its motion before it sends it, and what a receiver can take back of it.
+"""How a sender of BSMs filters its motion before sending it (SAE J2945/1), and how a receiver can undo that.
 
 The acceleration goes through a low pass (Butterworth, second order, 1 Hz), so that it comes 0.225 s late; the heading
 is latched at standstill: the last one from above 0.5556 m/s is sent until the car is faster than 0.6944 m/s.
@@ -12,16 +12,20 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.quality import BoolArray
 
 CUTOFF_RADPS = 2.0 * np.pi
+"""The cutoff frequency of the senders' acceleration filter, in rad/s: 1 Hz (SAE J2945/1)."""
 DELAY_S = np.sqrt(2.0) / CUTOFF_RADPS
-"""By which the filter delays what changes slowly: 0.225 s."""
+"""The time by which that filter delays slow changes, in seconds (0.225); it follows from the Butterworth form."""
 LATCH_MPS, RELEASE_MPS = 0.5556, 0.6944
+"""The speeds below which a sender freezes its heading and above which it releases it, in m/s (SAE J2945/1)."""
 STEP_S = 1e-3
+"""The default sampling interval of the filter, in seconds; chosen by hand."""
 MAX_PAUSE_S = 0.5
-"""Over a longer pause nothing tells how the acceleration changed."""
+"""The longest pause between messages, in seconds, across which the filter is undone. Chosen by hand; not fitted."""
 
 
 def low_passed(values: FloatArray, step_s: float = STEP_S) -> FloatArray:
-    """Samples (n,) behind the filter, by its bilinear transform; before the first one it stood at its value."""
+    """Return samples (n,) after the senders' low pass (bilinear transform), which starts settled at the first
+    sample."""
     k = 2.0 / step_s
     w2 = CUTOFF_RADPS**2
     scale = k**2 + np.sqrt(2.0) * CUTOFF_RADPS * k + w2
@@ -37,7 +41,7 @@ def low_passed(values: FloatArray, step_s: float = STEP_S) -> FloatArray:
 
 
 def latched(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
-    """Headings (n,), one after the other, as they are sent at these speeds (n,)."""
+    """Return headings (n,) in rad as senders report them at these speeds (n,): frozen at standstill."""
     out = heading_rad.copy()
     is_latched = False
     for i, speed in enumerate(np.abs(speed_mps).tolist()):
@@ -48,13 +52,14 @@ def latched(heading_rad: FloatArray, speed_mps: FloatArray) -> FloatArray:
 
 
 def is_repeated(heading_rad: FloatArray, speed_mps: FloatArray) -> BoolArray:
-    """Where a sent heading (n,) is the one before, at a speed at which it is latched: it measures nothing anew."""
+    """Return where a heading (n,) only repeats the one before because it is frozen at standstill: it is no new
+    measurement."""
     same = np.diff(heading_rad, prepend=np.nan) == 0.0
     return np.asarray(same & (np.abs(speed_mps) <= RELEASE_MPS))
 
 
 def unfiltered(time_s: FloatArray, accel_mps2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The acceleration before the filter, from what was sent, by nothing later.
+    """Undo the senders' low pass on an acceleration, from earlier and present messages only.
 
     The filter's inverse is a + sqrt(2)/w a' + a''/w^2. Both derivatives are taken from the last three values: so a ramp
     is found again without a delay.

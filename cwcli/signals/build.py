@@ -1,4 +1,4 @@
-"""From a channel's columns to the canonical signal of its role."""
+"""Building the canonical signal of a role from a channel's columns."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from cwcli.signals.v2x_codec import OTHER_STATION
 
 
 def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
-    """Leaf fields that a role needs of a schema.
+    """Return the leaf fields that a role needs of a schema.
 
     Args:
         role: The role.
-        schema_name: In any spelling.
+        schema_name: The schema's name in any spelling.
         message_encoding: `cdr`, `protobuf` or `json`.
 
     Returns:
@@ -43,18 +43,18 @@ def build(
     mapping: FieldMapping | None = None,
     parts: Sequence[tuple[Columns, FieldMapping]] = (),
 ) -> tuple[Signal, Quality]:
-    """Make the canonical signal of a role out of a channel.
+    """Build the canonical signal of a role from a channel.
 
     The kind of signal follows from role and schema, except: a twist becomes a `VelocitySignal` or a `SpeedSignal` by
     its frame_id, and EGO_POSITION and TRUTH give a `PositionSignal` (WGS84) or a `PoseSignal` (Cartesian).
 
     Args:
-        role: What the channel is bound to.
+        role: The role that the channel is bound to.
         columns: The channel, with at least the fields of `fields_for` that the file has.
         clock: Take a row's time from its message (`stamp`) or from the log (`log`).
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.
-        mapping: Which of its fields are the role's quantities, where the user has said so.
+        mapping: The user's mapping of its fields to the role's quantities, or None.
         parts: Channels that hold the quantities behind these, and which of their fields they are.
 
     Returns:
@@ -77,7 +77,7 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
     """Raise when a channel that the command needs has no row left.
 
     Args:
-        quality: Of the channel in its role.
+        quality: The counts of the channel in its role.
         where: Log name for the message.
         is_cut: The user asked for a part of the log only.
 
@@ -93,5 +93,5 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
         raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
     nothing = "there is none between --start and --end" if is_cut else "the channel is empty"
     reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or nothing
-    hint = "--ego-station ID tells which station is the ego" if OTHER_STATION in quality.set_aside else ""
-    raise MissingSignalError(f"no message of it is {quality.role} ({reasons})", where=prefix, hint=hint)
+    hint = "name the ego's station with --ego-station ID" if OTHER_STATION in quality.set_aside else ""
+    raise MissingSignalError(f"the channel has no message for {quality.role} ({reasons})", where=prefix, hint=hint)

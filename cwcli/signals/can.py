@@ -1,6 +1,6 @@
-"""CAN frames (`can_msgs/Frame`) as signals, by the DBC files that describe the bus.
+"""CAN frames (`can_msgs/Frame`) as signals, decoded by the DBC files that describe the bus.
 
-cantools reads the files (an extra, `cwcli[can]`); the bits are taken out of all frames at once.
+cantools reads the files (an extra, `cwcli-drive[can]`); the bits are taken out of all frames at once.
 """
 
 from __future__ import annotations
@@ -13,41 +13,47 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.signals.columns import Columns, FloatArray, Ragged
 from cwcli.signals.leaf_fields import numbers
 from cwcli.signals.mapping import MAPPED, UNITS, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
 
 MOST_BYTES = 64
+"""The largest number of data bytes in a frame (CAN FD)."""
 Octets = npt.NDArray[np.uint8]
 OTHER_FRAME = "frame of another message"
-TOO_SHORT = "frame shorter than the DBC says"
+"""The reason for setting aside a frame of another message."""
+TOO_SHORT = "frame shorter than in the DBC file"
+"""The reason for rejecting a frame that is shorter than its message."""
 NOT_AVAILABLE = "signal not available"
+"""The reason for rejecting a frame whose signal says that it has no value."""
 OUT_OF_RANGE = "value out of the DBC's range"
+"""The reason for rejecting a value outside the range of the DBC file."""
 NO_VALUE = re.compile(r"\b(sna|n/?a|not available|invalid|error|init|initiali[sz]ing|unknown|reserved)\b", re.I)
-"""Names of values that are none."""
+"""The pattern of value names in DBC files that mean that there is no value."""
 SPELLED = {
     **{"km/h": "kmh", "kph": "kmh", "kmph": "kmh", "m/s": "mps", "mi/h": "mph", "knot": "knots", "kn": "knots"},
     **{"°": "deg", "degree": "deg", "degrees": "deg", "rad/s": "radps", "deg/s": "degps", "°/s": "degps"},
     **{"degree/s": "degps", "deg/sec": "degps", "m/s2": "mps2", "m/s^2": "mps2", "m/s²": "mps2", "m/s/s": "mps2"},
 }
-"""Units as DBC files spell them -> as a mapping does."""
+"""The unit names of mappings, by their spelling in DBC files."""
 
 MOST_BITS = 64
+"""The largest number of bits of a signal that is read."""
 FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
-"""Bits of a real number -> the types of its bits and of itself."""
+"""The unsigned and the floating-point type of a real number, by its number of bits."""
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """The frames of one message.
+    """The decoded frames of one CAN message.
 
     Attributes:
         columns: Those whose signals can be used, with a field for each.
         set_aside: Reason -> sound frames that are none of them.
         rejected: Reason -> frames of the message that can't be used.
-        notes: For the user.
+        notes: Notes for the user.
     """
 
     columns: Columns
@@ -57,7 +63,7 @@ class Decoded:
 
 
 def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapping]:
-    """The signals that a mapping names, and the mapping with the units that the files give.
+    """Decode the CAN signals that a mapping names, and add the DBC files' units to the mapping.
 
     Raises:
         UsageError: No file, one that can't be read, a message or signal that none has, or a unit that measures
@@ -65,7 +71,7 @@ def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapp
     """
     names = {term.path.partition(".")[0] for term in mapping.terms}
     if len(names) > 1:
-        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are messages of their own: one --map each")
+        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are different CAN messages: one --map for each")
     message = _message(columns, mapping, names.pop())
     signals = [_signal(columns, mapping, message, term) for term in mapping.terms]
     taken = [*signals, *(_selector(message, signal) for signal in signals if signal.multiplexer_ids)]
@@ -117,6 +123,20 @@ def _message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
     raise _wrong(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
+def list_signals(files: Sequence[str]) -> list[str]:
+    """The signals of DBC files as `MESSAGE.SIGNAL`, in the order of the files.
+
+    Raises:
+        UsageError: A file can't be read, or cantools is not installed.
+    """
+    return [
+        f"{message.name}.{signal.name}"
+        for file in files
+        for message in _database(file).messages
+        for signal in message.signals
+    ]
+
+
 def _database(file: str) -> Any:
     from cwcli.input import read_file
 
@@ -124,7 +144,7 @@ def _database(file: str) -> Any:
         from cantools import database
         from cantools.database.errors import Error
     except ImportError as error:
-        raise UsageError("CAN frames need cantools", hint="pip install 'cwcli[can]'") from error
+        raise UsageError("CAN frames need cantools", hint=install_hint("can")) from error
     try:
         data = read_file(file)
         try:
@@ -149,7 +169,7 @@ def _signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -
 
 
 def _octets(columns: Columns) -> tuple[Octets, FloatArray]:
-    """The data of each frame, (n, k), and how many of its bytes count, (n,)."""
+    """Return the data of each frame (n, k), and how many of its bytes are valid (n,)."""
     field = columns.fields.get("data")
     n = len(columns)
     length = numbers(columns, "dlc", "len")
@@ -166,7 +186,8 @@ def _octets(columns: Columns) -> tuple[Octets, FloatArray]:
 
 
 def _bits(signal: Any) -> list[int]:
-    """Where the bits of a signal are, most significant first: 8 * byte + bit, the bit counted from the least one."""
+    """Return the positions of a signal's bits, most significant first: 8 * byte + bit, the bit counted from the least
+    significant."""
     if signal.byte_order == "little_endian":
         return [signal.start + k for k in reversed(range(signal.length))]
     bits, at = [], signal.start
@@ -181,7 +202,7 @@ def _bytes_needed(signals: Sequence[Any]) -> int:
 
 
 def _raw(octets: Octets, signal: Any) -> Any:
-    """The raw numbers of a signal, (n,)."""
+    """Return the raw numbers of a signal, (n,)."""
     bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bits(signal)].astype(np.uint64)
     raw = np.zeros(len(octets), np.uint64)
     for column in bits.T:
@@ -196,7 +217,7 @@ def _raw(octets: Octets, signal: Any) -> Any:
 
 
 def _selector(message: Any, signal: Any) -> Any:
-    """The signal that says whether a multiplexed one is in a frame."""
+    """Return the signal that says whether a multiplexed one is in a frame."""
     selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
     if selector.multiplexer_ids:
         raise UsageError(f"the signal {signal.name} is multiplexed twice, which is not read")
@@ -206,7 +227,7 @@ def _selector(message: Any, signal: Any) -> Any:
 def _values(
     octets: Octets, message: Any, signals: Sequence[Any]
 ) -> tuple[list[FloatArray], BoolArray, dict[str, BoolArray]]:
-    """The physical values, the frames that hold these signals, and which of them say that there is none."""
+    """Return the physical values, which frames hold these signals, and which frames say that there is no value."""
     n = len(octets)
     is_present, is_none, is_beyond = np.ones(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     values = []
@@ -228,7 +249,7 @@ def _values(
 def _with_units(
     columns: Columns, mapping: FieldMapping, signals: Sequence[Any]
 ) -> tuple[tuple[Term, ...], tuple[str, ...]]:
-    """The terms, those without a unit of the user's with that of the file."""
+    """Return the terms, with the DBC file's unit where the user has given none, and notes about it."""
     terms, notes = [], []
     for term, signal, kind in zip(mapping.terms, signals, MAPPED[mapping.role].fields.values(), strict=False):
         unit = (signal.unit or "").strip()

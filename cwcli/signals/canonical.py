@@ -21,7 +21,7 @@ from cwcli.signals.road_events import RoadEvents
 
 
 class Signal(Protocol):
-    """What every signal is: from messages of one topic."""
+    """The protocol of every signal: it comes from messages of one topic."""
 
     @property
     def source(self) -> str: ...
@@ -205,7 +205,7 @@ class SteerSignal:
 
 @dataclass(frozen=True)
 class RemoteQuantities:
-    """What messages of V2X (BSM, CAM) say of their senders, n rows.
+    """The quantities that V2X messages (BSM, CAM) report about their senders, n rows.
 
     Attributes:
         latitude_deg, longitude_deg, altitude_m: Shape (n,).
@@ -240,7 +240,7 @@ class RemoteQuantities:
 
 @dataclass(frozen=True)
 class RemoteSignal(RemoteQuantities):
-    """What other vehicles say of themselves over V2X, one row a message.
+    """The reports of other vehicles over V2X, one row a message.
 
     Attributes:
         source: Topic.
@@ -251,7 +251,7 @@ class RemoteSignal(RemoteQuantities):
         x_m, y_m: Shape (n,): Cartesian positions; then latitudes and longitudes are NaN. Else None.
         is_exact: Made by a simulator: without outliers, and everything in it of the same moment.
         is_perceived: Shape (n,): the row is of an object that a station perceived, not of a sender; None: none is.
-        events: What stations notified beside their motion; None: nothing.
+        events: The events that stations notified; None where there are none.
     """
 
     source: str
@@ -271,14 +271,14 @@ DetectionKind = Literal["position", "radar", "radar_track"]
 
 @dataclass(frozen=True)
 class DetectionSignal:
-    """What one sensor detected of other road users, scan by scan, in the sensor's own axes.
+    """The detections of other road users by one sensor, scan by scan, in the sensor's own axes.
 
     Unlike the other signals it is checked message by message only: what is wrong with a single detection (not a number,
     a negative range, an impossible rate) is found and counted where detections are used.
 
     Attributes:
         source: Topic.
-        kind: What a row of `values` holds. `position`: x, y in m. `radar`: range in m, azimuth in rad
+        kind: The contents of a row of `values`. `position`: x, y in m. `radar`: range in m, azimuth in rad
             (counter-clockwise from the sensor's x axis), range rate in m/s (positive: moving away). `radar_track`: x, y
             in m, and velocity relative to the sensor, m/s. What is not measured is NaN.
         stamp_ns, log_time_ns: Shape (s,), one per scan, empty ones included.
@@ -300,7 +300,7 @@ class DetectionSignal:
 
 @dataclass(frozen=True)
 class TargetTruthSignal:
-    """Where other road users really were: one row per target and time, by stamp.
+    """The true positions of other road users: one row per target and time, by stamp.
 
     Attributes:
         source: Topic.

@@ -33,26 +33,37 @@ from cwcli.signals.units import NS_PER_S
 Clock = Literal["stamp", "log"]
 
 MAX_CLOCK_STEP_S = 30.0
-"""A larger change of (stamp - log time) between neighbours is a clock fault, not a delay. Recorders are known to stall
-for seconds, receivers to switch from GPS time to UTC by 18 s; both stay below."""
+"""The largest change of (stamp - log time) between neighbours that counts as a delay, in seconds; a larger one is a
+clock fault. Recorders stall for seconds and receivers step from GPS time to UTC by 18 s; both stay below."""
 OTHER_CLOCK_S = 1.0
-"""Stamps and log times that differ by more are of two clocks: no system is so slow."""
+"""The difference of stamps and log times, in seconds, from which they count as two clocks: no system is so slow. Chosen
+by hand."""
 PAUSES_APART = 10
-"""A stray lies farther from the rest of the log than `MAX_CLOCK_STEP_S` and than this many times the longest pause
-within the rest: what is logged rarely is no stray."""
+"""The ratio (1) to the longest pause within the rest of the log by which a stray lies apart, and at least by
+`MAX_CLOCK_STEP_S`; chosen by hand, so that rarely logged messages are no strays."""
 ROWS_PER_STRAY = 100
-"""At most one message in this many is a stray, at either end of a log (one message of a short log)."""
+"""The number of messages for each stray that is allowed at either end of a log (one in a short log); chosen by hand."""
 MIN_STAMP_NS = 1
+"""The smallest valid stamp, in ns since 1970; 0 means that it is not set."""
 MAX_STAMP_NS = 9_200_000_000 * NS_PER_S
+"""The largest valid stamp, in ns since 1970: in the year 2261, before a signed 64-bit number overflows."""
 
 LOG_TIME_APART = "log time far from the rest of the log"
+"""The reason for rejecting a message that was logged far from the rest of the log."""
 LOG_TIME_OUT = "log time before 1970 or after 2261"
+"""The reason for rejecting a message whose log time is no time."""
 NO_STAMP = "no stamp, log time used"
+"""The reason for a repair: a message without a stamp takes its log time."""
 CLOCK_JUMP = "stamp jumps, moved back by log time"
+"""The reason for a repair: a stretch whose clock jumped is moved back."""
 REPEATED_SPACED = "repeated stamp, spaced by log time"
+"""The reason for a repair: messages that repeat a stamp are spaced by their log times."""
 OUT_OF_ORDER = "out of order, sorted"
+"""The reason for a repair: a message that arrived late is sorted by its stamp."""
 DUPLICATE = "duplicate message"
+"""The reason for rejecting a message that repeats another one's stamp and values."""
 REPEATED_REJECTED = "repeated stamp with other values"
+"""The reason for rejecting a message that shares a stamp and can't be placed in time."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +89,7 @@ def settle(
     sender: npt.NDArray[np.integer] | None = None,
     max_step_s: float = MAX_CLOCK_STEP_S,
 ) -> Timeline:
-    """Give each kept row of a channel its time, in order, and book what was repaired or rejected.
+    """Give each kept row of a channel its time, in order, and count what was repaired or rejected.
 
     Args:
         ledger: The channel's ledger; rows already rejected take no part. Fills `quality.used` and `quality.delay_s`.
@@ -109,7 +120,7 @@ def settle(
 
 
 def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
-    """First and last log time of a log without its strays.
+    """Return the first and last log time (ns) of a log without its strays.
 
     A stray is a message before or after all others, alone or with a few more, and far away: see `PAUSES_APART` and
     `ROWS_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
@@ -165,10 +176,11 @@ def find_gaps(
 
 
 def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S) -> tuple[str, ...]:
-    """Find channels whose stamps count from another epoch than the others' (a time since boot beside UTC).
+    """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not
+    UTC).
 
     Args:
-        qualities: Of the channels to be used together.
+        qualities: The counts of the channels to be used together.
         tolerance_s: Largest difference of the median delays.
 
     Returns:
@@ -179,7 +191,7 @@ def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX
         return ()
     usual_s = float(np.sort(delays)[(len(delays) - 1) // 2])
     return tuple(
-        f"{quality.source}: stamps are {usual_s - quality.delay_s:+.1f} s against the other channels' (try --clock log)"
+        f"{quality.source}: stamps are {usual_s - quality.delay_s:+.1f} s from other channels' stamps (try --clock log)"
         for quality in qualities
         if np.isfinite(quality.delay_s) and abs(quality.delay_s - usual_s) > tolerance_s
     )
@@ -230,7 +242,7 @@ def _settle_sender(
     table: FloatArray,
     max_step_s: float,
 ) -> npt.NDArray[np.intp]:
-    """Steps 1 to 5 for one sender: writes the times into `time_ns`, returns the rows that stay, in time order."""
+    """Apply steps 1 to 5 to one sender: write the times into `time_ns`, return the rows that stay, in time order."""
     log_ns = ledger.columns.log_time_ns[rows]
     stamp_ns = time_ns[rows]
     given = has_time[rows]
@@ -288,7 +300,7 @@ def _by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> lis
 
 
 def knowable_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
-    """When rows could have been known, on the clock of their stamps, (n,).
+    """Return when rows could have been known, on the clock of their stamps, in ns, (n,).
 
     That is their log time, but not before their stamp nor before what came earlier was known. Where the least
     difference of log time and stamp so far is above `OTHER_CLOCK_S`, these are two clocks, and it is taken off: what
@@ -305,7 +317,7 @@ def knowable_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
 
 
 def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
-    """The values side by side, shape (n, k)."""
+    """Return the values side by side, shape (n, k)."""
     if not values:
         return np.zeros((n_rows, 0))
     columns = [value if value.ndim == 2 else value[:, None] for value in values]
@@ -318,6 +330,6 @@ def _same_rows(a: FloatArray, b: FloatArray) -> BoolArray:
 
 
 def _lower_median(values: Int64Array) -> int:
-    """The median, or the lower of the two middle values: always one of the values."""
+    """Return the median, or the lower of the two middle values, so that it is always one of the values."""
     middle = (len(values) - 1) // 2
     return int(np.partition(values, middle)[middle])

@@ -61,12 +61,12 @@ class Strings:
 
 
 def constant_strings(value: str, n: int) -> Strings:
-    """`n` rows of one string."""
+    """Return `n` rows of one string."""
     return Strings(np.zeros(n, np.int32), (value,))
 
 
 def strings_from(rows: Iterable[str]) -> Strings:
-    """Dictionary-code n strings, in order of first appearance; an empty one is absent (code -1). Each is held once."""
+    """Dictionary-code n strings in order of first appearance; an empty one is absent (code -1)."""
     index: dict[str, int] = {}
     codes = np.fromiter((index.setdefault(row, len(index)) if row else -1 for row in rows), np.int32)
     return Strings(codes=codes, values=tuple(index))
@@ -145,7 +145,7 @@ OutputField = Field | Repeated
 
 
 def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
-    """Rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
+    """Return rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
     if isinstance(column, Strings):
         return Strings(column.codes[start:stop], column.values)
     if isinstance(column, Ragged):
@@ -177,7 +177,7 @@ class OutputChannel:
     """A channel that a stage publishes, as columns named like the fields of its protobuf message.
 
     Attributes:
-        topic: Where it is published, e.g. `/cwcli/ego/state`.
+        topic: The topic on which it is published, e.g. `/cwcli/ego/state`.
         schema_name: A message of `schemas/`, e.g. `cwcli.v1.VehicleState`, or a standard `foxglove.*` one.
         log_time_ns: Shape (n,), int64, non-decreasing.
         fields: Field path -> n rows. (n, k) arrays and `Ragged` fill repeated numbers, `Repeated` fills repeated
@@ -195,7 +195,7 @@ class OutputChannel:
 
 @dataclass(frozen=True)
 class StreamedChannel(OutputChannel):
-    """A channel whose columns are made a few rows at a time, when they are written: for what never fits memory.
+    """A channel whose columns are made a few rows at a time while they are written, because they may not fit memory.
 
     `fields` is empty; whoever reads the channel in the same run has its columns made.
 

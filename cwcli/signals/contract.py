@@ -1,4 +1,4 @@
-"""What a builder of an input owes: a signal of its role, sound as a table, and a count of every message."""
+"""The check of a builder's result: a signal of its role, consistent columns, and a count of every message."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from cwcli.signals.role import Role
 KINDS: dict[Role, tuple[type[Signal], ...]] = {
     role: tuple(named(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals
 }
-"""Role -> the signals that can fill it."""
+"""The signal classes that can fill a role."""
 
 
 def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-    """A builder's result, checked against the channel.
+    """Check a builder's result against its channel, and return it.
 
     Raises:
         TypeError: It is no signal of the role with its `Quality`.

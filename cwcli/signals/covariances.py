@@ -1,4 +1,4 @@
-"""Covariances that messages carry: what counts as given, and ellipses turned into east-north."""
+"""Covariances in messages: which count as given, and error ellipses converted to east-north."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ SIGMAS_PER_95_PERCENT_ELLIPSE = 2.447747
 """Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
 
 LEAST_VARIANCE = 1e-18
-"""Of a measurement, in the square of its SI unit: a nanometre's. Nobody measures better."""
+"""The least variance that a measurement can have, in the square of its SI unit (a nanometre's); chosen by hand."""
 UNUSABLE_COVARIANCE = "covariance unusable, left out"
+"""The reason for leaving out a covariance that is not positive definite, or a variance that is invalid."""
 
 
 def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
-    """Take away variances that say nothing, and book those that are wrong.
+    """Replace variances that mean "not given" or are invalid by NaN; invalid ones are counted as repairs.
 
     Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, an
     infinite one or one below `LEAST_VARIANCE` is a fault: counted as a repair.
@@ -38,7 +39,7 @@ def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
 
 
 def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
-    """Plane covariances as shape (n, 3), NaN where not given; unusable ones (not positive definite) are booked.
+    """Return plane covariances (n, 3), NaN where not given or not positive definite; the latter are counted.
 
     Args:
         ledger: The channel's ledger.
@@ -55,7 +56,7 @@ def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy
 
 
 def is_positive_definite(covariance: FloatArray) -> BoolArray:
-    """Which matrices have a Cholesky factor and are finite, shape (n,).
+    """Return which matrices are finite and have a Cholesky factor, shape (n,).
 
     Args:
         covariance: Shape (n, k, k), symmetric.
@@ -75,7 +76,7 @@ def _has_factor(covariance: FloatArray) -> bool:
 
 
 def turned(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
-    """Plane covariances as seen from axes that are turned counter-clockwise by an angle.
+    """Rotate plane covariances into axes that are turned counter-clockwise by an angle.
 
     Args:
         covariance: Shape (..., 3): xx, xy, yy.
@@ -96,7 +97,7 @@ def turned(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
 def covariance_from_ellipse(
     semi_major_sigma_m: FloatArray, semi_minor_sigma_m: FloatArray, major_compass_deg: FloatArray
 ) -> FloatArray:
-    """East-north covariance of an error ellipse.
+    """Return the east-north covariance of an error ellipse.
 
     Where the orientation is not given, the larger axis is taken in all directions.
 

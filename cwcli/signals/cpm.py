@@ -1,4 +1,5 @@
-"""ETSI collective perception (TS 103 324): `etsi_its_cpm_ts_msgs/CollectivePerceptionMessage`, and off the radio.
+"""ETSI collective perception (TS 103 324): `etsi_its_cpm_ts_msgs/CollectivePerceptionMessage`, and as received by
+radio.
 
 Codes after TS 102 894-2. Offsets, velocities and accelerations are east and north of the reference position, angles
 counter-clockwise from east: the axes of cwcli. docs/v2x.md shows the table; a test compares the two.
@@ -21,12 +22,19 @@ from cwcli.signals.v2x_elements import Element, decode
 from cwcli.signals.v2x_time import or_log_time, stamp_from_timestamp_its
 
 _ANGLE = Element("CartesianAngleValue", 0.1, 1, 0, 3600, (3601,))
+"""The data element of an angle."""
 _ANGLE_95 = Element("AngleConfidence", 0.1, 1, 1, 125, (127,), (126,))
+"""The data element of the 95 % bound of an angle."""
 _COORDINATE = Element("CartesianCoordinateLarge", 0.01, 1, -131_071, 131_070, (), (-131_072, 131_071))
+"""The data element of a coordinate relative to the sender."""
 _COORDINATE_95 = Element("CoordinateConfidence", 0.01, 1, 1, 4094, (4096,), (4095,))
+"""The data element of the 95 % bound of a coordinate."""
 _VELOCITY = Element("VelocityComponentValue", 0.01, 1, -16_382, 16_381, (16_383,), (-16_383, 16_382))
+"""The data element of a component of a velocity."""
 _ACCELERATION = Element("AccelerationValue", 0.1, 1, -160, 160, (161,))
+"""The data element of a component of an acceleration."""
 _DIMENSION = Element("ObjectDimensionValue", 0.1, 1, 1, 254, (256,), (255,))
+"""The data element of a length or width."""
 ELEMENTS: dict[str, Element] = {
     **{name: CAM_ELEMENTS[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")},
     **{name: CAM_ELEMENTS[name] for name in ("semi_major_m", "semi_minor_m", "semi_major_compass_deg")},
@@ -56,17 +64,22 @@ ELEMENTS: dict[str, Element] = {
     "length_m": _DIMENSION,
     "width_m": _DIMENSION,
 }
+"""The data element of each coded quantity of a CPM (TS 103 324, TS 102 894-2)."""
 YAW_RATE_CONFIDENCE_DEGPS: dict[int, float] = {0: 1.0, 1: 2.0, 2: 5.0, 3: 10.0, 4: 20.0, 5: 50.0}
-"""AngularSpeedConfidence: code -> 95 % bound. 6 is out of range, 7 unavailable."""
+"""The 95 % bound of a yaw rate in degrees/s, by code of AngularSpeedConfidence; 6 is out of range, 7 unavailable."""
 YAW_RATE_OUT_OF_RANGE = 6
+"""The code of AngularSpeedConfidence that says that the yaw rate can't be trusted."""
 MOVING_MPS = 1.0
-"""Slower than this an object's velocity does not say where it heads."""
+"""The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
 FORWARD_RAD = 0.5 * np.pi
-"""A velocity within this of the heading is forward motion."""
+"""The largest angle in rad between velocity and heading of forward motion: a quarter turn."""
 
 _MANAGEMENT = "payload.management_container."
+"""The path prefix of the management container in the ROS message."""
 _POSITION = _MANAGEMENT + "reference_position."
+"""The path prefix of the reference position in the ROS message."""
 _ELLIPSE = _POSITION + "position_confidence_ellipse."
+"""The path prefix of the position's confidence ellipse in the ROS message."""
 SENDER_PATHS: dict[str, tuple[str, ...]] = {
     "station": ("header.station_id.value",),
     "reference_time_ms": (_MANAGEMENT + "reference_time.value",),
@@ -80,10 +93,13 @@ SENDER_PATHS: dict[str, tuple[str, ...]] = {
         _ELLIPSE + "semi_major_axis_orientation.value",
     ),
 }
-"""Leaf fields of the ROS message."""
+"""The leaf fields of the ROS message, by quantity of the sender."""
 OBJECTS = "payload.cpm_containers.value.array.container_data_perceived_object_container.perceived_objects.array."
+"""The path prefix of the perceived objects in the ROS message."""
 _POLAR, _CARTESIAN = "velocity.polar_velocity.", "velocity.cartesian_velocity."
+"""The path prefixes of an object's velocity, polar and Cartesian."""
 _POLAR_2, _CARTESIAN_2 = "acceleration.polar_acceleration.", "acceleration.cartesian_acceleration."
+"""The path prefixes of an object's acceleration, polar and Cartesian."""
 OBJECT_PATHS: dict[str, str] = {
     "object": "object_id.value",
     "delta_time_ms": "measurement_delta_time.value",
@@ -113,7 +129,7 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": "object_dimension_y.value.value",
     "length_m": "object_dimension_x.value.value",
 }
-"""Leaf fields of an object in the ROS message, behind `OBJECTS`."""
+"""The leaf fields of an object in the ROS message, behind the prefix of the objects, by quantity."""
 PRESENCE: dict[str, str] = {
     "object_id_is_present": "object",
     "angles_is_present": "heading_deg",
@@ -121,48 +137,48 @@ PRESENCE: dict[str, str] = {
     "object_dimension_y_is_present": "width_m",
     "object_dimension_x_is_present": "length_m",
 }
-"""Flag of an object -> the quantity that counts only where it is set."""
+"""The quantity that is valid only where a flag of the object is set, by flag."""
 CHOICES: dict[str, tuple[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     "velocity": ("velocity.choice", (("speed_mps", "direction_deg"), ("east_mps", "north_mps"))),
     "acceleration": ("acceleration.choice", (("accel_mps2", "accel_direction_deg"), ("east_mps2", "north_mps2"))),
 }
-"""Quantity -> the field that says how it is told (0 polar, 1 Cartesian), and what is told then."""
+"""The field that says which form a vector has (0 polar, 1 Cartesian) and the quantities of each form, by vector."""
 
 
 def ros_fields() -> tuple[str, ...]:
-    """Every leaf of the ROS message that is read."""
+    """Return the paths of every leaf of the ROS message that is read."""
     flags = (*PRESENCE, *(f"{name}_is_present" for name in CHOICES), *(path for path, _ in CHOICES.values()))
     of_sender = tuple(path for paths in SENDER_PATHS.values() for path in paths)
     return (*of_sender, *(OBJECTS + path for path in (*OBJECT_PATHS.values(), *flags)))
 
 
 def ros_objects(columns: Columns) -> Objects:
-    """The objects of a ROS channel. A leaf that is there more or less often than the times tells nothing."""
+    """Read the objects of a ROS channel; a leaf that is there more or less often than the times is not used."""
     counts, rows = perceived.counted(columns, OBJECTS + OBJECT_PATHS["delta_time_ms"])
     made: dict[str, Field] = {name: numbers(columns, *paths)[rows] for name, paths in SENDER_PATHS.items()}
     made |= {name: perceived.of_objects(columns, OBJECTS + path, counts) for name, path in OBJECT_PATHS.items()}
 
-    def take_away(names: tuple[str, ...], is_there: FloatArray) -> None:
+    def keep_where(names: tuple[str, ...], is_there: FloatArray) -> None:
         for name in names:
             values = made[name]
             assert isinstance(values, np.ndarray)
             made[name] = np.where(is_there, values, np.nan)
 
     for flag, name in PRESENCE.items():
-        take_away((name,), perceived.of_objects(columns, OBJECTS + flag, counts) != 0)
+        keep_where((name,), perceived.of_objects(columns, OBJECTS + flag, counts) != 0)
     for name, (path, ways) in CHOICES.items():
         is_there, choice = (
             perceived.of_objects(columns, OBJECTS + each, counts) for each in (f"{name}_is_present", path)
         )
         for k, told in enumerate(ways):
-            take_away(told, (is_there != 0) & (choice == k))
+            keep_where(told, (is_there != 0) & (choice == k))
     return ((perceived.object_columns(columns, rows, made), OBJECT_CODEC),) if len(rows) else ()
 
 
 def decode_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode objects, one a row, with the quantities of `SENDER_PATHS` and `OBJECT_PATHS` as codes.
+    """Decode perceived objects, one a row, from the codes of senders and objects.
 
-    The heading is that of the object's box where it is told, else the direction of its velocity; the speed is negative
+    The heading is that of the object's box where it is given, else the direction of its velocity; the speed is negative
     where the velocity points backward. The acceleration along it is the vector's part in that direction.
     A confidence of "out of range" takes its value away, and that of a position the object.
     """
@@ -238,7 +254,8 @@ def decode_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 
 def _velocity(value: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """East and north (m/s), sigma of the speed (m/s) and of the direction (rad), (m,), however they are told."""
+    """Return east and north velocity (m/s) and the sigmas of speed (m/s) and direction (rad), (m,) each, from either
+    form."""
     polar = np.deg2rad(value["direction_deg"])
     is_polar = np.isfinite(value["speed_mps"] + polar)
     east = np.where(is_polar, value["speed_mps"] * np.cos(polar), value["east_mps"])
@@ -261,4 +278,6 @@ def _bound_degps(code: FloatArray) -> FloatArray:
 
 
 OBJECT_CODEC = perceived.object_codec(decode_objects)
+"""The codec of the perceived objects of a CPM, one a row."""
 ROS_CPM = perceived.messages_of("CPM", ros_objects)
+"""The codec of a ROS channel of CPMs."""

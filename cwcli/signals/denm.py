@@ -1,4 +1,4 @@
-"""ETSI decentralized notifications: `etsi_its_denm_msgs/DENM` (EN 302 637-3) and the same off the radio.
+"""ETSI decentralized notifications (EN 302 637-3): `etsi_its_denm_msgs/DENM`, and as received by radio.
 
 Codes after TS 102 894-2.
 """
@@ -44,18 +44,25 @@ CAUSES: dict[int, str] = {
     98: "signal violation",
     99: "dangerous situation",
 }
-"""CauseCodeType (TS 102 894-2)."""
+"""The text of each cause, by CauseCodeType (TS 102 894-2)."""
 DANGEROUS_SITUATION = 99
+"""The cause code of a dangerous situation (TS 102 894-2)."""
 EMERGENCY_BRAKING = (1, 5)
-"""Of its sub-causes: the emergency electronic brake lights are on, the automatic emergency brake is engaged."""
+"""The sub-causes of a dangerous situation that mean hard braking: electronic brake lights on, automatic emergency brake
+engaged."""
 USUAL_VALIDITY_S = 600.0
+"""The validity of a DENM that gives none, in seconds (EN 302 637-3)."""
 RELEVANCE_M: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
-"""RelevanceDistance: less than so many metres; code 7 is over 10 km."""
+"""The distance in metres within which a DENM matters, by RelevanceDistance; code 7 is over 10 km."""
 OVER_10_KM = 7
+"""The code of RelevanceDistance for more than 10 km."""
 
 _MANAGEMENT = "denm.management."
+"""The path prefix of the management container in the ROS message."""
 _POSITION = _MANAGEMENT + "event_position."
+"""The path prefix of the event's position in the ROS message."""
 _EVENT = "denm.situation.event_type."
+"""The path prefix of the event's type in the ROS message."""
 PATHS: dict[str, str] = {
     "station": "header.station_id.value",
     "action_station": _MANAGEMENT + "action_id.originating_station_id.value",
@@ -72,7 +79,7 @@ PATHS: dict[str, str] = {
     "has_relevance": _MANAGEMENT + "relevance_distance_is_present",
     "validity_s": _MANAGEMENT + "validity_duration.value",
 }
-"""Leaf fields of the ROS message."""
+"""The leaf fields of the ROS message, by quantity."""
 CODES: dict[str, Element] = {
     "station": STATION_ID,
     "action_station": STATION_ID,
@@ -84,21 +91,21 @@ CODES: dict[str, Element] = {
     "validity_s": Element("ValidityDuration", 1.0, 1, 0, 86_400),
     "reference_time_ms": Element("TimestampIts", 1.0, 1, 0, ITS_MS_MAX - 1),
 }
-"""Whole numbers, whatever the encoding of the message could hold besides."""
+"""The data elements of the codes that must be whole numbers."""
 
 
 def ros_fields() -> tuple[str, ...]:
-    """Every leaf of the ROS message that is read."""
+    """Return the paths of every leaf of the ROS message that is read."""
     return tuple(PATHS.values())
 
 
 def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
-    """The events of a ROS channel; faulty codes are counted where they are decoded."""
+    """Read the events of a ROS channel; invalid codes are counted where the channel is decoded."""
     return events_of(_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
 
 
 def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
-    """The codes of `PATHS`, NaN where absent or none of the standard's, which the ledger counts."""
+    """Return the codes of the ROS fields, NaN where absent or not in the standard; the ledger counts the latter."""
     raw = {name: numbers(columns, path) for name, path in PATHS.items()}
     for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
         for name in names:
@@ -110,7 +117,7 @@ def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, Float
 
 
 def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
-    """Events from the codes of n messages, NaN where a component is absent."""
+    """Build events from the codes of n messages, NaN where a component is absent."""
     stamp_ns, has_time = stamp_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
     validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], USUAL_VALIDITY_S)
@@ -138,7 +145,7 @@ def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents
 
 
 def _until_the_next(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Int64Array:
-    """Until when each holds (n,): the next DENM of the same action takes its place, once it has been received."""
+    """Return until when each DENM is valid, in ns (n,): at most until the next DENM of the same action was received."""
     ends_ns = until_ns.copy()
     next_ns: dict[tuple[float, float], int] = {}
     actions = list(zip(raw["action_station"].tolist(), raw["action_number"].tolist(), strict=True))
@@ -150,7 +157,7 @@ def _until_the_next(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_n
 
 
 def kind_of(cause: float, sub_cause: float) -> str:
-    """What a DENM is about, in words."""
+    """Return the text of a DENM's cause."""
     if not np.isfinite(cause):
         return "without a cause"
     if cause == DANGEROUS_SITUATION and sub_cause in EMERGENCY_BRAKING:
@@ -159,7 +166,7 @@ def kind_of(cause: float, sub_cause: float) -> str:
 
 
 def told(events: RoadEvents) -> str:
-    """In words: `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without any."""
+    """Format a notice such as `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without events."""
     if not len(events):
         return ""
     kinds, counts = np.unique([events.kind.values[code] for code in events.kind.codes], return_counts=True)
@@ -176,8 +183,9 @@ def _set_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     said = told(events_of(raw, columns.log_time_ns))
     if said:
         ledger.note(said)
-    ledger.set_aside(np.ones(len(columns), np.bool_), "DENM, an event")
+    ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")
     return nothing_told(len(columns))
 
 
 ROS_DENM = V2xCodec(nobody, _set_aside, events=ros_events)
+"""The codec of a ROS channel of DENMs."""

@@ -1,4 +1,4 @@
-"""The messages of sensors that see others, and of what draws them: a part of the table in `inputs`."""
+"""The registry rows of messages with detections, and of drawn cubes: a part of the table in `inputs`."""
 
 from __future__ import annotations
 
@@ -21,23 +21,29 @@ _AUTOWARE_OBJECTS = ros(
     ),
     "objects.kinematics.has_position_covariance",
 )
+"""The leaf fields of Autoware's objects, by encoding."""
 _RADAR_SCAN = ros("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity")
+"""The leaf fields of a `RadarScan`, by encoding."""
 _RADAR_TRACKS = ros(
     *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
     "tracks.position_covariance",
     "tracks.velocity_covariance",
 )
+"""The leaf fields of `RadarTracks`, by encoding."""
 _BOXES = ros(
     *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
     *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
     "detections.results.pose.covariance",
 )
+"""The leaf fields of a `Detection3DArray`, by encoding."""
 _CUBE_CENTRES = ("entities.cubes.pose.position.x", "entities.cubes.pose.position.y")
+"""The leaf paths of the centres of drawn cubes."""
 _CUBES: Fields = {
     "protobuf": (*(f"entities.{leaf}" for leaf in PROTOBUF_STAMP), *_CUBE_CENTRES),
     "json": ("entities.timestamp.sec", "entities.timestamp.nsec", "entities.timestamp.nanosec", *_CUBE_CENTRES),
     "cdr": (*(f"entities.{leaf}" for leaf in CDR_FOXGLOVE_STAMP), *_CUBE_CENTRES),
 }
+"""The leaf fields of a `SceneUpdate` with cubes, by encoding."""
 _JSON_DETECTIONS: Fields = {
     "json": (
         *JSON_STAMPS,
@@ -52,6 +58,7 @@ _JSON_DETECTIONS: Fields = {
         ),
     ),
 }
+"""The leaf fields of JSON detections, by encoding."""
 
 
 def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...]:
@@ -60,6 +67,7 @@ def _detections(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...
 
 # what is drawn for viewers counts only where no sensor reports for itself
 _DRAWN = _detections(_CUBES, _build_cubes, rank=3)
+"""The registry rows of drawn cubes; they are used only where no sensor reports for itself."""
 
 DETECTIONS: dict[str, tuple[Input, ...]] = {
     "radar_msgs/RadarScan": _detections(_RADAR_SCAN, _build_radar_scan),
@@ -75,3 +83,4 @@ DETECTIONS: dict[str, tuple[Input, ...]] = {
     "foxglove_msgs/SceneUpdate": _DRAWN,
     "cwcli.Detections": _detections(_JSON_DETECTIONS, _build_json_detections),
 }
+"""The registry rows of messages with detections, by schema name."""

@@ -9,11 +9,13 @@ from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
 from cwcli.signals.leaf_fields import find
 from cwcli.signals.quality import RowLedger
 
-LENGTHS_DIFFER = "its elements differ in their fields"
+LENGTHS_DIFFER = "its elements do not all have the same fields"
+"""The reason for rejecting a message whose elements do not all have the required fields."""
 
 
 def ragged(columns: Columns, *paths: str) -> Ragged | None:
-    """The first of these fields that is there, as `Ragged`; None when there is none, or when it holds strings."""
+    """Return the first of these fields that is there, as `Ragged`; None when there is none, or when it holds
+    strings."""
     field = find(columns, *paths)
     if field is None or isinstance(field, Ragged):
         return field
@@ -50,7 +52,7 @@ class Elements:
         return int(self.offsets[-1])
 
     def numbers(self, *paths: str, width: int = 1) -> FloatArray:
-        """A leaf, shape (n,), or (n, width) where each element holds `width` values.
+        """Read a leaf, shape (n,), or (n, width) where each element holds `width` values.
 
         NaN in the messages in which it is there more or less often than it should be: then its values can't be given to
         elements.
@@ -65,13 +67,14 @@ class Elements:
         return out[:, 0] if width == 1 else out
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """Sum over the elements of each message of `values` (n,), shape (s,): tells repeated messages apart."""
+        """Return the sum of `values` (n,) over the elements of each message, shape (s,); it tells repeated messages
+        apart."""
         owner = np.repeat(np.arange(len(self.counts)), self.counts)
         return np.bincount(owner, weights=values, minlength=len(self.counts)).astype(np.float64)
 
 
 def taken(offsets: Int64Array, rows: npt.NDArray[np.intp]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
-    """The sequences `rows` of `offsets`, one after the other: their new offsets, and the indices of their elements."""
+    """Return the new offsets of the sequences `rows`, placed one after the other, and the indices of their elements."""
     counts = np.diff(offsets)[rows]
     new = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     index = np.repeat(offsets[rows] - new[:-1], counts) + np.arange(int(new[-1]))

@@ -38,20 +38,31 @@ ELEMENTS: dict[str, Element] = {
     "length_m": Element("VehicleLengthValue", 0.1, 1, 1, 1021, (1023,), (1022,)),
     "width_m": Element("VehicleWidth", 0.1, 1, 1, 60, (62,), (61,)),
 }
+"""The data element of each coded quantity of a CAM or VAM (TS 102 894-2)."""
 STATION_PATHS = ("header.station_id.value", "header.station_id")
+"""The paths of the station id in the ROS messages."""
 YAW_RATE_CONFIDENCE_DEGPS: dict[int, float] = {0: 0.01, 1: 0.05, 2: 0.1, 3: 1.0, 4: 5.0, 5: 10.0, 6: 100.0}
-"""YawRateConfidence: code -> 95 % bound. 7 is out of range, 8 unavailable."""
+"""The 95 % bound of a yaw rate in degrees/s, by code of YawRateConfidence; 7 is out of range, 8 unavailable."""
 YAW_RATE_OUT_OF_RANGE = 7
+"""The code of YawRateConfidence that says that the yaw rate can't be trusted."""
 DRIVE_BACKWARD = 1
+"""The code of DriveDirection for driving backward."""
 ROAD_SIDE_UNIT = 15
+"""The station type of a roadside unit (TS 102 894-2)."""
 VEHICLE_CONTAINER = 0
+"""The index of the vehicle's container among the high-frequency containers."""
 
 POSITION_UNTRUSTED = "position confidence out of range"
+"""The reason for rejecting a message whose position can't be trusted."""
 
 _PARAMETERS = "cam.cam_parameters."
+"""The path prefix of the parameters in the ROS message of a CAM."""
 _POSITION = _PARAMETERS + "basic_container.reference_position."
+"""The path prefix of the reference position in a CAM."""
 _ELLIPSE = _POSITION + "position_confidence_ellipse."
+"""The path prefix of the position's confidence ellipse in a CAM."""
 _VEHICLE = _PARAMETERS + "high_frequency_container.basic_vehicle_container_high_frequency."
+"""The path prefix of the vehicle's high-frequency container in a CAM."""
 
 _COMMON_PATHS: dict[str, str] = {
     "station": "header.station_id.value",
@@ -72,6 +83,7 @@ _COMMON_PATHS: dict[str, str] = {
     "width_m": _VEHICLE + "vehicle_width.value",
     "has_lateral_accel": _VEHICLE + "lateral_acceleration_is_present",
 }
+"""The leaf fields that both packages of CAM messages share, by quantity."""
 EN_PATHS: dict[str, str] = _COMMON_PATHS | {
     "semi_major_m": _ELLIPSE + "semi_major_confidence.value",
     "semi_minor_m": _ELLIPSE + "semi_minor_confidence.value",
@@ -80,7 +92,7 @@ EN_PATHS: dict[str, str] = _COMMON_PATHS | {
     "accel_95_mps2": _VEHICLE + "longitudinal_acceleration.longitudinal_acceleration_confidence.value",
     "lateral_accel_mps2": _VEHICLE + "lateral_acceleration.lateral_acceleration_value.value",
 }
-"""Leaf fields of `etsi_its_cam_msgs/CAM`."""
+"""The leaf fields of `etsi_its_cam_msgs/CAM`, by quantity."""
 TS_PATHS: dict[str, str] = _COMMON_PATHS | {
     "semi_major_m": _ELLIPSE + "semi_major_axis_length.value",
     "semi_minor_m": _ELLIPSE + "semi_minor_axis_length.value",
@@ -89,10 +101,13 @@ TS_PATHS: dict[str, str] = _COMMON_PATHS | {
     "accel_95_mps2": _VEHICLE + "longitudinal_acceleration.confidence.value",
     "lateral_accel_mps2": _VEHICLE + "lateral_acceleration.value.value",
 }
-"""Leaf fields of `etsi_its_cam_ts_msgs/CAM`: the same containers, other names inside two of them."""
+"""The leaf fields of `etsi_its_cam_ts_msgs/CAM`, by quantity; two containers have other names inside."""
 _VAM_POSITION = "vam.vam_parameters.basic_container.reference_position."
+"""The path prefix of the reference position in a VAM."""
 _VAM_ELLIPSE = _VAM_POSITION + "position_confidence_ellipse."
+"""The path prefix of the position's confidence ellipse in a VAM."""
 _VRU = "vam.vam_parameters.vru_high_frequency_container."
+"""The path prefix of the road user's high-frequency container in a VAM."""
 VAM_PATHS: dict[str, str] = {
     "station": "header.station_id.value",
     "generation_delta_time": "vam.generation_delta_time.value",
@@ -115,12 +130,12 @@ VAM_PATHS: dict[str, str] = {
     "lateral_accel_mps2": _VRU + "lateral_acceleration.lateral_acceleration_value.value",
     "has_lateral_accel": _VRU + "lateral_acceleration_is_present",
 }
-"""Leaf fields of `etsi_its_vam_ts_msgs/VAM` (TS 103 300-3): no size, no driving direction, and a yaw rate only where it
-says so."""
+"""The leaf fields of `etsi_its_vam_ts_msgs/VAM` (TS 103 300-3), by quantity; it has no size and no driving direction,
+and its yaw rate is optional."""
 
 
 def identify_cam(columns: Columns) -> Senders:
-    """Station ids; roadside units are known by their station type or their high-frequency container."""
+    """Return the senders of CAMs; roadside units are known by station type or high-frequency container."""
     station_type = numbers(columns, EN_PATHS["station_type"], VAM_PATHS["station_type"])
     container = numbers(columns, EN_PATHS["container"])
     return Senders(
@@ -203,3 +218,4 @@ def _yaw_rate_bound_degps(code: FloatArray) -> FloatArray:
 
 
 CAM = V2xCodec(identify_cam, decode_cam)
+"""The codec of ROS channels of CAMs and VAMs."""

@@ -20,8 +20,11 @@ from enum import Enum
 from cwcli.errors import UsageError
 
 MAX_LENGTH = 500
+"""The largest number of characters of a condition; chosen by hand."""
 MAX_STEPS = 64
+"""The largest number of path steps of a condition; chosen by hand."""
 EXAMPLES = "for example data==true, level>=2, objects[0].ttc<1.5 or status[name=='fcw'].values[key==state].value==warn"
+"""The hint with examples that every syntax error shows."""
 COMPARE: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
@@ -30,25 +33,29 @@ COMPARE: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
     ">": operator.gt,
 }
+"""The comparison function, by its sign."""
 _TOKEN = re.compile(
     r"""\s*(?:(?P<sign><=|>=|==|!=|<|>)|(?P<mark>[.\[\]])|(?P<name>[A-Za-z_]\w*)"""
     r"""|(?P<index>-?\d{1,9}(?=\s*\]))|(?P<bad>\S))"""
 )
+"""The pattern of the next token of a path."""
 _VALUE = re.compile(r"""\s*(?:"(?P<double>[^"]*)"|'(?P<single>[^']*)'|(?P<word>[^\s\]\["'<>=!]+))\s*""")
+"""The pattern of the value behind a comparison sign."""
 _NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
+"""The pattern of a number."""
 
 Value = float | bool | str
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What is asked of a message, or of an element of a list in it.
+    """A comparison that a message, or an element of a list in it, can meet.
 
     Attributes:
         path: Names, numbers of elements, and conditions that choose an element.
-        sign: A key of `COMPARE`.
-        value: What the field is compared with.
-        text: As it was written.
+        sign: The comparison sign.
+        value: The value that the field is compared with.
+        text: The condition as it was written.
     """
 
     path: tuple[str | int | Condition, ...]
@@ -93,10 +100,10 @@ def parse_condition(text: str) -> Condition:
 
 
 def value_at(message: object, path: tuple[str | int | Condition, ...]) -> object:
-    """What stands at a path of a message: dictionaries, lists, numbers, truth values, texts, None.
+    """Return the value at a path of a message: a dictionary, list, number, truth value, text or None.
 
     Returns:
-        The value, or what is `Missing`.
+        The value, or why it is missing.
     """
     at = message
     for step in path:
@@ -119,7 +126,7 @@ def value_at(message: object, path: tuple[str | int | Condition, ...]) -> object
 
 
 def holds(value: object, condition: Condition) -> bool | None:
-    """Whether a value meets a condition; None where the two can't be compared.
+    """Return whether a value meets a condition; None where the two can't be compared.
 
     A value that is absent or not a number (NaN) meets none. Texts that spell a number are compared as numbers where the
     condition has one; `true` is true, a number that is not 0, and the text `true` in any case.
@@ -155,7 +162,7 @@ def _truth(value: object) -> bool | None:
 
 
 class _Parser:
-    """Recursive descent over the text."""
+    """A recursive-descent parser of the condition's text."""
 
     def __init__(self, text: str) -> None:
         self.text = text

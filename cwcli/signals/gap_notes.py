@@ -1,4 +1,4 @@
-"""Where signals have gaps, in words."""
+"""Notes on where signals have gaps."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from cwcli.signals.clocks import find_gaps
 from cwcli.signals.units import NS_PER_S
 
 MAX_GAP_NOTES = 5
+"""The largest number of channels that are listed; the rest are counted."""
 
 
 def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
-    """One line for each signal with gaps, a late start and an early end included: how many, and where the longest is.
+    """Return one line for each signal with gaps, a late start and an early end included: their number, and the longest
+    one.
 
     Args:
         signals: Canonical signals.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class LocalMap:
-    """Plane tangent to the WGS84 ellipsoid at an origin: x east, y north, z up, in metres.
+    """A plane tangent to the WGS84 ellipsoid at an origin: x east, y north, z up, in metres.
 
     Attributes:
         origin_lat_deg, origin_lon_deg: WGS84, degrees.
@@ -95,7 +95,7 @@ class LocalMap:
 
 
 def parse_origin(text: str) -> tuple[float, float, float]:
-    """`LAT,LON,ALT` in degrees and metres.
+    """Parse `LAT,LON,ALT` in degrees and metres.
 
     Raises:
         UsageError: It is not three numbers in range.

@@ -13,12 +13,14 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
 GPS_EPOCH_S = 315_964_800
-"""1980-01-06T00:00:00Z."""
+"""The start of GPS time, 1980-01-06T00:00:00Z, in seconds since 1970."""
 WEEK_S = 604_800
+"""The length of a week, in seconds."""
 WEEKS_A_ROUND = 1024
-"""Receivers send ten bits of the week: it begins again after 19.6 years."""
+"""The number of weeks after which a ten-bit week number starts again (19.6 years)."""
 MAX_CLOCK_ERROR_S = 86_400
-"""By less than this the recorder's clock is off where a round of weeks is told by it."""
+"""The largest error of the recorder's clock, in seconds, with which it still resolves the week number's rollover;
+chosen by hand."""
 LEAP_SECONDS: Int64Array = np.array(
     [
         *("1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01"),
@@ -27,14 +29,15 @@ LEAP_SECONDS: Int64Array = np.array(
     ],
     dtype="M8[s]",
 ).astype(np.int64)
-"""From when on UTC is a further second behind GPS time, seconds since 1970 (IERS Bulletin C)."""
+"""The instants from which UTC is one more second behind GPS time, in seconds since 1970 (IERS Bulletin C)."""
 ROLLED_OVER = "GPS week rolled over, moved by 1024 weeks"
+"""The reason for a repair: a stamp is moved by whole rollovers of the week number."""
 
 
 def utc_of_weeks(
     ledger: RowLedger, week: FloatArray, time_of_week_ms: FloatArray, is_wanted: BoolArray
 ) -> tuple[Int64Array, BoolArray]:
-    """UTC of GPS weeks and the milliseconds in them, rounds of weeks as `unrolled` finds them.
+    """Return UTC (ns) of GPS weeks and times of week, with the week number's rollover undone.
 
     Args:
         ledger: Counts the weeks that were moved.
@@ -55,7 +58,7 @@ def utc_of_weeks(
 
 
 def utc_of_gps(gps_ns: Int64Array) -> Int64Array:
-    """UTC of GPS time, (n,), both in nanoseconds since 1970."""
+    """Return UTC of GPS time, (n,), both in nanoseconds since 1970."""
     # the n-th leap second has passed once GPS time, n seconds ahead, is beyond it
     passed_ns = (LEAP_SECONDS + np.arange(1, len(LEAP_SECONDS) + 1)) * NS_PER_S
     utc_ns: Int64Array = gps_ns - np.searchsorted(passed_ns, gps_ns, side="right") * NS_PER_S
@@ -65,7 +68,7 @@ def utc_of_gps(gps_ns: Int64Array) -> Int64Array:
 def utc_of_date(
     year: FloatArray, month: FloatArray, day: FloatArray, seconds_of_day: FloatArray, nano: FloatArray
 ) -> tuple[Int64Array, BoolArray]:
-    """UTC of a calendar date, the whole seconds of the day and a fraction that may be negative.
+    """Return UTC (ns) of a calendar date, whole seconds of the day, and a fraction that may be negative.
 
     Args:
         year, month, day, seconds_of_day, nano: Shape (n,).
@@ -87,9 +90,10 @@ def utc_of_date(
 
 
 def unrolled(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArray) -> Int64Array:
-    """The stamps (n,), those moved and counted as repaired that are whole rounds of weeks from the log time.
+    """Return the stamps (n,) in ns, moved by whole rollovers of the GPS week towards the log time; moved ones are
+    counted.
 
-    A round is moved only where the log time then agrees: a recorder whose clock was never set tells nothing.
+    A stamp is moved only where the log time then agrees: a recorder whose clock was never set is no reference.
     """
     round_ns = WEEKS_A_ROUND * WEEK_S * NS_PER_S
     behind_ns = ledger.columns.log_time_ns - stamp_ns

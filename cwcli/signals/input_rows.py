@@ -1,4 +1,4 @@
-"""What the tables of inputs are made of: leaf fields of ROS and foxglove messages, builders imported when used."""
+"""The parts of the tables of inputs: leaf fields of ROS and foxglove messages, and builders imported when used."""
 
 from __future__ import annotations
 
@@ -18,24 +18,30 @@ if TYPE_CHECKING:
 
 # How far back an input stands among those of its role, see `Input.rank`: 0 is a sensor's own message in a common form.
 SUMMARY, RECEIVER, SENTENCE, FUSED, OWN_V2X, ODOMETRY = 1, 2, 3, 4, 5, 6
-"""A receiver's summary for everybody, its own messages, NMEA, what it fused with an IMU; then other sources."""
+"""The ranks of inputs for one role (see `Input.rank`): a receiver's summary message, its own messages, NMEA, its fusion
+with an IMU, the ego's V2X messages, an odometry. Rank 0 is a sensor's own message in a common form."""
 
 CAN_SCHEMAS = frozenset({"can_msgs/Frame", "ros2_socketcan_msgs/FdFrame"})
+"""The schemas of CAN frames; a DBC file says what they mean, and the user which role they fill."""
 CAN_FIELDS = (*HEADER_STAMP, *JSON_STAMPS, "id", "is_rtr", "is_error", "is_extended", "dlc", "len", "data")
-"""Frames of a CAN bus: what they mean stands in a DBC file, and which role they fill says the user."""
+"""The leaf fields of CAN frames."""
 
 TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
+"""The words in a topic's name that mean other road users."""
 GIVEN_WORDS = frozenset({"initialpose", "initialpose3d", "goal", "checkpoint", "checkpoints", "waypoint"})
+"""The words in a topic's name that mean a pose that was commanded and not measured."""
 GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
+"""The words in a topic's name that mean a receiver, whose twist is a velocity over ground."""
 
 
 def in_signals(name: str) -> Any:
-    """`module.name` of this package."""
+    """Import and return `module.name` of this package."""
     return named(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
 def builder(name: str) -> Build:
-    """The builder `module.name`, imported when a channel is built: binding (`cwcli info`) takes no numpy."""
+    """Return the builder `module.name`, imported when a channel is built, because binding (`cwcli info`) needs no
+    NumPy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         made: tuple[Signal, Quality] = in_signals(f"builders.{name}")(columns, reading)
@@ -45,7 +51,7 @@ def builder(name: str) -> Build:
 
 
 def v2x_builder(maker: str, codec: str) -> Build:
-    """The builder that `build_v2x.<maker>` makes for a codec, both imported when a channel is built."""
+    """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         made: tuple[Signal, Quality] = in_signals(f"builders.v2x.{maker}")(in_signals(codec))(columns, reading)
@@ -55,7 +61,7 @@ def v2x_builder(maker: str, codec: str) -> Build:
 
 
 class LaterFields(Mapping[str, tuple[str, ...]]):
-    """Leaf fields that are looked up in a codec's tables when they are needed."""
+    """Leaf fields that are looked up in a codec's tables when they are first needed."""
 
     def __init__(self, find: Callable[[], Fields]) -> None:
         self._find = find
@@ -75,38 +81,38 @@ class LaterFields(Mapping[str, tuple[str, ...]]):
 
 
 def is_gnss_topic(topic: str) -> bool:
-    """A topic whose twist is taken for a velocity over ground before its frame_id is known."""
+    """Return whether a topic's twist is taken for a velocity over ground before its frame_id is known."""
     return not GNSS_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
 def is_measured_topic(topic: str) -> bool:
-    """A topic whose pose is one that the car had, not one that it was given or is to reach."""
+    """Return whether a topic's pose is measured, and not a commanded or wanted one."""
     return GIVEN_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
 def is_vehicle_topic(topic: str) -> bool:
-    """A topic whose twist is taken for a body twist before its frame_id is known: every other one."""
+    """Return whether a topic's twist is taken for a body twist before its frame_id is known."""
     return not is_gnss_topic(topic)
 
 
 def is_target_topic(topic: str) -> bool:
-    """A truth topic that is about other road users."""
+    """Return whether a truth topic is about other road users."""
     return not TARGET_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
 def is_ego_topic(topic: str) -> bool:
-    """A truth topic that is about the ego: every other one."""
+    """Return whether a truth topic is about the ego."""
     return not is_target_topic(topic)
 
 
 def ros(*leaves: str) -> Fields:
-    """Leaf fields of a ROS message with a header: CDR, or JSON with the same names."""
+    """Return the leaf fields of a ROS message with a header, by encoding: CDR, and JSON with the same names."""
     leaf_names = (*HEADER_STAMP, "header.frame_id", *leaves)
     return {"cdr": leaf_names, "json": (*leaf_names, *JSON_STAMPS)}
 
 
 def foxglove(*leaves: str) -> Fields:
-    """Leaf fields of a foxglove message: protobuf, JSON, or CDR (`foxglove_msgs`)."""
+    """Return the leaf fields of a foxglove message, by encoding: protobuf, JSON and CDR (`foxglove_msgs`)."""
     return {
         "protobuf": (*PROTOBUF_STAMP, "frame_id", *leaves),
         "json": (*JSON_STAMPS, "frame_id", *leaves),

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 
 @lru_cache(maxsize=256)
 def normalise(schema_name: str) -> str:
-    """One spelling for a schema: `sensor_msgs/msg/NavSatFix`, `sensor_msgs/NavSatFix` and the DDS form are the same."""
+    """Return one spelling of a schema name: `sensor_msgs/msg/NavSatFix`, `sensor_msgs/NavSatFix` and the DDS form are
+    the same."""
     name = schema_name.replace("::", "/").replace("/dds_/", "/").removesuffix("_")
     return re.sub(r"/msg/", "/", name)
 
@@ -60,17 +61,24 @@ _build_vehicle_state = builder("pose.build_vehicle_state")
 _build_fix = builder("position.build_fix")
 
 _FIX = ("latitude", "longitude", "altitude", "position_covariance", "position_covariance_type")
+"""The leaf paths that both fix messages share."""
 _ROS_FIX = ros("status.status", *_FIX)
+"""The leaf fields of a `NavSatFix`, by encoding."""
 _FOXGLOVE_FIX = foxglove(*_FIX)
+"""The leaf fields of a `LocationFix`, by encoding."""
 _IMU = ros(
     *xyz("linear_acceleration"),
     "linear_acceleration_covariance",
     *xyz("angular_velocity"),
     "angular_velocity_covariance",
 )
+"""The leaf fields of an `Imu`'s measurements, by encoding."""
 _IMU_ORIENTATION = ros(*quaternion("orientation"), "orientation_covariance")
+"""The leaf fields of an `Imu`'s orientation, by encoding."""
 _TWIST = ros("twist.linear.x", "twist.linear.y", "twist.angular.z")
+"""The leaf fields of a `TwistStamped`, by encoding."""
 _TWIST_COVARIANCE = ros("twist.twist.linear.x", "twist.twist.linear.y", "twist.twist.angular.z", "twist.covariance")
+"""The leaf fields of a `TwistWithCovarianceStamped`, by encoding."""
 _ODOMETRY = ros(
     "child_frame_id",
     *xyz("pose.pose.position"),
@@ -80,23 +88,37 @@ _ODOMETRY = ros(
     *xyz("twist.twist.angular"),
     "twist.covariance",
 )
+"""The leaf fields of an `Odometry`, by encoding."""
 _POSE_COVARIANCE = ros(*xyz("pose.pose.position"), *quaternion("pose.pose.orientation"), "pose.covariance")
+"""The leaf fields of a `PoseWithCovarianceStamped`, by encoding."""
 _POSE_STAMPED = ros(*xyz("pose.position"), *quaternion("pose.orientation"))
+"""The leaf fields of a `PoseStamped`, by encoding."""
 _POSE_IN_FRAME = foxglove(*xyz("pose.position"), *quaternion("pose.orientation"))
+"""The leaf fields of a `PoseInFrame`, by encoding."""
 _VELOCITY_REPORT = ros("longitudinal_velocity", "lateral_velocity", "heading_rate")
+"""The leaf fields of a `VelocityReport`, by encoding."""
 _STEERING_REPORT: Fields = dict.fromkeys(("cdr", "json"), ("stamp.sec", "stamp.nanosec", "steering_tire_angle"))
+"""The leaf fields of a `SteeringReport`, by encoding."""
 _KINEMATIC_STATE = ros(
     *("state.x", "state.y", "state.heading.real", "state.heading.imag", "state.heading_rate_rps"),
     *(*xyz("state.pose.position"), *quaternion("state.pose.orientation")),
     *("state.longitudinal_velocity_mps", "state.lateral_velocity_mps"),
 )
+"""The leaf fields of a `VehicleKinematicState`, by encoding."""
 _ACKERMANN = ros("drive.steering_angle")
+"""The leaf fields of an `AckermannDriveStamped`, by encoding."""
 _TIMES = ("sec", "nanosec", "secs", "nsec", "nsecs")
+"""The names that the parts of a ROS time have in different encodings."""
 _TRAJECTORY_TIMES = tuple(f"points.time_from_start.{name}" for name in _TIMES)
+"""The leaf paths of the times of a trajectory's points."""
 _TRAJECTORY = ros(*_TRAJECTORY_TIMES, *xyz("points.pose.position"), "points.longitudinal_velocity_mps")
+"""The leaf fields of a `Trajectory`, by encoding."""
 _PATH = ros(*(f"poses.header.stamp.{name}" for name in _TIMES), *xyz("poses.pose.position"))
+"""The leaf fields of a `nav_msgs/Path`, by encoding."""
 _CAMERA_INFO = ros("width", "height", "distortion_model", "d", "k", "r", "p", "D", "K", "R", "P")
+"""The leaf fields of a `CameraInfo`, by encoding."""
 _CALIBRATION = foxglove("width", "height", "distortion_model", "D", "K", "R", "P", "d", "k", "r", "p")
+"""The leaf fields of a `CameraCalibration`, by encoding."""
 _STATE: Fields = {
     "protobuf": (
         "stamp_ns",
@@ -111,11 +133,13 @@ _STATE: Fields = {
         "longitude_deg",
     ),
 }
+"""The leaf fields of a `cwcli.v1.VehicleState`, by encoding."""
 _TARGET: Fields = {
     "protobuf": ("stamp_ns", "id", "frame_id", "x_m", "y_m", "vx_mps", "vy_mps"),
 }
+"""The leaf fields of a `cwcli.v1.Target`, by encoding."""
 _FRAMES: Fields = {}
-"""Cameras are streamed frame by frame: no columns."""
+"""The leaf fields of camera images: none, because images are streamed frame by frame."""
 
 
 def _fix(fields: Fields) -> tuple[Input, ...]:
@@ -141,6 +165,7 @@ def _plain_twist(base: str, *more: str) -> Input:
 _PLAIN_SPEED = Input(
     Role.EGO_SPEED, dict.fromkeys(("cdr", "json"), ("data",)), builder("motion.build_plain_speed"), rank=None
 )
+"""The registry row of a speed without a header."""
 
 
 def _pose(fields: Fields, after: int = 0) -> tuple[Input, ...]:
@@ -156,10 +181,11 @@ _OWN_MAKERS = {
     Role.EGO_SPEED: "own_speed_builder",
     Role.EGO_HEADING: "own_heading_builder",
 }
+"""The function of `builders.v2x` that makes the builder, by role of the ego."""
 
 
 def _v2x(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool = False) -> tuple[Input, ...]:
-    """A V2X schema: remote vehicles, and the ego's own messages where it is known which ones these are."""
+    """Return the registry rows of a V2X schema: remote vehicles, and the ego's own messages where these are known."""
     fields = LaterFields(find)
     own = (
         Input(role, fields, v2x_builder(maker, codec), rank=OWN_V2X, needs_ego_station=not says_who_is_ego)
@@ -169,13 +195,13 @@ def _v2x(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool = Fals
 
 
 def _cam_fields(paths: str) -> Callable[[], Fields]:
-    """Leaf fields of a CAM, from a table of `etsi`."""
+    """Return a function that finds the leaf fields of a CAM in a table of `etsi`."""
 
-    def find() -> Fields:
+    def find_leaf_fields() -> Fields:
         leaves = tuple(in_signals(f"etsi.{paths}").values())
         return {"cdr": leaves, "json": leaves}
 
-    return find
+    return find_leaf_fields
 
 
 def _ros_bsm_fields() -> Fields:
@@ -202,12 +228,12 @@ def _radio_fields() -> Fields:
 
 
 def _objects_fields(module: str) -> Callable[[], Fields]:
-    """Leaf fields of a message that tells of others."""
+    """Return a function that finds the leaf fields of a message with perceived objects or events."""
 
-    def find() -> Fields:
+    def find_leaf_fields() -> Fields:
         return dict.fromkeys(("cdr", "json"), in_signals(f"{module}.ros_fields")())
 
-    return find
+    return find_leaf_fields
 
 
 def _json_bsm_fields() -> Fields:
@@ -217,12 +243,13 @@ def _json_bsm_fields() -> Fields:
 
 
 def _perceived(module: str, codec: str) -> tuple[Input, ...]:
-    """A schema whose messages tell of others only."""
+    """Return the registry row of a schema whose messages tell of other objects or events only."""
     build = v2x_builder("remote_builder", f"{module}.{codec}")
     return (Input(Role.REMOTE, LaterFields(_objects_fields(module)), build, is_beside=True),)
 
 
 _CAMERA = (Input(Role.CAMERA, _FRAMES, None),)
+"""The registry row of camera images."""
 
 
 RADIO_FORMATS: dict[str, str] = {
@@ -230,7 +257,7 @@ RADIO_FORMATS: dict[str, str] = {
     "btp": "cwcli_radio/Btp",
     "its": "cwcli_radio/Its",
 }
-"""What octets may be that a user names with their format (`--topic remote=/raw:btp`) -> the entry that reads them."""
+"""The registry entry that reads raw octets, by the format that the user names (`--topic remote=/raw:btp`)."""
 
 _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "sensor_msgs/NavSatFix": _fix(_ROS_FIX),
@@ -317,10 +344,11 @@ _BUILTIN: dict[str, tuple[Input, ...] | str] = {
     "osi3.SensorData": "cwcli.signals.osi.leaves:SENSOR_DATA",
     "osi3.HostVehicleData": "cwcli.signals.osi.leaves:HOST_VEHICLE_DATA",
 }
+"""The registry rows of this package, by schema name."""
 
 
 def _accept(entry: object, plugin: Plugin) -> tuple[Input, ...]:
-    """A plug-in's inputs, with their builders guarded."""
+    """Check a plug-in's inputs, and guard their builders."""
     inputs = entry if isinstance(entry, tuple) else (entry,)
     if any(isinstance(one, Input) and one.build is None for one in inputs):
         raise plugin.error("has no builder")
@@ -334,21 +362,22 @@ def _check_built(built: object, columns: Columns, reading: Reading) -> object:
 
 
 INPUTS: Registry[tuple[Input, ...]] = Registry("input", "cwcli.inputs", _BUILTIN, _accept, spell=normalise)
+"""The registry of inputs: the rows of this package and of plug-ins, by schema name."""
 
 
 @lru_cache(maxsize=256)
 def inputs_of(schema_name: str) -> tuple[Input, ...]:
-    """The registry's entries for a schema name in any spelling, () for an unknown one."""
+    """Return the registry's rows for a schema name in any spelling, () for an unknown one."""
     name = normalise(schema_name)
     return INPUTS.get(name) or INPUTS.get(name.rsplit(".", 1)[-1], ())
 
 
 def input_for(role: str, schema_name: str) -> Input | None:
-    """The entry of a schema for a role, or None."""
+    """Return the registry row of a schema for a role, or None."""
     return next((entry for entry in inputs_of(schema_name) if entry.role == role), None)
 
 
 def is_beside(role: str, schema_name: str) -> bool:
-    """Whether such a channel is bound beside the one that is chosen for the role."""
+    """Return whether such a channel is bound in addition to the one that is chosen for the role."""
     entry = input_for(role, schema_name)
     return entry is not None and entry.is_beside

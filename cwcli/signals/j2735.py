@@ -38,11 +38,13 @@ ELEMENTS: dict[str, Element] = {
     "width_m": Element("VehicleWidth", 0.01, 1, 1, 1023, (0,)),
     "length_m": Element("VehicleLength", 0.01, 1, 1, 4095, (0,)),
 }
+"""The data element of each coded quantity of a BSM (SAE J2735)."""
 MIN_SEMI_AXIS_M = 0.05
-"""A semi-axis of 0 says "less than one step": it is taken as one step."""
+"""The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
 REVERSE_GEARS = 3
+"""The code of TransmissionState for reverse gears."""
 COUNT_MODULUS = 128
-"""Of msgCnt (DE_MsgCount)."""
+"""The number of values of a sender's message count (DE_MsgCount)."""
 
 JSON_PREFIXES = (
     "",
@@ -53,6 +55,7 @@ JSON_PREFIXES = (
     "payload.data.value.BasicSafetyMessage.",
     "payload.data.MessageFrame.value.BasicSafetyMessage.",
 )
+"""The path prefixes behind which a JSON message can have a BSM."""
 JSON_RAW: dict[str, str] = {
     "station": "coreData.id",
     "count": "coreData.msgCnt",
@@ -72,6 +75,7 @@ JSON_RAW: dict[str, str] = {
     "width_m": "coreData.size.width",
     "length_m": "coreData.size.length",
 }
+"""The leaf fields of a JSON BSM with the standard's names and codes, by quantity."""
 JSON_ODE: dict[str, str] = JSON_RAW | {
     "latitude_deg": "coreData.position.latitude",
     "longitude_deg": "coreData.position.longitude",
@@ -80,10 +84,13 @@ JSON_ODE: dict[str, str] = JSON_RAW | {
     "lateral_accel_mps2": "coreData.accelSet.accelLat",
     "yaw_rate_degps": "coreData.accelSet.accelYaw",
 }
+"""The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
 REVERSE_LEAVES = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
-"""An enumeration written as an object (`{"reverseGears": ""}`), as JSON made from XER has it."""
+"""The leaf fields of an enumeration written as an object (`{"reverseGears": ""}`), as in JSON made from XER."""
 ODE_SOURCE = "metadata.bsmSource"
+"""The leaf field in which the ODE says who sent a BSM."""
 OWN_SOURCE = "ev"
+"""The text of that field for the recording vehicle, in lower case."""
 
 ROS: dict[str, str] = {
     "station": "core_data.id",
@@ -104,7 +111,7 @@ ROS: dict[str, str] = {
     "width_m": "core_data.size.vehicle_width",
     "length_m": "core_data.size.vehicle_length",
 }
-"""Leaf fields of `j2735_v2x_msgs/BSM` and `carma_v2x_msgs/BSM`."""
+"""The leaf fields of `j2735_v2x_msgs/BSM` and `carma_v2x_msgs/BSM`, by quantity."""
 CARMA_PRESENCE: dict[str, tuple[str, int]] = {
     "dsecond_ms": ("core_data.presence_vector", 1),
     "latitude_deg": ("core_data.presence_vector", 2),
@@ -121,31 +128,32 @@ CARMA_PRESENCE: dict[str, tuple[str, int]] = {
     "width_m": ("core_data.size.presence_vector", 1),
     "length_m": ("core_data.size.presence_vector", 2),
 }
-"""`carma_v2x_msgs`: quantity -> field of the flags, bit that is set when the value is there."""
+"""The presence field of `carma_v2x_msgs`, and the bit that is set when the value is there, by quantity."""
 M_PER_ODE_SIZE = 0.01
+"""One step of a vehicle size in the ODE's messages, in metres."""
 PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
-"""Of a flag."""
+"""The quantities that give place and time of an event flag."""
 
 
 def json_fields() -> tuple[str, ...]:
-    """Every leaf that a JSON BSM can have its data in."""
+    """Return the paths of every leaf in which a JSON BSM can have its data."""
     leaves = (*JSON_RAW.values(), *JSON_ODE.values(), *REVERSE_LEAVES)
     core = dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves)
     return (ODE_SOURCE, *core, *bsm_flags.json_fields(JSON_PREFIXES))
 
 
 def identify_json(columns: Columns) -> Senders:
-    """Station ids of a JSON channel, and the ODE's word on who sent it (`bsmSource` EV)."""
+    """Return the senders of a JSON channel; the ODE says which messages the ego sent (`bsmSource` EV)."""
     return _senders(columns, *(prefix + JSON_RAW["station"] for prefix in JSON_PREFIXES))
 
 
 def identify_ros(columns: Columns) -> Senders:
-    """Station ids of a ROS channel: the four octets in hexadecimal."""
+    """Return the senders of a ROS channel; an id is four octets in hexadecimal."""
     return _senders(columns, ROS["station"])
 
 
 def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode a JSON channel: raw units or decoded ones, by the names that it has (`lat`, or `position.latitude`)."""
+    """Decode a JSON channel, in codes or in units, as its field names tell (`lat`, or `position.latitude`)."""
     for prefix in JSON_PREFIXES:
         if prefix + JSON_ODE["latitude_deg"] in columns.fields:
             return _from_ode(columns, ledger, prefix)
@@ -165,7 +173,7 @@ def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 
 def _carma_values(columns: Columns) -> dict[str, FloatArray]:
-    """What the flags say is there."""
+    """Read the values that the presence flags say are there."""
     value = {name: numbers(columns, ROS[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name, (path, bit) in CARMA_PRESENCE.items():
         flags = numbers(columns, path)
@@ -175,7 +183,7 @@ def _carma_values(columns: Columns) -> dict[str, FloatArray]:
 
 
 def json_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
-    """The flags of a JSON channel, where and when its messages say, and which messages have some that can't be read."""
+    """Read the event flags of a JSON channel with place and time, and which messages' flags can't be read."""
     paths = JSON_RAW
     for prefix in JSON_PREFIXES:
         for each in (JSON_RAW, JSON_ODE):
@@ -188,13 +196,13 @@ def json_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
 
 
 def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
-    """The flags of a `j2735_v2x_msgs/BSM` channel."""
+    """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
     value = _decoded_place({name: numbers(columns, ROS[name]) for name in PLACE_AND_TIME})
     return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, value)
 
 
 def carma_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
-    """The flags of a `carma_v2x_msgs/BSM` channel."""
+    """Read the event flags of a `carma_v2x_msgs/BSM` channel."""
     return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, _carma_values(columns))
 
 
@@ -205,7 +213,7 @@ def _decoded_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
 def _flag_events(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
-    """One event a flag, at its message's own time (log time where it has none) and place (degrees)."""
+    """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
     stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = value["latitude_deg"], value["longitude_deg"]
@@ -214,7 +222,7 @@ def _flag_events(
 
 
 def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
-    """The ODE's decoded units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
+    """Decode the ODE's units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
     paths = {name: prefix + leaf for name, leaf in JSON_ODE.items()}
     value = {name: numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name in ("width_m", "length_m"):
@@ -229,14 +237,14 @@ def _from_raw(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix
 
 
 def _held(value: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
-    """Values in units, which keep J2735's signs and ranges: those to the right turned, those beyond left out."""
+    """Return decoded values with cwcli's signs; those outside the standard's range become NaN and are counted."""
     return {name: hold(ELEMENTS[name], array, ledger) if name in ELEMENTS else array for name, array in value.items()}
 
 
 def _rows(
     columns: Columns, ledger: RowLedger, value: dict[str, FloatArray], paths: dict[str, str], prefix: str
 ) -> RemoteRows:
-    """From values in degrees and metres with cwcli's signs to the canonical rows."""
+    """Build the canonical rows from values in degrees and metres with cwcli's signs."""
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
     count = numbers(columns, paths["count"])
@@ -283,7 +291,7 @@ def _stations(columns: Columns, *paths: str) -> Strings:
 
 
 def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
-    """Where a yaw rate of 0 says nothing.
+    """Return where a yaw rate of 0 means that it is not measured.
 
     J2735 has no code for an unavailable yaw rate, and senders without a gyroscope send 0: a station that never sends
     anything else, or a message that has no acceleration either.
@@ -298,12 +306,15 @@ def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
 
 
 def _is_reverse(columns: Columns, path: str, prefix: str) -> BoolArray:
-    """Where the gear is reverse: as a name, as the number 3, or as an object with that name."""
+    """Return where the gear is reverse: as a name, as the number 3, or as an object with that name."""
     is_named = is_one_of(texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS))
     as_object = texts(columns, *(prefix + leaf for leaf in REVERSE_LEAVES))
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
 JSON_BSM = V2xCodec(identify_json, decode_json, events=json_events)
+"""The codec of JSON channels of BSMs."""
 ROS_BSM = V2xCodec(identify_ros, decode_ros, events=ros_events)
+"""The codec of `j2735_v2x_msgs/BSM` channels."""
 CARMA_BSM = V2xCodec(identify_ros, decode_carma, events=carma_events)
+"""The codec of `carma_v2x_msgs/BSM` channels."""

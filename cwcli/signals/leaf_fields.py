@@ -1,4 +1,4 @@
-"""Reading leaf fields out of decoded columns, whatever the message encoding made of them.
+"""Reading leaf fields from decoded columns of any message encoding.
 
 Each reader is lenient: what is not there, or no such thing, is NaN or absent. With `required` it is an error instead:
 so are read the channels that cwcli itself has published.
@@ -19,6 +19,7 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 _SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
+"""The leaf fields that can hold the seconds of a message's time, in order of preference."""
 _NANOSECONDS = (
     "header.stamp.nanosec",
     "header.stamp.nsecs",
@@ -28,13 +29,14 @@ _NANOSECONDS = (
     "timestamp.nanosec",
     "stamp.nanosec",
 )
+"""The leaf fields that can hold the nanoseconds of a message's time, in order of preference."""
 
 LARGEST_WHOLE = 2.0**53
-"""Up to it a double holds every whole number."""
+"""The number up to which a double holds every whole number."""
 
 
 def find(columns: Columns, *paths: str) -> Field | None:
-    """The first of these fields that the columns hold, or None."""
+    """Return the first of these fields that the columns hold, or None."""
     for path in paths:
         field = columns.fields.get(path)
         if field is not None:
@@ -43,7 +45,7 @@ def find(columns: Columns, *paths: str) -> Field | None:
 
 
 def numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray:
-    """A field as numbers, shape (n,); the first of `paths` that is there, NaN where absent or not a number.
+    """Read a field as numbers (n,): the first of `paths` that is there, NaN where absent or not a number.
 
     Strings that spell numbers are read as such (JSON written from XER does that).
 
@@ -62,7 +64,7 @@ def numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray
 
 
 def whole_numbers(columns: Columns, *paths: str, required: bool = False) -> tuple[Int64Array, BoolArray]:
-    """A field as int64 without the detour over floats where it is an integer column.
+    """Read a field as int64, exactly where it is an integer column.
 
     Returns:
         Values and whether they are there, both of shape (n,).
@@ -85,7 +87,7 @@ def texts(columns: Columns, *paths: str, required: Literal[True]) -> Strings: ..
 @overload
 def texts(columns: Columns, *paths: str, required: Literal[False] = False) -> Strings | None: ...
 def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | None:
-    """A field as n strings, or None when there is none. Numbers are spelled as integers, byte sequences in hex.
+    """Read a field as n strings, None when there is none; numbers become integers, byte sequences hexadecimal.
 
     Args:
         columns: n messages.
@@ -115,13 +117,14 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
 
 
 def bits_of(values: FloatArray) -> Int64Array:
-    """Numbers (n,) as flags: none is set where it is no whole number of so many bits."""
+    """Return numbers (n,) as bit flags; a number that is not whole, negative or too large has none set."""
     is_whole = (values >= 0.0) & (values < LARGEST_WHOLE) & (values == np.floor(values))
     return np.where(is_whole, values, 0.0).astype(np.int64)
 
 
 def spelled(values: FloatArray) -> Strings:
-    """Numbers (n,) as texts, whole ones as integers; absent where not finite. No two numbers get the same text."""
+    """Format numbers (n,) as texts, whole ones as integers; absent where not finite. Different numbers get different
+    texts."""
     distinct, codes = np.unique(values, return_inverse=True)
     is_whole = (distinct == np.floor(distinct)) & (np.abs(distinct) < LARGEST_WHOLE)
     each = zip(distinct.tolist(), is_whole.tolist(), strict=True)
@@ -132,7 +135,7 @@ def spelled(values: FloatArray) -> Strings:
 
 
 def _octets(values: NumericArray) -> tuple[bytes, BoolArray]:
-    """Numbers (n,) as octets, and which of them are some."""
+    """Return numbers (n,) as octets, and which of them (n,) are valid octets."""
     if values.dtype.itemsize == 1:
         return values.tobytes(), np.ones(len(values), np.bool_)
     numbers = values.astype(np.float64)
@@ -141,7 +144,8 @@ def _octets(values: NumericArray) -> tuple[bytes, BoolArray]:
 
 
 def unusable(columns: Columns, name: str) -> DataError:
-    """That a channel of cwcli's lacks a field, or has another in its place: another version has written it."""
+    """Return the error for a channel of cwcli's that lacks a field or has another in its place: another version wrote
+    it."""
     return DataError(
         f"the channel has no usable field `{name}`",
         where=columns.topic,
@@ -150,7 +154,7 @@ def unusable(columns: Columns, name: str) -> DataError:
 
 
 def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
-    """Where a string field has one of the accepted values (lower case, compared without case), shape (n,)."""
+    """Return where a string field has one of the accepted values (lower case, compared without case), shape (n,)."""
     if field is None:
         return np.zeros(n_rows, dtype=np.bool_)
     matches = np.array([value.lower() in accepted for value in field.values] + [False])
@@ -159,12 +163,12 @@ def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
 
 
 def matrix(columns: Columns, path: str, width: int | None = None, *, required: bool = False) -> FloatArray:
-    """A repeated numeric field as shape (n, width); rows of another length are NaN.
+    """Read a repeated numeric field as shape (n, width); rows of another length are NaN.
 
     Args:
         columns: n messages.
         path: Name of the field.
-        width: Of a row; None: that of the first.
+        width: The length of a row; None: that of the first row.
         required: Every row must have it.
 
     Raises:
@@ -189,7 +193,7 @@ def matrix(columns: Columns, path: str, width: int | None = None, *, required: b
 
 
 def row_of(field: Field | None, row: int) -> FloatArray:
-    """The numbers of a repeated numeric field in one message, () when there are none."""
+    """Return the numbers of a repeated numeric field in one message, empty when there are none."""
     if row < 0 or field is None or isinstance(field, Strings):
         return np.zeros(0)
     if isinstance(field, Ragged):
@@ -198,12 +202,13 @@ def row_of(field: Field | None, row: int) -> FloatArray:
 
 
 def vector(columns: Columns, path: str, names: tuple[str, ...] = ("x", "y", "z")) -> FloatArray:
-    """The fields `path.x`, `path.y`, `path.z` side by side, shape (n, 3)."""
+    """Read the fields `path.x`, `path.y`, `path.z` side by side, shape (n, 3)."""
     return np.stack([numbers(columns, f"{path}.{name}") for name in names], axis=1)
 
 
 def frame_id(columns: Columns, *paths: str) -> str:
-    """The frame that the first row with one names, "" when there is none. A leading slash (ROS 1, tf) is taken off."""
+    """Read the frame that the first row with one names, "" when there is none. A leading slash (ROS 1, tf) is
+    removed."""
     field = find(columns, *(paths or ("header.frame_id", "frame_id")))
     if not isinstance(field, Strings):
         return ""
@@ -212,7 +217,7 @@ def frame_id(columns: Columns, *paths: str) -> str:
 
 
 def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
-    """The messages' own time (`header.stamp`, `timestamp`).
+    """Read the messages' own time (`header.stamp`, `timestamp`).
 
     Returns:
         Stamps in ns and whether they are usable (given, not zero, between 1970 and 2261, no more nanoseconds than a
@@ -231,7 +236,7 @@ def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
 
 
 def iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
-    """ISO 8601 times in UTC (`2018-05-01T16:04:10.894Z`, also with `[UTC]` or `+00:00` behind) as ns since 1970.
+    """Parse ISO 8601 times in UTC (`2018-05-01T16:04:10.894Z`, or ending in `[UTC]` or `+00:00`) into ns since 1970.
 
     Returns:
         Times and whether they could be read, both of shape (n,).

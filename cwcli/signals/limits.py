@@ -1,4 +1,4 @@
-"""What no road vehicle's sensor can have measured.
+"""Limits beyond which no sensor of a road vehicle can have measured.
 
 Far beyond anything real, so that no sound value is lost; within them every square and sum stays finite.
 """
@@ -11,18 +11,26 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.quality import BoolArray, RowLedger
 
 MAX_SPEED_MPS = 1e3
+"""The largest speed that is accepted, in m/s; chosen far beyond any vehicle."""
 MAX_ACCEL_MPS2 = 1e4
+"""The largest acceleration that is accepted, in m/s^2; chosen far beyond any vehicle."""
 MAX_TURN_RATE_RADPS = 1e3
+"""The largest turn rate that is accepted, in rad/s; chosen far beyond any vehicle."""
 MAX_ALTITUDE_M = 1e6
+"""The largest altitude that is accepted, in metres; chosen far beyond any road."""
 MAX_STEER_RAD = 1.6
+"""The largest steering angle of a wheel that is accepted, in rad: a little more than a right angle."""
 MAX_POSITION_M = 1e8
+"""The largest coordinate that is accepted, in metres; chosen beyond the size of the Earth."""
 MAX_ANGLE_RAD = 1e6
 """Angles that are counted on through every turn stay below; beyond, doubles lose the small digits of the angle."""
 MAX_SIZE_M = 1e3
 """Length, width, and distance of the axle from the middle of a road user."""
 
 NOT_FINITE = "value not a number"
+"""The reason for rejecting a value that is not a number."""
 OUT_OF_RANGE = "value out of range"
+"""The reason for rejecting a value beyond its limit."""
 
 
 def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unless: BoolArray | None = None) -> None:
@@ -41,13 +49,13 @@ def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unle
 
 
 def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:
-    """The values (n,), NaN where they are not finite or beyond the limit; those beyond it are counted as left out.
+    """Return the values (n,), NaN where not finite or beyond the limit; those beyond it are counted as repairs.
 
     Args:
         ledger: Counts them, row by row.
         values: Shape (n,), in the unit of `limit`.
         limit: Largest size that is accepted.
-        name: Of the quantity, for the reason.
+        name: The quantity's name, for the reason.
     """
     with np.errstate(invalid="ignore"):
         is_beyond = np.isfinite(values) & (np.abs(values) > limit)

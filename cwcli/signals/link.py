@@ -1,4 +1,4 @@
-"""How good the radio link was: what arrived of what remote vehicles sent, how late, how old, and from how far.
+"""Quality of the radio link: loss, latency, information age and range of remote vehicles' messages.
 
 A sender counts its messages modulo 128 (SAE J2735, msgCnt): a gap in the count is a loss. A pause in which the count
 may have gone round is an absence (out of range, switched off), no loss.
@@ -17,13 +17,16 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 COUNT_MODULUS = 128
+"""The number of values of a sender's message count (SAE J2735, msgCnt)."""
 MIN_GAP_S = 1.0
+"""The shortest pause that counts as a gap, in seconds. Chosen by hand; not fitted."""
 GAP_PERIODS = 5.0
-"""A gap is a pause of so many periods, and of `MIN_GAP_S` at least."""
+"""The shortest pause that counts as a gap, in sending periods. Chosen by hand; not fitted."""
 CLOCK_STEP_S = 0.002
-"""Two steps of the messages' clock: a median latency below minus this says that the clocks disagree."""
+"""The time by which a median latency may be negative, in seconds: two steps of the message clock. Below, the clocks
+disagree."""
 BIN_M = 50.0
-"""Of the reception by distance."""
+"""The width of a bin of distance, in metres; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +36,11 @@ class StationLink:
     Attributes:
         station: Its id.
         n_received: Messages received.
-        present_s: From the first to the last of them, without absences.
+        present_s: The time from the first to the last of them, without absences.
         rate_hz: Messages sent per second where the sender counts them, else received.
         n_sent: Messages sent while it was present, NaN where the sender does not count them.
-        latency_median_s, latency_p95_s: From generation to reception; NaN where the clocks don't allow it.
-        age: Of the newest message known, pieces in time: shape (p, 2), from and to, s; it grows with the time.
+        latency_median_s, latency_p95_s: The time from generation to reception; NaN where the clocks disagree.
+        age: The information age as pieces in which it grows with time: shape (p, 2), from and to, s.
         n_gaps, longest_gap_s: Pauses while it was present.
         n_absences: Pauses in which the count may have gone round.
         range_m: Greatest distance of reception, NaN where none is known.
@@ -58,13 +61,13 @@ class StationLink:
 
     @property
     def loss_share(self) -> float:
-        """Share of the sent messages that did not arrive."""
+        """The share (1) of the sent messages that did not arrive."""
         return 1.0 - self.n_received / self.n_sent if self.n_sent > 0 else float("nan")
 
 
 @dataclass(frozen=True)
 class Reception:
-    """Reception by distance, over all stations that count their messages.
+    """The reception by distance, over all stations that count their messages.
 
     Attributes:
         edges_m: Shape (b + 1,).
@@ -77,7 +80,7 @@ class Reception:
 
 
 def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[StationLink], Reception]:
-    """The link from each station.
+    """Measure the radio link from each station.
 
     Args:
         signal: Messages of one channel, n rows.
@@ -102,11 +105,11 @@ def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[Station
 
 
 def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
-    """The age that the newest message stays below for a share of the time.
+    """Return the information age (s) that the newest message stays below for a share of the time.
 
     Args:
         ages: Pieces of time, shape (p, 2): the age grows from the first to the second value, s.
-        share: In (0, 1).
+        share: A share of the time, in (0, 1).
 
     Returns:
         In s, NaN without any piece.
@@ -123,7 +126,7 @@ def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
 
 
 def _losses(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
-    """Messages lost between each two received ones, where that is an absence, and the sending period.
+    """Count the messages lost between each two received ones, find absences, and measure the sending period.
 
     Args:
         sent_s: Shape (n,), increasing.
@@ -186,7 +189,7 @@ def _link(
 
 
 def _places_of_lost(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
-    """How far away the lost messages were sent: evenly between the received ones before and behind."""
+    """Return the distances (m) at which lost messages were sent, spaced evenly between their received neighbours."""
     n = n_lost.astype(np.int64)
     gap = np.repeat(np.arange(len(n)), n)
     place = np.arange(len(gap)) - np.repeat(np.cumsum(n) - n, n) + 1

@@ -1,4 +1,4 @@
-"""From a channel and a user's mapping to the columns of a message that cwcli knows."""
+"""Converting a channel by a user's mapping to the columns of a message that cwcli knows."""
 
 from __future__ import annotations
 
@@ -17,17 +17,19 @@ from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
+"""The names that seconds and nanoseconds of a time have in different encodings."""
 MOST_STEPS = 2.5
-"""A channel's usual steps across which its values are interpolated: one message may be missing."""
+"""The largest gap that is interpolated, in usual steps of the channel: one message may be missing."""
 SUBSECONDS = ("header.stamp.sec", "header.stamp.nanosec")
+"""The paths of seconds and nanoseconds in a ROS header."""
 
 
 def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
-    """The channel as the message that `mapping` makes of it.
+    """Convert a channel to the message that `mapping` makes of it.
 
     Args:
         columns: The channel, with the fields of the mapping that it has.
-        mapping: What the user said.
+        mapping: The user's mapping.
 
     Returns:
         The columns, and whether the messages have a time.
@@ -52,7 +54,7 @@ def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
 
 
 def mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, FloatArray]:
-    """The quantities that a mapping names of its channel, by their fields, (n,) each.
+    """Read the quantities that a mapping names of its channel, by field, (n,) each.
 
     Raises:
         UsageError: A field is not there, or holds no numbers.
@@ -61,7 +63,7 @@ def mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, FloatArr
 
 
 def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapping) -> tuple[Columns, str]:
-    """The columns with the quantities of another channel at their times, and a note.
+    """Add the quantities of another channel at the columns' times; return the columns and a note.
 
     Interpolated between two messages of it that are next to each other, or have one missing between them; NaN
     elsewhere. Times are those of the messages, or log times where one of the channels has no others.
@@ -90,7 +92,7 @@ def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapp
 
 
 def _values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:
-    """One quantity, (n,); NaN where the message has none."""
+    """Read one quantity, (n,); NaN where the message has none."""
     field = columns.fields.get(term.path)
     if len(columns) and (field is None or (isinstance(field, Strings) and term.index is not None)):
         raise _no_numbers(columns, mapping, term)
@@ -109,7 +111,7 @@ def _values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:
 
 
 def _element(field: Ragged | NumericArray, index: int) -> FloatArray:
-    """An element of each sequence, NaN where it is shorter."""
+    """Return an element of each sequence, NaN where the sequence is shorter."""
     if not isinstance(field, Ragged):
         n, width = field.shape
         return field[:, index].astype(np.float64) if index < width else np.full(n, np.nan)
@@ -144,5 +146,5 @@ def _no_numbers(columns: Columns, mapping: FieldMapping, term: Term) -> UsageErr
     return UsageError(
         f"--map {mapping.role}={mapping.text}: {columns.schema_name or 'the message'} has no number in {place}",
         where=columns.topic,
-        hint="`cwcli info LOG --fields TOPIC` lists its fields; an element of a sequence is named with [0]",
+        hint="`cwcli info LOG` shows fields to try for unused topics; [0] names the first element of a sequence",
     )

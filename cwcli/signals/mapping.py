@@ -33,20 +33,21 @@ UNITS: dict[str, dict[str, float]] = {
     "place": {"deg": 1.0, "rad": 180.0 / math.pi},
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
-"""What is measured -> its units, in that of cwcli (m/s, rad, rad/s, m/s^2, degrees, m)."""
+"""The factor of each unit to cwcli's unit (m/s, rad, rad/s, m/s^2, degrees, m), by kind of quantity."""
 NEXT = "|"
-"""Between two mappings of a role."""
+"""The character between two mappings of a role."""
 TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+"""The nanoseconds of each unit of time."""
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """What a mapping of a role gives.
+    """The message and the quantities that a mapping of a role gives.
 
     Attributes:
-        schema: The message as which it is then built.
-        fields: Of that message, in order -> what each measures.
-        n_needed: As many of them at least.
+        schema: The message that the mapped channel is converted to.
+        fields: The kind of quantity of each of its fields, in order.
+        n_needed: The least number of them.
     """
 
     schema: str
@@ -73,17 +74,25 @@ MAPPED: dict[str, Quantities] = {
         6,
     ),
 }
+"""The quantities that can be mapped, by role."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+"""The pattern of a number without a sign."""
 _NAME = r"[A-Za-z_]\w*"
+"""The pattern of a field's name."""
 _PATH = rf"{_NAME}(?:\.{_NAME})*"
+"""The pattern of a dotted path."""
 # compiled when they are first used: binding imports this at every start
 _TERM = (
     rf"(?P<sign>-?)(?P<path>{_PATH})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER}|{_NAME}))*)"
     rf"(?P<offset>[+-]{_NUMBER})?(?P<unit>(?<=[\d.]){_NAME})?"
 )
+"""The pattern of one quantity: sign, path, index, scales, offset and unit."""
 _STAMP = rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?"
+"""The pattern of the time's field and its unit."""
 _SCALE = rf"([*/])({_NUMBER}|{_NAME})"
+"""The pattern of one scale: a sign, and a number or unit."""
 _STAMPED = (*HEADER_STAMP, *PROTOBUF_STAMP, *JSON_STAMPS)
+"""The leaf fields of a message's usual time."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +101,8 @@ class Term:
 
     Attributes:
         path: The field, or message and signal of a CAN frame.
-        index: Of a sequence, or None.
-        factor, offset: In the unit of the role.
+        index: The index in a sequence, or None.
+        factor, offset: The scale and offset to the role's unit.
         has_scale: The user gave a unit or a factor.
     """
 
@@ -109,13 +118,13 @@ class FieldMapping:
     """A parsed mapping.
 
     Attributes:
-        role, topic: What for, and of which channel.
+        role, topic: The role and the channel.
         terms: The role's quantities, in order.
         stamp, stamp_unit_ns: The field of the time ("" for the header's) and its unit; a field with `sec` and `nanosec`
             below needs none.
-        files: That describe the messages of a CAN bus.
-        text: As it was given, behind the role.
-        first: Which of the role's quantities its first term is.
+        files: The DBC files that describe the messages of a CAN bus.
+        text: The text behind the role, as it was given.
+        first: The index of its first term among the role's quantities.
         parts: The mappings of further channels that give the quantities behind its own.
     """
 
@@ -131,24 +140,24 @@ class FieldMapping:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The fields of the message that its terms become."""
+        """Return the fields of the message that the terms become."""
         return tuple(MAPPED[self.role].fields)[self.first : self.first + len(self.terms)]
 
     @property
     def n_given(self) -> int:
-        """As many of the role's quantities as it and its parts give."""
+        """Return how many of the role's quantities the mapping and its parts give."""
         return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Leaf fields to load."""
+        """Return the leaf fields to load."""
         times = ("sec", "nanosec", "secs", "nsecs", "nsec")
         own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _STAMPED
         return (*own, *(term.path for term in self.terms))
 
 
 def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
-    """The `ROLE=/topic:field` of each role, with the files that describe CAN messages behind it.
+    """Return the `ROLE=/topic:field` of each role, followed by the files that describe CAN messages.
 
     Several options of one role become one, with a | between them.
 
@@ -170,12 +179,12 @@ def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str
 
 
 def is_mapping(text: str) -> bool:
-    """Whether the text behind a role names fields, too."""
+    """Return whether the text behind a role names fields as well."""
     return ":" in text
 
 
 def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
-    """Read what stands behind a role's `=`: each source, with its parts.
+    """Parse the text behind a role's `=`: each source, with its parts.
 
     Raises:
         UsageError: It is malformed, has too few or too many quantities, or a unit that does not measure them.
@@ -189,8 +198,8 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
         n_left_out = len(found.group(1)) if (found := re.search(r":\s*(,+)", one)) else 0
         if n_left_out and (not sources or n_left_out != n_before):
             raise UsageError(
-                f"--map {role}={one}: it begins with the quantity {n_left_out + 1}",
-                hint=f"the {n_left_out} before it stand in a mapping before this one",
+                f"--map {role}={one}: it starts with quantity {n_left_out + 1}",
+                hint=f"the {n_left_out} before it must be given in an earlier mapping",
             )
         if n_before < quantities.n_needed or n_left_out:
             part = _one(role, one.strip(), quantities, n_before)
@@ -212,7 +221,7 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
 
 
 def _one(role: str, text: str, quantities: Quantities, first: int) -> FieldMapping:
-    """The mapping of one channel, whose terms are the role's quantities from `first` on."""
+    """Parse the mapping of one channel, whose terms are the role's quantities from `first` on."""
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
     said, at, stamp_text = rest.partition("@")
@@ -248,7 +257,7 @@ def _term(role: str, text: str, part: str, kind: str) -> Term:
 
 
 def _value(role: str, text: str, word: str, kind: str) -> float:
-    """A number, or a unit of this kind."""
+    """Return a number, or the factor of a unit of this kind."""
     if word[0].isdigit() or word[0] == ".":
         return float(word)
     if word not in UNITS[kind]:

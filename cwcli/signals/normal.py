@@ -19,6 +19,8 @@ _COEFFICIENTS = (
     -0.82215223,
     0.17087277,
 )
+"""The coefficients of the complementary error function, a Chebyshev fit with a relative error below 1.2e-7 (Press et
+al., Numerical Recipes, 2nd ed., 6.2, erfcc)."""
 
 
 def normal_cdf(z: FloatArray) -> FloatArray:

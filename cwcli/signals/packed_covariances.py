@@ -21,12 +21,21 @@ from cwcli.signals.precision import to_digits, to_step
 
 Float32Array = npt.NDArray[np.float32]
 SIGMA_DIGITS = 9
+"""The number of binary digits of a sigma: a relative step of 0.2 %. Chosen by hand."""
 CORRELATION_BITS = 9
+"""The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
 FINE_CORRELATION_BITS = 20
+"""The largest number of binary digits of a correlation in a matrix that is close to singular. Chosen by hand."""
 LEAST_OWN_SHARE = 2.0**-3
+"""The share (1) of a state's variance that is not explained by the others, below which finer steps are used. Chosen by
+hand."""
 STEP_OF_EIGENVALUE = 2.0**-5
+"""The largest step of a correlation as a share (1) of the matrix's least eigenvalue. Chosen by hand."""
 SHRINKING = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
+"""The shares (1) by which correlations are shrunk, one after the other, until the matrix is positive definite. Chosen
+by hand."""
 BLOCK_ROWS = 2048  # of doubles that fit the processor's cache
+"""The number of covariances that are packed at once, so that their doubles fit the processor's cache."""
 
 
 @lru_cache(maxsize=8)
@@ -37,7 +46,7 @@ def _upper(k: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class PackedCovariances:
-    """n covariances of k states. Read like an array of shape (n, k, k): any index gives doubles.
+    """n covariances of k states, which read like an array of shape (n, k, k): any index gives doubles.
 
     Attributes:
         sigma: Shape (n, k), float32. NaN: the covariance is not known, or was not positive definite.
@@ -49,12 +58,12 @@ class PackedCovariances:
 
     @classmethod
     def empty(cls, n: int, k: int) -> Self:
-        """Room for n covariances, to be filled by `put`."""
+        """Return room for n covariances of k states, to be filled later."""
         return cls(np.empty((n, k), np.float32), np.empty((n, k * (k - 1) // 2), np.float32))
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Self:
-        """Covariances (n, k, k) to the precision above; one that is not positive definite is NaN."""
+        """Pack covariances (n, k, k) to the precision above; one that is not positive definite becomes NaN."""
         n, k, _ = covariance.shape
         out = cls.empty(n, k)
         for first in range(0, n, BLOCK_ROWS):
@@ -63,16 +72,16 @@ class PackedCovariances:
         return out
 
     def put(self, rows: npt.NDArray[np.intp], packed: PackedCovariances) -> None:
-        """Fill some rows."""
+        """Fill some rows with packed covariances."""
         self.sigma[rows], self.correlation[rows] = packed.sigma, packed.correlation
 
     def rows(self, rows: Any) -> PackedCovariances:
-        """The given rows, as packed as before."""
+        """Return the given rows, as packed as before."""
         return PackedCovariances(self.sigma[rows], self.correlation[rows])
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """That of the array."""
+        """The shape (n, k, k) of the unpacked array."""
         n, k = self.sigma.shape
         return n, k, k
 
@@ -96,14 +105,14 @@ class PackedCovariances:
         return np.asarray(self.dense(), dtype)
 
     def element(self, a: int, b: int) -> FloatArray:
-        """One element of each, shape (n,)."""
+        """Return one element of each covariance, shape (n,)."""
         k = self.sigma.shape[1]
         a, b = sorted((a % k, b % k))
         product = self.sigma[:, a].astype(np.float64) * self.sigma[:, b]
         return product if a == b else product * self.correlation[:, a * k - a * (a + 1) // 2 + b - a - 1]
 
     def dense(self) -> FloatArray:
-        """Shape (n, k, k)."""
+        """Return the covariances as an array (n, k, k)."""
         return _dense(self.sigma, self.correlation)
 
 
@@ -112,12 +121,12 @@ Covariances = FloatArray | PackedCovariances
 
 
 def packed(covariance: Covariances) -> PackedCovariances:
-    """The covariances, packed if they are not yet."""
+    """Return the covariances, packed if they are not yet."""
     return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.of(covariance)
 
 
 def variances(covariance: Covariances, states: Sequence[int]) -> FloatArray:
-    """Those of some states, shape (n, states)."""
+    """Return the variances of some states, shape (n, states)."""
     chosen = list(states)
     if isinstance(covariance, PackedCovariances):
         return covariance.sigma[:, chosen].astype(np.float64) ** 2
@@ -137,7 +146,7 @@ def _dense(sigma: Float32Array | FloatArray, correlation: Float32Array | FloatAr
 
 
 def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Sigmas and correlations of a few covariances."""
+    """Return sigmas and correlations of a few covariances."""
     k = covariance.shape[1]
     above = _upper(k)
     diagonal = np.arange(k)
@@ -160,14 +169,15 @@ def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
-    """Of the step of each matrix, at least those of `CORRELATION_BITS`; all must be finite."""
+    """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
     least = np.linalg.eigvalsh(_dense(np.ones((len(correlation), k)), correlation))[:, 0]
     step = np.clip(STEP_OF_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
     return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 
 def _own_shares(correlation: FloatArray, k: int) -> FloatArray:
-    """The least share of a state's variance that is not that of the states before it, (n,); NaN: not definite."""
+    """Return the least share of a state's variance that the states before it do not explain, (n,); NaN: not
+    definite."""
     matrices = _dense(np.ones((len(correlation), k)), correlation)
     matrices[~np.isfinite(correlation).all(axis=1)] = np.eye(k)
     try:

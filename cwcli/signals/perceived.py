@@ -1,4 +1,4 @@
-"""What a station perceived of others (CPM, SDSM), as road users of their own.
+"""Objects that a station perceived (CPM, SDSM), as road users of their own.
 
 An object is named after its sender and its number there, `1201:7`. Its place is the sender's reference position plus an
 offset in the plane there; both are uncertain, and so is where the sender thinks it is: their covariances add up. Its
@@ -21,14 +21,17 @@ from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, noth
 from cwcli.signals.v2x_elements import Element, decode_whole, station_ids
 
 EQUATOR_M = 6_378_137.0
+"""The radius of the WGS84 ellipsoid at the equator, in metres."""
 FLATTENING = 1.0 / 298.257223563
-"""WGS84."""
-NO_NUMBER = "object without a number"
+"""The flattening (1) of the WGS84 ellipsoid."""
+NO_NUMBER = "object without an id"
+"""The reason for setting aside an object without an id."""
 OBJECT_ID = Element("ObjectId", 1.0, 1, 0, 65_535)
+"""The data element of an object's id, in CPM and SDSM alike."""
 
 
 def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
-    """One row an object.
+    """Return columns with one row for each object.
 
     Args:
         columns: The messages.
@@ -47,14 +50,16 @@ def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -
 
 
 def counted(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
-    """How many objects are in each message (n,), by a leaf that every one has, and the message of each (m,)."""
+    """Count the objects of each message (n,) by a leaf that every object has, and return the message of each object
+    (m,)."""
     leaf = ragged(columns, path)
     counts = np.zeros(len(columns), np.int64) if leaf is None else np.diff(leaf.offsets).astype(np.int64)
     return counts, np.repeat(np.arange(len(columns), dtype=np.int64), counts)
 
 
 def of_objects(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
-    """A leaf of the objects, (m,); NaN in the messages where it is there more or less often than the objects (n,)."""
+    """Read a leaf of the objects, (m,); NaN in the messages where it is there more or less often than the objects
+    (n,)."""
     leaf = ragged(columns, path)
     out = np.full(int(counts.sum()), np.nan)
     if leaf is not None:
@@ -65,7 +70,7 @@ def of_objects(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
 
 
 def identify(columns: Columns) -> Senders:
-    """Who each object is: its sender's id and its number there. A column `station` and one `object` tell it."""
+    """Return the senders of objects: each is named after its sender and its number, columns `station` and `object`."""
     n = len(columns)
     sender = station_ids(columns, "station")
     number = decode_whole(OBJECT_ID, numbers(columns, "object"))
@@ -78,7 +83,7 @@ def identify(columns: Columns) -> Senders:
 
 
 def object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec:
-    """The codec of objects, one a row; who one without a number is, from message to message, can't be told."""
+    """Return the codec of objects, one a row; objects without an id are set aside, because they can't be tracked."""
 
     def decode_numbered(columns: Columns, ledger: RowLedger) -> RemoteRows:
         station_ids(columns, "station", ledger=ledger)
@@ -91,7 +96,7 @@ def object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec
 def shifted(
     latitude_deg: FloatArray, longitude_deg: FloatArray, east_m: FloatArray, north_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Latitude and longitude (deg) of points (n,) that lie some way off others, in the tangent plane there.
+    """Return latitude and longitude (deg) of points (n,) that lie some way off others, in the tangent plane there.
 
     By the ellipsoid's radii of curvature, and the first term by which the plane leaves the ellipsoid: right to 1 cm at
     3 km, below 75 degrees of latitude.
@@ -110,7 +115,7 @@ def shifted(
 
 
 def sum_of(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
-    """Covariances (n, 3) of reference position and offset together; NaN where the offset's is not given.
+    """Add the covariances (n, 3) of reference position and offset; NaN where the offset's is not given.
 
     A sender whose own position has no covariance counts with that of the offset alone.
     """
@@ -120,35 +125,35 @@ def sum_of(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
 def object_rows(
     ledger: RowLedger, stamp_ns: Int64Array, delta_time_ms: FloatArray, **quantities: FloatArray
 ) -> RemoteRows:
-    """The rows of objects (m,): what is not told is NaN.
+    """Build the rows of objects (m,); what is not given is NaN.
 
     Args:
-        ledger: Of the objects; one without an own time keeps that of its message, counted.
+        ledger: The objects' ledger; an object without its own time gets its message's, which is counted.
         stamp_ns: Shape (m,): the messages' reference times.
         delta_time_ms: Shape (m,): from there to the objects' own.
-        quantities: Of `RemoteQuantities`.
+        quantities: Fields of `RemoteQuantities`.
     """
-    ledger.repair(np.isnan(delta_time_ms), "no measurement time, that of the message used")
+    ledger.repair(np.isnan(delta_time_ms), "no measurement time, message time used")
     own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
     return replace(nothing_told(len(stamp_ns), **quantities), stamp_ns=own_ns)
 
 
 def nobody(columns: Columns) -> Senders:
-    """Of messages that do not tell of their senders."""
+    """Return unknown senders, for messages that do not describe their senders."""
     n = len(columns)
     return Senders(strings_from([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 
 def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
-    """The codec of a channel that holds nothing but messages that tell of others.
+    """Return the codec of a channel whose messages describe only other objects.
 
     Args:
-        name: Of the message.
+        name: The message's name.
         find: Its objects.
     """
 
-    def nothing(columns: Columns, ledger: RowLedger) -> RemoteRows:
-        ledger.set_aside(np.ones(len(columns), np.bool_), f"{name}, whose objects count for themselves")
+    def set_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
+        ledger.set_aside(np.ones(len(columns), np.bool_), f"{name} (objects counted separately)")
         return nothing_told(len(columns))
 
-    return V2xCodec(nobody, nothing, find)
+    return V2xCodec(nobody, set_messages_aside, find)

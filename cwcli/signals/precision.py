@@ -1,4 +1,4 @@
-"""Numbers to a stated precision: so many binary digits, and zeros behind them.
+"""Rounding numbers to a stated number of binary digits.
 
 What is published is known to centimetres at best, while a double has digits down to picometres: noise that no
 compressor makes smaller. A number that ends in zeros is still a double, with the same name, unit and field.
@@ -12,23 +12,23 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray
 
 MAX_ROUNDED = 2.0**38
-"""Larger numbers stay as they are: a double has no digit to spare there."""
+"""The magnitude from which numbers are not rounded, because a double has no digit to spare there."""
 
 
 def to_step(values: FloatArray, bits: int | npt.NDArray[np.intp]) -> FloatArray:
-    """The nearest multiples of 2^-bits, one number of bits or as many as there are values; what is not finite stays."""
+    """Return the nearest multiples of 2^-bits, with one number of bits or one per value; non-finite values stay."""
     with np.errstate(over="ignore", invalid="ignore"):
         return np.where(np.abs(values) < MAX_ROUNDED, np.rint(values * 2.0**bits) * 2.0**-bits, values)
 
 
 def to_digits(values: FloatArray, bits: int) -> FloatArray:
-    """The nearest numbers of so many binary digits: off by a share of 2^-bits at most."""
+    """Return the nearest numbers with so many binary digits: off by a share of 2^-bits at most."""
     share, exponent = np.frexp(values)
     return np.ldexp(np.rint(share * 2.0**bits) * 2.0**-bits, exponent)
 
 
 def plane_to_digits(covariance: FloatArray, bits: int) -> FloatArray:
-    """Plane covariances (..., 3), xx xy yy, with so many binary digits: variances up, the mixed term towards zero.
+    """Round plane covariances (..., 3), xx xy yy, to so many binary digits: variances up, the mixed term towards zero.
 
     So xx yy > xy^2 stays true, and no ellipse becomes smaller. A variance grows by a share of 2^(1 - bits) at most.
     """

@@ -1,4 +1,4 @@
-"""What happened to a channel's messages: read, used, rejected by reason, repaired by reason.
+"""Counts of a channel's messages: read, used, rejected by reason, repaired by reason.
 
 Nothing is dropped uncounted: `read == used + rejected + set aside` holds for every channel.
 """
@@ -17,6 +17,7 @@ from cwcli.signals.columns import Columns, Int64Array
 BoolArray = npt.NDArray[np.bool_]
 
 S_PER_NS = 1e-9
+"""One nanosecond in seconds."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Quality:
         notes: One line each, for the user.
         delay_s: Median of log time minus stamp over the used rows, NaN when there are none.
         gaps: Stretches without used rows, see `signals.clocks.find_gaps`.
-        objects: What became of the objects that its messages tell of, likewise; None where they tell of none.
+        objects: The counts of the objects in its messages; None where they hold none.
     """
 
     source: str
@@ -66,18 +67,18 @@ class Quality:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the signal: of the messages, and of the objects in them."""
+        """The number of the signal's rows, those of objects in the messages included."""
         return self.used + (self.objects.n_rows if self.objects is not None else 0)
 
     @property
     def n_faults(self) -> int:
-        """Rejections and repairs together."""
+        """The number of rejections and repairs together."""
         return sum(self.rejected.values()) + sum(self.repaired.values())
 
     def and_of(self, other: Quality) -> Quality:
-        """These counts and others of the same channel together."""
+        """Return these counts and others of the same channel added up."""
 
-        def summed(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
+        def add_counts(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
             return {reason: one.get(reason, 0) + two.get(reason, 0) for reason in (*one, *two)}
 
         return Quality(
@@ -85,9 +86,9 @@ class Quality:
             role=self.role,
             read=self.read + other.read,
             used=self.used + other.used,
-            rejected=summed(self.rejected, other.rejected),
-            repaired=summed(self.repaired, other.repaired),
-            set_aside=summed(self.set_aside, other.set_aside),
+            rejected=add_counts(self.rejected, other.rejected),
+            repaired=add_counts(self.repaired, other.repaired),
+            set_aside=add_counts(self.set_aside, other.set_aside),
             first_fault_ns={**other.first_fault_ns, **self.first_fault_ns},
         )
 
@@ -100,7 +101,7 @@ class Quality:
 
 
 class RowLedger:
-    """Keeps the rows of one channel and books why a row leaves or changes.
+    """Keeps the rows of one channel and counts why rows leave or change.
 
     A row is rejected once, for the first reason given; repairs are counted on rows that are still kept.
     """
@@ -114,7 +115,7 @@ class RowLedger:
 
     @property
     def rows(self) -> npt.NDArray[np.intp]:
-        """Indices of the rows that are still kept, in file order."""
+        """The indices of the rows that are still kept, in file order."""
         return np.flatnonzero(self.keep)
 
     def reject(self, is_faulty: BoolArray, reason: str) -> None:
@@ -142,12 +143,12 @@ class RowLedger:
         self.keep[rows] = False
 
     def note(self, text: str) -> None:
-        """Tell the user something about the whole channel."""
+        """Add a note to the user about the whole channel."""
         self.quality.notes.append(text)
 
     @contextmanager
     def part(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
-        """A ledger of some rows, given as columns of their own; what it books is booked here afterwards."""
+        """Give a ledger of some rows, with columns of their own; afterwards its counts are added here."""
         inner = RowLedger(columns, self.quality.role)
         inner.keep = self.keep[rows]
         yield inner

@@ -1,4 +1,4 @@
-"""The messages of GNSS receivers and of inertial units with one: a part of the table in `inputs`."""
+"""The registry rows of messages of GNSS receivers and inertial units: a part of the table in `inputs`."""
 
 from __future__ import annotations
 
@@ -10,50 +10,73 @@ _GPS_FIX = ros(
     *("status.status", "latitude", "longitude", "altitude", "track", "speed", "err_horz", "err_track", "err_speed"),
     *("position_covariance", "position_covariance_type"),
 )
+"""The leaf fields of a `GPSFix`, by encoding."""
 _NAV_PVT_LEAVES = (
     *("year", "month", "day", "hour", "min", "sec", "valid", "nano", "flags", "lon", "lat", "height"),
     *("fix_type", "h_acc", "vel_n", "vel_e", "s_acc", "head_acc", "head_veh"),
     *("reserved1", "fixType", "hAcc", "velN", "velE", "sAcc", "headAcc", "headVeh"),
 )
+"""The leaf paths of a `NavPVT`."""
 _NAV_PVT: Fields = dict.fromkeys(("cdr", "json"), _NAV_PVT_LEAVES)
+"""The leaf fields of a `NavPVT`, by encoding."""
 _OEM7 = ("nov_header.gps_week_number", "nov_header.gps_week_milliseconds")
+"""The leaf paths of the GPS time in messages of `novatel_oem7_msgs`."""
 _OEM6 = ("novatel_msg_header.gps_week_num", "novatel_msg_header.gps_seconds")
+"""The leaf paths of the GPS time in messages of `novatel_gps_msgs`."""
 _BEST_POS_7 = ros(
     *(*_OEM7, "sol_status.status", "pos_type.type", "lat", "lon", "hgt", "undulation", "lat_stdev", "lon_stdev")
 )
+"""The leaf fields of BESTPOS in `novatel_oem7_msgs`, by encoding."""
 _BEST_POS_6 = ros(
     *(*_OEM6, "solution_status", "position_type", "lat", "lon", "height", "undulation", "lat_sigma", "lon_sigma")
 )
+"""The leaf fields of BESTPOS in `novatel_gps_msgs`, by encoding."""
 _BEST_VEL_7 = ros(*_OEM7, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd")
+"""The leaf fields of BESTVEL in `novatel_oem7_msgs`, by encoding."""
 _BEST_VEL_6 = ros(*_OEM6, "solution_status", "velocity_type", "latency", "horizontal_speed", "track_ground")
+"""The leaf fields of BESTVEL in `novatel_gps_msgs`, by encoding."""
 _INS = ("latitude", "longitude", "undulation", "north_velocity", "east_velocity", "azimuth")
+"""The leaf paths that all inertial solutions of NovAtel share."""
 _INS_7 = ros(
     *(*_OEM7, "ins_status.status", *_INS, "height"),
     *(f"{name}_stdev" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
 )
+"""The leaf fields of INSPVAX in `novatel_oem7_msgs`, by encoding."""
 _INS_6 = ros(
     *(*_OEM6, "ins_status", *_INS, "altitude"),
     *(f"{name}_std" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
 )
+"""The leaf fields of INSPVAX in `novatel_gps_msgs`, by encoding."""
 _INSPVA = (*_INS, "height", "status.status", "status")
+"""The leaf paths of INSPVA."""
 _INSPVA_7, _INSPVA_6 = ros(*_OEM7, *_INSPVA), ros(*_OEM6, *_INSPVA)
+"""The leaf fields of INSPVA in `novatel_oem7_msgs` and `novatel_gps_msgs`, by encoding."""
 _INS_NAV_GEOD = ros(
     *("block_header.wnc", "block_header.tow", "error", "latitude", "longitude", "height", "ve", "vn"),
     *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn")),
 )
+"""The leaf fields of an `INSNavGeod`, by encoding."""
 _SBG_IMU = ros(*xyz("accel"), *xyz("gyro"))
+"""The leaf fields of a `SbgImuData`, by encoding."""
 _PVT_GEODETIC = ros(
     *("block_header.wnc", "block_header.tow", "mode", "error", "latitude", "longitude", "height", "ve", "vn"),
     "h_accuracy",
 )
+"""The leaf fields of a `PVTGeodetic`, by encoding."""
 _PLACE = ("latitude", "longitude", "altitude", "undulation", "position_accuracy.x", "position_accuracy.y")
+"""The leaf paths of an SBG position."""
 _VELOCITY = tuple(f"{name}.{axis}" for name in ("velocity", "velocity_accuracy") for axis in "xy")
+"""The leaf paths of an SBG velocity."""
 _SBG_POS = ros("status.status", "status.type", *_PLACE)
+"""The leaf fields of a `SbgGpsPos`, by encoding."""
 _SBG_VEL = ros("status.vel_status", "status.vel_type", *_VELOCITY)
+"""The leaf fields of a `SbgGpsVel`, by encoding."""
 _SBG_NAV = ros(
     *("status.position_valid", "status.velocity_valid", *_PLACE, "position.x", "position.y", "position.z"), *_VELOCITY
 )
+"""The leaf fields of a `SbgEkfNav`, by encoding."""
 _SBG_EULER = ros("status.heading_valid", "angle.z", "accuracy.z")
+"""The leaf fields of a `SbgEkfEuler`, by encoding."""
 
 
 def _position(fields: Fields, name: str, rank: int) -> Input:
@@ -84,6 +107,7 @@ def _ins(fields: Fields, message: str = "ins") -> tuple[Input, ...]:
 
 
 _SENTENCE = ros("sentence")
+"""The leaf fields of an NMEA `Sentence`, by encoding."""
 
 RECEIVERS: dict[str, tuple[Input, ...]] = {
     "gps_msgs/GPSFix": _summary(_GPS_FIX),
@@ -125,3 +149,4 @@ RECEIVERS: dict[str, tuple[Input, ...]] = {
     ),
     "sbg_driver/SbgEkfEuler": (_heading(_SBG_EULER, "sbg.build_heading", FUSED),),
 }
+"""The registry rows of messages of receivers and inertial units, by schema name."""

@@ -1,4 +1,4 @@
-"""Several signals of remote vehicles as one."""
+"""Joining and selecting signals of remote vehicles."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from cwcli.signals.columns import Strings
 from cwcli.signals.road_events import joined_events
 
 _OF_WHOLE = {"source", "station", "frame_id", "is_exact", "is_perceived", "events"}
+"""The fields of a `RemoteSignal` that are not one value per row."""
 
 
 def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
-    """Signals as one, in stamp order; a station heard on two channels is one vehicle."""
+    """Join signals into one in stamp order; a station received on two channels is one vehicle."""
     if len(signals) == 1:
         return signals[0]
     stamp_ns = np.concatenate([s.stamp_ns for s in signals])
@@ -44,12 +45,12 @@ def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
 
 
 def perceived_rows(signal: RemoteSignal) -> npt.NDArray[np.bool_]:
-    """Which rows others tell of, shape (n,)."""
+    """Return which rows describe objects that others perceived, shape (n,)."""
     return np.zeros(len(signal.stamp_ns), np.bool_) if signal.is_perceived is None else signal.is_perceived
 
 
 def taken_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal:
-    """Some rows of a signal, in the given order."""
+    """Return some rows of a signal, in the given order."""
     columns: dict[str, Any] = {
         name: None if getattr(signal, name) is None else getattr(signal, name)[rows]
         for name in RemoteSignal.__dataclass_fields__

@@ -1,4 +1,4 @@
-"""Values of a signal at other times, without inventing any across a gap: what is not covered is NaN."""
+"""Values of a signal at other times; times in a gap get NaN."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from cwcli.signals.units import NS_PER_S
 
 Method = Literal["linear", "previous", "nearest"]
 MAX_AGE_S = 0.5
+"""The largest distance in time to either neighbour, in seconds, across which a value is interpolated. Chosen by hand;
+not fitted."""
 
 
 def resample(
@@ -26,7 +28,7 @@ def resample(
     method: Method = "linear",
     is_angle: bool = False,
 ) -> FloatArray:
-    """Give a signal's values at the times `at_ns`.
+    """Interpolate a signal at the times `at_ns`.
 
     A sample that holds NaN is no sample: it neither counts as a neighbour nor bridges a gap. A time that a sample has
     exactly takes that sample, however wide the gaps beside it.
@@ -103,13 +105,13 @@ def _clip(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.int
 
 @dataclass(frozen=True)
 class Series:
-    """Values at increasing stamps; empty where the log tells nothing."""
+    """Values at increasing stamps; empty where the log has none."""
 
     stamp_ns: Int64Array
     values: FloatArray
 
     def at(self, stamp_ns: int) -> float:
-        """The value at a time, linear between two samples that are both near; NaN elsewhere."""
+        """Return the value at a time, linear between two samples that are both near; NaN elsewhere."""
         if not len(self.stamp_ns):
             return float("nan")
         i = bisect_left(self.stamp_ns, stamp_ns)  # not NumPy's, which waits for the decoding threads each time

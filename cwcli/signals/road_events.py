@@ -1,4 +1,4 @@
-"""What stations notify beside their motion: the flags of a BSM, the events of DENMs."""
+"""Events that stations notify besides their motion: the flags of BSMs, and DENMs."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings, strings_from
 from cwcli.signals.units import NS_PER_S
 
 HARD_BRAKING = "hard braking"
-"""What a rule may use: who notifies it brakes hard."""
+"""The kind of an event whose sender reports that it brakes hard; warning rules use it."""
 BELIEVED_NS = 5 * NS_PER_S
-"""How long after its stamp such a notification is believed: at 0.4 g a car has lost 20 m/s by then, and one that
-brakes on says so again; a DENM's usual validity (600 s) is that of obstacles."""
+"""The time after its stamp for which a report of hard braking is believed, in ns. Chosen: at 0.4 g a car loses 20 m/s
+within 5 s, and one that brakes on reports it again; a DENM's usual validity (600 s) is meant for obstacles."""
 
 
 @dataclass(frozen=True)
 class RoadEvents:
-    """One row a notification and event, by stamp.
+    """Events that stations notified, one row per event, by stamp.
 
     Attributes:
-        station: Who notifies it.
-        kind: What it is, in words.
+        station: The station that notifies it.
+        kind: The kind of event, as text.
         stamp_ns, log_time_ns: Shape (n,): when the message was made, and received.
         until_ns: Shape (n,): how long it holds; a BSM's flag for its own moment, a cancelled event till its stamp, one
             that a later message takes the place of till that was received.
         cause, sub_cause: Shape (n,): CauseCodeType and sub-cause of a DENM, NaN of a flag.
-        latitude_deg, longitude_deg: Shape (n,): where; NaN where it is not told.
-        relevance_m: Shape (n,): how far off it matters, NaN where it is not told.
+        latitude_deg, longitude_deg: Shape (n,): the place; NaN where not given.
+        relevance_m: Shape (n,): the distance within which it matters; NaN where not given.
     """
 
     station: Strings
@@ -49,7 +49,7 @@ class RoadEvents:
         return len(self.stamp_ns)
 
     def rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
-        """Some of them, in the given order."""
+        """Return some of the events, in the given order."""
         made: dict[str, Any] = {}
         for name in (entry.name for entry in fields(self)):
             each = getattr(self, name)
@@ -58,13 +58,13 @@ class RoadEvents:
 
 
 def no_events() -> RoadEvents:
-    """None."""
+    """Return a table without events."""
     times, nothing = np.zeros(0, np.int64), np.zeros(0)
     return RoadEvents(strings_from([]), strings_from([]), times, times, times, *(nothing,) * 5)
 
 
 def joined_events(parts: Sequence[RoadEvents]) -> RoadEvents:
-    """Several as one, by stamp."""
+    """Join several tables into one, by stamp."""
     if not parts:
         return no_events()
     made: dict[str, Any] = {}
@@ -83,11 +83,12 @@ def _texts(parts: Sequence[Strings]) -> Strings:
 def says_hard_braking(
     events: RoadEvents, station: str, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> npt.NDArray[np.bool_] | None:
-    """At which states (m,) of a station it has said that it brakes hard, as far as was known; None: it never does.
+    """Return at which states (m,) a station had reported that it brakes hard, as far as was known; None where it never
+    does.
 
     Args:
-        events: Of all stations.
-        station: Which one.
+        events: The events of all stations.
+        station: The station's id.
         stamp_ns, log_time_ns: Shape (m,): of its states, and when each was known.
     """
     if station not in events.station.values or HARD_BRAKING not in events.kind.values:

@@ -1,4 +1,4 @@
-"""The roles of input channels."""
+"""The roles that input channels can have."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from enum import StrEnum
 
 
 class Role(StrEnum):
-    """What an input channel is for: its name in `--topic NAME=/topic`, and what else is said of it.
+    """The role of an input channel: its name in `--topic NAME=/topic`, and its texts for the user.
 
     The roles of the channels that cwcli itself publishes stand with them (`cwcli.channels.published`).
 
     Attributes:
-        words: What such a channel holds, as messages say it.
-        signals: Where the signals are that can fill it: `module:Class` of this package. A twist's `frame_id` decides
+        words: The contents of such a channel, in messages to the user.
+        signals: The classes of signals that can fill it: `module:Class` of this package. A twist's `frame_id` decides
             between speed and velocity. None: a stage reads the channel itself.
-        hint: What can fill it, for who has nothing that does; or "".
+        hint: The hint on what can fill it, for a user without such a channel; or "".
     """
 
     words: str
@@ -22,7 +22,7 @@ class Role(StrEnum):
     hint: str
 
     def __new__(cls, name: str, words: str, signals: tuple[str, ...] = (), hint: str = "") -> Role:
-        """A role from its line."""
+        """Make a role from its line."""
         role = str.__new__(cls, name)
         role._value_ = name
         role.words, role.signals, role.hint = words, signals, hint

@@ -1,4 +1,4 @@
-"""Rows of a channel by vehicle and by time."""
+"""Ordering the rows of a channel by vehicle and by time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Rows = npt.NDArray[np.intp]
 
 
 def rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
-    """Each id and the indices of its rows, in order of id first seen."""
+    """Yield each id and the indices of its rows, in order of first appearance."""
     if not len(ids):
         return
     order = np.argsort(ids.codes, kind="stable")
@@ -23,13 +23,13 @@ def rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
 
 
 def rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
-    """Rows, or those of `rows`, in the order of their stamps, the first of each stamp."""
+    """Return all rows, or those given, in the order of their stamps, only the first of each stamp."""
     chosen = np.arange(len(stamp_ns)) if rows is None else rows
     ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
     return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))] if len(ordered) else ordered
 
 
 def tracks_of(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, Rows]]:
-    """Each id and the indices of its rows, in the order of their stamps, the first of each stamp."""
+    """Yield each id and the indices of its rows, in the order of their stamps, only the first of each stamp."""
     for name, rows in rows_by_id(ids):
         yield name, rows_by_stamp(stamp_ns, rows)

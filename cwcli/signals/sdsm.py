@@ -1,4 +1,5 @@
-"""SAE J3224 sensor data sharing: `j3224_v2x_msgs` and `carma_v2x_msgs/SensorDataSharingMessage`, and off the radio.
+"""SAE J3224 sensor data sharing: `j3224_v2x_msgs` and `carma_v2x_msgs/SensorDataSharingMessage`, and as received by
+radio.
 
 Offsets are north and east of the reference position (J3224's axes are north, east, down); the rest has the codes, units
 and signs of a BSM. Confidences are bounds for 95 %. docs/v2x.md shows the table; a test compares the two.
@@ -21,11 +22,13 @@ from cwcli.signals.v2x_elements import Element, decode, hold
 from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
 
 _DISTANCE = Element("ObjectDistance", 0.1, 1, -32_767, 32_767)
+"""The data element of an offset from the reference position."""
 ELEMENTS: dict[str, Element] = BSM_ELEMENTS | {
     "delta_time_ms": Element("MeasurementTimeOffset", 1.0, 1, -1500, 1500),
     "north_m": _DISTANCE,
     "east_m": _DISTANCE,
 }
+"""The data element of each coded quantity of an SDSM (SAE J3224, SAE J2735)."""
 CONFIDENCES: dict[str, tuple[str, tuple[float, ...]]] = {
     "position_confidence": (
         "PositionConfidence",
@@ -36,7 +39,8 @@ CONFIDENCES: dict[str, tuple[str, tuple[float, ...]]] = {
     "accel_confidence": ("AccelerationConfidence", (100.0, 10.0, 5.0, 1.0, 0.1, 0.05, 0.01)),
     "yaw_rate_confidence": ("YawRateConfidence", (100.0, 10.0, 5.0, 1.0, 0.1, 0.05, 0.01)),
 }
-"""Name in the standard, and bounds for 95 % (m, m/s, degrees, m/s^2, degrees/s) by code from 1 on; 0 is unavailable."""
+"""The standard's name and the 95 % bounds (m, m/s, degrees, m/s^2, degrees/s) by code from 1 on, by quantity; 0 is
+unavailable."""
 
 SENDER_PATHS: dict[str, str] = {
     "station": "source_id.id",
@@ -48,9 +52,11 @@ SENDER_PATHS: dict[str, str] = {
     "semi_minor_m": "ref_pos_xy_conf.semi_minor",
     "semi_major_compass_deg": "ref_pos_xy_conf.orientation",
 }
-"""Leaf fields of the ROS messages."""
+"""The leaf fields of the ROS messages, by quantity of the sender."""
 OBJECTS = "objects.detected_object_data."
+"""The path prefix of the objects in the ROS messages."""
 _COMMON, _VEHICLE = "detected_object_common_data.", "detected_object_optional_data.det_veh."
+"""The path prefixes of an object's common data and of its vehicle data."""
 OBJECT_PATHS: dict[str, str] = {
     "object": _COMMON + "detected_id.object_id",
     "delta_time_ms": _COMMON + "measurement_time.measurement_time_offset",
@@ -69,8 +75,9 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": _VEHICLE + "size.vehicle_width",
     "length_m": _VEHICLE + "size.vehicle_length",
 }
-"""Leaf fields of an object in the ROS messages, behind `OBJECTS`."""
+"""The leaf fields of an object in the ROS messages, behind the prefix of the objects, by quantity."""
 _ACCELERATION = ("accel_mps2", "lateral_accel_mps2")
+"""The quantities of an acceleration."""
 PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (_COMMON + "presence_vector", 4, (*_ACCELERATION, "yaw_rate_degps")),
     (_COMMON + "presence_vector", 8, ("accel_confidence",)),
@@ -78,29 +85,36 @@ PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     ("presence_vector", 1, ("width_m", "length_m")),
     (_VEHICLE + "presence_vector", 32, ("width_m", "length_m")),
 )
-"""Flags of an object, the bit that is set when a value is there, and the quantities that it is about."""
+"""The presence fields of an object: path, the bit that is set when a value is there, and the quantities concerned."""
 CARMA_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     (_COMMON + "accel_4_way.presence_vector", 1, _ACCELERATION),
     (_COMMON + "accel_4_way.presence_vector", 4, ("yaw_rate_degps",)),
     (_VEHICLE + "size.presence_vector", 1, ("width_m",)),
     (_VEHICLE + "size.presence_vector", 2, ("length_m",)),
 )
+"""Further presence fields of an object in `carma_v2x_msgs`."""
 CARMA_UNAVAILABLE = {"speed_mps": _COMMON + "speed.unavailable", "heading_compass_deg": _COMMON + "heading.unavailable"}
+"""The fields of `carma_v2x_msgs` that say that a quantity is unavailable, by quantity."""
 SENDER_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     ("sdsm_time_stamp.presence_vector", 32, ("dsecond_ms",)),
     ("ref_pos.elevation_exists", 1, ("altitude_m",)),
 )
+"""The presence fields of the sender: path, bit, and the quantities concerned."""
 CARMA_SENDER_PRESENCE: tuple[tuple[str, int, tuple[str, ...]], ...] = (
     ("ref_pos_xy_conf.presence_vector", 1, ("semi_major_m", "semi_minor_m")),
     ("ref_pos_xy_conf.presence_vector", 2, ("semi_major_compass_deg",)),
 )
+"""Further presence fields of the sender in `carma_v2x_msgs`."""
 _CHOICE = "detected_object_optional_data.choice"
+"""The path of an object's type: 0 is a vehicle."""
 CARMA_MS_PER_S = 1000.0
+"""The milliseconds in a second; `carma_v2x_msgs` has time offsets in seconds."""
 MAX_FLAGS = 2.0**32 - 1.0
+"""The largest value of a presence field of 32 bits."""
 
 
 def ros_fields() -> tuple[str, ...]:
-    """Every leaf of the ROS messages that is read."""
+    """Return the paths of every leaf of the ROS messages that is read."""
     flags = dict.fromkeys(path for path, *_ in (*PRESENCE, *CARMA_PRESENCE))
     of_objects = (*OBJECT_PATHS.values(), *flags, *CARMA_UNAVAILABLE.values(), _CHOICE)
     of_sender = dict.fromkeys(path for path, *_ in (*SENDER_PRESENCE, *CARMA_SENDER_PRESENCE))
@@ -108,12 +122,13 @@ def ros_fields() -> tuple[str, ...]:
 
 
 def ros_objects(columns: Columns) -> Objects:
-    """The objects of a `j3224_v2x_msgs` channel: codes."""
+    """Read the objects of a `j3224_v2x_msgs` channel, as codes."""
     return _objects(columns, is_carma=False)
 
 
 def carma_objects(columns: Columns) -> Objects:
-    """The objects of a `carma_v2x_msgs` channel: degrees, metres, m/s, m/s^2, degrees/s, seconds, J3224's signs."""
+    """Read the objects of a `carma_v2x_msgs` channel, in degrees, metres, m/s, m/s^2, degrees/s, ms and J3224's
+    signs."""
     return _objects(columns, is_carma=True)
 
 
@@ -149,7 +164,7 @@ def decode_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:
 
 
 def decode_units(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    """Decode objects, one a row, whose quantities are in units; J3224's signs and ranges."""
+    """Decode objects, one a row, whose quantities are in units, with J3224's signs and ranges."""
     value = {name: hold(element, numbers(columns, name), ledger) for name, element in ELEMENTS.items()}
     return _rows(columns, ledger, value)
 
@@ -194,13 +209,17 @@ def _rows(columns: Columns, ledger: RowLedger, value: dict[str, FloatArray]) -> 
 
 
 def _bounds(bounds: tuple[float, ...], code: FloatArray) -> FloatArray:
-    """The bound of each code, NaN for 0 and for what is none."""
+    """Return the bound of each code, NaN for 0 and for an unknown code."""
     table = np.array([np.nan, *bounds])
     is_known = (code >= 0) & (code < len(table))
     return table[np.where(is_known, code, 0).astype(np.int64)]
 
 
 OBJECT_CODEC = perceived.object_codec(decode_codes)
+"""The codec of an SDSM's objects in codes, one a row."""
 CARMA_OBJECT = perceived.object_codec(decode_units)
+"""The codec of an SDSM's objects in units, one a row."""
 ROS_SDSM = perceived.messages_of("SDSM", ros_objects)
+"""The codec of `j3224_v2x_msgs` channels of SDSMs."""
 CARMA_SDSM = perceived.messages_of("SDSM", carma_objects)
+"""The codec of `carma_v2x_msgs` channels of SDSMs."""

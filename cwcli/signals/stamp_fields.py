@@ -1,7 +1,8 @@
-"""Names of the leaf fields that hold a message's time."""
+"""The names of the leaf fields that hold a message's time."""
 
 HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
-"""ROS 2 names; the JSON ones of ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in `JSON_STAMPS`."""
+"""The leaf fields of a ROS 2 header's time; those of JSON and ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in
+`JSON_STAMPS`."""
 JSON_STAMPS = (
     "header.stamp.secs",
     "header.stamp.nsecs",
@@ -11,5 +12,8 @@ JSON_STAMPS = (
     "timestamp.nsec",
     "timestamp.nanosec",
 )
+"""The further leaf fields of a time in JSON messages."""
 PROTOBUF_STAMP = ("timestamp.seconds", "timestamp.nanos")
+"""The leaf fields of a time in foxglove's protobuf messages."""
 CDR_FOXGLOVE_STAMP = ("timestamp.sec", "timestamp.nanosec")
+"""The leaf fields of a time in `foxglove_msgs`."""

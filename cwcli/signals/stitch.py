@@ -1,4 +1,4 @@
-"""Vehicles that change their ids stay one: pseudonyms joined by motion.
+"""Joining the ids of remote vehicles that change them, by their motion.
 
 A V2X station takes a new random id every few minutes (SAE J2945/1, ETSI TS 102 867). An id that ends and one that
 begins soon after belong to one vehicle where the first one's motion leads to the second one's first message, where both
@@ -24,36 +24,41 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 MAX_PAUSE_S = 3.0
-"""Between the last message of an id and the first one of the next: messages come ten times a second, and a station that
-changes its id may be silent for a while.
-"""
+"""The longest pause between the last message of an id and the first of the next, in seconds: messages come ten times a
+second, and a station may be silent while it changes its id. Chosen by hand."""
 MOST_DISTANCE = 18.5
-"""Chi-square quantile of 0.999 with four degrees of freedom (east, north, speed, heading)."""
+"""The largest squared distance of a pair, in its own sigmas: the 0.999 quantile of chi-square with four degrees of
+freedom (east, north, speed, heading)."""
 LEAST_ODDS = 13.8
-"""By how much the squared distances of every other pairing must be greater: a likelihood ratio of 1000."""
+"""The amount by which the squared distances of every other pairing must be greater: a likelihood ratio of 1000."""
 POSITION_SIGMA_M = 1.5
-"""Of messages that don't say it: what receivers with correction signals have."""
+"""The error (one sigma) of a position whose message gives none, in metres: that of receivers with correction signals.
+Chosen by hand."""
 SPEED_SIGMA_MPS, HEADING_SIGMA_RAD = 0.5, np.deg2rad(3.0)
+"""The errors (one sigma) of a reported speed in m/s and heading in rad. Chosen by hand; not fitted."""
 MANOEUVRE_MPS2 = 2.0
-"""One sigma of an acceleration that the message does not have, along and across."""
+"""The sigma of an acceleration that the message does not give, along and across, in m/s^2. Chosen by hand; not
+fitted."""
 ACCEL_SIGMA_MPS2, JERK_MPS3 = 0.5, 1.5
-"""One sigma of one that it has, with its delay, and of how it changes during the pause."""
+"""The sigma of an acceleration that the message gives, with its delay, in m/s^2, and of its change, in m/s^3. Chosen by
+hand; not fitted."""
 LEAST_TURNING_MPS = 1.0
-"""Slower than this a heading says little: senders keep the last one at standstill."""
+"""The speed in m/s below which a heading says little, because senders freeze it at standstill. Chosen by hand."""
 SAME_SIZE_M = 0.2
+"""The largest difference of lengths or widths of one vehicle, in metres. Chosen by hand; not fitted."""
 NEVER = 1e9
-"""A finite cost, as the solver needs."""
+"""The finite cost of an impossible pair, which the solver needs."""
 RIVAL = MOST_DISTANCE + LEAST_ODDS
-"""What is farther can't be followed, nor make another pairing doubtful."""
+"""The squared distance beyond which a pair can't be followed, nor make another pairing doubtful."""
 BLOCK_PAIRS = 1 << 17
-"""Pairs of an end and a beginning that are looked at together: about 30 MB."""
+"""The number of pairs that are compared at once; they take about 30 MB."""
 MOST_PAIRS = 1_000_000_000
-"""More would take minutes: thousands of ids that change within the same seconds."""
+"""The largest number of pairs that are compared; more would take minutes. Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Stitched:
-    """Messages with joined ids.
+    """A signal in which the changed ids of one vehicle are joined.
 
     Attributes:
         signal: The messages; a vehicle has the id that it had first.
@@ -82,7 +87,7 @@ class _Ends:
     width_m: FloatArray
 
     def at(self, rows: npt.NDArray[np.intp]) -> _Ends:
-        """Some of them, in this order."""
+        """Return some of the rows, in this order."""
         return _Ends(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
@@ -105,7 +110,7 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
 
     Args:
         signal: Messages of all vehicles.
-        local_map: Where they drive; None where the signal is Cartesian.
+        local_map: The map for WGS84 positions; None where the signal is Cartesian.
 
     Raises:
         UsageError: There are more than `MOST_PAIRS`.
@@ -154,7 +159,7 @@ def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) ->
 
 
 def _candidates(last: _Ends, first: _Ends) -> _Candidates:
-    """All pairs whose pause and motion fit: only ids that begin within `MAX_PAUSE_S` of an end are held against it.
+    """Find all pairs whose pause and motion fit; only ids that begin soon enough after an end are compared.
 
     Raises:
         UsageError: There are more than `MOST_PAIRS` of those.
@@ -181,7 +186,7 @@ def _candidates(last: _Ends, first: _Ends) -> _Candidates:
 
 
 def _blocks(counts: Int64Array) -> Iterator[slice]:
-    """Consecutive ids with about `BLOCK_PAIRS` pairs together, at least one id each."""
+    """Yield slices of consecutive ids with about `BLOCK_PAIRS` pairs together, at least one id each."""
     ends, start = np.cumsum(counts), 0
     while start < len(counts):
         before = ends[start - 1] if start else 0
@@ -191,7 +196,7 @@ def _blocks(counts: Int64Array) -> Iterator[slice]:
 
 
 def _distances(last: _Ends, first: _Ends) -> FloatArray:
-    """Squared distance between where each id would be and the one that begins, (pairs,); infinite for no pair.
+    """Return the squared distance between where each id would be and the one that begins, (pairs,); inf for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a
     heading at both ends nothing says where it leads.
@@ -226,7 +231,7 @@ def _distances(last: _Ends, first: _Ends) -> FloatArray:
 
 
 def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """One sigma of the speed and of the way that a manoeuvre during the pause makes, along or across, (pairs,) each.
+    """Return the sigmas of speed and position that a manoeuvre during the pause causes, along or across, (pairs,) each.
 
     Args:
         known: The acceleration or yaw rate of each last message, (pairs,), NaN where it has none.
@@ -240,16 +245,16 @@ def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _is_same(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
-    """Whether both sizes agree, or one is not given."""
+    """Return where both sizes agree, or one is not given."""
     differs: BoolArray = np.abs(one_m - other_m) > SAME_SIZE_M
     return ~differs
 
 
 def _decided(found: _Candidates, n: int) -> tuple[Int64Array, int]:
-    """The follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
+    """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
-    pair counts where the likeliest pairing without it is less likely by `LEAST_ODDS`.
+    pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
     follower = np.full(n, -1, np.int64)
     is_good = found.distance <= MOST_DISTANCE
@@ -278,7 +283,7 @@ def _decided(found: _Candidates, n: int) -> tuple[Int64Array, int]:
 
 
 def _groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
-    """The pairs that have to do with each other, group by group: those that share an end or a beginning."""
+    """Return the connected groups of pairs: those that share an end or a beginning."""
     label = np.arange(2 * n)  # of each end, and behind them of each beginning
     one, other = ended, began + n
     while True:
@@ -295,7 +300,7 @@ def _groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np
 
 
 def _pairing(cost: FloatArray) -> tuple[Int64Array, float]:
-    """The cheapest pairing: for each row its column or -1, and what it costs."""
+    """Return the cheapest pairing, as the column of each row or -1, and its cost."""
     n_rows, n_columns = cost.shape
     whole = np.full((n_rows, n_columns + n_rows), RIVAL)
     whole[:, :n_columns] = np.minimum(cost, NEVER)

@@ -1,4 +1,4 @@
-"""Frames of reference that a log describes: who stands how on whom, and how a camera stands on the car."""
+"""Frames of reference in a log: the pose of each frame in its parent, and of a camera on the vehicle."""
 
 from __future__ import annotations
 
@@ -12,15 +12,17 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.limits import MAX_POSITION_M
 
 BODY_FRAMES = ("base_footprint", "base_link")
-"""The car's frame: on the road below it (REP-105), else that of the body."""
+"""The names of the vehicle's frame, preferred first: on the road below it (REP-105), else that of the body."""
 MAX_DEPTH = 100
+"""The largest number of ancestors that are followed in a tree of frames; chosen by hand against loops."""
 AHEAD = 0.5
-"""Least cosine between the camera's axis and the car's for a camera that looks ahead."""
+"""The least cosine (1) between the axes of camera and vehicle of a camera that looks ahead: 60 degrees. Chosen by
+hand."""
 
 
 @dataclass(frozen=True)
 class Transform:
-    """Where a frame of reference stands in its parent.
+    """The pose of a frame of reference in its parent.
 
     Attributes:
         parent, child: Frame ids, without a leading slash.
@@ -34,7 +36,8 @@ class Transform:
     rotation: tuple[float, float, float, float]
 
     def matrix(self) -> FloatArray:
-        """Shape (4, 4): parent from child. NaN if the quaternion has no direction, or the place is not on Earth."""
+        """Return parent from child, shape (4, 4). NaN if the quaternion has no direction, or the place is not on
+        Earth."""
         x, y, z, w = self.rotation
         size = math.sqrt(x * x + y * y + z * z + w * w)
         made = np.eye(4)
@@ -51,7 +54,7 @@ class Transform:
 
 
 def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
-    """The pose of a frame on the car: the body frame's name and (4, 4) body from frame; None without a way there.
+    """Find the vehicle's frame for a frame: its name and (4, 4) body from frame; None where no path connects them.
 
     `base_footprint` is taken where the tree has it, whether above or below `base_link`.
     """
@@ -68,9 +71,10 @@ def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, Flo
 
 
 def carried_by_body(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
-    """The body frame that carries a frame, and (4, 4) body from frame; None where none of its ancestors is one.
+    """Find the vehicle's frame among a frame's ancestors: its name and (4, 4) body from frame; None where there is
+    none.
 
-    `base_link` itself tells nothing: many drivers stamp it on whatever they send.
+    `base_link` itself does not count: many drivers stamp it on every message.
     """
     up = _to_root(tree, frame)
     for body in BODY_FRAMES if frame not in BODY_FRAMES else ():
@@ -80,7 +84,7 @@ def carried_by_body(tree: Mapping[str, Transform], frame: str) -> tuple[str, Flo
 
 
 def _to_root(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
-    """Each ancestor, from the frame itself on, with (4, 4) ancestor from frame."""
+    """Return (4, 4) ancestor from frame for each ancestor, by name, the frame itself first."""
     made = {frame: np.eye(4)}
     at = frame
     while at in tree and len(made) < MAX_DEPTH:
@@ -94,7 +98,7 @@ def _to_root(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class CameraPose:
-    """How a camera looks ahead from the car; angles as in REP-103.
+    """The pose of a camera that looks ahead from the vehicle; angles as in REP-103.
 
     Attributes:
         height_m: Above the body frame's origin.
@@ -110,7 +114,7 @@ class CameraPose:
 
 
 def camera_pose(body_from_camera: FloatArray) -> CameraPose | None:
-    """A camera's pose from (4, 4) body from camera; None if it does not look ahead.
+    """Return a camera's pose from (4, 4) body from camera; None if it does not look ahead.
 
     The camera's frame is an optical one (z ahead, x to the right, y down) or has the body's axes (x ahead, y to the
     left, z up). Which one it is shows in where its z and x axes point, whatever its name says.

@@ -1,6 +1,10 @@
-"""Constants between units."""
+"""Factors between units."""
 
 NS_PER_S = 1_000_000_000
+"""The nanoseconds in a second."""
 NS_PER_MS = 1_000_000
+"""The nanoseconds in a millisecond."""
 MPS_PER_KMH = 1.0 / 3.6
+"""One km/h in m/s."""
 STANDARD_GRAVITY_MPS2 = 9.80665
+"""The standard acceleration of gravity, in m/s^2 (ISO 80000-3)."""

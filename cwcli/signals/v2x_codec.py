@@ -1,4 +1,5 @@
-"""What a V2X codec is and returns: one row a message, SI units, cwcli's signs, before clocks are settled."""
+"""The interface of a V2X codec: it returns one row a message, in SI units and cwcli's signs, before clocks are
+repaired."""
 
 from __future__ import annotations
 
@@ -13,12 +14,12 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents, no_events
 
 OTHER_STATION = "sent by another station"
-"""Why a message tells nothing of the ego."""
+"""The reason for setting aside a message that another station than the ego sent."""
 
 
 @dataclass(frozen=True)
 class Senders:
-    """Who sent the messages of a channel; every array has n rows.
+    """The senders of a channel's messages; every array has n rows.
 
     Attributes:
         station: Station id as text; code -1 where there is none.
@@ -43,7 +44,7 @@ class RemoteRows(RemoteQuantities):
 
 
 def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
-    """Rows (n,) of messages that tell nothing but `told`; stamps of 0."""
+    """Return rows (n,) in which only the given quantities are known and all stamps are 0."""
     nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
     nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
     return RemoteRows(**(nothing | told), stamp_ns=np.zeros(n, np.int64))
@@ -51,13 +52,13 @@ def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
 
 @dataclass(frozen=True)
 class V2xCodec:
-    """How to read a V2X channel.
+    """The functions that read a V2X channel.
 
     Attributes:
         identify: Who sent each message; asked first, so that faults are counted for the messages in use only.
         decode: The quantities.
-        objects: What the senders tell of others: columns with one row an object, and how to read them.
-        events: What they notify beside their motion, and which messages (n,) have something of it that can't be read.
+        objects: The objects that the senders report: columns with one row an object, and their codec.
+        events: The events that they notify, and which messages (n,) have event data that can't be read.
     """
 
     identify: Callable[[Columns], Senders]

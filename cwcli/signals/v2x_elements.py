@@ -1,4 +1,5 @@
-"""How a V2X standard codes a quantity as an integer, and back. The tables are `j2735.ELEMENTS` and `etsi.ELEMENTS`."""
+"""Converting between a quantity and its integer code in a V2X standard. The tables are the `ELEMENTS` of each
+standard."""
 
 from __future__ import annotations
 
@@ -34,10 +35,11 @@ class Element:
 
 
 STATION_ID = Element("StationID", 1.0, 1, 0, 0xFFFF_FFFF)
+"""The data element of ETSI's station id (TS 102 894-2)."""
 
 
 def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
-    """Turn codes into values.
+    """Convert codes to values.
 
     Args:
         element: The row of the table.
@@ -55,7 +57,8 @@ def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -
 
 
 def hold(element: Element, told: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
-    """`decode` of values (n,) that are told in units: the standard's sign, and only what one of its codes could say."""
+    """Validate values (n,) that are already in units: apply the standard's sign, and leave out what no code could
+    express."""
     with np.errstate(over="ignore"):
         code = np.rint(told / element.unit)
     decoded = decode(element, code, ledger)
@@ -63,13 +66,13 @@ def hold(element: Element, told: FloatArray, ledger: RowLedger | None = None) ->
 
 
 def decode_whole(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
-    """`decode` of codes that name something (a cause, a station): half a code is outside the range, too."""
+    """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))
     return decode(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
 
 
 def station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:
-    """ETSI's station ids (n,), in the first of the fields that is there.
+    """Read ETSI's station ids (n,) from the first of the fields that is there.
 
     A number that is none of the standard's is no id, which the ledger counts.
     """

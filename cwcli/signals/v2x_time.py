@@ -1,4 +1,4 @@
-"""Absolute time of V2X messages, which carry only the end of it.
+"""Absolute times of V2X messages, which carry only the last part of a time.
 
 A BSM has the milliseconds of the UTC minute (SAE J2735, DE_DSecond), a CAM the milliseconds of TAI since 2004 modulo
 65,536 (ETSI EN 302 637-2, generationDeltaTime). The log time says which minute, which 65.536 s.
@@ -13,23 +13,31 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
 ITS_EPOCH_UNIX_S = 1_072_915_200
-"""2004-01-01T00:00:00 UTC."""
+"""The start of ITS time, 2004-01-01T00:00:00 UTC, in seconds since 1970."""
 LEAP_SECONDS_SINCE_2004_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_800, 1_483_228_800)
-"""First instants after each: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01, 2017-01-01 (IERS Bulletin C)."""
+"""The first instants after each leap second, in seconds since 1970: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01,
+2017-01-01 (IERS Bulletin C)."""
 ITS_MODULUS_MS = 65_536
+"""The period after which a generationDeltaTime repeats, in ms (EN 302 637-2)."""
 ITS_MS_MAX = 1 << 42
-"""Of TimestampIts."""
+"""The number of values of a TimestampIts, in ms (TS 102 894-2)."""
 MS_PER_MINUTE = 60_000
+"""The milliseconds in a minute."""
 LAST_DSECOND_MS = 60_999
-"""60,000 to 60,999 is a leap second; 61,000 to 65,534 is reserved; 65,535 is unavailable."""
+"""The largest valid DE_DSecond, in ms: 60,000 to 60,999 is a leap second, 61,000 to 65,534 reserved, 65,535 unavailable
+(SAE J2735)."""
 MAX_DISAGREEMENT_S = 5.0
+"""The largest difference between message time and log time that is believed, in seconds. Chosen by hand; not fitted."""
 
 NO_TIME = "no message time, log time used"
+"""The reason for a repair: a message without a time takes its log time."""
 DISAGREES = "message clock disagrees with log time, log time used"
+"""The reason for a repair: a message whose clock disagrees with the log time takes its log time."""
 
 
 def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log time.
+    """Return the absolute time of a BSM: the instant with this millisecond of a UTC minute that is nearest to the log
+    time.
 
     A leap second (60,000 and up) counts into the next minute, as UTC clocks without leap seconds do.
 
@@ -47,7 +55,7 @@ def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple
 
 
 def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
+    """Return the absolute time of a CAM: the instant with this generationDeltaTime that is nearest to the log time.
 
     Args:
         delta_ms: Shape (n,), 0 to 65,535, NaN where absent.
@@ -64,8 +72,7 @@ def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Arr
 
 
 def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
-    """Absolute time of a CPM: milliseconds of TAI since 2004 (TimestampIts), which need no log time but for the leap
-    seconds so far.
+    """Return the absolute time of milliseconds of TAI since 2004 (TimestampIts); the log time gives the leap seconds.
 
     Args:
         its_ms: Shape (n,), NaN where absent.
@@ -80,13 +87,13 @@ def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tup
 
 
 def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
-    """Milliseconds of TAI since 2004-01-01T00:00:00 UTC (TimestampIts), shape (n,)."""
+    """Return the milliseconds of TAI since 2004-01-01T00:00:00 UTC (TimestampIts), shape (n,)."""
     leap_s = np.searchsorted(np.array(LEAP_SECONDS_SINCE_2004_UNIX_S) * NS_PER_S, unix_ns, side="right")
     return (unix_ns - ITS_EPOCH_UNIX_S * NS_PER_S) // NS_PER_MS + 1000 * leap_s.astype(np.int64)
 
 
 def or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
-    """The message times (n,) where they can be used, else the log times, counted; int64 ns.
+    """Return the message times (n,) in ns where they can be used, else the log times, which are counted.
 
     A message clock that is more than `MAX_DISAGREEMENT_S` from the log time is not used: the age that it would say is
     beyond what a V2X link has, and beyond what the wrapped time can tell.

@@ -1,4 +1,4 @@
-"""A vehicle's state (n, 8), in the order of `cwcli.v1.VehicleState`; its flags; the names of the ego and its frames."""
+"""A vehicle's state (n, 8) in the order of `cwcli.v1.VehicleState`, its flags, and the names of ego and frames."""
 
 from enum import IntFlag
 
@@ -12,16 +12,22 @@ STATE_NAMES = (
     "jerk_mps3",
     "yaw_accel_radps2",
 )
+"""The names of a state's components, in the order of its columns."""
 N_STATES = len(STATE_NAMES)
+"""The number of a state's components."""
 X, Y, SPEED, HEADING, ACCEL, YAW_RATE, JERK, YAW_ACCEL = range(8)
+"""The column of each component in a state (n, 8)."""
 DERIVATIVES = (ACCEL, JERK, YAW_RATE, YAW_ACCEL)  # in the order of a motion model's responses
+"""The columns of acceleration, jerk, yaw rate and yaw acceleration, in the order of a motion model's responses."""
 
 EGO_ID = "ego"
+"""The id of the ego in published channels."""
 MAP_FRAME, BODY_FRAME = "map", "base_link"
+"""The names of the map frame and of the ego's body frame in published channels."""
 
 
 class StateFlag(IntFlag):
-    """Why a state is to be trusted less; `schemas/cwcli/v1/vehicle_state.proto` says when."""
+    """The reasons to trust a state less; `schemas/cwcli/v1/vehicle_state.proto` defines them."""
 
     STARTING = 1
     AFTER_RESET = 2

@@ -271,6 +271,7 @@ def _summary(
         (*sources.counts(), *transforms),
         tuple(dict.fromkeys(notes)),
         verdict_of(tracks[EGO_ID]),
+        tuple(each.sentence for each in tracks[EGO_ID].contradictions),
     )
 
 

@@ -15,7 +15,7 @@ from cwcli.signals.columns import FloatArray
 
 
 class LineKind(IntEnum):
-    """What is painted along a boundary: `cwcli.v1.LaneBoundary.Kind`."""
+    """Kind of the paint along a boundary: `cwcli.v1.LaneBoundary.Kind`."""
 
     UNKNOWN = 0
     SOLID = 1
@@ -25,7 +25,7 @@ class LineKind(IntEnum):
 
 
 class LineColour(IntEnum):
-    """Its colour: `cwcli.v1.LaneBoundary.Colour`."""
+    """Colour of the paint along a boundary: `cwcli.v1.LaneBoundary.Colour`."""
 
     UNKNOWN = 0
     WHITE = 1
@@ -34,7 +34,7 @@ class LineColour(IntEnum):
 
 @dataclass(frozen=True)
 class Boundary:
-    """x = a y^2 + b y + c in the pixels of the search image (eq. 1).
+    """One boundary as x = a y^2 + b y + c in the pixels of the search image (eq. 1).
 
     Attributes:
         a: 1/pixel; positive bends to the right.
@@ -44,7 +44,7 @@ class Boundary:
         probability: That this is a boundary, 0 to 1; NaN if the method makes no such statement.
         found: Whether the method says that there is a boundary.
         covariance: Shape (3, 3) of (a, b, c); None if the method gives none: then the camera geometry assumes one.
-        kind, colour: What is painted along it, as far as the frames tell.
+        kind, colour: Kind and colour of the paint, as far as the frames show them.
     """
 
     a: float
@@ -58,8 +58,9 @@ class Boundary:
     colour: LineColour = LineColour.UNKNOWN
 
     def x_px(self, y_px: FloatArray) -> FloatArray:
-        """x at the given y, both in pixels as above."""
+        """Columns x of the boundary at heights y, both in the pixels of the search image."""
         return (self.a * y_px + self.b) * y_px + self.c
 
 
 NOT_FOUND = Boundary(nan, nan, nan, nan, nan, False)
+"""The boundary of a frame in which none was found: its numbers are NaN."""

@@ -1,4 +1,4 @@
-"""Where the boundaries of a frame are drawn and judged, and how far up."""
+"""The lines along which the boundaries of a frame are drawn and judged, and where they end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cwcli.signals.arcs import arc_columns
 from cwcli.signals.columns import FloatArray
 
 MIN_GAP_PX = 4.0
-"""Boundaries end where they come nearer to each other than this, in search pixels."""
+"""Distance between both boundaries, in search pixels, below which they end. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,17 @@ class BoundaryLines:
         return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows], pinhole)
 
     def columns_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
-        """Shape (n, 2, k): x at heights above the bottom (n, k); NaN where a boundary is not found or has ended.
+        """Columns x of both boundaries at heights above the image's bottom; NaN where a boundary is not found or has
+        ended.
 
         It ends above `top_px`, where both boundaries meet, and where it turns back.
 
         Args:
-            y_px: Shape (n, k).
-            height_px: Of the search image.
+            y_px: Heights, shape (n, k).
+            height_px: Height of the search image.
+
+        Returns:
+            Shape (n, 2, k).
         """
         a, b, c = np.moveaxis(self.parabolas[..., None], 2, 0)
         y = y_px[:, None]

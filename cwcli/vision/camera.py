@@ -19,30 +19,38 @@ from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.columns import FloatArray
 
 DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
-"""Horizontal, where the log holds no calibration."""
+"""Horizontal field of view that is assumed where the log holds no calibration, in radians. Chosen by hand; not
+fitted."""
 FISHEYE_MODELS = ("equidistant", "fisheye", "kannala_brandt")
+"""Distortion models, by their names in messages, that OpenCV's fisheye functions compute."""
 POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan", "")
+"""Distortion models, by their names in messages, that OpenCV's polynomial functions compute."""
 KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
+"""All distortion models that a calibration may name."""
 MIN_DEPTH = 1e-9
+"""Least component of a direction, forward or down, that is divided by; smaller ones count as parallel. Chosen by hand;
+not fitted."""
 MAX_ANGLE_RAD = math.radians(89.0)
-"""From the axis: what is farther out is seen by no image plane."""
+"""Greatest angle from the optical axis that is projected, in radians: an image plane shows less than 90 degrees."""
 N_ANGLES = 512
+"""Number of angles at which a distortion is checked for turning back. Chosen by hand; not fitted."""
 NO_COEFFICIENTS = (0.0,) * 4
+"""Coefficients of an image without distortion, as OpenCV takes them."""
 
 _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Optical axes of a camera that looks straight ahead, level."""
+"""Rotation from the optical to the body frame for a camera that looks straight ahead and is level."""
 
 
 @dataclass(frozen=True)
 class Mounting:
-    """Where the camera is on the car.
+    """Position and orientation of a camera on the car.
 
     Attributes:
-        height_m: Above the road.
+        height_m: Height above the road.
         pitch_rad: Nose down positive (REP-103).
         yaw_rad: Counter-clockwise positive: looking to the left.
         roll_rad: Positive about the forward axis: right side down.
-        lateral_offset_m: Left of the car's centre line.
+        lateral_offset_m: Distance left of the car's centre line.
     """
 
     height_m: float = 1.3
@@ -62,7 +70,7 @@ class Camera:
         distortion_model: As in the message: "" or a polynomial model (`plumb_bob`, `rational_polynomial`) or a fisheye
             one (`equidistant`).
         distortion: Its coefficients. A fisheye without any is one whose coefficients are zero, not a pinhole.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         is_default: There was no calibration; the intrinsics are assumed.
     """
 
@@ -100,13 +108,13 @@ class Camera:
         return replace(self, mounting=mounting)
 
     def body_from_optical(self) -> FloatArray:
-        """Shape (3, 3): directions of the optical frame in the body frame, Rz(yaw) Ry(pitch) Rx(roll)."""
+        """Rotation from the optical to the body frame, Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
         mounting = self.mounting
-        turned: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
-        return turned
+        body_axes: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        return body_axes
 
     def matrix(self) -> FloatArray:
-        """Shape (3, 3): K."""
+        """The matrix K of the intrinsics, shape (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
@@ -130,7 +138,7 @@ class Camera:
         return np.column_stack([ideal.reshape(-1, 2), np.ones(len(points))])
 
     def ground_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where image points lie on the road, body frame.
+        """Points on the road, in the body frame, that image points show.
 
         Args:
             u_px, v_px: Shape (n,).
@@ -141,7 +149,8 @@ class Camera:
         return self.ground_from_rays(self.rays_from_image(u_px, v_px))
 
     def ground_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As `ground_from_image`, from optical directions of shape (n, 3)."""
+        """Points on the road that directions in the optical frame meet, as in `ground_from_image`; rays have shape (n,
+        3)."""
         body = rays @ self.body_from_optical().T
         down = -body[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,15 +182,18 @@ class Camera:
             ideal = np.where(rays[:, 2:] > MIN_DEPTH, rays[:, :2] / rays[:, 2:], np.nan)
         if not self.has_distortion():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
-        at = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
+        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
         pixels = np.full_like(ideal, np.nan)
-        if at.any():
-            pixels[at] = _distorted(ideal[at], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye())
+        if is_projected.any():
+            pixels[is_projected] = _distorted(
+                ideal[is_projected], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye()
+            )
         return pixels[:, 0], pixels[:, 1]
 
     @property
     def max_ideal_radius(self) -> float:
-        """Distance from the axis, over the depth, up to which farther out in the scene is farther out in the image.
+        """Distance from the axis, over the depth, up to which a point farther out in the scene is farther out in the
+        image.
 
         Beyond it the polynomial of a strong distortion turns back, and would show the scene a second time. Infinite
         without distortion.
@@ -192,7 +204,7 @@ class Camera:
         """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
 
         Args:
-            pitch_rad: Any shape, instead of the mounting's.
+            pitch_rad: Pitches of any shape to use instead of the mounting's.
         """
         pitch = np.array(self.mounting.pitch_rad) if pitch_rad is None else pitch_rad
         return np.asarray(self.cy - self.fy * np.tan(pitch))
@@ -211,7 +223,7 @@ class Camera:
 
 
 def _distorted(ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, *, is_fisheye: bool) -> FloatArray:
-    """Shape (n, 2): image points of the ideal points x / z, y / z, shape (n, 2)."""
+    """Image points, shape (n, 2), of the undistorted points x / z, y / z, shape (n, 2)."""
     import cv2
 
     zero = np.zeros(3)
@@ -222,7 +234,7 @@ def _distorted(ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, 
 
 @lru_cache(maxsize=16)
 def _max_ideal_radius(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
-    """`Camera.max_ideal_radius` of a lens."""
+    """`Camera.max_ideal_radius`, computed once for each lens."""
     radius = np.tan(np.linspace(0.0, MAX_ANGLE_RAD, N_ANGLES))
     across, coefficients = np.column_stack([radius, np.zeros(N_ANGLES)]), np.array(distortion or NO_COEFFICIENTS)
     right, left = (
@@ -234,7 +246,7 @@ def _max_ideal_radius(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
 
 
 def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
-    """Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
+    """The rotation matrix Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     cz, sz, cy, sy = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
     cx, sx = math.cos(roll_rad), math.sin(roll_rad)
     rz = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
@@ -246,11 +258,11 @@ def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
 def default_camera(
     width_px: int, height_px: int, mounting: Mounting, *, field_of_view_rad: float = DEFAULT_FIELD_OF_VIEW_RAD
 ) -> Camera:
-    """The stated default: square pixels, the optical axis at the image's centre, no distortion.
+    """The assumed camera of a log without calibration: square pixels, the axis at the image's centre, no distortion.
 
     Args:
         width_px, height_px: Image size.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         field_of_view_rad: Horizontal, over the whole width.
     """
     focal_px = width_px / 2.0 / math.tan(field_of_view_rad / 2.0)
@@ -271,7 +283,7 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
 
     Args:
         info: The message.
-        mounting: On the car.
+        mounting: The camera's mounting on the car.
         is_rectified: The images are rectified already: P holds their intrinsics, and there is no distortion. (The
             rectifying rotation of a stereo camera is left out: the mounting is that of the rectified image.)
 
@@ -300,13 +312,14 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
 
 
 def coefficients_of(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
-    """The coefficients in a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or 14; zeros fill up.
+    """Distortion coefficients, filled with zeros to a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or
+    14.
 
-    None if there is no distortion: all are zero, and the model is no fisheye.
+    Empty if there is no distortion: all are zero, and the model is no fisheye.
     """
-    given = [float(value) for value in values]
-    if not any(given) and model not in FISHEYE_MODELS:
+    coefficients = [float(value) for value in values]
+    if not any(coefficients) and model not in FISHEYE_MODELS:
         return ()
     lengths = (4,) if model in FISHEYE_MODELS else (4, 5, 8, 12, 14)
-    length = next((n for n in lengths if n >= len(given)), lengths[-1])
-    return tuple((given + [0.0] * length)[:length])
+    length = next((n for n in lengths if n >= len(coefficients)), lengths[-1])
+    return tuple((coefficients + [0.0] * length)[:length])

@@ -15,7 +15,9 @@ import numpy.typing as npt
 from cwcli.vision.encoded import Image
 
 HEADER = struct.Struct("<iff")
+"""Header of a compressed depth image: the kind of compression, and the numbers a and b (image_transport_plugins)."""
 GREY_STEPS = 255
+"""Greatest grey level; 0 is left for pixels without a measurement."""
 
 
 class DepthImageError(ValueError):
@@ -32,7 +34,7 @@ def depth_picture(name: str, data: bytes | memoryview) -> Image:
 
     Args:
         name: Its format, e.g. `32FC1; compressedDepth png`.
-        data: With the header.
+        data: The bytes of the message, with the header.
 
     Raises:
         DepthImageError: It is of another compression, or damaged.
@@ -56,7 +58,7 @@ def depth_picture(name: str, data: bytes | memoryview) -> Image:
 
 
 def scaled(values: npt.NDArray[np.floating]) -> Image:
-    """Numbers as grey: the least of an image is 1, the largest 255, and what is no number 0."""
+    """Numbers scaled to grey: the least of an image is 1, the greatest 255, and what is not finite 0."""
     is_number = np.isfinite(values)
     if not is_number.any():
         return np.zeros(values.shape, np.uint8)

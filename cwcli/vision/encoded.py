@@ -1,4 +1,4 @@
-"""What goes into decoding, and what comes out."""
+"""Types of encoded frames and of decoded images."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 Image = npt.NDArray[np.uint8]
-"""Grey (height, width), or blue, green, red (height, width, 3)."""
+"""An image in grey (height, width), or in blue, green, red (height, width, 3)."""
 
 
 class FrameLike(Protocol):
-    """What decoding needs to know of a frame (`cwcli.logs.read.frames.Frame`)."""
+    """The properties of an encoded frame that decoding needs (`cwcli.logs.read.frames.Frame`)."""
 
     @property
     def log_time_ns(self) -> int: ...

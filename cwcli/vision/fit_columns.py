@@ -14,15 +14,25 @@ from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 
 SIDES = 2
+"""Number of boundaries of a lane."""
 _PER_SIDE = 8 + 9
+"""Stored numbers of a boundary: eight of its own, nine of its covariance."""
 _ROAD = 4
+"""Stored numbers of a boundary's road curve: far, near, bend, spiral."""
 _ROADS = SIDES * _ROAD
+"""Stored numbers of both road curves."""
 _JOINT = 7
+"""Size of the joint covariance: a, b, c of both boundaries, and the pitch."""
 _ALONE = 5 + _ROADS + _JOINT**2
+"""Stored numbers of a fit that belong to no side: five single ones, the road curves, the joint covariance."""
 _PER_FIT = SIDES * _PER_SIDE + _ALONE
+"""Stored numbers of a fit."""
 _NO_COVARIANCE = (float("nan"),) * 9
+"""Stored numbers of a boundary's covariance where there is none."""
 _NO_ROAD = (float("nan"),) * _ROAD
+"""Stored numbers of a road curve where there is none."""
 _NO_JOINT = (float("nan"),) * _JOINT**2
+"""Stored numbers of the joint covariance where there is none."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +47,9 @@ class FitColumns:
         covariance: Shape (n, 2, 3, 3): of each boundary's parabola; NaN where the method gives none.
         joint: Shape (n, 7, 7): `LaneFit.covariance`; NaN where the method gives none, or a boundary is not found.
         pitch_rad, yaw_rad: Shape (n,); NaN where the method keeps the mounting's.
-        roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not told.
+        roads: Shape (n, 2, 4): `LaneFit.roads`; NaN where not found, or not known.
         state: Shape (n,): values of `LaneState`.
-        steady_s: Shape (n,): since the lane's last jump; NaN where it is lost, or not told.
+        steady_s: Shape (n,): time since the lane's last jump; NaN where it is lost, or not known.
         lane_change: Shape (n,): 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
     """
 
@@ -81,7 +91,7 @@ class FitColumns:
 
 
 class FitRecorder:
-    """Collects fits, 770 bytes each."""
+    """Collects the fits of frames, 770 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
@@ -99,7 +109,7 @@ class FitRecorder:
         self._numbers.extend(fit.covariance.ravel().tolist() if has_joint else _NO_JOINT)  # type: ignore[union-attr]
 
     def columns(self) -> FitColumns:
-        """All fits so far."""
+        """All fits so far as columns."""
         table = np.array(self._numbers, np.float64).reshape(-1, _PER_FIT)
         alone = table[:, SIDES * _PER_SIDE :]
         sides = table[:, : SIDES * _PER_SIDE].reshape(-1, SIDES, _PER_SIDE)
@@ -122,12 +132,13 @@ class FitRecorder:
 
 
 def names_of(kinds: type[IntEnum], values: npt.NDArray[np.int8]) -> list[str]:
-    """The name of each value, in small letters."""
+    """The names of an enumeration's values, in small letters."""
     names = {int(each): each.name.lower() for each in kinds}
     return [names[value] for value in values.tolist()]
 
 
 def _numbers(side: Boundary) -> tuple[float, ...]:
+    """The numbers of a boundary in the order in which they are stored."""
     nan = float("nan")
     abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)
     covariance = _NO_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())

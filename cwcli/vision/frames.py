@@ -25,15 +25,23 @@ from cwcli.vision.raw_images import GREY, RawImageError, raw_colour, raw_grey
 from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
 
 MIN_SIDE_PX = 32
+"""Least width and height of an image in pixels; smaller ones are rejected. Chosen by hand; not fitted."""
 MAX_PIXELS = 50_000_000
+"""Greatest number of pixels of an image; larger ones are rejected so that a damaged log can't exhaust the memory.
+Chosen by hand; not fitted."""
 MAX_SIDES_RATIO = 10
+"""Greatest ratio of an image's longer to its shorter side; others are rejected. Chosen by hand; not fitted."""
 REDUCTIONS = (8, 4, 2)
+"""Factors by which OpenCV can reduce a JPEG while it decodes it, greatest first."""
 MAX_THREADS = 4
+"""Greatest number of decoding threads unless the caller names one. Chosen by hand; not fitted."""
 MAX_NAME = 20
-"""Letters of a format that a message shows."""
+"""Number of letters of a format's name that a message shows."""
 MAX_BATCH = 4
+"""Greatest number of grey frames that a thread gets at a time: handing over a small frame costs as much as a search.
+Chosen by hand; not fitted."""
 BATCH_BYTES = 400_000
-"""Encoded. Small grey frames are handed to a thread several at a time: handing over costs as much as a search."""
+"""Greatest size of several frames that a thread gets at a time, in encoded bytes. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +51,11 @@ class DecodedFrame:
     Attributes:
         index: 0, 1, 2, ... of the frame in its channel.
         log_time_ns, stamp_ns: As recorded; the stamp is the log time where the message has none that is a time.
-        width_px, height_px: Of the camera's image, whatever the size of `image`; 0 where rejected.
+        width_px, height_px: Size of the camera's image, whatever the size of `image`; 0 where rejected.
         image: Grey (height, width) or colour (height, width, 3), uint8; None where rejected.
         rejected: The reason, else "".
         has_stamp: The message has a stamp that is a time.
-        prepared: What `prepare` made of the frame.
+        prepared: The result of `prepare` for the frame.
         colour: Of some frames of a camera in colour, beside the grey image and of its size: shape (height, width, 3),
             blue, green, red; else None.
     """
@@ -69,7 +77,7 @@ SizeOf = Callable[[int, int], tuple[int, int]]
 
 @dataclass(frozen=True)
 class DecodingJob:
-    """What is left to do for a frame, and the bytes that it holds in memory until then."""
+    """The rest of a frame's decoding, and the bytes that it holds in memory until then."""
 
     n_bytes: int
     decode: Callable[[], DecodedFrame]
@@ -87,11 +95,11 @@ def decode_frames(
     """Decode frames in threads; they come out in the order in which they went in.
 
     Args:
-        frames: Still encoded.
+        frames: The encoded frames.
         size_of: (width_px, height_px) of a frame -> the size of the grey image that is wanted; None: colour, full size.
         prepare: Called with each frame that has an image, in its thread; the result comes with the frame.
-        n_threads: Of decoding, the calling one included; None: as many as there are processors, at most `MAX_THREADS`.
-        colour_every_ns: Of log time: a frame in so long comes in colour, too (`DecodedFrame.colour`); None: none does.
+        n_threads: Number of decoding threads, the calling one included; None: one for each processor, at most 4.
+        colour_every_ns: Log time between frames that also come in colour (`DecodedFrame.colour`); None: none does.
         where: File and topic, for messages.
 
     Raises:
@@ -110,7 +118,7 @@ def decode_frames(
 
 
 def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[DecodingJob]]:
-    """Some jobs at a time, of `BATCH_BYTES` at most if they are more than one."""
+    """Jobs grouped into batches of at most `n_most` jobs, and of limited size if there is more than one."""
     batch: list[DecodingJob] = []
     n_bytes = 0
     for job in jobs:
@@ -124,6 +132,7 @@ def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[Decod
 
 
 def _decode_batch(jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], object] | None) -> list[DecodedFrame]:
+    """Decode the frames of a batch, and prepare those that have an image."""
     decoded = [job.decode() for job in jobs]
     if prepare is None:
         return decoded
@@ -131,14 +140,14 @@ def _decode_batch(jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], obj
 
 
 class _ColourClock:
-    """Tells which frames are wanted in colour: the first, then one in so long."""
+    """Decides which frames are decoded in colour: the first, then one in each interval."""
 
     def __init__(self, every_ns: int | None) -> None:
         self._every_ns = every_ns
         self._last_ns: int | None = None
 
     def is_due(self, time_ns: int) -> bool:
-        """Whether the next frame is."""
+        """Whether the next frame is decoded in colour."""
         if self._every_ns is None:
             return False
         if self._last_ns is not None and 0 <= time_ns - self._last_ns < self._every_ns:
@@ -150,7 +159,7 @@ class _ColourClock:
 def _decoding_jobs(
     frames: Iterable[FrameLike], size_of: SizeOf | None, colour: _ColourClock, where: str
 ) -> Iterator[DecodingJob]:
-    """One job a frame. Video is decoded here, in order, because a picture is made from earlier ones."""
+    """One job for each frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
     for video_format, group in groupby(frames, key=_video_format):
         if not video_format:
@@ -169,7 +178,7 @@ def _decoding_jobs(
 
 
 def _video_format(frame: FrameLike) -> str:
-    """The format if it is video, else ""."""
+    """The format of a video frame; empty for other frames."""
     name = frame.format.lower()
     return name if name in VIDEO_FORMATS else ""
 
@@ -198,18 +207,18 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
         reason = "cut short"
     if reason:
         return _rejected(index, frame, reason)
-    wanted = size_of(width_px, height_px) if size_of else None
+    wanted_size = size_of(width_px, height_px) if size_of else None
     try:
         if header is None:
             image = raw_grey(frame) if size_of else raw_colour(frame)
         elif is_depth:
             image = _as_wanted(depth_picture(frame.format, frame.data), is_grey=size_of is not None)
         else:
-            image = _decoded(frame.data, header, wanted)
+            image = _decoded(frame.data, header, wanted_size)
     except (RawImageError, DepthImageError) as error:
         return _rejected(index, frame, str(error))
-    made = _finished(index, frame, image, (width_px, height_px), wanted)
-    return replace(made, colour=_colour(frame, header, made)) if in_colour and not is_depth else made
+    decoded = _finished(index, frame, image, (width_px, height_px), wanted_size)
+    return replace(decoded, colour=_colour(frame, header, decoded)) if in_colour and not is_depth else decoded
 
 
 def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame) -> Image | None:
@@ -228,14 +237,14 @@ def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame)
 
 
 def _as_wanted(grey: Image, *, is_grey: bool) -> Image:
-    """A grey image, or the same in three channels."""
+    """A grey image, as it is or in three equal channels."""
     import cv2
 
     return grey if is_grey else np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
 def _no_image(frame: FrameLike) -> str:
-    """Why data without an image's signature can't be read."""
+    """The reason why data without an image's signature can't be read."""
     if not frame.is_video:
         return "neither JPEG, PNG nor WebP"
     known = ", ".join(name for name, codec in VIDEO_FORMATS.items() if codec not in NOT_DECODED)
@@ -245,6 +254,8 @@ def _no_image(frame: FrameLike) -> str:
 def _decoded(
     data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None, *, in_colour: bool = False
 ) -> Image:
+    """Decode a JPEG, PNG or WebP image, reduced as far as the wanted size allows; raises RawImageError where it is
+    damaged."""
     import cv2
 
     flags = cv2.IMREAD_IGNORE_ORIENTATION
@@ -281,6 +292,7 @@ def _video_frame(
     *,
     in_colour: bool,
 ) -> DecodedFrame:
+    """The decoded frame of a video message: its picture in grey or colour, or the reason why there is none."""
     import cv2
 
     reason = _unfit(*size) if any(size) else "no picture comes out of the video"
@@ -289,21 +301,22 @@ def _video_frame(
         return _rejected(index, frame, reason)
     if size_of is None:
         return _finished(index, frame, image, size, None)
-    wanted = size_of(*size)
-    made = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted)
-    return replace(made, colour=_scaled(image, wanted)) if in_colour else made
+    wanted_size = size_of(*size)
+    decoded = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted_size)
+    return replace(decoded, colour=_scaled(image, wanted_size)) if in_colour else decoded
 
 
 def _finished(
     index: int, frame: FrameLike, image: Image, size: tuple[int, int], wanted: tuple[int, int] | None
 ) -> DecodedFrame:
-    """The frame, scaled to the wanted size by the mean of the pixels that fall together."""
+    """The decoded frame with its image scaled to the wanted size."""
     if wanted is not None:
         image = _scaled(image, wanted)
     return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image, has_stamp=_is_time(frame.stamp_ns))
 
 
 def _scaled(image: Image, wanted: tuple[int, int]) -> Image:
+    """The image at another size; where it shrinks, each pixel is the mean of those that it covers."""
     if image.shape[1::-1] == wanted:
         return image
     import cv2
@@ -314,6 +327,7 @@ def _scaled(image: Image, wanted: tuple[int, int]) -> Image:
 
 
 def _unfit(width_px: int, height_px: int) -> str:
+    """The reason why an image of this size is rejected; empty where it is not."""
     if width_px * height_px > MAX_PIXELS:
         return f"more than {MAX_PIXELS // 1_000_000} megapixels"
     if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
@@ -324,12 +338,15 @@ def _unfit(width_px: int, height_px: int) -> str:
 
 
 def _rejected(index: int, frame: FrameLike, reason: str) -> DecodedFrame:
+    """A frame without an image, with the reason."""
     return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), 0, 0, None, reason)
 
 
 def _stamp_ns(frame: FrameLike) -> int:
+    """The frame's stamp, or its log time where the stamp is no time."""
     return frame.stamp_ns if frame.stamp_ns is not None and _is_time(frame.stamp_ns) else frame.log_time_ns
 
 
 def _is_time(time_ns: int | None) -> bool:
+    """Whether a stamp is a time."""
     return time_ns is not None and MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS

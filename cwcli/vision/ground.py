@@ -1,4 +1,4 @@
-"""Both boundaries on the road, and what they say at the preview point (zhang2011, 1.2.3, fig. 11).
+"""Both boundaries on the road, and the deviations at the preview point (zhang2011, 1.2.3, fig. 11).
 
 Each boundary is sampled at image rows and mapped to the ground plane. There it becomes y = y0 + s x + k x^2 / 2 in the
 body frame (x forward from below the camera, y left of the car's centre line). A road of constant curvature is a
@@ -35,34 +35,45 @@ from cwcli.vision.fit_columns import FitColumns
 BoolArray = npt.NDArray[np.bool_]
 
 N_SAMPLES = 16
+"""Number of heights at which a boundary is sampled. Chosen by hand; not fitted."""
 FAR_M = 60.0
-"""Boundaries are sampled up to here: beyond it a pixel of the search image is metres of road."""
+"""Greatest distance at which boundaries are sampled, in metres: beyond it a pixel of the search image is metres of
+road."""
 HIGHEST = 0.625
-"""Of the image's height: the paper's 150 of 240 rows."""
+"""Greatest height at which boundaries are sampled, over the image's height: the paper's 150 of 240 rows."""
 MIN_DEPTH = 0.03
-"""Of the image's height: nearer to the horizon a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360
-rows), so no evidence is looked for there, and boundaries end."""
+"""Least distance below the horizon at which evidence is looked for and boundaries are drawn, over the image's height:
+nearer to it a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360 rows)."""
 LOWEST_TOP_PX = 8.0
+"""Least height up to which boundaries are sampled, in pixels above the image's bottom. Chosen by hand; not fitted."""
 LOWEST_LINE_PX = 2.0
+"""Least height at which a drawn boundary ends, in pixels above the image's bottom. Chosen by hand; not fitted."""
 FIT_NUMBERS = 7
-"""Of `LaneFit.covariance`."""
+"""Number of parameters of the joint covariance (`LaneFit.covariance`): a, b, c of both boundaries, and the pitch."""
 NEAR_M = 2.0
+"""Least distance at which boundaries are sampled, in metres. Chosen by hand; not fitted."""
 WIDTH_AT_M = 10.0
-"""Where the lane's width is measured."""
+"""Distance ahead at which the lane's width is measured, in metres. Chosen by hand; not fitted."""
 MIN_SAMPLES = 5
+"""Least number of samples from which a road follows. Chosen by hand; not fitted."""
 N_INDEPENDENT = 10
+"""Number of heights at which a boundary's errors are taken as independent where a method gives no covariance. Chosen by
+hand; not fitted."""
 PARABOLA_STEPS = np.array([1e-6, 1e-4, 1e-2])
+"""Steps of a (1/px), b and c (px) for numerical derivatives. Chosen by hand; not fitted."""
 MOUNTING_STEP = 1e-4
+"""Step of pitch, yaw (rad) and height (m) for numerical derivatives. Chosen by hand; not fitted."""
 BLOCK_FRAMES = 2048
+"""Number of frames that are computed at a time. Chosen by hand: it bounds the memory."""
 
 
 @dataclass(frozen=True)
 class GeometrySigmas:
-    """What the error propagation starts from, where a method gives no covariance of its own.
+    """Sigmas of the error propagation where a method gives no covariance of its own.
 
     Attributes:
-        pixel_px: Of a boundary's place in the search image, at each of `N_INDEPENDENT` independent heights.
-        pitch_rad, yaw_rad, height_m: Of the mounting; the pitch includes the car's own.
+        pixel_px: Sigma of a boundary's place in the search image, at each of ten independent heights.
+        pitch_rad, yaw_rad, height_m: Sigmas of the mounting; that of the pitch includes the car's own pitching.
     """
 
     pixel_px: float = 1.0
@@ -73,14 +84,14 @@ class GeometrySigmas:
 
 @dataclass(frozen=True)
 class LaneGeometry:
-    """Rows of n frames; NaN where a boundary that is needed was not found.
+    """Lane geometry of n frames; NaN where a boundary that is needed was not found.
 
     Attributes:
         left_body, right_body: Shape (n, 3): y0 (m), slope s (rad for small ones), curvature k (1/m) of each boundary in
             the body frame: y = y0 + s x + k x^2 / 2, left positive.
         lateral_deviation_m, heading_deviation_rad, curvature_1pm: Shape (n,): y_L, e_L, K_L in the paper's signs.
         lateral_deviation_sigma_m, heading_deviation_sigma_rad, curvature_sigma_1pm: Shape (n,).
-        lane_width_m: Shape (n,), at `WIDTH_AT_M`, across the lane.
+        lane_width_m: Shape (n,), 10 m ahead, across the lane.
         curvature_change_1pm2: Shape (n,): how the curvature changes in a metre ahead, right positive as K_L; 0 where
             the method knows none.
     """
@@ -100,45 +111,45 @@ class LaneGeometry:
 def lane_geometry(
     fits: FitColumns, camera: Camera, *, preview_m: float, sigmas: GeometrySigmas | None = None
 ) -> LaneGeometry:
-    """The lanes of frames of one image size on the ground.
+    """Map the boundaries of frames of one image size to the ground.
 
     Args:
         fits: n fits; their pitch and yaw replace the mounting's where they are not NaN.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
         preview_m: Distance of the preview point ahead of the camera.
-        sigmas: For the error propagation.
+        sigmas: Sigmas of the error propagation; None: the default ones.
     """
     blocks = [fits[slice(i, i + BLOCK_FRAMES)] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
-    made = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
-    return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in made]) for f in fields(LaneGeometry)))
+    geometries = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
+    return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
 def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
-    """The boundaries as images of a flat road: x = far + near h + bend / h + spiral / h^2.
+    """The boundaries as images of a flat road, x = far + near h + bend / h + spiral / h^2.
 
-    h is in rows below the horizon; in a tight bend that is what touches the road beside the camera (`arcs`). Where the
-    method tells its road, that is it. Else, as on the ground, the road is sought whose best parabola is the given one.
-    It holds near the horizon too, where a parabola is off by lanes.
+    h is in rows below the horizon; in a tight bend that curve touches the road beside the camera (`arcs`). A method's
+    own road is taken as it is. Else, as on the ground, the road is fitted whose best parabola is the given one. It
+    holds near the horizon too, where a parabola is off by lanes.
 
     Args:
         fits: n fits.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
 
     Returns:
         Shape (n, 2, 4): far (px), near, bend (px^2), spiral (px^3) of each boundary; NaN where none was found, or where
-        the method found no horizon (`fits.pitch_rad` is NaN). The spiral is 0 where the method tells no road.
+        the method found no horizon (`fits.pitch_rad` is NaN). The spiral is 0 where the method has no road.
     """
-    is_told = np.isfinite(fits.roads)
-    rest = np.flatnonzero(~is_told.all(axis=(1, 2)))
+    has_road = np.isfinite(fits.roads)
+    rest = np.flatnonzero(~has_road.all(axis=(1, 2)))
     if not len(rest):
         return fits.roads
-    made = fits.roads.copy()
-    made[rest] = np.where(is_told[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
-    return made
+    roads = fits.roads.copy()
+    roads[rest] = np.where(has_road[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
+    return roads
 
 
 def _sought_roads(fits: FitColumns, camera: Camera) -> FloatArray:
-    """Shape (n, 2, 4): the roads whose best parabolas are the fits'."""
+    """Road curves whose best parabolas are those of the fits, shape (n, 2, 4)."""
     y_px = _sampled_px(camera, fits.pitch_rad)
     x_px = _columns_px(fits.parabolas, y_px)
     h = ((camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
@@ -161,19 +172,19 @@ def _sought_roads(fits: FitColumns, camera: Camera) -> FloatArray:
 
 
 def pinholes(camera: Camera, n: int) -> FloatArray:
-    """Shape (n, 2): `BoundaryLines.pinhole` of n frames of one camera."""
+    """Principal column and focal length for each of n frames of one camera, shape (n, 2) (`BoundaryLines.pinhole`)."""
     return np.tile([camera.cx + 1.0, camera.fx], (n, 1))
 
 
 def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
-    """Shape (n,): the row, from the image's top, at which the boundaries of each frame end.
+    """Row from the image's top at which the boundaries of each frame end, shape (n,).
 
-    Where the method found the horizon they end with the road at `FAR_M`, but below the rows in which evidence is looked
+    Where the method found the horizon they end with the road 60 m ahead, but below the rows in which evidence is looked
     for. Else nothing is known of what lies above the paper's rows.
 
     Args:
         fits: n fits.
-        camera: In the pixels of the search image.
+        camera: The camera in the pixels of the search image.
         horizon_px: Shape (n,): row of the horizon; NaN where it is not known.
     """
     is_found = np.isfinite(fits.pitch_rad)
@@ -184,23 +195,26 @@ def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> Float
 
 
 def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
-    """Shape (3, 3): covariance of (a, b, c) fitted to places with errors of `pixel_px` at independent heights."""
+    """Covariance of (a, b, c), shape (3, 3), if places at independent heights have errors of `pixel_px`."""
     y_px = np.linspace(1.0, float(_top_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT)
     design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
     return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
 
 
 def _top_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
-    """Height in the image of the road at `FAR_M`, or `HIGHEST` of the image if that is lower; distortion left out."""
+    """Height in the image up to which boundaries are sampled: the road 60 m ahead, at most the paper's rows; distortion
+    left out."""
     return np.asarray(np.clip(_far_y_px(camera, pitch_rad), LOWEST_TOP_PX, HIGHEST * camera.height_px))
 
 
 def _far_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+    """Height in the image of the road 60 m ahead, distortion left out."""
     below_rad = np.arctan(camera.mounting.height_m / FAR_M) - pitch_rad
     return np.asarray(camera.height_px - (camera.cy + camera.fy * np.tan(below_rad)))
 
 
 def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
+    """The lane geometry of one block of frames."""
     n = len(fits)
     parabolas = fits.parabolas
     mount = np.empty((n, 3))
@@ -223,8 +237,8 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
             jacobian[:, :, k] = (_preview(one_moved, change, is_curve, preview_m) - values) / PARABOLA_STEPS[k]
-        given = fits.covariance[:, side]
-        covariance = np.where(np.isnan(given), assumed, given)
+        own_covariance = fits.covariance[:, side]
+        covariance = np.where(np.isnan(own_covariance), assumed, own_covariance)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
         variance += np.where(np.isnan(parabolas[:, side, :1]), 0.0, part)
         of_fit[:, :, 3 * side : 3 * side + 3] = jacobian
@@ -255,16 +269,16 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
 
 
 def _change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArray:
-    """Shape (n,): how the curvature changes in a metre ahead on the line of the lane's shape through the car's centre
-    line, left positive; 0 where no road is told. It is the mean of what both boundaries tell."""
+    """Change of the lane's curvature per metre ahead, on the car's centre line, left positive, shape (n,); 0 without a
+    road."""
     own = -6.0 * fits.roads[..., 3] / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2)
-    told = own / changes_beside(body)
-    is_told = np.isfinite(told)
-    return np.asarray(np.where(is_told, told, 0.0).sum(axis=1) / np.maximum(is_told.sum(axis=1), 1))
+    change = own / changes_beside(body)
+    is_known = np.isfinite(change)
+    return np.asarray(np.where(is_known, change, 0.0).sum(axis=1) / np.maximum(is_known.sum(axis=1), 1))
 
 
 def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
-    """Shape (n, 2, `N_SAMPLES`): how far the method's own road is beside its parabola; 0 where it is not told."""
+    """Offset of the method's own road from its parabola at each sample, shape (n, 2, samples); 0 without a road."""
     y_px = _sampled_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
     h = (camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None])[:, None]
     far, near, bend = np.moveaxis(fits.roads[..., :3, None], 2, 0)  # the spiral is added on the ground
@@ -276,13 +290,14 @@ def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
 def _body(
     parabolas: FloatArray, mount: FloatArray, camera: Camera, beside_px: FloatArray, use: BoolArray | None = None
 ) -> tuple[FloatArray, BoolArray]:
-    """Shape (n, 2, 3): y0, slope, curvature of each boundary on the ground; and the samples that were used.
+    """Place, slope and curvature of each boundary on the ground, shape (n, 2, 3), and the samples that were used.
 
     Args:
-        parabolas: Shape (n, 2, 3).
+        parabolas: Shape (n, 2, 3): a, b, c.
         mount: Shape (n, 3): pitch, yaw, height.
-        beside_px: Shape (n, 2, `N_SAMPLES`): of the road beside the parabolas, see `_beside_parabola_px`.
-        use: Shape (n, 2, `N_SAMPLES`): the samples to use; None: those in the image and at a fair distance.
+        camera: The camera in the pixels of the search image.
+        beside_px: Shape (n, 2, samples): offset of the road from the parabolas.
+        use: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
     y_px = _sampled_px(camera, mount[:, 0])
@@ -307,37 +322,38 @@ def _body(
 
 
 def _sampled_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
-    """Shape (n, `N_SAMPLES`): heights in the image at which boundaries are sampled."""
+    """Heights in the image at which boundaries are sampled, shape (n, samples)."""
     return 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * _top_y_px(camera, pitch_rad)[:, None]
 
 
 def _columns_px(parabolas: FloatArray, y_px: FloatArray) -> FloatArray:
-    """Shape (n, 2, k): x of the parabolas (n, 2, 3) at heights (n, k)."""
+    """Columns x of the parabolas (n, 2, 3) at heights (n, k), shape (n, 2, k)."""
     return (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
 
 
 def _in_image(x_px: FloatArray, is_there: BoolArray, camera: Camera) -> BoolArray:
-    """Which samples to use: those in the image; where hardly anything is seen of a boundary, also what is outside."""
+    """Mask of the usable samples: those in the image; where hardly any of a boundary are, also those outside."""
     in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
     return np.asarray(in_image | (in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES))
 
 
 def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
-    """Shape (n, 3, 3): body from optical, for each pitch and yaw: `camera.rotation` for many."""
+    """Rotations from the optical to the body frame for each pitch and yaw, shape (n, 3, 3)."""
     mounting = camera.mounting
     old = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad)
     axes = rotation(0.0, 0.0, mounting.roll_rad) @ old.T @ camera.body_from_optical()
     cosine, sine = np.cos(pitch_and_yaw)[..., None], np.sin(pitch_and_yaw)[..., None]
     ahead = cosine[:, 0] * axes[0] + sine[:, 0] * axes[2]
-    made = np.empty((len(pitch_and_yaw), 3, 3))
-    made[:, 0] = cosine[:, 1] * ahead - sine[:, 1] * axes[1]
-    made[:, 1] = sine[:, 1] * ahead + cosine[:, 1] * axes[1]
-    made[:, 2] = cosine[:, 0] * axes[2] - sine[:, 0] * axes[0]
-    return made
+    rotations = np.empty((len(pitch_and_yaw), 3, 3))
+    rotations[:, 0] = cosine[:, 1] * ahead - sine[:, 1] * axes[1]
+    rotations[:, 1] = sine[:, 1] * ahead + cosine[:, 1] * axes[1]
+    rotations[:, 2] = cosine[:, 0] * axes[2] - sine[:, 0] * axes[0]
+    return rotations
 
 
 def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
-    """y0, s, k of the road whose best parabola goes through the points; NaN where fewer than `MIN_SAMPLES` are used.
+    """Place, slope and curvature of the road whose best parabola goes through the points, shape (n, 2, 3); NaN with too
+    few samples.
 
     Args:
         x_m, y_m: Shape (n, 2, k): points of the parabola on the ground.
@@ -360,14 +376,15 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
 
 
 def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
-    """Shape (n, 2, 3): the solutions; NaN where fewer than `MIN_SAMPLES` are used."""
+    """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
     enough = use.sum(axis=-1, keepdims=True) >= MIN_SAMPLES
     normal = np.where(enough[..., None], normal, np.eye(3))
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 
 
 def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float) -> FloatArray:
-    """Shape (n, 3): y_L, e_L, K_L, of the curve where it is told, else of the parabola that touches it."""
+    """Lateral deviation, heading deviation and curvature at the preview point, shape (n, 3), of the curve or else of
+    the parabola."""
     centre, only = body.mean(axis=1), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0])
     is_alone = np.isnan(centre).any(axis=1)
     either = np.where(is_alone[:, None], only, centre)
@@ -379,7 +396,7 @@ def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, pre
 
 
 def _width(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
-    """Distance of the boundaries at `WIDTH_AT_M`, square to the lane; beside the camera where it has turned back."""
+    """Lane width 10 m ahead, square to the lane; beside the camera where a boundary has turned back; shape (n,)."""
     y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_AT_M) * WIDTH_AT_M
     slope = (body[..., 1] + body[..., 2] * WIDTH_AT_M).mean(axis=1)
     curves_m = arc_places_m(body, np.array(WIDTH_AT_M), change_1pm2[:, None])

@@ -8,13 +8,19 @@ from dataclasses import dataclass
 Bytes = bytes | memoryview
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+"""First bytes of a PNG file (PNG specification, 5.2)."""
 JPEG_START = b"\xff\xd8\xff"
+"""First bytes of a JPEG file: start of image, and the next marker's first byte (ITU-T T.81, annex B)."""
 JPEG_END = b"\xff\xd9"
+"""Marker at the end of a JPEG image (ITU-T T.81, annex B)."""
 PNG_END = b"IEND"
+"""Type of the last chunk of a PNG file (PNG specification, 11.2)."""
 _GREY_PNG = (b"\x00", b"\x04")
-"""Colour types: without and with transparency."""
+"""Colour types of grey PNG images: without and with transparency."""
 _SOF_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+"""Second bytes of the markers that start a JPEG frame and hold its size (ITU-T T.81, table B.1)."""
 _MARKERS_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
+"""Second bytes of JPEG markers that no length follows (ITU-T T.81, table B.1)."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +34,7 @@ class ImageHeader:
 
 
 TAIL_BYTES = 256
-"""Where the end is looked for first."""
+"""Number of bytes at the end of a JPEG in which its end marker is looked for first. Chosen by hand; not fitted."""
 
 
 def read_image_header(data: Bytes) -> ImageHeader | None:
@@ -54,7 +60,7 @@ def is_complete(data: Bytes, kind: str) -> bool:
 
 
 def _jpeg(data: Bytes) -> ImageHeader | None:
-    """Walk the segments up to the start of frame."""
+    """Read the header of a JPEG image: walk its segments up to the start of frame."""
     at = 2
     while at + 4 <= len(data):
         if data[at] != 0xFF:
@@ -78,7 +84,7 @@ def _jpeg(data: Bytes) -> ImageHeader | None:
 
 
 def _webp(head: bytes) -> ImageHeader | None:
-    """Lossy, lossless and extended WebP (RFC 9649)."""
+    """Read the header of a lossy, lossless or extended WebP image (RFC 9649)."""
     kind = head[12:16]
     if kind == b"VP8 ":
         width_px, height_px = struct.unpack("<HH", head[26:30])

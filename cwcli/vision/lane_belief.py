@@ -1,4 +1,4 @@
-"""How sure a found boundary is: by its own evidence, the whole lane's, and what there is by chance.
+"""Probability that a found boundary is right: from its own paint, the lane's objective and the clutter of the road.
 
 The best of many lanes has some evidence on any picture: on noise, on a rough road, on grass. How much depends on how
 much of the road looks like stripes without being a boundary, so that share is one of the features. It is what
@@ -24,16 +24,21 @@ from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
 COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
+"""Weights of the four features (1, root of support, logarithm of objective, root of clutter) in the log-odds. Fitted on
+rendered frames, noise and 40 labelled frames (tests/studies/lane_reliability.py)."""
 LAPSE = 0.04
-"""Of the boundaries that are seen as well as any, so many are another line: what no evidence of its own tells."""
+"""Share of boundaries that are another line although they are seen as well as any. Fitted with the weights above."""
 LEAST_VALUE = 0.02
+"""Objective that is added before the logarithm is taken, so that it stays finite. Chosen by hand; not fitted."""
 _OFFSETS = np.linspace(-2.0, 2.0, 81)
+"""Lateral offsets from the lane's middle, in lane widths, of which the clutter offsets are chosen."""
 BESIDE_OFFSETS = np.asarray(_OFFSETS[np.abs(np.abs(_OFFSETS) % 1.0 - 0.5) > 0.1])
-"""Lines on which the crowd is counted, from the lane's middle over its width: none near a boundary or a neighbour's."""
+"""Offsets from the lane's middle, in lane widths, at which clutter is measured: none within 0.1 of a boundary of the
+lane or of a neighbouring lane. Chosen by hand; not fitted."""
 
 
 def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
-    """Shape (2,): how much of each boundary shows paint, 0 to 1, by stretches of the image's height."""
+    """Share of each boundary that shows paint, shape (2,), 0 to 1, counted by stretches of the image's height."""
     return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring())
 
 
@@ -44,10 +49,10 @@ def crowd(evidence: Evidence, lane: FloatArray) -> float:
 
 
 def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
-    """What the probability of each boundary is made of (z above).
+    """The features from which the probability of each boundary follows.
 
     Args:
-        evidence, lane: The lane (6,) and where the frame shows stripes.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
         value: The lane's objective in this frame.
 
     Returns:
@@ -59,24 +64,25 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
 def _features(
     evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
 ) -> list[tuple[float, float, float, float]]:
+    """The features for each side; the objective that counts for a carried side is at most twice its own support."""
     by_chance = math.sqrt(crowd(evidence, lane))
-    made = []
+    rows = []
     for side, own in enumerate(supports(evidence, lane).tolist()):
-        told = min(value, 2.0 * own) if side == carried else value
-        made.append((1.0, math.sqrt(own), math.log(min(max(told, 0.0), 1.0) + LEAST_VALUE), by_chance))
-    return made
+        counted_value = min(value, 2.0 * own) if side == carried else value
+        rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + LEAST_VALUE), by_chance))
+    return rows
 
 
 def boundary_probabilities(
     evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
 ) -> tuple[float, float]:
-    """Probability that each boundary is where the lane has it.
+    """Probability of each boundary that it lies where the lane has it.
 
     Args:
-        evidence, lane, value: `features`.
-        carried: The boundary that has its place from the other one (`lane_sides`), if there is one. The lane's
-            objective is that of the other one's paint; its own is that of a lane both of whose lines show as much
-            as it does: twice its support.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
+        value: The lane's objective in this frame.
+        carried: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
+            objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
     coefficients: list[float] = COEFFICIENTS.tolist()
     left, right = (

@@ -5,16 +5,16 @@ more exactly the frame shows them: covariance = SCALE x inverse of the negative 
 differences over steps of half a marking's width, because on a smaller scale the objective is as rough as the pixels.
 They are taken in places that the image shows (both boundaries near the car, the middle and the bend far away, the
 horizon), in which the five depend little on each other. What no step makes worse is not seen: its sigma is the greatest
-that is told, `MOST` steps.
+that is published, one step.
 
-A road does not bend evenly, and by how much its bend changes up to the far rows the objective hardly tells: the fit is
+A road does not bend evenly, and by how much its bend changes up to the far rows the objective hardly shows: the fit is
 exact near by and far away, and between them the road is beside it. So there is a second part: of the bend with those
 places held, c L for a way of L to the far rows, and of the direction, c L^2 / 12, which is that of the cubic
 c x^3 / 6 - c L^2 x / 24 (zero at both ends and in the middle) at its ends. A camera that sees far is not as exact as
 its pixels.
 
 SCALE and BEND_RATE are fitted on rendered drives of the sets `good` and `complex`: squared errors 20 m ahead over their
-variances (tests/studies/lane_nees.py). docs/lanes.md has those of drives that were not in sight.
+variances (tests/studies/lane_nees.py). docs/lanes.md has those of other drives.
 """
 
 from __future__ import annotations
@@ -27,32 +27,38 @@ from cwcli.vision.lane_detect import Evidence, judged
 from cwcli.vision.lane_model import BEND, HORIZON, MIDDLE, VANISHING, WIDTH, bend_unit, parabolas_of_lane, pitch_of
 
 SCALE = 0.002
+"""Factor between the inverse curvature of the objective and the covariance. Fitted on 16 rendered drives of each camera
+(tests/studies/lane_nees.py, seed 3)."""
 BEND_RATE_1PM2 = 4e-6
-"""Sigma of the change of a road's curvature, for a metre."""
+"""Sigma of the change of a road's curvature per metre, in 1/m^2. Fitted on the same rendered drives."""
 NEAR_AT, FAR_AT = 0.6, 0.15
-"""Of the way from the horizon to the bottom: the rows of the places."""
+"""The near and the far row, as shares of the way from the horizon to the bottom. Chosen by hand; not fitted."""
 STEP, FAR_STEP = 0.04, 0.06
-"""Of the places near by and far away, over the camera's height times fx / fy."""
+"""Steps of the places in the near and in the far row, over the camera's height times fx / fy: about half a marking's
+width."""
 HORIZON_STEP = 0.006
-"""Of the image's height."""
+"""Step of the horizon, over the image's height. Chosen by hand; not fitted."""
 MOST = 1.0
+"""Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
 N = 5
+"""Number of a lane's numbers that have a covariance: all but the change of curvature."""
 N_FIT = 7
-"""Numbers of a fit: a, b, c of the left and of the right boundary, and the pitch."""
+"""Number of a fit's numbers: a, b, c of the left and of the right boundary, and the pitch."""
 _I, _J = np.triu_indices(N, 1)
+"""Row and column of each pair of different numbers."""
 _STEPS = np.concatenate(
     [np.zeros((1, N)), np.eye(N), -np.eye(N), np.eye(N)[_I] + np.eye(N)[_J], -np.eye(N)[_I] - np.eye(N)[_J]]
 )
-"""Shape (31, 5): where the objective is looked up, in steps."""
+"""Places at which the objective is evaluated, shape (31, 5), in steps."""
 
 
 def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, camera: Camera) -> FloatArray:
     """The covariance of a lane's first five numbers, shape (5, 5).
 
     Args:
-        evidence, lane: The lane (6,) at its optimum, and where the frame shows stripes.
-        table: Of the prior, shape (6, 4), under which it was found.
-        camera: In the pixels of the image that was searched.
+        evidence, lane: The stripes of the frame, and the lane, shape (6,), at its optimum.
+        table: Table of the prior, shape (6, 4), under which it was found.
+        camera: The camera in the pixels of the image that was searched.
     """
     places, steps = _places(float(lane[HORIZON]), camera.height_px, evidence.pinhole.stretch)
     places = places * steps
@@ -67,12 +73,12 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
     information[_I, _J] = information[_J, _I] = 0.5 * (pairs - fall[_I] - fall[_J])
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
-    made: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
+    covariance: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
     far_m = camera.fy * camera.mounting.height_m / _depths(float(lane[HORIZON]), camera.height_px)[1]
     bend = places[:, 3] * (bend_unit(camera) * BEND_RATE_1PM2 * far_m / places[BEND, 3])
     turn = places[:, 2] * (camera.fx * BEND_RATE_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
-    made += bend[:, None] * bend + turn[:, None] * turn
-    return made
+    covariance += bend[:, None] * bend + turn[:, None] * turn
+    return covariance
 
 
 def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
@@ -82,7 +88,8 @@ def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
 
 
 def _places(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
-    """What a pixel of each place changes in the five numbers, shape (5, 5), a column each; and the steps, pixels.
+    """Derivatives of the five numbers with respect to the places, shape (5, 5), a column for each place; and the steps
+    in pixels.
 
     With u = u0 + m h + k / h: the places are the columns of the left and of the right boundary in the row h1, that of
     the middle in the row h2, the bend's part of it, k / h2, and the horizon. Solved for the five numbers.
@@ -100,19 +107,20 @@ def _places(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArr
 
 
 def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
-    """The covariance of what is published of a lane, shape (7, 7): a, b, c of both sides, and the pitch.
+    """The covariance of a published fit, shape (7, 7): a, b, c of both sides, and the pitch.
 
     Args:
-        lane, covariance: Shape (6,) and (5, 5).
-        camera: In the pixels of the image that was searched.
+        lane, covariance: The lane, shape (6,), and its covariance, shape (5, 5).
+        camera: The camera in the pixels of the image that was searched.
     """
     sigma = np.sqrt(np.diagonal(covariance))
     steps = np.eye(N, len(lane)) * sigma[:, None]
     published = np.array([_published(each, camera) for each in (lane, *(lane + steps))])
     jacobian = (published[1:] - published[0]).T / sigma
-    made: FloatArray = jacobian @ covariance @ jacobian.T
-    return made
+    propagated: FloatArray = jacobian @ covariance @ jacobian.T
+    return propagated
 
 
 def _published(lane: FloatArray, camera: Camera) -> list[float]:
+    """The numbers of a lane that are published: a, b, c of both boundaries, and the pitch."""
     return [*parabolas_of_lane(lane, camera).ravel().tolist(), pitch_of(lane, camera)]

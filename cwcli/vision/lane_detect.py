@@ -36,53 +36,82 @@ Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
 ROW_STEP = 0.5
+"""Share of the image's rows that is sampled for stripes. Chosen by hand; not fitted."""
 N_SEGMENTS = 9
+"""Number of stretches of rows in which the evidence along a boundary is counted. Chosen by hand; not fitted."""
 MAX_ROWS = 150
+"""Greatest number of sampled rows. Chosen by hand: it bounds the time of a frame."""
 COUNT: FloatArray = np.arange(float(MAX_ROWS))
+"""The numbers 0, 1, 2, ... of sampled rows, made once."""
 WINDOWS = (0.04, 0.085, 0.08)
-"""The window of a stripe over the camera's height is 6 cm: narrower than any marking, as wide as a small raised dot."""
+"""Widths of a stripe's window, of the gap beside it and of the side windows, over the camera's height. The window is 6
+cm: narrower than any marking, as wide as a small raised dot. Chosen in sight of 40 labelled and of rendered frames
+(docs/lanes.md)."""
 FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.085, 2.0
+"""Noise of a contrast: a constant in grey levels, plus this share of the brighter side, plus this many times the row's
+mean depth of dark stripes. Chosen in sight of 40 labelled and of rendered frames (docs/lanes.md)."""
 LOPSIDED = 0.3
+"""Share of the brightness difference between both sides that is taken off a stripe's contrast. Chosen by hand; not
+fitted."""
 JOINT_WINDOWS = (0.025, 0.03, 0.06)
-"""Of the joint between two strips of concrete, and of the shadow of a raised dot: dark, and narrower than a marking."""
+"""Widths of the window, the gap and the side windows of dark stripes (joints of concrete, shadows of raised dots), over
+the camera's height. They are narrower than markings. Chosen in sight of 40 labelled frames."""
 JOINT_CROWDED = 0.02
-"""A row of concrete has a few joints; a rough one has many dark stripes, and none of them counts."""
+"""Share of dark stripes in a row above which they count less: concrete has a few joints, rough asphalt many dark
+stripes. Chosen in sight of 40 labelled frames."""
 JOINT_WEIGHT = 0.12
-"""Of a joint against a stripe."""
+"""Weight of a pavement joint relative to a painted stripe in the evidence. Chosen in sight of 40 labelled and of
+rendered frames (docs/lanes.md)."""
 JOINT_REACH = 0.08
-"""Over the camera's height: joints are laid where lanes meet, and markings and dots some centimetres beside them."""
+"""Greatest distance of a joint from the boundary that it supports, over the camera's height (10 cm): markings and dots
+are laid some centimetres beside joints. Chosen in sight of 40 labelled frames."""
 BESIDE = 0.5
+"""Weight of the neighbouring lanes' boundaries in the objective. Chosen by hand; not fitted."""
 HALF = 0.3
+"""Share of evidence in a stretch of rows at which the stretch counts one half. Chosen by hand; not fitted."""
 DEAD = 0.25
+"""Evidence up to this value counts as none. Chosen by hand; not fitted."""
 CROWDED = 0.07
+"""Share of bright stripes in a row above which they count less. Chosen by hand; not fitted."""
 PRIOR_WEIGHT = 0.02
+"""Objective that one squared sigma of distance from the prior takes off. Chosen by hand; not fitted."""
 SCAN_STEP = 3
-"""Only every so many-th judged row is scanned."""
+"""Step between the rows that the grid scan uses, in sampled rows. Chosen by hand: it bounds the time of a frame."""
 PLACE_STEP = 0.06
+"""Step of the grid scan's lateral places, over the camera's height. Chosen by hand; not fitted."""
 MAX_PLACES = 400
-"""To each side: a camera less than 0.4 m above the road sees a lane of very many of its heights."""
+"""Greatest number of lateral places to each side in the grid scan: a camera less than 0.4 m above the road sees a lane
+that is many of its heights wide. Chosen by hand."""
 N_KEPT = 12
+"""Greatest number of distinct lanes that a first frame's search refines. Chosen by hand; not fitted."""
 SAME_PLACE = 0.15
-"""Over the camera's height: lanes whose boundaries lie nearer are one lane."""
+"""Distance below which two lanes are the same lane, of the boundary that differs more, over the camera's height. Chosen
+by hand; not fitted."""
 SAME_HORIZON_PX = 1.0
+"""Difference of horizons up to which two lanes are the same lane, in pixels. Chosen by hand; not fitted."""
 INNER_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
-"""Over the camera's height: where the inner stripe of a double marking may be."""
+"""Distances from a boundary at which the inner stripe of a double marking is looked for, over the camera's height.
+Chosen by hand; not fitted."""
 INNER_SHARE = 0.5
+"""Least evidence of an inner stripe relative to the outer one. Chosen by hand; not fitted."""
 INNER_LEAST = 0.15
+"""Evidence that the outer stripe has at least in that comparison. Chosen by hand; not fitted."""
 VP_HORIZON = 0.015
+"""Sigma of the horizon from the vanishing point, over the image's height. Chosen by hand; not fitted."""
 VP_COLUMN = 0.02
+"""Sigma of the column of the vanishing point, over the image's width. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Where a frame shows stripes.
+    """The stripes that a frame shows.
 
     Attributes:
-        rows: Shape (n,): sampled rows from the top.
-        sharp, wide, broad: Shape (n, width), 0 to 1; `wide` and `broad` are the greatest values near by.
-        horizon_px: For which stripes' widths were taken.
+        rows: Shape (n,): sampled rows, counted from the top.
+        sharp, wide, broad: Shape (n, width), 0 to 1; `wide` and `broad` hold the greatest values near by.
+        horizon_px: The horizon for which the widths of stripes were taken.
         min_h: Rows less than this below a lane's horizon are not judged.
-        pinhole: Of the camera.
+        pinhole: Intrinsics of the camera.
     """
 
     rows: Int32Array
@@ -94,7 +123,7 @@ class Evidence:
     pinhole: Pinhole
 
     def scoring(self, *, beside: float = BESIDE) -> lane_ridge.Scoring:
-        """How lanes are judged on it; `beside`: weight of the neighbouring lanes' boundaries."""
+        """Settings with which the kernel judges lanes on this evidence, with a weight for neighbouring lanes."""
         segment = len(self.rows) // N_SEGMENTS
         return {
             "prior_weight": PRIOR_WEIGHT,
@@ -108,7 +137,7 @@ class Evidence:
 
 
 def rows_of(top_px: float, height_px: int) -> Int32Array:
-    """Rows that are judged, evenly spaced from the top to the bottom of the road."""
+    """Rows that are sampled for stripes, evenly spaced from the top to the bottom of the road."""
     last = height_px - 2.0
     top = min(max(float(top_px), 0.0), last - 2.0 * N_SEGMENTS)
     n = min(max(int(ROW_STEP * (last - top)), 2 * N_SEGMENTS), MAX_ROWS)
@@ -117,7 +146,7 @@ def rows_of(top_px: float, height_px: int) -> Int32Array:
 
 
 class Look(Protocol):
-    """What makes the evidence of a frame; see `evidence_of`."""
+    """A function that measures the evidence of a frame, such as `evidence_of`."""
 
     def __call__(
         self,
@@ -129,17 +158,17 @@ class Look(Protocol):
         *,
         with_joints: bool = False,
     ) -> Evidence:
-        """The evidence in some rows."""
+        """Measure the evidence in some rows of a frame."""
 
 
 def reaches(width_px: int) -> tuple[int, int]:
-    """Columns to each side from which `Evidence.wide` and `broad` take the greatest value."""
+    """Columns to each side over which the two widened evidences take the greatest value."""
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
 
 @lru_cache(maxsize=8)
 def _stripe_of(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
-    """How stripes, or joints, are told, with windows for fx / fy."""
+    """Settings with which the kernel finds stripes, or joints, for a camera of this fx / fy."""
     inner, gap, side = (stretch * each for each in (JOINT_WINDOWS if is_joint else WINDOWS))
     return {
         "inner": inner,
@@ -163,13 +192,14 @@ def evidence_of(
     *,
     with_joints: bool = False,
 ) -> Evidence:
-    """Stripes of the frame for a horizon.
+    """Measure the stripes of a frame for a horizon.
 
     Args:
-        grey, rows: The frame, and the rows that are judged.
-        horizon_px: For which stripes' widths are taken.
-        pinhole: Of the camera.
-        room: Shape (3 `MAX_ROWS` width,): filled and looked into by the result; None: new memory.
+        grey: The frame, shape (height, width).
+        rows: The rows that are sampled.
+        horizon_px: The horizon for which the widths of stripes are taken.
+        pinhole: Intrinsics of the camera.
+        room: A buffer of 3 x rows x width numbers or more, which the result fills and refers to; None: new memory.
         with_joints: Joints count as well.
     """
     height, width = grey.shape
@@ -243,19 +273,20 @@ def refined(
     scale: float = 1.0,
     beside: float = BESIDE,
 ) -> tuple[FloatArray, FloatArray]:
-    """Lanes after a pattern search from each, and their objective.
+    """Refine lanes by a pattern search from each; returns the lanes, shape (k, 6), and their objectives, shape (k,).
 
     Args:
-        evidence, lanes: Lanes have shape (k, 6) or (6,).
-        table: Of the prior (`LanePrior.table`).
+        evidence: The stripes of the frame.
+        lanes: Where the searches begin, shape (k, 6) or (6,).
+        table: The prior's table (`LanePrior.table`).
         size: Width and height of the image.
         wide: Use the widened evidence.
-        scale: Of the first steps.
+        scale: Factor of the first steps.
         beside: Weight of the neighbouring lanes' boundaries.
     """
     width_px, height_px = size
-    made = np.array(lanes, np.float64, ndmin=2)
-    horizon = float(made[0, HORIZON]) if len(made) == 1 else float(made[:, HORIZON].mean())
+    refined_lanes = np.array(lanes, np.float64, ndmin=2)
+    horizon = float(refined_lanes[0, HORIZON]) if len(refined_lanes) == 1 else float(refined_lanes[:, HORIZON].mean())
     depth = height_px - horizon
     near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
     spiral = far if table[SPIRAL, LOW] < table[SPIRAL, HIGH] else 0.0
@@ -264,7 +295,7 @@ def refined(
         evidence.wide if wide else evidence.sharp,
         evidence.broad,
         evidence.rows,
-        made,
+        refined_lanes,
         table,
         evidence.scoring(beside=beside),
         near_v=horizon + 0.6 * depth,
@@ -272,34 +303,35 @@ def refined(
         steps=steps,
         halvings=4 if wide else 6,
     )
-    return made, value
+    return refined_lanes, value
 
 
 def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
-    """Objective of lanes, the neighbouring lanes' boundaries included."""
+    """Objectives of lanes, shape (k,), the neighbouring lanes' boundaries included."""
     return lane_ridge.objective(evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring())
 
 
 def widely_best(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
-    """The lane (6,) of several (k, 6) that has the greatest objective on widened evidence, without neighbours."""
+    """The lane (6,) among several (k, 6) with the greatest objective on widened evidence, without neighbours."""
     scoring = evidence.scoring(beside=0.0)
     value = lane_ridge.objective(evidence.wide, evidence.broad, evidence.rows, lanes, table, scoring)
     return np.asarray(lanes[int(value.argmax())])
 
 
 def distinct(lanes: FloatArray, n: int) -> FloatArray:
-    """Up to n of the lanes, in their order, that are none of those taken before (`is_same`)."""
-    taken: list[FloatArray] = []
+    """The first n lanes that differ from all lanes before them; fewer if there are not so many."""
+    chosen: list[FloatArray] = []
     for lane in lanes:
-        if not any(is_same(lane, other) for other in taken):
-            taken.append(lane)
-            if len(taken) == n:
+        if not any(is_same(lane, other) for other in chosen):
+            chosen.append(lane)
+            if len(chosen) == n:
                 break
-    return np.array(taken)
+    return np.array(chosen)
 
 
 def is_same(lane: FloatArray, other: FloatArray) -> bool:
-    """Whether neither boundary of two lanes differs by more than `SAME_PLACE`, nor their horizon by a row."""
+    """Whether two lanes are the same: neither their boundaries nor their horizons differ by more than the
+    tolerances."""
     _, middle, width, _, horizon, _ = lane.tolist()
     _, other_middle, other_width, _, other_horizon, _ = other.tolist()
     apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
@@ -307,7 +339,7 @@ def is_same(lane: FloatArray, other: FloatArray) -> bool:
 
 
 def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
-    """The prior with the horizon, and where a straight lane would vanish, from the lines of the frame."""
+    """The prior with horizon and direction taken from the vanishing point of the frame's straight edges."""
     height, width = grey.shape
     point = vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
     if point is None:
@@ -322,17 +354,18 @@ def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
 def acquire(
     grey: GreyImage, camera: Camera, prior: LanePrior, look: Look = evidence_of
 ) -> tuple[FloatArray, FloatArray, Evidence]:
-    """The lanes that a frame supports best, knowing nothing but the prior.
+    """Search a first frame for the lanes that it supports best, knowing nothing but the prior.
 
     Args:
-        grey: Of the camera's size.
-        camera: The camera.
-        prior: Its horizon must be narrow (`with_vanishing_point`).
-        look: Makes the evidence.
+        grey: The frame, of the camera's size.
+        camera: The camera in the pixels of the frame.
+        prior: The prior, with a narrow horizon.
+        look: Measures the evidence.
 
     Returns:
-        Shape (k, 6) and (k,): the mean of the lanes around the best one (`lane_mean`), the others, best first by paint
-        and joints, and the objective of each by paint alone; and the evidence of paint at the best one's horizon.
+        Lanes, shape (k, 6): the mean of the lanes around the best one (`lane_mean`), then the others, best first by
+        paint and joints; the objective of each by paint alone, shape (k,); and the evidence of paint at the best lane's
+        horizon.
     """
     height, width = grey.shape
     row = prior.table[HORIZON]
@@ -361,14 +394,16 @@ def acquire(
 def glance(
     evidence: Evidence, prior: LanePrior, size: tuple[int, int], known: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Other lanes that a frame supports at a known horizon and under a narrow prior of direction and bend.
+    """Search for other lanes at a known horizon, under a narrow prior of direction and bend.
 
     Args:
-        evidence, prior, size: As elsewhere.
-        known: The lanes that are followed: none of them comes back.
+        evidence: The stripes of the frame.
+        prior: The narrow prior.
+        size: Width and height of the image.
+        known: The lanes that are followed already; none of them is returned.
 
     Returns:
-        As `acquire`: lanes and objective; there may be none.
+        Lanes, shape (k, 6), and their objectives, shape (k,); k may be 0.
     """
     lanes = _unknown(distinct(scan(evidence, prior, *size)[0], 2), known)
     if len(lanes):
@@ -379,14 +414,15 @@ def glance(
 
 
 def _unknown(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+    """Lanes that are none of the known ones."""
     return lanes[[not any(is_same(lane, other) for other in known) for lane in lanes]]
 
 
 def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
     shifts = INNER_SHIFTS * prior.pinhole.stretch
-    made = np.array(lanes)
-    for lane in made:
+    moved_lanes = np.array(lanes)
+    for lane in moved_lanes:
         for sign in (1.0, -1.0):
             own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
             values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.scoring())
@@ -396,5 +432,5 @@ def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tup
                 lane[MIDDLE] += 0.5 * sign * shifts[k]
                 lane[WIDTH] -= shifts[k]
         # (the following search has short steps: it can't jump back)
-    made, _ = refined(evidence, made, prior.table, size, wide=False, scale=0.12)
-    return made
+    moved_lanes, _ = refined(evidence, moved_lanes, prior.table, size, wide=False, scale=0.12)
+    return moved_lanes

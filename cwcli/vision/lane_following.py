@@ -31,75 +31,89 @@ from cwcli.vision.lane_model import (
 )
 
 OVER_THE_LINE = 0.55
-"""Of the lane's width: a car whose camera is farther from the middle is in the next lane."""
+"""Offset of the camera from the lane's middle, in lane widths, above which the car is in the next lane. Chosen by hand;
+not fitted."""
 BEYOND = 0.65
-"""Likewise: farther a followed lane does not go."""
+"""Greatest offset of the camera from the middle of a followed lane, in lane widths. Chosen by hand; not fitted."""
 BETWEEN = 0.35
-"""Likewise: from here on the car may be taken to be in the next lane."""
+"""Offset of the camera from the lane's middle, in lane widths, above which the next lane may take this one's place.
+Chosen by hand; not fitted."""
 NEXT_SHARE = 0.2
-"""By so much of the width the next lane may lie beside its place."""
+"""Tolerance of the next lane's place, in lane widths. Chosen by hand; not fitted."""
 FOLLOWED_OFFSET_M = 0.6
-"""Sigma of its place. Chosen with lane changes and mountain bends 0 and 1 of `tests.studies.lane_drives` in sight;
-drives 200 and 201 of both were not."""
+"""Sigma of the camera's offset from the middle of a followed lane, in metres. Chosen on lane changes and mountain bends
+0 and 1 of `tests.studies.lane_drives`; drives 200 and 201 of both were not looked at."""
 FOLLOWED_HEADING_RAD = 0.05
-"""A car that changes lanes or slides outwards in a tight bend points so far away from its lane."""
+"""Sigma of the heading in a followed lane, in radians: a car that changes lanes or slides outwards in a tight bend
+points aside. Chosen on the same drives as the sigma of the offset."""
 FOLLOWED_CURVATURE_1PM = 0.02
+"""Sigma of the curvature of a followed lane, in 1/m. Chosen by hand; not fitted."""
 SIDEWAYS_MPS = 0.8
-"""A boundary moves sideways by no more than this beside what speed and direction tell: 0.03 rad at 25 m/s."""
+"""Greatest lateral speed of a boundary relative to its prediction where speed and heading are known, in m/s: 0.03 rad
+at 25 m/s."""
 UNTOLD_SIDEWAYS_MPS = 1.5
-"""Where nothing tells them: a swift lane change."""
+"""Greatest lateral speed of a boundary where the car's motion is not known, in m/s: that of a swift lane change."""
 WIDENS_MPS = 0.6
-"""A taper of 1 : 40 at 25 m/s."""
+"""Greatest rate at which a lane's width changes, in m/s: a taper of 1 : 40 at 25 m/s."""
 MARGIN_M = 0.02
-"""What a place may move beside that: the paint's grain."""
+"""Distance that a boundary may move in addition, in metres: the grain of the paint. Chosen by hand; not fitted."""
 LEAST_DT_S = 0.02
+"""Least time step that the limits of a boundary's movement assume, in seconds. Chosen by hand; not fitted."""
 APART_AT = (0.25, 0.6)
-"""Rows in which lanes are compared, of the way from the horizon to the bottom."""
+"""Rows in which two lanes are compared, as shares of the way from the horizon to the image's bottom. Chosen by hand;
+not fitted."""
 LINES = np.array([-1.5, -0.5, 0.5, 1.5])
-"""Lines of a lane and of those beside it, from its middle, in its widths."""
+"""Lateral places of the lines of a lane and of its two neighbours, from the lane's middle, in lane widths."""
 SAME_LINE = 0.15
-"""Over the camera's height: nearer lines are one."""
+"""Distance below which two lines count as one, over the camera's height. Chosen by hand; not fitted."""
 JERK_MPS3 = 1.0
-"""Sigma of what a road's bends ask of a car: clothoids are made for lateral jerks of 0.5 to 1 m/s^3, ramps for more."""
+"""Sigma of the lateral jerk in a road's bends, in m/s^3: clothoids are designed for 0.5 to 1, ramps for more."""
 MOST_SIGMAS = 4.0
+"""Greatest change of curvature that is searched, in sigmas of its prior. Chosen by hand; not fitted."""
 TURN_M = 10.0
-"""Over this way a bend that begins turns the lane's direction by what nobody predicted."""
+"""Distance over which a bend that begins turns the lane without being predicted, in metres. Chosen on ramp 200 of
+`tests.studies.lane_drives`."""
 SWIFT_MPS = 20.0
-"""Faster, a spiral of one sigma moves a boundary 20 m ahead by less than 0.17 m. Then lanes have none, and
-new bends are not searched for: where few dots are all there is, that freedom would find lanes that are not there."""
+"""Speed in m/s from which lanes have no change of curvature and new bends are not searched: a change of one sigma moves
+a boundary 20 m ahead by less than 0.17 m, and with few raised dots that freedom finds lanes that are not there."""
 PIVOT_AT = 0.6
-"""Of the way from the horizon to the image's bottom: 7 m ahead of a wide camera."""
+"""Row in which bends are varied without moving the lane, as a share of the way from the horizon to the image's bottom:
+7 m ahead of a wide camera. Chosen by hand; not fitted."""
 PITCHES = np.array([0.0, -1.0, 1.0, -2.0, 2.0, -3.0, 3.0, -4.5, 4.5])
-"""What is tried, in sigmas of what the prediction of the pitch may miss: a bump moves the whole lane up or down."""
+"""Pitch candidates in sigmas of the pitch prediction: a bump moves the whole lane up or down. Chosen by hand; not
+fitted."""
 SPIRALS, BENDS = (each.ravel() for each in np.meshgrid(np.linspace(-2.0, 2.0, 9), np.linspace(-6.0, 6.0, 9)))
-"""What is tried: spirals in sigmas, and bends in sigmas of the spiral times the near row's distance. Chosen, like
-`TURN_M`, with ramp 200 of `tests.studies.lane_drives` in sight."""
+"""Grid of candidates: changes of curvature in sigmas, and bends in sigmas of that change times the distance of the
+pivot row. Chosen on ramp 200 of `tests.studies.lane_drives`."""
 LATERAL_ACCEL_MPS2 = 6.0
-"""More grip no car uses: bends at a known speed are not tighter."""
+"""Greatest lateral acceleration of a car, in m/s^2: bends at a known speed are not tighter. Chosen by hand; not
+fitted."""
 TIGHTEST_1PM = 0.06
+"""Greatest curvature of a lane at any known speed, in 1/m: a radius of 17 m. Chosen by hand; not fitted."""
 UNTOLD_TIGHTEST_1PM = 0.02
+"""Greatest curvature of a lane where the speed is not known, in 1/m: a radius of 50 m. Chosen by hand; not fitted."""
 SLOWEST_MPS = 3.0
-"""Below it a yaw rate and a speed tell no curvature."""
+"""Least speed in m/s at which yaw rate over speed gives a curvature. Chosen by hand; not fitted."""
 BEND_SHARE = 0.25
-"""By so much the bend ahead differs from that in which the car is."""
+"""Sigma of the curvature ahead relative to the curvature in which the car drives. Chosen by hand; not fitted."""
 
 
 def tightest_1pm(speed_mps: float) -> float:
-    """The greatest curvature in which a car drives at a speed."""
+    """The greatest curvature in which a car can drive at a speed, in 1/m."""
     if not math.isfinite(speed_mps):
         return UNTOLD_TIGHTEST_1PM
     return min(LATERAL_ACCEL_MPS2 / max(speed_mps, SLOWEST_MPS) ** 2, TIGHTEST_1PM)
 
 
 def driven_1pm(speed_mps: float, yaw_rate_radps: float) -> float:
-    """The curvature in which the car drives, right positive; NaN where it is not told."""
+    """The curvature in which the car drives, in 1/m, right positive; NaN where speed or yaw rate is not known."""
     if not (speed_mps >= SLOWEST_MPS and math.isfinite(yaw_rate_radps)):
         return math.nan
     return -yaw_rate_radps / speed_mps
 
 
 def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
-    """The prior of a lane that is followed."""
+    """The prior of a lane that is followed: wider in offset, heading and curvature than that of a first frame."""
     rows: list[list[float]] = prior.table.tolist()
     place, ahead, bend = rows[MIDDLE], rows[VANISHING], rows[BEND]
     reach = BEYOND * rows[WIDTH][HIGH]
@@ -126,50 +140,51 @@ def opened(prior: LanePrior, camera: Camera, speed_mps: float) -> LanePrior:
 
 
 def pitched(lane: FloatArray, prior: LanePrior, table: FloatArray, dt_s: float) -> FloatArray:
-    """Shape (k, 6): the lane as predicted, and with other horizons.
+    """Candidates of a predicted lane with other pitches, shape (k, 6); the first is the prediction itself.
 
     A search that moves one number after the other takes a bump for a bend, or stays where it is.
 
     Args:
-        lane: As predicted.
-        prior: Of a followed lane.
-        table: Within whose limits they stay.
-        dt_s: Since the frame before.
+        lane: The predicted lane, shape (6,).
+        prior: The prior of a followed lane.
+        table: The prior's table around the prediction; candidates stay within its limits.
+        dt_s: Time since the frame before.
     """
-    made = np.empty((len(PITCHES), len(lane)))
-    made[:] = lane
+    candidates = np.empty((len(PITCHES), len(lane)))
+    candidates[:] = lane
     moved = lane[HORIZON] + PITCHES * (prior.drift[HORIZON] * math.sqrt(max(dt_s, LEAST_DT_S)))
-    made[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
-    return made
+    candidates[:, HORIZON] = np.minimum(np.maximum(moved, table[HORIZON, LOW]), table[HORIZON, HIGH])
+    return candidates
 
 
 def turned(lane: FloatArray, prior: LanePrior, table: FloatArray, height_px: int) -> FloatArray:
-    """Shape (k, 6): the lane with other bends and spirals, which keeps its place and direction in a near row.
+    """Candidates of a predicted lane with other bends and changes of curvature, shape (k, 6).
 
-    Where a road begins to bend, place and direction beside the camera, bend and spiral are wrong together, and a search
-    that moves one after the other does not leave the old bend. With t = 1 / h in the near row, all that leaves the line
-    as it is there is dk (1 / h - t)^2 h + dq (1 / h - t)^3 h.
+    All keep the lane's place and direction in a near row. Where a road begins to bend, place and direction beside the
+    camera, bend and change of curvature are wrong together, and a search that moves one after the other does not leave
+    the old bend. With t = 1 / h in the near row, all that leaves the line as it is there is
+    dk (1 / h - t)^2 h + dq (1 / h - t)^3 h.
 
     Args:
-        lane: As predicted.
-        prior: Of a followed lane (`opened`): its spiral's sigma is the grid's unit.
-        table: Within whose limits they stay.
-        height_px: Of the image.
+        lane: The predicted lane, shape (6,).
+        prior: The prior of a followed lane; the sigma of its change of curvature is the grid's unit.
+        table: The prior's table around the prediction; candidates stay within its limits.
+        height_px: Height of the image.
     """
     t, sigma = 1.0 / (PIVOT_AT * (height_px - float(lane[HORIZON]))), float(prior.table[SPIRAL, SIGMA])
     spirals, bends = sigma * SPIRALS, sigma * t * BENDS
-    made = np.empty((len(bends), len(lane)))
-    made[:] = lane
+    candidates = np.empty((len(bends), len(lane)))
+    candidates[:] = lane
     dq = spirals - lane[SPIRAL]
-    made[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
-    made[:, MIDDLE] += (bends - dq * t) * t * t
-    made[:, BEND] += bends - 3.0 * dq * t
-    made[:, SPIRAL] = spirals
-    return np.minimum(np.maximum(made, table[:, LOW]), table[:, HIGH])
+    candidates[:, VANISHING] += (3.0 * dq * t - 2.0 * bends) * t
+    candidates[:, MIDDLE] += (bends - dq * t) * t * t
+    candidates[:, BEND] += bends - 3.0 * dq * t
+    candidates[:, SPIRAL] = spirals
+    return np.minimum(np.maximum(candidates, table[:, LOW]), table[:, HIGH])
 
 
 def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: float) -> LanePrior:
-    """The prior of a lane that is looked for, with the bend in which the car drives, where that is told."""
+    """The prior of a first frame with the curvature in which the car drives; unchanged where that is not known."""
     driven = driven_1pm(speed_mps, yaw_rate_radps)
     if math.isnan(driven):
         return prior
@@ -183,7 +198,7 @@ def bent(prior: LanePrior, camera: Camera, speed_mps: float, yaw_rate_radps: flo
 
 
 def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
-    """The prior with the horizon that the frames showed so far."""
+    """The prior with the horizon that the frames have shown so far."""
     table = prior.table.copy()
     sigma = max(camera.fy * PITCH_SIGMA_RAD, 1.0)
     table[HORIZON] = horizon_px, sigma, horizon_px - 6.0 * sigma, horizon_px + 6.0 * sigma
@@ -191,7 +206,7 @@ def learned(prior: LanePrior, horizon_px: float, camera: Camera) -> LanePrior:
 
 
 def at_horizon(prior: LanePrior, lane: FloatArray, camera: Camera) -> LanePrior:
-    """The prior for a lane whose horizon is another one than that which the frames showed so far; else itself."""
+    """The prior for a lane whose horizon differs from that of the frames so far; else the prior itself."""
     row = prior.table[HORIZON]
     if prior.is_mounted or row[LOW] <= lane[HORIZON] <= row[HIGH]:
         return prior
@@ -201,55 +216,60 @@ def at_horizon(prior: LanePrior, lane: FloatArray, camera: Camera) -> LanePrior:
 def predicted(
     lane: FloatArray, camera: Camera, speed_mps: float, yaw_rate_radps: float, dt_s: float, prior: LanePrior
 ) -> FloatArray:
-    """The lane in the next frame from the car's motion; unknown motion changes nothing.
+    """The lane in the next frame, predicted from the car's motion; shape (6,). Unknown motion changes nothing.
 
     With places and curvatures K to the right, the lane's direction seen from the car turns by (K v + yaw rate) dt, its
     middle moves sideways by that direction times v dt, and the bend changes as it does ahead.
 
     Args:
-        lane, camera, prior: As elsewhere.
-        speed_mps, yaw_rate_radps: NaN where not known.
-        dt_s: To the next frame.
+        lane: The lane in this frame, shape (6,).
+        camera: The camera in the pixels of the search image.
+        speed_mps, yaw_rate_radps: The car's motion; NaN where it is not known.
+        dt_s: Time to the next frame.
+        prior: The prior, which knows the camera's mounting.
     """
-    made = np.array(lane)
+    next_lane = np.array(lane)
     height_m = camera.mounting.height_m
     if math.isfinite(speed_mps):
-        way_m = speed_mps * dt_s
+        distance_m = speed_mps * dt_s
         bend_1pm, change_1pm2 = lane[BEND] / bend_unit(camera), lane[SPIRAL] / spiral_unit(camera)
         if math.isfinite(yaw_rate_radps):
-            turned_rad = (bend_1pm + 0.5 * change_1pm2 * way_m) * way_m + yaw_rate_radps * dt_s
-            made[VANISHING] += camera.fx * turned_rad
-        made[BEND] += bend_unit(camera) * change_1pm2 * way_m
+            turned_rad = (bend_1pm + 0.5 * change_1pm2 * distance_m) * distance_m + yaw_rate_radps * dt_s
+            next_lane[VANISHING] += camera.fx * turned_rad
+        next_lane[BEND] += bend_unit(camera) * change_1pm2 * distance_m
         if prior.is_mounted:
             straight = camera.cx + camera.fx * math.tan(camera.mounting.yaw_rad)
-            made[MIDDLE] += (lane[VANISHING] - straight) / camera.fx * way_m * prior.pinhole.stretch / height_m
-    return made
+            next_lane[MIDDLE] += (
+                (lane[VANISHING] - straight) / camera.fx * distance_m * prior.pinhole.stretch / height_m
+            )
+    return next_lane
 
 
 def crossed(lane: FloatArray) -> int:
-    """1 if the car has come into the next lane to the left, -1 to the right, else 0."""
+    """The lane change that a lane's place shows: 1 to the left, -1 to the right, 0 for none."""
     if abs(lane[MIDDLE]) <= OVER_THE_LINE * lane[WIDTH]:
         return 0
     return 1 if lane[MIDDLE] > 0.0 else -1
 
 
 def beside(lane: FloatArray, change: int) -> FloatArray:
-    """The lane after a change (`crossed`): the next one to the left (1) or to the right (-1)."""
-    made = np.array(lane)
-    made[MIDDLE] -= change * made[WIDTH]
-    return made
+    """The adjacent lane on the left (1) or on the right (-1), or the same lane (0); shape (6,)."""
+    adjacent = np.array(lane)
+    adjacent[MIDDLE] -= change * adjacent[WIDTH]
+    return adjacent
 
 
 def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: float = UNTOLD_SIDEWAYS_MPS) -> FloatArray:
-    """The prior's table times a normal distribution around the predicted lane, to which direction and bend are left.
+    """The table of a prior narrowed around a predicted lane, shape (6, 4).
 
-    The lane's place and width are kept within what a car can do and a taper does.
+    Place, width and horizon get the product of the prior and a normal distribution around the prediction; direction and
+    bend get the latter alone. The lane's place and width stay within what a car and a taper can do.
 
     Args:
-        prior: Of a followed lane (`opened`).
-        lane: As predicted.
-        dt_s: Since the frame before.
-        sideways_mps: What the prediction of the place may miss at most.
+        prior: The prior of a followed lane.
+        lane: The predicted lane, shape (6,).
+        dt_s: Time since the frame before.
+        sideways_mps: Greatest lateral speed at which the prediction of the place may be wrong.
     """
     dt_s = max(dt_s, LEAST_DT_S)
     predicted_at: list[float] = lane.tolist()
@@ -270,13 +290,14 @@ def narrowed(prior: LanePrior, lane: FloatArray, dt_s: float, sideways_mps: floa
 
 
 def shift_m(lane: FloatArray, other: FloatArray, prior: LanePrior) -> float:
-    """How far the boundary that differs more lies from that of another lane, beside the camera."""
+    """Distance beside the camera between the boundaries of two lanes, of the side that differs more, in metres."""
     apart = abs(float(lane[MIDDLE] - other[MIDDLE])) + 0.5 * abs(float(lane[WIDTH] - other[WIDTH]))
     return apart / prior.per_m
 
 
 def apart_m(lane: FloatArray, other: FloatArray, prior: LanePrior, height_px: int) -> float:
-    """How far the boundary that differs more lies from that of another lane, near and 20 m ahead of a wide camera."""
+    """Distance between the boundaries of two lanes, of the side that differs more, near the car and 20 m ahead of a
+    wide camera, in metres."""
     most = 0.0
     for share in APART_AT:
         h = share * (height_px - float(lane[HORIZON]))
@@ -289,13 +310,13 @@ def apart_m(lane: FloatArray, other: FloatArray, prior: LanePrior, height_px: in
 
 
 def boundaries_px(lane: FloatArray, h: float) -> FloatArray:
-    """Shape (2,): columns of both boundaries h rows below the lane's horizon; of a tight bend, of what touches it."""
+    """Columns of both boundaries h rows below the lane's horizon, shape (2,), by the polynomial also in tight bends."""
     u0, middle, width, bend, _, spiral = lane.tolist()
     return np.asarray(u0 + np.array([middle - 0.5 * width, middle + 0.5 * width]) * h + (bend + spiral / h) / h)
 
 
 def lines_at(lane: FloatArray, other: FloatArray, height_px: int) -> tuple[bool, bool]:
-    """Whether a lane, or one beside it, has a line where the left and the right boundary of another one lie."""
+    """Whether a lane or one of its neighbours has a line at the left and at the right boundary of another lane."""
     found = np.ones((2, len(LINES)), np.bool_)
     for share in APART_AT:
         h = share * (height_px - float(other[HORIZON]))
@@ -309,7 +330,8 @@ def lines_at(lane: FloatArray, other: FloatArray, height_px: int) -> tuple[bool,
 
 
 def change_between(lane: FloatArray, other: FloatArray) -> int:
-    """Whether another lane is the next one to the left (1) or to the right (-1), and the car between them; else 0."""
+    """The lane change from one lane to another: 1 to the left, -1 to the right; 0 unless they are adjacent and the car
+    is between them."""
     width = 0.5 * float(lane[WIDTH] + other[WIDTH])
     change = 1 if lane[MIDDLE] > other[MIDDLE] else -1
     apart = abs(float(lane[MIDDLE] - other[MIDDLE]))

@@ -1,4 +1,4 @@
-"""Lanes that are followed side by side: each improved on its own, and those that have become one lane."""
+"""Lane hypotheses: each is refined on its own, and those that have become one lane are merged."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
 from cwcli.vision.lane_sides import NO_LINE, Sides
 
 LEAST_RIVAL = 5.0 * SCALE
-"""A lane that is worse by more is no rival: it has less than 1 %."""
+"""Greatest deficit of objective with which a lane is still a rival: below it, it has less than 1 % of the
+probability."""
 SWITCH_GAIN = 0.03
-"""Objective by which a hypothesis must be better than another to take its place."""
+"""Objective by which a hypothesis must be better than another one to take its place. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +37,12 @@ class Hypothesis:
         lane: Shape (6,), see `lane_model`.
         value: Objective over the last frames.
         last: Objective in the last frame.
-        start: What the prior of a lane that is looked for took off its objective in its first frame, beside that of one
-            that is followed: it stays a reason against it.
-        better_s: For how long it has been better than the published one.
-        change: Whether it came into the next lane in this frame (`lane_following.crossed`).
-        sides: What is known of its two lines, if it is the published one.
-        is_tight: No speed is told, and it is followed as one on which cars drive slowly.
+        start: Objective that the stricter prior of a first frame took off when the lane was found, at most 0; it stays
+            a reason against the lane.
+        better_s: Time for which it has been better than the published one.
+        change: The lane change in this frame: 1 to the left, -1 to the right, else 0.
+        sides: State of its two lines, if it is the published one.
+        is_tight: The log has no speed, and the lane is followed as a tight bend.
     """
 
     lane: FloatArray
@@ -55,7 +56,7 @@ class Hypothesis:
 
     @property
     def carried(self) -> int:
-        """The boundary that is carried beside the other one (`Sides.carried`), or `NO_LINE`."""
+        """The boundary whose place follows from the other line (`lane_sides`), or `NO_LINE`."""
         return NO_LINE if self.sides is None else self.sides.carried
 
 
@@ -69,17 +70,22 @@ def improved(
     *,
     is_slow: bool,
 ) -> tuple[FloatArray, float]:
-    """A predicted lane (6,) improved on a frame, and its objective.
+    """Refine a predicted lane on a frame; returns the lane, shape (6,), and its objective.
 
     Args:
-        evidence, lane, size: As elsewhere.
-        prior: Of a followed lane.
-        dt_s, sideways_mps: `narrowed`.
-        is_slow: Bends may begin and end within sight: others are tried too (`turned`).
+        evidence: The stripes of the frame.
+        lane: The predicted lane, shape (6,).
+        prior: The prior of a followed lane.
+        size: Width and height of the image.
+        dt_s: Time since the frame before.
+        sideways_mps: Greatest lateral speed at which the prediction may be wrong.
+        is_slow: The car is slow, so that bends may begin and end within sight: other bends are tried too.
     """
     table = narrowed(prior, lane, dt_s, sideways_mps)
     lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
-    if not prior.is_mounted:  # else the mounting tells the horizon, and the search's own steps reach what bumps do
+    if (
+        not prior.is_mounted
+    ):  # else the horizon is known from the mounting, and the search's own steps reach what bumps do
         lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
     starts = lane[None]
     if is_slow:
@@ -103,9 +109,9 @@ def tight_or_gentle(
     """A tight bend, its objective and True; or a gentle one and False, if that is as good and nothing jumps.
 
     Args:
-        evidence, lane, size, dt_s, sideways_mps: As for `improved`.
-        found: The tight bend and its objective.
-        prior: Of gentle bends.
+        evidence, lane, size, dt_s, sideways_mps: As for the refinement of a predicted lane.
+        found: The tight bend, shape (6,), and its objective.
+        prior: The prior of gentle bends.
     """
     gentle, last = improved(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
     reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
@@ -122,7 +128,7 @@ def add_bent(
     dt_s: float,
     sideways_mps: float,
 ) -> None:
-    """Add the published lane, the first, as a tight bend, if that is clearly better. Both have the same past."""
+    """Add the published lane, the first, once more as a tight bend, if that is clearly better."""
     lead = followed[0]
     lane, last = improved(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
     if last > lead.last + SWITCH_GAIN:
@@ -133,15 +139,15 @@ def add_bent(
 def doubted(
     chances: tuple[float, float], lane: Hypothesis, rivals: list[Hypothesis], height_px: int
 ) -> tuple[float, float]:
-    """The probabilities of a lane's boundaries, which it shares with its rivals.
+    """The probabilities of a lane's boundaries after its rivals have taken their share.
 
-    Of several lanes that a frame may show, each has its part by exp(objective / `SCALE`), as in the mean of a first
-    frame. A rival that has a line where a boundary lies, as the next lane has, does not speak against it.
+    Of several lanes that a frame may show, each has a share of exp(objective / 0.015), as in the mean of a first
+    frame. A rival that has a line where a boundary lies, as the next lane has, takes nothing from that boundary.
 
     Args:
-        chances: Of the left and of the right boundary, if there were no rivals.
-        lane, rivals: What is published, and what else is followed.
-        height_px: Of the image.
+        chances: Probabilities of the left and of the right boundary without rivals.
+        lane, rivals: The published hypothesis, and the other ones.
+        height_px: Height of the image.
     """
     parts = [1.0, 1.0]
     for rival in rivals:

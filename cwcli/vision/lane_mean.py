@@ -2,7 +2,7 @@
 
 Where two or three dots or one dash are all that shows of a boundary, the objective is flat: lanes half a metre apart
 differ by less than any prior's sigma counts, and the best of them is best by chance. Their mean, each weighed by
-exp(objective / `SCALE`), has the least squared error, and is moved by what little there is all along: a joint, a
+exp(objective / 0.015), has the least squared error, and is moved by what little there is all along: a joint, a
 neighbour's line. It is taken over points of a normal distribution that is fitted to the weights in a few rounds
 (adaptive importance sampling; O. Cappé et al., Population Monte Carlo, J. Comput. Graph. Statist. 13 (2004) 907). The
 points are those of a low-discrepancy sequence (the powers of the root of x^6 = x + 1), so nothing is random.
@@ -19,15 +19,18 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MIDDLE, SPIRAL, VANISHING, WIDTH
 
 SCALE = 0.015
-"""Objective by which a lane must be worse to count 37 %; the prior takes off 0.02 at one sigma."""
+"""Difference of objective at which a lane counts 37 % (1 / e); one sigma of the prior takes off 0.02. Chosen in sight
+of 40 labelled and of rendered frames (docs/lanes.md)."""
 N_POINTS, N_ROUNDS = 192, 3
+"""Number of sample points, and of rounds in which their distribution is fitted. Chosen by hand; not fitted."""
 NEAR, FAR = 0.6, 0.15
-"""Rows in which lanes are moved, of the way from the horizon to the bottom."""
+"""The near and the far row in which lanes are varied, as shares of the way from the horizon to the bottom. Chosen by
+hand; not fitted."""
 SPREAD = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
-"""First sigmas: of the left and the right column in the near row, and of the middle and the bend in the far one, over
-the image's width, and of the horizon, over its height. A boundary moves by a few of them at most."""
+"""Sigmas of the first round: left and right column in the near row, middle and bend in the far row (over the image's
+width), and the horizon (over its height). Chosen by hand; not fitted."""
 LEAST_SPREAD = 0.05
-"""Of the first sigmas, what no round goes below."""
+"""Share of the first round's sigmas that no later round goes below. Chosen by hand; not fitted."""
 
 
 def _normal_points(n: int) -> FloatArray:
@@ -41,17 +44,18 @@ def _normal_points(n: int) -> FloatArray:
 
 
 POINTS = _normal_points(N_POINTS)
+"""Points of a five-dimensional normal distribution, shape (192, 5), the same in every run."""
 
 
 def mean_lane(
     objective: Callable[[FloatArray], FloatArray], lane: FloatArray, table: FloatArray, size: tuple[int, int]
 ) -> FloatArray:
-    """The mean of the lanes around one, all with its spiral.
+    """The weighted mean of the lanes around one lane, all with its change of curvature.
 
     Args:
-        objective: Of lanes (k, 6), shape (k,).
-        lane: Shape (6,): where to begin.
-        table: Of the prior (`LanePrior.table`).
+        objective: Maps lanes (k, 6) to their objectives (k,).
+        lane: Shape (6,): the lane around which the points lie at first.
+        table: The prior's table (`LanePrior.table`).
         size: Width and height of the image.
 
     Returns:
@@ -79,7 +83,8 @@ def mean_lane(
 
 
 def _places(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
-    """Shape (5,): left and right column in a near row, the middle and the bend's share in a far one, the horizon."""
+    """A lane as places in the image, shape (5,): left and right column in a near row, middle and bend's share in a far
+    row, horizon."""
     u0, middle, width, bend, horizon, _ = lane.tolist()
     near_h, far_h = near_px - horizon, far_px - horizon
     centre = u0 + middle * near_h + bend / near_h
@@ -88,14 +93,14 @@ def _places(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
 
 
 def _lanes(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
-    """Shape (..., 6): the lanes of such places (..., 5), with a spiral."""
+    """The lanes (..., 6) that belong to such places (..., 5), with a given change of curvature."""
     left, right, far, share, horizon = np.moveaxis(places, -1, 0)
     near_h, far_h = np.maximum(near_px - horizon, 2.0), np.maximum(far_px - horizon, 1.0)
     centre, bend = 0.5 * (left + right), share * far_h
-    made = np.empty((*places.shape[:-1], 6))
-    made[..., MIDDLE] = (centre - far - bend * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
-    made[..., VANISHING] = centre - made[..., MIDDLE] * near_h - bend / near_h
-    made[..., WIDTH] = (right - left) / near_h
-    made[..., BEND] = bend
-    made[..., HORIZON], made[..., SPIRAL] = horizon, spiral
-    return made
+    lanes = np.empty((*places.shape[:-1], 6))
+    lanes[..., MIDDLE] = (centre - far - bend * (1.0 / near_h - 1.0 / far_h)) / (near_h - far_h)
+    lanes[..., VANISHING] = centre - lanes[..., MIDDLE] * near_h - bend / near_h
+    lanes[..., WIDTH] = (right - left) / near_h
+    lanes[..., BEND] = bend
+    lanes[..., HORIZON], lanes[..., SPIRAL] = horizon, spiral
+    return lanes

@@ -27,50 +27,61 @@ from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, MIN_DEPTH
 
 VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
+"""Indices of the first three numbers of a lane: u0 (px), and middle and width over the camera's height times fx /
+fy."""
 BEND, HORIZON, SPIRAL = lane_ridge.BEND, lane_ridge.HORIZON, lane_ridge.SPIRAL
-"""Places in the six numbers of a lane: u0 (px), middle, width (both over the camera's height), k (px^2), v0 (px) and q
-(px^3)."""
+"""Indices of the last three numbers of a lane: k (px^2), v0 (px) and q (px^3)."""
 MEAN, SIGMA, LOW, HIGH = lane_ridge.MEAN, lane_ridge.SIGMA, lane_ridge.LOW, lane_ridge.HIGH
-"""Columns of a prior."""
+"""Indices of the columns of a prior's table: mean, sigma, lowest and highest value."""
 
 LANE_WIDTH_M = (3.6, 0.22)
-"""Mean and sigma: 3.25 m on main roads to 3.75 m on motorways; 3.66 m (12 ft) in the US."""
+"""Mean and sigma of the lane width in metres: 3.25 m on main roads to 3.75 m on motorways; 3.66 m (12 ft) in the US."""
 LANE_WIDTH_LIMITS_M = (2.6, 4.6)
+"""Least and greatest lane width that is searched, in metres. Chosen by hand; not fitted."""
 OFFSET_SIGMA_M = 0.35
-"""Of a car in its lane."""
+"""Sigma of the car's offset from the lane's middle, in metres. Chosen by hand; not fitted."""
 OFFSET_LIMIT_M = 1.6
+"""Greatest offset of the car from the lane's middle in a first frame, in metres. Chosen by hand; not fitted."""
 HEADING_SIGMA_RAD = 0.012
+"""Sigma of the angle between car and lane in a first frame, in radians. Chosen by hand; not fitted."""
 CURVATURE_SIGMA_1PM = 0.001
+"""Sigma of the lane's curvature in a first frame, in 1/m. Chosen by hand; not fitted."""
 CURVATURE_LIMIT_1PM = 0.006
+"""Greatest curvature in a first frame, in 1/m: a radius of 167 m. Chosen by hand; not fitted."""
 PITCH_SIGMA_RAD = 0.004
-"""Of the body on its springs, and of the road's own change of slope."""
+"""Sigma of the camera's pitch in radians: the body moves on its springs, and the road's slope changes. Chosen by hand;
+not fitted."""
 UNKNOWN_HEIGHT_FACTOR = 0.88
+"""Factor of widths where the mounting is not known: cameras are then 1.48 m above the road (behind a windscreen, 1.2 to
+1.7 m), and the assumed height of 1.3 m stays as a unit."""
 UNKNOWN_HEIGHT_SHARE = 0.1
-"""Where the mounting is not known, cameras are taken to be at 1.48 m +- 10 %: behind a windscreen, 1.2 to 1.7 m. The
-assumed height of 1.3 m stays, as a unit."""
+"""Sigma of the camera's height over its mean where the mounting is not known. Chosen by hand; not fitted."""
 UNKNOWN_YAW_RAD = 0.035
+"""Sigma of the camera's yaw where the mounting is not known, in radians. Chosen by hand; not fitted."""
 UNKNOWN_HORIZON = (0.45, 0.12, 0.25, 0.66)
-"""Mean, sigma and limits of the horizon's row over the image height, where the mounting is not known."""
+"""Mean, sigma, lowest and highest row of the horizon over the image's height, where the mounting is not known. Chosen
+by hand; not fitted."""
 SAME_SHARE = 0.006
+"""Distance up to which boundaries lie on the same pixels, over the image's width. Chosen by hand; not fitted."""
 SAME_AT = (0.15, 0.6)
-"""Rows in which lanes are compared, of the way from the horizon to the bottom. Two lanes that bend to different sides
-may have the same place and width."""
+"""Rows in which lanes are compared, as shares of the way from the horizon to the bottom. There are two because lanes
+that bend to different sides may have the same place and width."""
 
 DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012, 1e-6])
-"""What a prediction may miss, sigmas for a root second: heading rad, place m, width m, curvature 1/m, pitch rad, change
-of the curvature 1/m^2."""
+"""Sigmas of a prediction's error after one second, growing with the root of time: heading (rad), place (m), width (m),
+curvature (1/m), pitch (rad), change of curvature (1/m^2). Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class LanePrior:
-    """What is known of a lane before the frame is seen.
+    """Prior of a lane: its numbers before the frame is seen.
 
     Attributes:
         table: Shape (6, 4): mean, sigma, lowest and highest of the six numbers.
         is_mounted: The horizon is known from the camera's mounting.
-        pinhole: Of the camera.
-        drift: Shape (6,): what the prediction of a followed lane may miss, sigmas for a root second.
-        per_m: Of `middle` and `width`, one metre.
+        pinhole: Intrinsics of the camera.
+        drift: Shape (6,): sigmas of the prediction's error of a followed lane after one second.
+        per_m: One metre in the unit of `middle` and `width`.
     """
 
     table: FloatArray
@@ -80,7 +91,7 @@ class LanePrior:
     per_m: float
 
     def with_table(self, table: FloatArray, drift: FloatArray | None = None) -> LanePrior:
-        """The same with another table, and another drift if there is one."""
+        """The same prior with another table, and another drift if one is given."""
         return LanePrior(table, self.is_mounted, self.pinhole, self.drift if drift is None else drift, self.per_m)
 
 
@@ -121,7 +132,7 @@ def prior_of(camera: Camera) -> LanePrior:
 
 
 def pinhole_of(camera: Camera) -> Pinhole:
-    """What of the camera the shape of a road takes."""
+    """The intrinsics that the shape of a road in the image depends on."""
     return Pinhole(camera.cx, camera.fx, camera.fx / camera.fy)
 
 
@@ -136,27 +147,28 @@ def spiral_unit(camera: Camera) -> float:
 
 
 def pitch_of(lane: FloatArray, camera: Camera) -> float:
-    """The camera's pitch that puts the horizon at the lane's, nose down positive."""
+    """The camera's pitch that follows from the lane's horizon, in radians, nose down positive."""
     return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
 
 
 def columns_of_lane(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
-    """Shape (2, n): u of both boundaries in n rows; NaN at and above the horizon, and where they have turned back."""
+    """Columns of both boundaries in n rows, shape (2, n); NaN at and above the horizon, and where they have turned
+    back."""
     centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
     return arc_columns(roads_of_lane(lane, pinhole)[:, None], v_px - lane[HORIZON], centre, focal) - 1.0
 
 
 def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
-    """Shape (2, 4): far (px), near, bend (px^2), spiral (px^3) of both boundaries (`arcs.arc_columns`), columns counted
-    from 1."""
+    """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3) (`arcs.arc_columns`), columns
+    counted from 1."""
     u0, middle, width, bend, _, spiral = lane.tolist()
-    made = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
-    made[:, 0] += 1.0
-    return made
+    curves = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
+    curves[:, 0] += 1.0
+    return curves
 
 
 def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
-    """Whether the boundaries of two lanes lie on the same pixels, within `SAME_SHARE` of the width, near and far."""
+    """Whether the boundaries of two lanes lie on the same pixels, near and far."""
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
@@ -174,7 +186,8 @@ def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int)
 
 
 def top_row_px(lane: FloatArray, camera: Camera) -> float:
-    """Height above the image's bottom up to which the lane's parabolas are fitted: the road at 60 m, or `HIGHEST`."""
+    """Height above the image's bottom up to which parabolas are fitted: the road 60 m ahead, at most the paper's
+    rows."""
     below_rad = math.atan(camera.mounting.height_m / FAR_M) - pitch_of(lane, camera)
     y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
     return min(max(y_px, LOWEST_TOP_PX), HIGHEST * camera.height_px)

@@ -2,9 +2,9 @@
 
 Each hypothesis is a lane (`lane_model`). From frame to frame it is predicted from speed and yaw rate, where the log has
 them, and improved on the new frame as far as a car can have moved (`lane_following`): so none of them jumps. Every few
-frames a look for other lanes brings in rivals; when nothing is left, the frame is searched as if it were the first. One
+frames a search for other lanes adds rivals; when nothing is left, the frame is searched as if it were the first. One
 hypothesis is published until another has been clearly better for some time, or it is itself no longer seen. A frame
-that hardly shows the lane does not end it: what the frames before said is forgotten slowly, and the lane is held.
+that hardly shows the lane does not end it: earlier frames are forgotten slowly, and the lane is held.
 """
 
 from __future__ import annotations
@@ -78,39 +78,51 @@ from cwcli.vision.line_watch import LineWatch
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
 MAX_PIXELS = 256_000
-"""Of the search image: a camera's image is halved until it has no more."""
+"""Greatest number of pixels of the search image; a camera's image is halved until it has no more. Chosen by hand: it
+bounds the time of a frame."""
 FOUND_PROBABILITY = 0.5
+"""Probability from which a boundary counts as found. Fitted on rendered and labelled frames: one boundary in a hundred
+is then found on rendered roads without paint (docs/decisions.md)."""
 N_HYPOTHESES = 3
+"""Greatest number of lanes that are followed side by side. Chosen by hand; not fitted."""
 RESCAN_FRAMES, DOUBTFUL_RESCAN_FRAMES = 10, 3
-"""A look for other lanes every so many frames; while the published one is hardly seen, more often."""
+"""Frames between two searches for rival lanes: as a rule, and while the published lane is hardly seen. Chosen by hand;
+not fitted."""
 SIDES_FRAMES = 2
-"""Both lines are followed alone every so many frames; in every one while they differ."""
+"""Frames between two updates of the lane by each of its lines alone while both agree; it is every frame while they
+differ. Chosen by hand; not fitted."""
 GLANCE_SHARE = 0.3
-"""Of the prior's sigmas of direction and bend, for that look."""
+"""Factor of the prior's sigmas of direction and bend in the search for rival lanes. Chosen by hand; not fitted."""
 LOST_FRAMES, LOST_S = 5, 0.5
-"""A lane that has not been found in so many frames, and for so long, is given up."""
+"""A lane is given up when it has not been found in at least so many frames and for at least so many seconds. Chosen by
+hand; not fitted."""
 MAX_PAUSE_FRAMES = 16
-"""While nothing is found, the search from scratch pauses 1, 2, 4, ... frames, at most so many."""
+"""Greatest pause between two searches from scratch, in frames; pauses double from 1. Chosen by hand; not fitted."""
 MEMORY_S = 0.45
-"""In this time the objective forgets all but 37 % of the past."""
+"""Time constant in seconds with which a hypothesis forgets its earlier objectives. Chosen by hand; not fitted."""
 BELIEF_S = 0.3
-"""Likewise the probability, as log-odds."""
+"""Time constant in seconds with which the log-odds of a boundary are smoothed. Chosen by hand; not fitted."""
 GREATEST_ODDS = 4.0
+"""Greatest absolute log-odds that one frame contributes to a boundary's probability. Chosen by hand; not fitted."""
 SWITCH_S = 0.4
-"""Another hypothesis must be better by `SWITCH_GAIN` for so long to be published."""
+"""Time in seconds for which another hypothesis must be clearly better before it is published. Chosen by hand; not
+fitted."""
 HORIZON_GAIN = 0.05
+"""Share by which the prior's horizon follows that of a found lane in each frame, where the mounting is not known.
+Chosen by hand; not fitted."""
 BENDS_MPS = 10.0
-"""Where no speed is told, a lane may be one on which cars drive so slowly, whose bends begin and end within sight,
-if its objective is better by `SWITCH_GAIN`;"""
+"""Speed in m/s that tight bends assume where the log has no speed: at it, bends begin and end within sight. Chosen by
+hand; not fitted."""
 BEND_FRAMES = 3
-"""looked for every so many frames, and in every one while it is."""
+"""Frames between two searches for a tight bend where the log has no speed. Chosen by hand; not fitted."""
 SECOND_LOOK_S = 0.2
-"""Where the mounting is not known, the horizon is that of one frame's lines, and may be wrong: the frame is searched as
-if it were the first again after so long, then after twice as long, and so on,"""
+"""Time in seconds after which a lane without a known mounting is searched from scratch again, because the horizon of a
+single frame may be wrong. The time doubles with every search. Chosen by hand; not fitted."""
 RARE_LOOK_S = 16.0
-"""and at last every so often."""
+"""Greatest time in seconds between two such searches. Chosen by hand; not fitted."""
 MEASURED_EVERY_NS = 300_000_000
-"""A lane's covariance is measured no more often."""
+"""Least time between two measurements of a lane's covariance, in nanoseconds. Chosen by hand: it bounds the time of a
+frame."""
 
 
 class LaneTracker:
@@ -118,7 +130,7 @@ class LaneTracker:
 
     Args:
         seed: Not used: nothing is random.
-        look: Makes the evidence of a frame.
+        look: Measures the evidence of a frame.
     """
 
     def __init__(self, seed: int = 0, *, look: Look = evidence_of) -> None:
@@ -164,9 +176,9 @@ class LaneTracker:
         return self._lines.named(fit, frame, self._evidence, lane)
 
     def _covariance_of(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
-        """The covariance of a fit, which is that of the last frame in which it was measured.
+        """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
-        Of another lane it is measured anew: what came into the next one, or took the published one's place.
+        It is measured anew for another lane: after a lane change, or when another hypothesis is published.
         """
         assert self._prior is not None
         assert self._evidence is not None
@@ -178,7 +190,7 @@ class LaneTracker:
         return self._covariance
 
     def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
-        """Every hypothesis, predicted and improved on the new frame; the published one first."""
+        """Every hypothesis, predicted and refined on the new frame; the published one first."""
         assert self._prior is not None
         size = camera.width_px, camera.height_px
         horizon_px = float(self._hypotheses[0].lane[HORIZON])
@@ -188,10 +200,10 @@ class LaneTracker:
         evidence = self._look(frame.grey, rows, horizon_px, self._prior.pinhole, self._room)
         self._evidence = evidence
         prior = opened(self._prior, camera, frame.speed_mps)
-        is_told = self._prior.is_mounted and math.isfinite(frame.speed_mps)
-        sideways_mps = SIDEWAYS_MPS if is_told else UNTOLD_SIDEWAYS_MPS
+        is_motion_known = self._prior.is_mounted and math.isfinite(frame.speed_mps)
+        sideways_mps = SIDEWAYS_MPS if is_motion_known else UNTOLD_SIDEWAYS_MPS
         memory = math.exp(-dt_s / MEMORY_S)
-        made: list[Hypothesis] = []
+        hypotheses: list[Hypothesis] = []
         tight = opened(self._prior, camera, BENDS_MPS) if math.isnan(frame.speed_mps) else None
         for each in self._hypotheses:
             lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
@@ -212,32 +224,37 @@ class LaneTracker:
                 gentle = at_horizon(prior, lane, camera)
                 found, last, is_tight = tight_or_gentle(evidence, lane, (found, last), gentle, size, dt_s, sideways_mps)
             value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(made, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size)
-        lead = made[0]
-        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in made):
-            add_bent(made, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
+            add_merged(
+                hypotheses, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size
+            )
+        lead = hypotheses[0]
+        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in hypotheses):
+            add_bent(hypotheses, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
         doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
         if doubtful or self._n_frames % RESCAN_FRAMES == 0:
             own = tight if tight is not None and lead.is_tight else prior
-            made += [replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, made, own)]
+            hypotheses += [
+                replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, hypotheses, own)
+            ]
         if not self._prior.is_mounted and self._followed_s >= self._look_s:
             self._look_s += min(self._look_s, RARE_LOOK_S)
             for new in self._second_look(frame, camera, prior):
-                add_merged(made, new, size)
-        lead_value = made[0].value + SWITCH_GAIN
-        for k, each in enumerate(made):
+                add_merged(hypotheses, new, size)
+        lead_value = hypotheses[0].value + SWITCH_GAIN
+        for k, each in enumerate(hypotheses):
             better_s = each.better_s + dt_s if each.value > lead_value else 0.0
             if better_s != each.better_s:
-                made[k] = replace(each, better_s=better_s)
-        return made
+                hypotheses[k] = replace(each, better_s=better_s)
+        return hypotheses
 
     def _sides(
         self, each: Hypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
     ) -> Sides | None:
-        """What is known of the two lines of the published lane, where the log tells a swift car's motion."""
+        """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
+        no motion of a fast car."""
         assert self._prior is not None
-        is_told = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
-        if each is not self._hypotheses[0] or not is_told:
+        is_fast = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
+        if each is not self._hypotheses[0] or not is_fast:
             return None
         if each.sides is None or change:
             return sides_of(lane)
@@ -249,7 +266,7 @@ class LaneTracker:
     def _rivals(
         self, frame: LaneFrame, camera: Camera, followed: list[Hypothesis], opened_prior: LanePrior
     ) -> list[Hypothesis]:
-        """Lanes beside those that are followed, at the horizon and in the direction of the published one."""
+        """New hypotheses beside those that are followed, at the horizon and in the direction of the published one."""
         assert self._prior is not None
         assert self._evidence is not None
         table = self._prior.table.copy()
@@ -263,7 +280,7 @@ class LaneTracker:
         return self._begun(lanes, values, opened_prior)
 
     def _found_afresh(self, frame: LaneFrame, camera: Camera) -> list[Hypothesis]:
-        """The best lanes of a frame, knowing nothing of the frames before but the horizon."""
+        """New hypotheses from a frame alone; of the frames before it uses the horizon only."""
         assert self._prior is not None
         prior = self._prior if self._prior.is_mounted else with_vanishing_point(frame.grey, self._prior)
         prior = bent(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
@@ -274,16 +291,16 @@ class LaneTracker:
         return self._begun(lanes, values, opened(self._prior, camera, frame.speed_mps))
 
     def _second_look(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[Hypothesis]:
-        """The best lane of a frame at the horizon of its own lines."""
+        """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
         assert self._prior is not None
         followed, prior = self._evidence, with_vanishing_point(frame.grey, self._prior)
         lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
-        made = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
+        hypotheses = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
         self._evidence = followed
-        return made
+        return hypotheses
 
     def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
-        """New hypotheses from lanes (k, 6) and their objective (k,) as lanes that are looked for."""
+        """New hypotheses from lanes (k, 6) and their objectives (k,) under the prior of a first frame."""
         assert self._evidence is not None
         starts = values - judged(self._evidence, lanes, opened_prior.table)
         return [
@@ -292,7 +309,8 @@ class LaneTracker:
         ]
 
     def _chosen(self, camera: Camera, dt_s: float) -> tuple[Hypothesis, tuple[float, float], int]:
-        """The hypothesis to be published, now the first of all; its probabilities in this frame; the lane change."""
+        """Choose the hypothesis to publish and put it first; returns it, its probabilities in this frame and the lane
+        change."""
         assert self._prior is not None
         assert self._evidence is not None
         first = best = self._hypotheses[0]
@@ -328,7 +346,7 @@ class LaneTracker:
         return best, chances, change
 
     def _publish(self, frame: LaneFrame, camera: Camera, dt_s: float) -> LaneFit:
-        """The best hypothesis as a fit."""
+        """The published hypothesis as a fit; drops all hypotheses when the lane is lost."""
         assert self._prior is not None
         if not self._hypotheses:
             self._pause -= 1
@@ -337,8 +355,10 @@ class LaneTracker:
         best, now, change = self._chosen(camera, dt_s)
         odds = [min(max(math.log(chance / (1.0 - chance)), -GREATEST_ODDS), GREATEST_ODDS) for chance in now]
         if self._odds is not None:
-            kept = math.exp(-dt_s / BELIEF_S)
-            odds = [kept * before + (1.0 - kept) * own for before, own in zip(self._odds, odds, strict=True)]
+            kept_share = math.exp(-dt_s / BELIEF_S)
+            odds = [
+                kept_share * before + (1.0 - kept_share) * own for before, own in zip(self._odds, odds, strict=True)
+            ]
         self._odds = odds
         chances = [1.0 / (1.0 + math.exp(-own)) for own in odds]
         parabolas = parabolas_of_lane(best.lane, camera).tolist()
@@ -383,7 +403,7 @@ class LaneTracker:
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
-    """The camera's size, halved until it has at most `MAX_PIXELS`."""
+    """Width and height of the search image: the camera's, halved until it has few enough pixels."""
     while width_px * height_px > MAX_PIXELS:
         width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
     return width_px, height_px
@@ -397,3 +417,4 @@ METHOD = Method(
     is_rectified=True,
     uses_colour=True,
 )
+"""The registered default lane method."""

@@ -11,17 +11,22 @@ from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import HORIZON, WIDTH, columns_of_lane
 
 LEAST_DEPTH_PX = 22.0
-"""Rows in which a stripe of 12 cm, 1.3 m below the camera, is at least two pixels wide."""
+"""Least number of rows below the horizon at which colours are read: there a stripe of 12 cm, 1.3 m below the camera, is
+two pixels wide."""
 ROAD_BESIDE = 0.4
-"""Over the camera's height, towards the lane's middle: there the road is looked at, half a metre beside the line."""
+"""Distance from a line towards the lane's middle at which the road is read, over the camera's height: half a metre.
+Chosen by hand; not fitted."""
 PAINTED = 0.3
-"""Evidence from which a row counts as painted."""
+"""Evidence above which a row counts as painted. Chosen by hand; not fitted."""
 LEAST_ROWS = 3
+"""Least number of painted rows from which a colour follows. Chosen by hand; not fitted."""
 LEAST_CONTRAST = 8.0
-"""Grey levels by which paint must be brighter than the road, in the mean of red and green."""
+"""Least brightness of paint above the road, in grey levels, in the mean of red and green. Chosen by hand; not
+fitted."""
 YELLOW_BELOW, WHITE_ABOVE = 0.6, 0.75
-"""By how much paint is brighter than the road in blue, over the same in red and green, each over that of the road. It
-is 1 for white however much road a pixel shows beside the paint, about 0 for yellow. Between both nothing is told."""
+"""Limits of the ratio of paint's extra brightness in blue to that in red and green, each over the road's: yellow below,
+white above, unknown between. The ratio is 1 for white however much road a pixel shows beside the paint, about 0 for
+yellow. Chosen by hand; not fitted."""
 
 
 def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[LineColour, LineColour]:
@@ -29,7 +34,7 @@ def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[
 
     Args:
         picture: Shape (height, width, 3): blue, green, red, of the size of the frame that was searched.
-        evidence, lane: Where the frame shows stripes, and the lane (6,).
+        evidence, lane: The stripes of the frame, and the lane, shape (6,).
     """
     pinhole = evidence.pinhole
     first = int(np.searchsorted(evidence.rows, float(lane[HORIZON]) + LEAST_DEPTH_PX / pinhole.stretch))
@@ -37,20 +42,20 @@ def seen_colours(picture: Image, evidence: Evidence, lane: FloatArray) -> tuple[
     inner = np.array(lane)
     inner[WIDTH] -= 2.0 * ROAD_BESIDE * pinhole.stretch
     lines = zip(*(columns_of_lane(each, rows.astype(np.float64), pinhole) for each in (lane, inner)), strict=True)
-    made = []
+    colours = []
     for paint_px, road_px in lines:
         both = np.stack([paint_px, road_px])
         with np.errstate(invalid="ignore"):
-            at = np.flatnonzero(((both >= 0.0) & (both <= picture.shape[1] - 1.0)).all(axis=0))
-        paint_u, road_u = np.rint(both[:, at]).astype(np.intp)
-        is_painted = sharp[at, paint_u] > PAINTED
-        paint, road = (picture[rows[at], u][is_painted] for u in (paint_u, road_u))
-        made.append(_colour(paint.astype(np.float64), road.astype(np.float64)))
-    return made[0], made[1]
+            in_image = np.flatnonzero(((both >= 0.0) & (both <= picture.shape[1] - 1.0)).all(axis=0))
+        paint_u, road_u = np.rint(both[:, in_image]).astype(np.intp)
+        is_painted = sharp[in_image, paint_u] > PAINTED
+        paint, road = (picture[rows[in_image], u][is_painted] for u in (paint_u, road_u))
+        colours.append(_colour(paint.astype(np.float64), road.astype(np.float64)))
+    return colours[0], colours[1]
 
 
 def _colour(paint: FloatArray, road: FloatArray) -> LineColour:
-    """The colour of paint beside that of the road, shape (n, 3) each."""
+    """The colour that pixels of paint have relative to pixels of the road, shape (n, 3) each."""
     if len(paint) < LEAST_ROWS or not np.ptp(np.concatenate([paint, road]), axis=1).any():
         return LineColour.UNKNOWN  # grey pictures have no colour
     blue, others = _parts(paint)
@@ -64,6 +69,6 @@ def _colour(paint: FloatArray, road: FloatArray) -> LineColour:
 
 
 def _parts(pixels: FloatArray) -> tuple[float, float]:
-    """Blue, and the mean of red and green; no less than a grey level."""
+    """Mean of blue, and mean of red and green, each at least one grey level."""
     blue, green, red = pixels.mean(axis=0).tolist()
     return max(blue, 1.0), max(0.5 * (green + red), 1.0)

@@ -3,7 +3,7 @@
 It is measured along the line, after the search: where its rows show paint, how long the painted stretches and the gaps
 are on the ground, and whether a second stripe runs beside it. Lengths are in lane widths, so that neither the camera's
 height nor its focal length has to be known well. One frame sees a few dashes at most, so frames vote
-(`line_watch.LineWatch`).
+(`line_watch`).
 """
 
 from __future__ import annotations
@@ -22,40 +22,46 @@ from cwcli.vision.lane_detect import Evidence
 from cwcli.vision.lane_model import HORIZON
 
 PAINTED, LEAST_PAINTED, BEST_ROW = 0.5, 0.2, 3
-"""A row counts as painted with this share of the evidence of the line's third best row, but not with less than 0.2."""
+"""A row counts as painted if it has this share of the evidence of the line's third best row, and at least 0.2. Chosen
+by hand; not fitted."""
 ROW_LENGTH, FINE_ROW_LENGTH = 0.35, 0.1
-"""In lane widths: rows that are farther apart on the ground are not judged, and are too far apart for dots."""
+"""Greatest length of road that a row covers, in lane widths: for all kinds, and for raised dots. Chosen by hand; not
+fitted."""
 LONG = 2.5
-"""In lane widths, 9 m: painted so long, a line is solid. The longest dashes of motorways have 6 m."""
+"""Painted length from which a line is solid, in lane widths: 9 m. The longest dashes of motorways have 6 m."""
 LEAST_SEEN = 1.2
-"""In lane widths: of a line of which less is seen nothing is told."""
+"""Least length of a line that must be seen to judge its kind, in lane widths. Chosen by hand; not fitted."""
 HOLE = 0.3
-"""In lane widths: less is wear, no gap."""
+"""Greatest length of worn paint, in lane widths; a longer bare stretch is a gap. Chosen by hand; not fitted."""
 GAP = 0.45
-"""In lane widths, 1.6 m: the shortest gap of dashes."""
+"""Least length of a gap between dashes, in lane widths: 1.6 m. Chosen by hand; not fitted."""
 DASH = 0.2
-"""In lane widths, 0.7 m: the shortest dash."""
+"""Least length of a dash, in lane widths: 0.7 m. Chosen by hand; not fitted."""
 BLOB = 0.09
-"""In lane widths, 0.3 m: the longest raised dot."""
+"""Greatest length of a raised dot, in lane widths: 0.3 m. Chosen by hand; not fitted."""
 SOLID_SHARE = 0.9
+"""Share of a short line that must be painted without a gap for the line to be solid. Chosen by hand; not fitted."""
 SECOND = np.arange(0.12, 0.41, 0.025)
-"""Over the camera's height: where the second stripe of a double line may be, 16 to 53 cm from the first."""
+"""Distances at which the second stripe of a double line is looked for, over the camera's height: 16 to 53 cm."""
 SECOND_PLACES = np.concatenate([-SECOND[::-1], [0.0], SECOND])
+"""The same distances to both sides of a line, with 0 for the line itself."""
 SECOND_DEPTH_PX, SECOND_ROWS = 12.0, 5
-"""Rows nearer to the horizon can't show two stripes; and the least number of rows."""
+"""Least number of rows below the horizon, and least number of rows, with which two stripes can be told apart. Chosen by
+hand; not fitted."""
 SECOND_SHARE, SECOND_LEAST = 0.15, 0.1
-"""Of the other stripe's mean evidence, and evidence: each has more, a dashed one beside a solid one little more."""
+"""Least evidence of the weaker stripe: as a share of the stronger one's mean, and as a value. A dashed stripe beside a
+solid one has little more. Chosen by hand; not fitted."""
 VALLEY_SHARE = 0.5
-"""Of the lesser stripe's evidence there is no more between both."""
+"""Greatest evidence between both stripes, as a share of the weaker one's. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class SeenLine:
-    """What one frame tells of a line.
+    """Kind of a line as one frame shows it.
 
     Attributes:
-        kind: `LineKind.UNKNOWN`: nothing; never `DOUBLE`.
-        is_double: Whether a second stripe runs beside it; None: it could not be seen.
+        kind: The kind of the line; never `DOUBLE`, and `UNKNOWN` where the frame does not show it.
+        is_double: Whether a second stripe runs beside it; None where that could not be seen.
     """
 
     kind: LineKind
@@ -64,7 +70,7 @@ class SeenLine:
 
 @dataclass(frozen=True)
 class Stretch:
-    """A painted or bare stretch of a line: its length in lane widths and in rows, from the car on."""
+    """A painted or bare stretch of a line: its length in lane widths and in rows."""
 
     is_painted: bool
     length: float
@@ -72,16 +78,17 @@ class Stretch:
 
     @property
     def least(self) -> float:
-        """The least that it may measure: its first and its last row may show what lies in the next one."""
+        """Least length that the stretch may have, in lane widths: its first and last row may show what lies in the next
+        one."""
         return self.length * max(self.n_rows - 2, 0) / self.n_rows
 
 
 def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine]:
-    """What a frame tells of the left and the right boundary.
+    """Kinds of the left and of the right boundary as one frame shows them.
 
     Args:
-        evidence: Of the frame.
-        lane: Shape (6,), see `lane_model`.
+        evidence: The stripes of the frame.
+        lane: The lane, shape (6,), see `lane_model`.
     """
     _, middle, width, _, horizon, _ = lane.tolist()
     rows = evidence.rows[::-1]
@@ -91,15 +98,15 @@ def seen_lines(evidence: Evidence, lane: FloatArray) -> tuple[SeenLine, SeenLine
     n = int(lengths.searchsorted(ROW_LENGTH))
     sides = [middle - 0.5 * width, middle + 0.5 * width]
     along = lane_ridge.along(evidence.wide, evidence.rows, lane, np.array(sides), evidence.scoring())[:, ::-1][:, :n]
-    made = []
+    lines = []
     for values, place in zip(along, sides, strict=True):
         kind = LineKind.UNKNOWN
         if n >= BEST_ROW:
             least = max(PAINTED * float(np.partition(values, -BEST_ROW)[-BEST_ROW]), LEAST_PAINTED)
             is_seen = values >= 0.0
             kind = kind_of((values[is_seen] > least).tolist(), lengths[:n][is_seen].tolist())
-        made.append(SeenLine(kind, _is_double(evidence, lane, place)))
-    return made[0], made[1]
+        lines.append(SeenLine(kind, _is_double(evidence, lane, place)))
+    return lines[0], lines[1]
 
 
 def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
@@ -107,7 +114,7 @@ def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
 
     Args:
         painted: Whether each row shows paint.
-        lengths: Of each row on the ground, in lane widths; they grow.
+        lengths: Length of each row on the ground, in lane widths; they grow.
     """
     total = sum(lengths)
     if total < LEAST_SEEN:
@@ -131,30 +138,30 @@ def kind_of(painted: Sequence[bool], lengths: Sequence[float]) -> LineKind:
 
 def stretches(painted: Sequence[bool], lengths: Sequence[float]) -> list[Stretch]:
     """The painted and the bare stretches of a line in turn, the nearest first."""
-    made: list[Stretch] = []
-    at = 0
+    found: list[Stretch] = []
+    first = 0
     for is_painted, group in groupby(painted):
         n = sum(1 for _ in group)
-        made.append(Stretch(is_painted, sum(lengths[at : at + n]), n))
-        at += n
-    return made
+        found.append(Stretch(is_painted, sum(lengths[first : first + n]), n))
+        first += n
+    return found
 
 
 def without_holes(line: Sequence[Stretch]) -> list[Stretch]:
-    """The same with bare stretches of up to `HOLE` between painted ones painted."""
-    made: list[Stretch] = []
+    """The stretches, with short bare ones between painted ones taken as painted."""
+    filled: list[Stretch] = []
     for k, each in enumerate(line):
         is_hole = not each.is_painted and each.length <= HOLE and 0 < k < len(line) - 1
-        if is_hole or (made and made[-1].is_painted and each.is_painted):
-            before = made.pop()
-            made.append(Stretch(True, before.length + each.length, before.n_rows + each.n_rows))
+        if is_hole or (filled and filled[-1].is_painted and each.is_painted):
+            before = filled.pop()
+            filled.append(Stretch(True, before.length + each.length, before.n_rows + each.n_rows))
         else:
-            made.append(each)
-    return made
+            filled.append(each)
+    return filled
 
 
 def _n_dots(line: Sequence[Stretch]) -> int:
-    """How many blobs with bare road on both sides a line shows; 0 if it shows anything else."""
+    """Number of blobs with bare road on both sides that a line shows; 0 if it shows anything else."""
     if any(each.is_painted and each.least > BLOB for each in line):
         return 0
     return sum(
@@ -164,7 +171,7 @@ def _n_dots(line: Sequence[Stretch]) -> int:
 
 
 def _is_double(evidence: Evidence, lane: FloatArray, place: float) -> bool | None:
-    """Whether a second stripe runs beside a line at a place over the camera's height; None: it can't be seen."""
+    """Whether a second stripe runs beside a line at a place over the camera's height; None where that can't be seen."""
     stretch = evidence.pinhole.stretch
     first = int(evidence.rows.searchsorted(float(lane[HORIZON]) + max(SECOND_DEPTH_PX / stretch, evidence.min_h)))
     rows, sharp = evidence.rows[first:], evidence.sharp[first:]

@@ -1,7 +1,7 @@
-"""The kind and the colour of both boundaries over time: what single frames tell (`line_kind`, `line_colour`), as votes.
+"""The kind and the colour of both boundaries over time: single frames (`line_kind`, `line_colour`) vote on them.
 
-Frames are asked a few times a second, and their votes are forgotten slowly, so that a change from solid to dashed is
-told after about two seconds. A lane that is found anew, or takes the place of another one, begins without votes; in a
+Frames vote a few times a second, and their votes fade slowly, so that a change from solid to dashed shows after about
+two seconds. A lane that is found anew, or takes the place of another one, begins without votes; in a
 lane change the line that is crossed keeps its own.
 """
 
@@ -19,36 +19,40 @@ from cwcli.vision.line_kind import SeenLine, seen_lines
 from cwcli.vision.method import LaneFit, LaneFrame
 
 ASKED_S = 0.45
-"""Frames are asked no more often."""
+"""Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""
 MEMORY_S = 1.5
-"""In this time all but 37 % of the votes are forgotten; colours are asked for once a second, and kept longer."""
+"""Time constant in seconds with which votes for a kind fade. Chosen by hand; not fitted."""
 COLOUR_MEMORY_S = 4.0
+"""Time constant in seconds with which votes for a colour fade: frames in colour come once a second. Chosen by hand; not
+fitted."""
 LEAST_VOTES = 0.3
+"""Least sum of votes from which a kind or a colour follows. Chosen by hand; not fitted."""
 CLEAR_SHARE = 0.6
-"""Of the votes: with less, no kind and no colour is told."""
+"""Share of the votes that the winning kind or colour must have. Chosen by hand; not fitted."""
 DOUBLE_SHARE = 0.4
+"""Share of the votes from which a line counts as double. Chosen by hand; not fitted."""
 
 Name = TypeVar("Name", LineKind, LineColour)
 
 
 @dataclass
 class _Votes:
-    """Of one boundary."""
+    """Votes for the kind and the colour of one boundary."""
 
     kinds: dict[LineKind, float] = field(default_factory=dict)
     doubles: dict[bool, float] = field(default_factory=dict)
     colours: dict[LineColour, float] = field(default_factory=dict)
 
     def forget(self, dt_s: float) -> None:
-        """What has been said so far counts less."""
-        kept = math.exp(-dt_s / MEMORY_S)
-        self.kinds = {kind: kept * votes for kind, votes in self.kinds.items()}
-        self.doubles = {is_double: kept * votes for is_double, votes in self.doubles.items()}
-        kept = math.exp(-dt_s / COLOUR_MEMORY_S)
-        self.colours = {colour: kept * votes for colour, votes in self.colours.items()}
+        """Let the votes so far fade for a time step."""
+        kept_share = math.exp(-dt_s / MEMORY_S)
+        self.kinds = {kind: kept_share * votes for kind, votes in self.kinds.items()}
+        self.doubles = {is_double: kept_share * votes for is_double, votes in self.doubles.items()}
+        kept_share = math.exp(-dt_s / COLOUR_MEMORY_S)
+        self.colours = {colour: kept_share * votes for colour, votes in self.colours.items()}
 
     def add(self, seen: SeenLine, colour: LineColour) -> None:
-        """What a frame tells."""
+        """Add the votes of a frame."""
         if seen.kind is not LineKind.UNKNOWN:
             self.kinds[seen.kind] = self.kinds.get(seen.kind, 0.0) + 1.0
         if seen.is_double is not None:
@@ -57,28 +61,30 @@ class _Votes:
             self.colours[colour] = self.colours.get(colour, 0.0) + 1.0
 
     def kind(self) -> LineKind:
-        """What they say together."""
+        """The kind with a clear majority, else `UNKNOWN`."""
         total = sum(self.doubles.values())
         if total >= LEAST_VOTES and self.doubles.get(True, 0.0) > DOUBLE_SHARE * total:
             return LineKind.DOUBLE
         return _clearest(self.kinds, LineKind.UNKNOWN)
 
     def colour(self) -> LineColour:
-        """What they say together."""
+        """The colour with a clear majority, else `UNKNOWN`."""
         return _clearest(self.colours, LineColour.UNKNOWN)
 
 
 def _clearest(votes: dict[Name, float], unknown: Name) -> Name:
+    """The value with a clear majority of the votes, else `unknown`."""
     total = sum(votes.values())
     best = max(votes, key=votes.__getitem__, default=unknown)
     return best if total >= LEAST_VOTES and votes[best] > CLEAR_SHARE * total else unknown
 
 
 _UNKNOWN = (LineKind.UNKNOWN, LineColour.UNKNOWN)
+"""Kind and colour of a boundary without enough votes."""
 
 
 class LineWatch:
-    """Names the lines of a lane that is followed."""
+    """Finds the kind and the colour of a followed lane's boundaries by votes of its frames."""
 
     def __init__(self) -> None:
         self._votes = _Votes(), _Votes()
@@ -89,9 +95,9 @@ class LineWatch:
         """The fit with the kind and the colour of its boundaries.
 
         Args:
-            fit: Of this frame.
-            frame, evidence: The frame, and where it shows stripes.
-            lane: Shape (6,): what was fitted; None: nothing.
+            fit: The fit of this frame.
+            frame, evidence: The frame, and the stripes that it shows.
+            lane: The fitted lane, shape (6,); None where there is none.
         """
         if fit.lane_change:
             crossed, beyond = self._votes if fit.lane_change > 0 else self._votes[::-1]
@@ -110,6 +116,7 @@ class LineWatch:
         return replace(fit, left=_named(fit.left, *left), right=_named(fit.right, *right))
 
     def _ask(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence, lane: FloatArray, since_s: float) -> None:
+        """Let a frame vote on both boundaries."""
         seen = seen_lines(evidence, lane)
         colours = (LineColour.UNKNOWN, LineColour.UNKNOWN)
         if frame.colour is not None:
@@ -122,11 +129,13 @@ class LineWatch:
         self._name()
 
     def _name(self) -> None:
+        """Update the kinds and colours of both boundaries from their votes."""
         left, right = self._votes
         self._names = (left.kind(), left.colour()), (right.kind(), right.colour())
 
 
 def _named(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
+    """The boundary with a kind and a colour, if it is found."""
     if not side.found:
         return side
     return Boundary(side.a, side.b, side.c, side.score, side.probability, True, side.covariance, kind, colour)

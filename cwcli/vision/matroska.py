@@ -9,29 +9,37 @@ Source: RFC 9559 (Matroska), RFC 8794 (EBML).
 from __future__ import annotations
 
 BLOCK_STEP_MS = 40
-"""Between two blocks. Demuxers take it for a frame rate; it says nothing of the camera's."""
+"""Time between two blocks in milliseconds. Demuxers take it for a frame rate; it says nothing of the camera's."""
 
 CODECS = {"h264": "V_MPEG4/ISO/AVC", "h265": "V_MPEGH/ISO/HEVC", "vp9": "V_VP9", "av1": "V_AV1"}
-"""Codec -> its name in Matroska. The pictures stand as they are (H.264 and H.265 with start codes, Annex B)."""
+"""Name of each codec in Matroska. The pictures stay as they are (H.264 and H.265 with start codes, Annex B)."""
 
 _EBML, _DOC_TYPE, _DOC_TYPE_VERSION, _DOC_TYPE_READ_VERSION = "1A45DFA3", "4282", "4287", "4285"
+"""Identifiers of the elements of an EBML header (RFC 8794)."""
 _SEGMENT, _INFO, _TIMESTAMP_SCALE, _MUXING_APP, _WRITING_APP = "18538067", "1549A966", "2AD7B1", "4D80", "5741"
+"""Identifiers of the segment and of the elements that describe it (RFC 9559)."""
 _TRACKS, _TRACK_ENTRY, _TRACK_NUMBER, _TRACK_UID, _TRACK_TYPE = "1654AE6B", "AE", "D7", "73C5", "83"
+"""Identifiers of the elements of a track (RFC 9559)."""
 _CODEC_ID, _VIDEO, _PIXEL_WIDTH, _PIXEL_HEIGHT = "86", "E0", "B0", "BA"
+"""Identifiers of the elements of a video track (RFC 9559)."""
 _CLUSTER, _TIMESTAMP, _SIMPLE_BLOCK = "1F43B675", "E7", "A3"
+"""Identifiers of a cluster, of its time and of its picture (RFC 9559)."""
 
 UNKNOWN_SIZE = b"\x01" + b"\xff" * 7
+"""Size of an element whose end is not known yet (RFC 8794, 6.2)."""
 NS_PER_MS = 1_000_000
+"""Nanoseconds in a millisecond: the unit of the file's times."""
 VIDEO_TRACK = 1
+"""Number for a video track in Matroska's track type (RFC 9559)."""
 ANY_SIZE_PX = 16
-"""The pictures themselves tell their size; the format wants one."""
+"""Width and height that the track declares: the format wants them, but the pictures hold their own."""
 
 
 def matroska_start(codec: str) -> bytes:
-    """What stands before the first block.
+    """The bytes of a Matroska file before its first block.
 
     Args:
-        codec: A key of `CODECS`.
+        codec: `h264`, `h265`, `vp9` or `av1`.
     """
     video = _element(_PIXEL_WIDTH, _number(ANY_SIZE_PX)) + _element(_PIXEL_HEIGHT, _number(ANY_SIZE_PX))
     track = (
@@ -56,14 +64,16 @@ def matroska_start(codec: str) -> bytes:
 
 
 def matroska_block(number: int, data: bytes | memoryview) -> bytes:
-    """One encoded picture; its time is `number * BLOCK_STEP_MS`."""
+    """The bytes of one encoded picture; its time is `number * BLOCK_STEP_MS`."""
     block = b"\x81\x00\x00\x80" + data  # track 1, at the cluster's time, a picture to start from
     return _element(_CLUSTER, _element(_TIMESTAMP, _number(number * BLOCK_STEP_MS)) + _element(_SIMPLE_BLOCK, block))
 
 
 def _element(identifier: str, content: bytes) -> bytes:
+    """The bytes of an EBML element: identifier, size in eight bytes, content."""
     return bytes.fromhex(identifier) + (len(content) | 1 << 56).to_bytes(8, "big") + content
 
 
 def _number(value: int) -> bytes:
+    """A whole number as the content of an EBML element, eight bytes."""
     return value.to_bytes(8, "big")

@@ -1,4 +1,4 @@
-"""What a lane method is given and what it gives back.
+"""The interface of a lane method: the frames that it gets, the fits that it returns, and its registration.
 
 A method is registered in `cwcli.vision.methods.METHODS`. Its search keeps state between the frames of one camera; a
 change of the image size, or a jump of the time, starts a new search.
@@ -35,7 +35,7 @@ class LaneFrame:
         stamp_ns: Time of the frame.
         number: 0, 1, 2, ... over the frames that could be decoded; seeds of random searches derive from it.
         speed_mps, yaw_rate_radps: The ego's motion at that time, NaN where the log does not hold it.
-        prepared: What the method's `prepare` made of `grey`; None if it was not called.
+        prepared: The result of the method's `prepare` for `grey`; None if it was not called.
         colour: Shape (height, width, 3), blue, green, red, of some frames of a camera in colour, for a method that
             wants them (`Method.uses_colour`), else None.
     """
@@ -51,7 +51,7 @@ class LaneFrame:
 
 
 class LaneState(IntEnum):
-    """What stands behind the boundaries of a frame: `cwcli.v1.Lanes.State`."""
+    """Whether the frame shows the lane: `cwcli.v1.Lanes.State`."""
 
     UNTOLD = 0
     FOUND = 1
@@ -64,16 +64,16 @@ class LaneFit:
     """Both boundaries of one frame.
 
     Attributes:
-        left, right: In the pixels of the search image.
+        left, right: The boundaries in the pixels of the search image.
         pitch_rad: The camera's pitch as the method estimates it from the frames, nose down positive; NaN: keep the
             mounting's.
-        yaw_rad: Likewise the yaw, counter-clockwise positive.
+        yaw_rad: The camera's yaw as the method estimates it, counter-clockwise positive; NaN: keep the mounting's.
         roads: Shape (2, 4), left and right: far (px), near, bend (px^2), spiral (px^3) of
             x = far + near h + bend / h + spiral / h^2, h rows below the horizon that belongs to `pitch_rad`: what
             touches the boundary, a circle or a spiral on the ground (`arcs`), beside the camera, where that is the
             method's model and the parabolas the best ones for it. None: the method has parabolas alone.
         state: Whether this frame shows the lane, or it is carried on.
-        steady_s: For how long the lane has been followed without a jump; NaN: not told, or lost.
+        steady_s: Time for which the lane has been followed without a jump; NaN: unknown, or lost.
         covariance: Shape (7, 7): of a, b, c of the left and of the right boundary and `pitch_rad` together; None: the
             boundaries' own, if there are any.
         lane_change: 1 where the camera has come into the next lane to the left, -1 to the right, else 0.
@@ -99,7 +99,7 @@ class LaneSearch(Protocol):
 
 @dataclass(frozen=True)
 class Method:
-    """A registered method.
+    """A lane method as it is registered.
 
     Attributes:
         summary: One line for `--help`.
@@ -126,10 +126,10 @@ class Method:
 
 
 def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
-    """The size that a plug-in's search wants.
+    """Require that a plug-in's search size is a pair of positive whole numbers, and return it.
 
     Raises:
-        ValueError: It is not two positive whole numbers.
+        ValueError: The size is not two positive whole numbers.
     """
     if not (isinstance(size, tuple) and len(size) == 2 and all(isinstance(side, int) and side > 0 for side in size)):
         raise ValueError(f"{size!r} is no (width_px, height_px)")
@@ -137,10 +137,10 @@ def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
 
 
 def check_fit(fit: LaneFit, frame: LaneFrame) -> LaneFit:
-    """What a plug-in's search found.
+    """Require that a plug-in's search returned a fit of two boundaries, and return it.
 
     Raises:
-        TypeError: It is no fit of two boundaries.
+        TypeError: The result is no fit of two boundaries.
     """
     if not (isinstance(fit, LaneFit) and isinstance(fit.left, Boundary) and isinstance(fit.right, Boundary)):
         raise TypeError(f"{fit!r} is no LaneFit of two boundaries")

@@ -12,7 +12,7 @@ from cwcli.vision.method import LaneSearch, Method, check_fit, check_size
 
 
 def _accept(entry: object, plugin: Plugin) -> Method:
-    """A plug-in's method, with its searches guarded too."""
+    """Check a plug-in's method, and guard its searches too."""
     method = plugin_entry(Method, {"search_size": check_size})(entry, plugin)
 
     def make(seed: int) -> LaneSearch:
@@ -34,7 +34,9 @@ METHODS: Registry[Method] = Registry(
     },
     _accept,
 )
+"""The lane methods by name: the built-in ones, and those that other packages register."""
 DEFAULT_METHOD = "cwcli"
+"""Name of the lane method that is used where none is named."""
 
 
 def ready_methods() -> tuple[str, ...]:
@@ -43,10 +45,10 @@ def ready_methods() -> tuple[str, ...]:
 
 
 def check_method(name: str, model: str | None) -> None:
-    """Check that a method is there, and that a model (`Method.with_model`) is named where it takes one.
+    """Check that a method is there, and that a model is named if and only if it takes one (`Method.with_model`).
 
     Raises:
-        UsageError: It is not so.
+        UsageError: The method is unknown, its model is missing, or it takes none.
     """
     METHODS.require(name)
     takes_model = METHODS[name].with_model is not None
@@ -57,7 +59,7 @@ def check_method(name: str, model: str | None) -> None:
 
 
 def chosen_method(name: str, model: str | None) -> Method:
-    """A method, with the model of that name if there is one.
+    """The method of a name, with its model loaded if it takes one.
 
     Raises:
         InputError, UsageError: The model can't be used.

@@ -1,4 +1,4 @@
-"""What the user says of how the camera stands on the car, and what no camera on a car has."""
+"""The options for the camera's mounting on the car, and their permitted ranges."""
 
 from __future__ import annotations
 
@@ -11,22 +11,25 @@ from cwcli.option import Option
 from cwcli.vision.camera import Mounting
 
 HEIGHTS_M = (0.2, 5.0)
-"""Of a camera above the road; another height in a transform is not one above the road."""
+"""Least and greatest height of a camera above the road, in metres; a transform with another height is not relative to
+the road. Chosen by hand; not fitted."""
 MAX_OFFSET_M = 5.0
-"""Of a camera from the car's centre line."""
+"""Greatest distance of a camera from the car's centre line, in metres. Chosen by hand; not fitted."""
 MAX_TURN_RAD = math.radians(45.0)
-"""Pitch, yaw and roll of a camera that looks ahead and stands upright."""
+"""Greatest pitch, yaw and roll of a camera that looks ahead and stands upright, in radians. Chosen by hand; not
+fitted."""
 OPTIONS = {
     "height_m": "--camera-height",
     "pitch_rad": "--camera-pitch",
     "yaw_rad": "--camera-yaw",
     "lateral_offset_m": "--camera-offset",
 }
+"""Name of the option for each value of the mounting."""
 
 
 @dataclass(frozen=True)
 class MountingChoice:
-    """What the user says of the mounting; None: nothing.
+    """The mounting as the options give it; None where an option is not given.
 
     Attributes:
         height_m, pitch_rad, yaw_rad, lateral_offset_m: As in `vision.camera.Mounting`.
@@ -34,28 +37,50 @@ class MountingChoice:
 
     height_m: Annotated[
         float | None,
-        Option(OPTIONS["height_m"], "Above the road.", metavar="METRES", default=f"{Mounting().height_m:g}"),
+        Option(
+            OPTIONS["height_m"],
+            "Height of the camera above the road.",
+            metavar="METRES",
+            default=f"{Mounting().height_m:g}",
+        ),
     ] = None
     pitch_rad: Annotated[
         float | None,
-        Option(OPTIONS["pitch_rad"], "Nose down positive.", metavar="DEGREES", default="0", parse=math.radians),
+        Option(
+            OPTIONS["pitch_rad"],
+            "Pitch of the camera, nose down positive.",
+            metavar="DEGREES",
+            default="0",
+            parse=math.radians,
+        ),
     ] = None
     yaw_rad: Annotated[
         float | None,
-        Option(OPTIONS["yaw_rad"], "To the left positive.", metavar="DEGREES", default="0", parse=math.radians),
+        Option(
+            OPTIONS["yaw_rad"],
+            "Yaw of the camera, to the left positive.",
+            metavar="DEGREES",
+            default="0",
+            parse=math.radians,
+        ),
     ] = None
     lateral_offset_m: Annotated[
         float | None,
-        Option(OPTIONS["lateral_offset_m"], "Left of the car's centre line positive.", metavar="METRES", default="0"),
+        Option(
+            OPTIONS["lateral_offset_m"],
+            "Offset of the camera from the car's centre line, left positive.",
+            metavar="METRES",
+            default="0",
+        ),
     ] = None
 
     def given(self) -> dict[str, float]:
-        """Name -> value of what is given."""
+        """The given values by name."""
         return {name: value for name in OPTIONS if (value := getattr(self, name)) is not None}
 
 
 def check_mounting(choice: MountingChoice | Mounting) -> None:
-    """Refuse what no camera on a car has.
+    """Require that a mounting lies within the ranges of a camera on a car.
 
     Raises:
         UsageError: A value is out of its range; names the option.

@@ -5,7 +5,7 @@ The paper leaves three things open, its fig. 2 being lost in the text; the choic
 - T_j is the magnitude of the difference between the two parts of the block, each of three pixels; the line between them
   is left out. So both edges of a marking score, and the fitness on the roulette wheel is rarely negative. The print
   has neither bars nor a direction of the difference.
-- The mean road grey is the mean of a patch in front of the car (`ROAD_ROWS`, `ROAD_COLUMNS`).
+- The mean road grey is the mean of a patch in front of the car: the lowest 60 rows, columns 101 to 220.
 - Centres lie in rows 2, 5, ..., 149 from the bottom, so that 50 blocks tile the lower 150 rows.
 """
 
@@ -21,14 +21,19 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
 WIDTH_PX, HEIGHT_PX = 320, 240
+"""Size of the paper's image in pixels."""
 N_BLOCKS = 50
+"""Number of blocks along a boundary (zhang2011): they tile the lower 150 rows."""
 ROAD_ROWS = 60
-"""Rows of the road patch, from the bottom."""
+"""Height of the road patch in rows, from the image's bottom. The paper does not give it. Chosen by hand; not fitted."""
 ROAD_COLUMNS = (100, 220)
+"""First column of the road patch, and the column after its last one. The paper does not give them. Chosen by hand; not
+fitted."""
 
 # The kernel holds these numbers; a test compares it with them.
 WEIGHTS = ((4, 6, 0), (2, 5, 3), (2, 5, 3))
-"""Tables 1 and 2 in tenths: alpha, beta of the diagonal, beta of T3 (second row: b > 2) or T4 (third: b < 0.5)."""
+"""Weights of the paper's tables 1 and 2 in tenths: alpha, beta of the diagonal, beta of T3 (second row: b > 2) or T4
+(third: b < 0.5)."""
 
 Int32Array = npt.NDArray[np.int32]
 ResponseArray = npt.NDArray[np.int16]
@@ -48,7 +53,7 @@ class BlockResponses:
 
 
 def block_responses(grey: GreyImage) -> BlockResponses:
-    """The responses of a frame.
+    """Compute the responses of all blocks of a frame.
 
     Args:
         grey: Shape (240, 320), uint8.
@@ -64,19 +69,19 @@ def block_responses(grey: GreyImage) -> BlockResponses:
 
 
 def nine_times_road_grey(grey: GreyImage) -> int:
-    """Of the patch in front of the car, to the nearest whole number."""
+    """Nine times the mean grey level of the patch in front of the car, to the nearest whole number."""
     patch = grey[HEIGHT_PX - ROAD_ROWS :, ROAD_COLUMNS[0] : ROAD_COLUMNS[1]]
     total, n = int(patch.sum(dtype=np.int64)), patch.size
     return (2 * 9 * total + n) // (2 * n)
 
 
 def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool) -> tuple[FloatArray, Int32Array]:
-    """F of eq. 2 or 3 of many parabolas.
+    """Objectives F (eq. 2 or 3) of many parabolas.
 
     Args:
-        responses: One array of `block_responses`.
+        responses: The block responses of one side.
         parabolas: Shape (n, 3): a, b, c.
-        is_left: Which boundary.
+        is_left: Whether the responses are those of the left boundary.
 
     Returns:
         Grey levels, shape (n,), -inf where no block lies on the image; and the numbers of blocks, shape (n,).

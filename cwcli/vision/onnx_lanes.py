@@ -26,7 +26,7 @@ class OnnxSearch:
     """The search over the frames of one camera.
 
     Args:
-        net: What tells where markings are.
+        net: The net that marks lane pixels.
     """
 
     def __init__(self, net: LaneNet) -> None:
@@ -50,7 +50,7 @@ class OnnxSearch:
         *,
         with_joints: bool = False,
     ) -> Evidence:
-        """The net's map in some rows; what it hardly believes is none, as little contrast is to the default method."""
+        """The net's map as evidence in some rows, without values in the default method's dead zone."""
         import cv2
 
         height, width = grey.shape
@@ -62,11 +62,12 @@ class OnnxSearch:
 
 
 def _without_probability(boundary: Boundary) -> Boundary:
+    """The boundary with an unknown probability."""
     return replace(boundary, probability=nan)
 
 
 def with_model(path: Path) -> Method:
-    """The method with a net.
+    """The method with the net of a file.
 
     Raises:
         InputError, UsageError: The net or its description can't be used.
@@ -83,14 +84,16 @@ def with_model(path: Path) -> Method:
 
 
 def _needs_model(*_: int) -> LaneSearch:
+    """Raise the error that a model is missing."""
     raise UsageError("--method onnx needs a net", hint="--model net.onnx, and net.toml beside it")
 
 
 METHOD = Method(
-    summary="a net of yours (--model) in place of the default method's evidence",
+    summary="your own net (--model) finds the markings, the default method follows the lane",
     search_size=lambda width_px, height_px: (width_px, height_px),
     make=_needs_model,
     uses_motion=True,
     is_rectified=True,
     with_model=with_model,
 )
+"""The registered lane method of a user's own net, without a net so far."""

@@ -1,6 +1,6 @@
-"""A user's own lane net: an ONNX file, and beside it a small TOML file that tells what goes in and what comes out.
+"""A user's own lane net: an ONNX file, and beside it a small TOML file that describes its input and output.
 
-`net.onnx` is described by `net.toml`. Of a net that marks lane pixels:
+`net.onnx` is described by `net.toml`. A net that marks lane pixels:
 
     kind = "segmentation"
     size = [640, 360]             # width and height of its input, pixels
@@ -12,7 +12,7 @@
     lanes = [1]                   # those that are lane markings
     activation = "softmax"        # "sigmoid", or "none" where the net gives probabilities
 
-Of a net that tells columns at fixed rows (row anchors; Ultra-Fast-Lane-Detection and its kind):
+A net that gives columns at fixed rows (row anchors; Ultra-Fast-Lane-Detection and its kind):
 
     kind = "row-anchor"
     axes = ["cell", "row", "lane"]  # of the output behind the first axis of length one
@@ -42,31 +42,38 @@ from cwcli.vision.method import GreyImage
 Float32Array = npt.NDArray[np.float32]
 
 SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
+"""The kinds of nets: one marks lane pixels, the other gives columns at fixed rows."""
 COLOURS = {"grey": 1, "rgb": 3}
+"""Number of input channels of each colour setting."""
 ACTIVATIONS = ("softmax", "sigmoid", "none")
+"""The activations that turn a segmentation's output into probabilities."""
 AXES = ("cell", "row", "lane")
+"""The axes of a row-anchor output."""
 MAX_SIDE_PX = 4096
+"""Greatest width and height of a net's input in pixels. Chosen by hand; not fitted."""
 MARKING_PX = 2.0
-"""Of the input's width: sigma of the stripe into which a row anchor's column is turned."""
+"""Sigma in pixels of the input of the stripe that replaces a row anchor's column. Chosen by hand; not fitted."""
 SHARED = {"kind", "size", "colour", "mean", "std", "top", "output"}
+"""Keys that the descriptions of both kinds may have."""
 KEYS = {
     SEGMENTATION: SHARED | {"classes", "lanes", "activation"},
     ROW_ANCHOR: SHARED | {"axes", "rows", "cells", "lanes"},
 }
+"""Keys that the description of each kind may have."""
 
 
 @dataclass(frozen=True)
 class NetShape:
-    """What goes into a net and what comes out.
+    """Description of a net's input and output.
 
     Attributes:
         kind: `SEGMENTATION` or `ROW_ANCHOR`.
-        width_px, height_px: Of the input.
+        width_px, height_px: Size of the input.
         mean, std: Shape (channels,): the input is (grey / 255 - mean) / std.
         top: Share of the image's height that is cut off at its top.
         output: Name of the output, "" for the only one.
-        classes, lane_classes, activation: Of a segmentation.
-        axes, rows, cells, n_lanes: Of row anchors.
+        classes, lane_classes, activation: Output of a segmentation.
+        axes, rows, cells, n_lanes: Output of row anchors.
     """
 
     kind: str
@@ -85,11 +92,11 @@ class NetShape:
     n_lanes: int = 0
 
     def search_size(self) -> tuple[int, int]:
-        """Width and height of the whole image of which the input is the lower part."""
+        """Width and height of the whole image, of which the input is the lower part."""
         return self.width_px, round(self.height_px / (1.0 - self.top))
 
     def expected(self) -> tuple[int | None, ...]:
-        """Shape of the output; None: any length."""
+        """Shape that the output must have; None stands for any length."""
         if self.kind == SEGMENTATION:
             return 1, self.classes, None, None
         lengths = {"cell": self.cells + 1, "row": len(self.rows), "lane": self.n_lanes}
@@ -97,13 +104,13 @@ class NetShape:
 
 
 class LaneNet:
-    """A net that is loaded.
+    """A lane net that is loaded.
 
     Args:
         path: The ONNX file; its description lies beside it, with the suffix `.toml`.
 
     Raises:
-        InputError: One of the files can't be read, or the net takes another input than its description tells.
+        InputError: One of the files can't be read, or the net takes another input than its description says.
         UsageError: The description is wrong.
     """
 
@@ -114,10 +121,12 @@ class LaneNet:
         self.described = path.with_suffix(".toml")
         self.shape = described(self.described)
         data = _read(path)
-        wanted = 1, len(self.shape.mean), self.shape.height_px, self.shape.width_px
-        taken = input_shape(data)
-        if len(taken) == len(wanted) and any(n not in (None, told) for n, told in zip(taken, wanted, strict=True)):
-            what = f"the net takes {_times(taken)}, {self.described.name} tells {_times(wanted)}"
+        described_shape = 1, len(self.shape.mean), self.shape.height_px, self.shape.width_px
+        net_shape = input_shape(data)
+        if len(net_shape) == len(described_shape) and any(
+            n not in (None, own) for n, own in zip(net_shape, described_shape, strict=True)
+        ):
+            what = f"the net expects {_times(net_shape)}, but {self.described.name} describes {_times(described_shape)}"
             raise InputError(what, where=str(path), hint=f"correct {self.described}")
         try:
             self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
@@ -125,7 +134,7 @@ class LaneNet:
             raise InputError("OpenCV can't load the net", where=str(path), found=(_last_line(error),)) from None
 
     def lane_map(self, grey: GreyImage) -> Float32Array:
-        """How much each pixel looks like a lane marking, 0 to 1, shape as `grey`.
+        """How much each pixel looks like a lane marking, 0 to 1, of the shape of `grey`.
 
         Args:
             grey: An image of the `search_size`.
@@ -141,16 +150,18 @@ class LaneNet:
         blob = (seen[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
         self._net.setInput(np.ascontiguousarray(blob[None], np.float32))
         try:
-            made = self._net.forward(shape.output) if shape.output else self._net.forward()
+            raw_output = self._net.forward(shape.output) if shape.output else self._net.forward()
         except cv2.error as error:
             size = _times((1, len(shape.mean), shape.height_px, shape.width_px))
             what = f"the net does not run on an input of {size}"
             raise InputError(what, where=str(self.path), found=(_last_line(error),)) from None
-        output = np.asarray(made, np.float32)
+        output = np.asarray(raw_output, np.float32)
         if len(output.shape) != 4 or any(
             length not in (None, found) for length, found in zip(shape.expected(), output.shape, strict=True)
         ):
-            what = f"the output is {_times(output.shape)}, {self.described.name} tells {_times(shape.expected())}"
+            what = (
+                f"the output is {_times(output.shape)}, but {self.described.name} describes {_times(shape.expected())}"
+            )
             raise InputError(what, where=str(self.path), hint=f"correct {self.described}")
         small = _marked(output[0], shape) if shape.kind == SEGMENTATION else _anchored(output[0], shape)
         whole = np.zeros((height, width), np.float32)
@@ -159,7 +170,7 @@ class LaneNet:
 
 
 def _marked(output: Float32Array, shape: NetShape) -> Float32Array:
-    """A segmentation's output (classes, h, w) as probabilities of a marking (h, w)."""
+    """Turn a segmentation's output (classes, h, w) into probabilities of a marking (h, w)."""
     lanes = list(shape.lane_classes)
     if shape.activation == "softmax":
         power = np.exp(output - output.max(axis=0))
@@ -171,7 +182,7 @@ def _marked(output: Float32Array, shape: NetShape) -> Float32Array:
 
 
 def _anchored(output: Float32Array, shape: NetShape) -> Float32Array:
-    """Row anchors' output as an image of the input's size, with a stripe along each lane."""
+    """Turn the output of row anchors into an image of the input's size, with a stripe along each lane."""
     cells, rows, lanes = (shape.axes.index(axis) for axis in AXES)
     logits = output.transpose(cells, rows, lanes).astype(np.float64)
     power = np.exp(logits - logits.max(axis=0))
@@ -193,11 +204,11 @@ def _anchored(output: Float32Array, shape: NetShape) -> Float32Array:
 
 
 def described(path: Path) -> NetShape:
-    """The description of a net.
+    """Read the description of a net.
 
     Raises:
-        InputError: It can't be read.
-        UsageError: It is no TOML, or a key is missing, unknown, or not as it must be.
+        InputError: The file can't be read.
+        UsageError: The file is no TOML, or a key is missing, unknown or has a wrong value.
     """
     try:
         table = parse_toml(_read(path).decode())
@@ -238,22 +249,24 @@ def described(path: Path) -> NetShape:
 
 @dataclass(frozen=True)
 class _Reader:
-    """Values of a description, checked."""
+    """Reads and checks the values of a description."""
 
     path: Path
     table: Mapping[str, Any]
 
     def error(self, key: str, what: str, hint: str) -> UsageError:
+        """An error about the value of a key."""
         return UsageError(f"{key} {what}", where=str(self.path), hint=hint)
 
     def choice(self, key: str, known: tuple[str, ...]) -> str:
+        """Read a value that must be one of the known ones."""
         value = self.table.get(key)
         if value not in known:
             raise self.error(key, "is missing" if value is None else f"is {value!r}", f"permitted: {', '.join(known)}")
         return str(value)
 
     def numbers(self, key: str, n: int | None, low: float, high: float, *, whole: bool = False) -> list[float]:
-        """n numbers (None: one at least); one number may stand without brackets."""
+        """Read n numbers, or one or more if n is None, within limits; a single number may stand without brackets."""
         value = self.table.get(key)
         listed: list[Any] = value if isinstance(value, list) else [value]
         permitted = int if whole else (int, float)
@@ -269,10 +282,10 @@ class _Reader:
 
 
 def _read(path: Path) -> bytes:
-    """A file.
+    """Read a file.
 
     Raises:
-        InputError: It can't be read.
+        InputError: The file can't be read.
     """
     try:
         return read_file(path)
@@ -281,9 +294,10 @@ def _read(path: Path) -> bytes:
 
 
 def input_shape(data: bytes) -> tuple[int | None, ...]:
-    """What an ONNX file says of its net's first input; None: any length, empty: nothing.
+    """Read the shape of a net's first input from an ONNX file; None stands for any length, an empty shape for an
+    unknown one.
 
-    OpenCV reads this too, but neither tells it nor minds an input of another shape. Numbers of the fields: onnx.proto.
+    OpenCV reads this too, but neither exposes it nor refuses an input of another shape. Field numbers: onnx.proto.
     """
     try:
         graph = _fields(data, 7)[0]
@@ -296,26 +310,27 @@ def input_shape(data: bytes) -> tuple[int | None, ...]:
 
 
 def _fields(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
-    """Values of a field of a protobuf message: whole numbers (wire type 0) or bytes (2); others are left out."""
-    made: list[Any] = []
-    at = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
+    """Values of one field of a protobuf message: whole numbers (wire type 0) or bytes (2)."""
+    values: list[Any] = []
+    position = 0
+    while position < len(data):
+        tag, position = _varint(data, position)
         value: int | bytes
         match tag & 7:
             case 0:
-                value, at = _varint(data, at)
+                value, position = _varint(data, position)
             case 1 | 2 | 5 as kind:
-                n, at = _varint(data, at) if kind == 2 else (8 if kind == 1 else 4, at)
-                value, at = data[at : at + n], at + n
+                n, position = _varint(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
+                value, position = data[position : position + n], position + n
             case _:
                 raise ValueError("no protobuf")
         if tag == number << 3 | wire_type:
-            made.append(value)
-    return made
+            values.append(value)
+    return values
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
+    """Read a protobuf varint; returns its value and the place after it."""
     value = shift = 0
     while data[at] & 128:
         value, shift, at = value | (data[at] & 127) << shift, shift + 7, at + 1
@@ -323,8 +338,10 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def _times(shape: tuple[int | None, ...]) -> str:
+    """A shape as text, such as 1 x 3 x any x 640."""
     return " x ".join("any" if length is None else str(length) for length in shape)
 
 
 def _last_line(error: Exception) -> str:
+    """The last line of an error's text."""
     return str(error).strip().splitlines()[-1].strip()

@@ -8,6 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 QUEUED_PER_THREAD = 3
+"""Greatest number of waiting jobs for each thread. Chosen by hand: it bounds the memory."""
 
 Result = TypeVar("Result")
 
@@ -23,7 +24,7 @@ def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[R
         n_threads: The calling one included; at least one other works beside it.
 
     Raises:
-        Exception: What a job raised, when its result is due.
+        Exception: A job raised it; it comes when the job's result is due.
     """
     waiting: deque[_Task[Result]] = deque()
     with ThreadPoolExecutor(max(n_threads - 1, 1), thread_name_prefix="decode") as pool:
@@ -58,7 +59,7 @@ class _Task(Generic[Result]):
 
 
 def _next_result(waiting: deque[_Task[Result]]) -> Result:
-    """The oldest task's result; while it is not there, younger tasks are done here."""
+    """Wait for the oldest task's result and take it out; meanwhile do younger tasks in this thread."""
     oldest = waiting[0]
     for task in waiting:
         if oldest.future.done():

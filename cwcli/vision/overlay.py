@@ -1,4 +1,4 @@
-"""What is drawn on the camera's image: the boundaries as points in its pixels, and frames with them burnt in."""
+"""Boundaries in the camera's image: their points in its pixels, their labels, and frames with both drawn on."""
 
 from __future__ import annotations
 
@@ -18,39 +18,45 @@ from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
 BoolArray = npt.NDArray[np.bool_]
 
 N_POINTS = 32
+"""Number of points of a drawn boundary. Chosen by hand; not fitted."""
 DENSER = 1.5
-"""Points lie nearer to each other towards the top, where the line of a bend is bent most."""
+"""Exponent of the points' spacing: above 1 they lie closer towards the top, where the image of a bend is bent most.
+Chosen by hand; not fitted."""
 
 LEFT_RGB = (0.1, 0.9, 0.2)
+"""Colour of the left boundary: red, green, blue, 0 to 1. Chosen by hand."""
 RIGHT_RGB = (1.0, 0.55, 0.0)
+"""Colour of the right boundary: red, green, blue, 0 to 1. Chosen by hand."""
 JPEG_QUALITY = 85
+"""Quality of written JPEG images, 0 to 100. Chosen by hand."""
 LABEL_POINT = 4
-"""Of a line's points, from the bottom: names stand beside it."""
+"""Index, from the bottom, of the point of a line beside which its label stands. Chosen by hand."""
 LABEL_LETTERS = 7.5
-"""Room for the longest name, in heights of a letter."""
+"""Width that is left for the longest label, in heights of a letter. Chosen by hand."""
 LETTERS_PX = 22.0
-"""Height of a letter of OpenCV's font at scale 1."""
+"""Height of a letter of OpenCV's font at scale 1, in pixels."""
 _NAMES = {
     (kind, colour): " ".join(each.name.lower() for each in (kind, colour) if each)
     for kind in LineKind
     for colour in LineColour
 }
+"""Label for each kind and colour, such as `solid white`; empty where both are unknown."""
 
 
 def line_points(
     lines: BoundaryLines, search_size: tuple[int, int], image_size: tuple[int, int], camera: Camera | None = None
 ) -> tuple[FloatArray, BoolArray]:
-    """The boundaries of n frames in the camera's images.
+    """Points of the boundaries of n frames in the camera's images, and a mask of those to draw.
 
     Args:
-        lines: In the pixels of the search image.
+        lines: The boundaries in the pixels of the search image.
         search_size, image_size: (width, height) in pixels.
         camera: Of images of `image_size`, if the search image is the rectified one. The lines are then followed into
             the corners that the camera sees and the search image does not.
 
     Returns:
-        Points of shape (n, 2, `N_POINTS`, 2): u and v from the bottom up, (0, 0) being the centre of the top left
-        pixel; and which of them belong to the line, shape (n, 2, `N_POINTS`): found, in the image, and not ended.
+        Points of shape (n, 2, points, 2): u and v from the bottom up, (0, 0) being the centre of the top left
+        pixel; and which of them belong to the line, shape (n, 2, points): found, in the image, and not ended.
     """
     width_px, height_px = search_size
     scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
@@ -70,7 +76,7 @@ def line_points(
 
 
 def line_names(fits: FitColumns) -> list[tuple[str, str]]:
-    """What is written beside the left and the right boundary of each frame: `dashed white`; "": nothing is known."""
+    """Labels of the left and the right boundary of each frame, such as `dashed white`; empty where nothing is known."""
     sides = []
     for kinds, colours in zip(fits.kind.T.tolist(), fits.colour.T.tolist(), strict=True):
         sides.append([_NAMES[kind, colour] for kind, colour in zip(kinds, colours, strict=True)])
@@ -78,12 +84,12 @@ def line_names(fits: FitColumns) -> list[tuple[str, str]]:
 
 
 def label_size_px(image_width_px: float) -> float:
-    """Height of letters."""
+    """Height of a label's letters in pixels."""
     return max(image_width_px / 45.0, 9.0)
 
 
 def label_place(line: FloatArray, image_width_px: float) -> tuple[float, float]:
-    """Where a boundary's name begins: towards the image's middle, above the foot of its line, shape (k, 2)."""
+    """Column and row where a boundary's label begins: towards the image's middle, above the foot of its line (k, 2)."""
     u, v = line[min(LABEL_POINT, len(line) - 1)].tolist()
     size_px = label_size_px(image_width_px)
     is_left = u < 0.5 * image_width_px
@@ -91,12 +97,12 @@ def label_place(line: FloatArray, image_width_px: float) -> tuple[float, float]:
 
 
 def burn_in(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("", "")) -> Image:
-    """The image with lines drawn on it.
+    """The image with boundaries and their labels drawn on it.
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
         lines: The left and the right one, shape (k, 2) each: u, v.
-        names: What is written beside them.
+        names: The labels beside them.
     """
     import cv2
 

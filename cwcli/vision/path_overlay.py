@@ -21,18 +21,27 @@ from cwcli.vision.encoded import Image
 BoolArray = npt.NDArray[np.bool_]
 
 N_POINTS = 32
+"""Number of points of a drawn line. Chosen by hand; not fitted."""
 LINES = ("centre", "left", "right", "band_left", "band_right")
+"""Names of the lines of a drawn path."""
 MIN_NEAR_M = 1.0
+"""Least distance ahead of the camera at which a drawn path begins, in metres. Chosen by hand; not fitted."""
 DEFAULT_NEAR_M = 3.0
-"""Where the lowest row looks above the horizon."""
+"""Distance at which a drawn path begins where the image's lowest row looks above the horizon, in metres. Chosen by
+hand; not fitted."""
 Z_90 = 1.6448536269514722
+"""Half width of the central 90 % of a normal distribution, in sigmas."""
 
 PATH_RGB = (0.1, 0.75, 1.0)
+"""Colour of the path: red, green, blue, 0 to 1. Chosen by hand."""
 FILL_ALPHA = 0.35
+"""Opacity of the 90 % band, 0 to 1. Chosen by hand."""
 SHIFT = 4
-"""Fraction bits of what is drawn."""
+"""Number of fraction bits in the coordinates that OpenCV draws."""
 FARTHEST_PX = 20_000.0
+"""Greatest coordinate that is drawn, in pixels: larger ones overflow OpenCV's fixed-point numbers."""
 MIN_STEP_M = 1e-3
+"""Least length of a path that is drawn, in metres. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +64,18 @@ class PathLines:
     """The path in the pixels of the camera's image: (0, 0) is the centre of the top left pixel.
 
     Attributes:
-        points: Shape (5, `N_POINTS`, 2): u and v of each of `LINES`, from near to far; NaN where a point is behind the
-            camera.
-        is_in: Shape (5, `N_POINTS`): the point lies in the image.
+        points: Shape (5, points, 2): u and v of each of the five lines, from near to far; NaN behind the camera.
+        is_in: Shape (5, points): the point lies in the image.
     """
 
     points: FloatArray
     is_in: BoolArray
 
     def line(self, name: str) -> FloatArray:
-        """The points of one of `LINES` that lie in the image, shape (m, 2)."""
-        at = LINES.index(name)
-        kept: FloatArray = self.points[at][self.is_in[at]]
-        return kept
+        """The points of the line of this name that lie in the image, shape (m, 2)."""
+        index = LINES.index(name)
+        points: FloatArray = self.points[index][self.is_in[index]]
+        return points
 
     def band(self) -> FloatArray:
         """The 90 % band as one polygon in the image, shape (m, 2): up its left side, down its right one."""
@@ -77,6 +85,7 @@ class PathLines:
 
 
 NOTHING = PathLines(np.full((len(LINES), N_POINTS, 2), np.nan), np.zeros((len(LINES), N_POINTS), np.bool_))
+"""The lines of a path that is too short to draw: all points are NaN."""
 
 
 def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward_m: float = 0.0) -> PathLines:
@@ -87,9 +96,9 @@ def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward
 
     Args:
         path: The path.
-        camera: In the pixels of the image, with the pitch and yaw of this frame.
-        width_m: Of the car.
-        camera_forward_m: Of the camera ahead of the centre of gravity.
+        camera: The camera in the pixels of the image, with the pitch and yaw of this frame.
+        width_m: Width of the car.
+        camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
     x_m, y_m, heading_rad, across_m = _sampled(path, camera, camera_forward_m)
     if not len(x_m):
@@ -108,7 +117,7 @@ def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward
 
 
 def ground_near_m(camera: Camera) -> float:
-    """How far ahead of the camera the middle of the image's lowest row shows the road."""
+    """Distance ahead of the camera at which the middle of the image's lowest row shows the road, in metres."""
     x_m, _ = camera.ground_from_image(np.array([(camera.width_px - 1) / 2]), np.array([camera.height_px - 0.5]))
     near_m = float(x_m[0])
     return max(near_m, MIN_NEAR_M) if math.isfinite(near_m) else DEFAULT_NEAR_M
@@ -117,7 +126,8 @@ def ground_near_m(camera: Camera) -> float:
 def _sampled(
     path: BodyPath, camera: Camera, camera_forward_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """x, y, heading and 90 % half width of the band at `N_POINTS` places along the path; empty if it is too short."""
+    """Sample a path evenly in the image: x, y, heading and 90 % half width of the band; empty if the path is too
+    short."""
     nothing = np.zeros(0)
     known = np.isfinite(path.x_m + path.y_m + path.heading_rad)
     if not known.all():
@@ -128,21 +138,22 @@ def _sampled(
     if end <= start + MIN_STEP_M:
         return nothing, nothing, nothing, nothing
     # A step in 1 / distance is a step in image rows.
-    at = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
+    distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
     across = Z_90 * np.sqrt(np.maximum(turned(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0))
     x_m, y_m, heading_rad, across_m = (
-        np.interp(at, driven[moving], values[moving]) for values in (path.x_m, path.y_m, path.heading_rad, across)
+        np.interp(distances_m, driven[moving], values[moving])
+        for values in (path.x_m, path.y_m, path.heading_rad, across)
     )
     return x_m, y_m, heading_rad, across_m
 
 
 def paint_path(image: Image, lines: PathLines) -> Image:
-    """The image with the path on it: the car's corridor as thin lines, the band filled lightly, the middle as a line.
+    """The image with the path drawn on it: the car's corridor, the 90 % band and the middle.
 
     Args:
         image: Shape (height, width, 3), blue, green, red.
-        lines: In its pixels.
+        lines: The path in the image's pixels.
     """
     import cv2
 
@@ -163,5 +174,6 @@ def paint_path(image: Image, lines: PathLines) -> Image:
 
 
 def _fixed(points: FloatArray) -> npt.NDArray[np.int32]:
+    """Points as OpenCV's fixed-point coordinates."""
     near = np.clip(points, -FARTHEST_PX, FARTHEST_PX)
     return np.round(near * (1 << SHIFT)).astype(np.int32).reshape(-1, 1, 2)

@@ -1,4 +1,4 @@
-"""What is done with a decoded frame before the search, in the decoding threads."""
+"""Preparation of decoded frames for the search, in the decoding threads: rectifying, and the method's own part."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cwcli.vision.rectify import Rectifier
 
 @dataclass(frozen=True)
 class PreparedFrame:
-    """What the decoding threads made of a frame: the image to be searched, and what the method computed of it."""
+    """A prepared frame: the image to be searched, what the method computed of it, and the image in colour."""
 
     grey: Image
     made: object = None
@@ -21,7 +21,7 @@ class PreparedFrame:
 
 
 def prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
-    """What the decoding threads do with each frame (`PreparedFrame`); None: nothing is left to do."""
+    """A function that prepares each decoded frame for a method (`PreparedFrame`); None where there is nothing to do."""
     if method.prepare is None and rectifier is None:
         return None
 

@@ -1,4 +1,4 @@
-"""Raw images as ROS and Foxglove name them, to grey or to colour.
+"""Decoding of raw images, in the encodings of ROS and Foxglove, to grey or colour.
 
 To add an encoding: one row in the table that fits it.
 """
@@ -20,17 +20,20 @@ PACKED = {
     "bgra8": (4, "BGRA"),
     "8uc4": (4, "BGRA"),
 }
-"""Encoding -> bytes a pixel, channel order."""
+"""Bytes for each pixel, and order of the channels, of encodings with whole pixels side by side."""
 BAYER = {"bayer_rggb8": "BG", "bayer_bggr8": "RG", "bayer_gbrg8": "GR", "bayer_grbg8": "GB"}
-"""Encoding -> OpenCV's name, which is that of the second row's second and third pixel."""
+"""OpenCV's name for each Bayer encoding: that of the second row's second and third pixel."""
 YUV422 = {"yuyv": 0, "yuv422_yuy2": 0, "yuy2": 0, "uyvy": 1, "yuv422": 1}
-"""Encoding -> place of the luminance in each pair of bytes."""
+"""Place of the luminance in each pair of bytes of encodings with a colour for two pixels."""
 MONO16 = ("mono16", "16uc1")
+"""Encodings of grey images with 16 bits for each pixel."""
 NV = {"nv12": "NV12", "nv21": "NV21"}
-"""Encoding -> OpenCV's name: the luminance of all pixels, then the colours of four by four, side by side."""
+"""OpenCV's name for encodings that hold the luminance of all pixels, then a colour for each two by two of them."""
 FLOAT32 = "32fc1"
+"""Encoding of depth images with a 32-bit float for each pixel."""
 
 GREY = ("mono8", "8uc1", *MONO16, FLOAT32)
+"""Encodings of images without any colour."""
 
 
 class RawImageError(ValueError):
@@ -38,7 +41,7 @@ class RawImageError(ValueError):
 
 
 def raw_grey(frame: FrameLike) -> Image:
-    """A raw image as grey, shape (height, width), uint8.
+    """Decode a raw image to grey, shape (height, width), uint8.
 
     Raises:
         RawImageError: Unknown encoding, or fewer bytes than its size needs.
@@ -63,10 +66,10 @@ def raw_grey(frame: FrameLike) -> Image:
 
 
 def raw_colour(frame: FrameLike) -> Image:
-    """A raw image as blue, green, red, shape (height, width, 3), uint8.
+    """Decode a raw image to blue, green, red, shape (height, width, 3), uint8.
 
     Raises:
-        RawImageError: As `raw_grey`.
+        RawImageError: Unknown encoding, or fewer bytes than its size needs.
     """
     import cv2
 
@@ -87,6 +90,7 @@ def raw_colour(frame: FrameLike) -> Image:
 
 
 def _nv_colour(frame: FrameLike, name: str) -> Image:
+    """Decode an NV12 or NV21 image to blue, green, red."""
     import cv2
 
     if frame.width % 2 or frame.height % 2:
@@ -95,18 +99,19 @@ def _nv_colour(frame: FrameLike, name: str) -> Image:
 
 
 def _even(pixels: Image) -> Image:
-    """Two-byte pixels with an even number of columns: colour is shared by two; the last one of an odd row is alone."""
+    """Two-byte pixels with an even number of columns, the last one doubled if needed: two columns share a colour."""
     return pixels if pixels.shape[1] % 2 == 0 else np.concatenate([pixels, pixels[:, -2:-1]], axis=1)
 
 
 def _packed(encoding: str) -> tuple[int, str]:
+    """Bytes for each pixel, and order of the channels; raises RawImageError where the encoding is unknown."""
     if encoding not in PACKED:
         raise RawImageError(f"the encoding {encoding or '(none)'} is not supported")
     return PACKED[encoding]
 
 
 def _pixels(frame: FrameLike, n_bytes: int, rows: int | None = None) -> Image:
-    """Shape (height, width, n_bytes), or another number of rows, a view of the message's bytes."""
+    """A view of the message's bytes, shape (height, width, n_bytes), or with another number of rows."""
     height = frame.height if rows is None else rows
     row_bytes = frame.width * n_bytes
     step = frame.step or row_bytes
@@ -117,6 +122,7 @@ def _pixels(frame: FrameLike, n_bytes: int, rows: int | None = None) -> Image:
 
 
 def _converted(pixels: Image, code: int) -> Image:
+    """Pixels converted by one of OpenCV's colour codes."""
     import cv2
 
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), code), np.uint8)

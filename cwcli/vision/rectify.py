@@ -21,19 +21,24 @@ from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 
 NOWHERE_PX = -1000.0
+"""Coordinate for points that the camera can't see, in pixels: far enough outside any image."""
 MAX_BELOW = 0.5
-"""Of the image height: how far below its bottom a line is followed into the camera's corners."""
+"""Greatest distance below the image's bottom to which lines are followed into the camera's corners, over the image's
+height. Chosen by hand; not fitted."""
 N_EDGE = 33
+"""Number of points on the image's lower edge that are looked at. Chosen by hand; not fitted."""
 MAX_SIZES = 8
-"""Maps that are kept: a camera has one size of images, a log made up to harm may have thousands."""
+"""Greatest number of rectification maps in memory: a camera has one size of images, a malicious log may have thousands.
+Chosen by hand; not fitted."""
 BLOCK_ROWS = 16
-"""OpenCV's projection makes a table of derivatives, 400 bytes a point."""
+"""Number of rows for which a map is computed at a time: OpenCV's projection takes 400 bytes for each point. Chosen by
+hand; not fitted."""
 
 Size = tuple[int, int]
 
 
 def needs_rectifying(camera: Camera) -> bool:
-    """Whether the search is better off with rectified frames.
+    """Whether the search does better on rectified frames.
 
     Not for a roll alone: lines stay straight, the ground geometry knows the roll, and the corners would be lost. At 8
     degrees of roll a pinhole's lanes are twice as exact without (docs/lanes.md).
@@ -42,13 +47,13 @@ def needs_rectifying(camera: Camera) -> bool:
 
 
 def rectified(camera: Camera) -> Camera:
-    """The camera that would have made the rectified frames."""
+    """The pinhole camera without roll whose images the rectified frames are."""
     mounting = replace(camera.mounting, roll_rad=0.0)
     return replace(camera, distortion_model="", distortion=(), mounting=mounting)
 
 
 def camera_points(points_px: FloatArray, camera: Camera) -> FloatArray:
-    """Where points of the rectified image are in the camera's own.
+    """Points of the rectified image in the pixels of the camera's own image.
 
     Args:
         points_px: Shape (..., 2): u, v; also outside the image.
@@ -63,7 +68,7 @@ def camera_points(points_px: FloatArray, camera: Camera) -> FloatArray:
 
 
 def _camera_from_rectified(camera: Camera) -> FloatArray:
-    """Shape (3, 3): both optical frames differ by the roll alone, whatever pitch and yaw are."""
+    """Rotation from the rectified to the camera's optical frame, shape (3, 3); they differ by the roll alone."""
     return np.asarray(camera.body_from_optical().T @ rectified(camera).body_from_optical())
 
 
@@ -79,14 +84,14 @@ def lowest_row_px(camera: Camera) -> float:
 
 
 def is_in_image(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """Whether points of shape (..., 2) are in the camera's image; NaN is not."""
+    """Mask of the points, shape (..., 2), that lie in the camera's image; NaN does not."""
     u_px, v_px = points_px[..., 0], points_px[..., 1]
     with np.errstate(invalid="ignore"):
         return (u_px >= 0.0) & (u_px <= camera.width_px - 1.0) & (v_px >= 0.0) & (v_px <= camera.height_px - 1.0)
 
 
 class Rectifier:
-    """Rectifies search images; the map is made once for each size. May be called from several threads.
+    """Rectifies search images; the map is made once for each size. Several threads may call it at once.
 
     Args:
         camera_of: (width_px, height_px) of the camera's images -> the camera in their pixels.
@@ -97,7 +102,8 @@ class Rectifier:
         self._maps: dict[tuple[Size, Size], tuple[Image, Image]] = {}
 
     def image(self, image: Image, image_size: Size) -> Image:
-        """The search image, grey or in colour, of a frame of `image_size` (width, height), rectified; same shape."""
+        """The rectified search image, grey or in colour, of a frame of `image_size` (width, height); the shape
+        stays."""
         import cv2
 
         height_px, width_px = image.shape[:2]
@@ -112,14 +118,16 @@ class Rectifier:
 
 
 def fixed_map(camera: Camera) -> tuple[Image, Image]:
-    """OpenCV's fixed-point maps that rectify images of the camera: two or three times as fast as those of floats."""
+    """OpenCV's fixed-point maps that rectify the camera's images: two or three times as fast as those of floats."""
     import cv2
 
     u_px = np.arange(float(camera.width_px))
-    made = np.empty((camera.height_px, camera.width_px, 2), np.float32)
+    points_px = np.empty((camera.height_px, camera.width_px, 2), np.float32)
     for top in range(0, camera.height_px, BLOCK_ROWS):
         rows = np.arange(float(top), min(top + BLOCK_ROWS, camera.height_px))
         points = camera_points(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
-        made[top : top + BLOCK_ROWS] = np.clip(np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX)
-    first, second = cv2.convertMaps(made[..., 0], made[..., 1], cv2.CV_16SC2)
+        points_px[top : top + BLOCK_ROWS] = np.clip(
+            np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX
+        )
+    first, second = cv2.convertMaps(points_px[..., 0], points_px[..., 1], cv2.CV_16SC2)
     return np.asarray(first), np.asarray(second)

@@ -19,31 +19,41 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
 HORIZON_SHARE = (0.25, 0.66)
-"""Rows that are tried, of the image height."""
+"""First and last row that are tried, over the image's height. Chosen by hand; not fitted."""
 REACH_SHARE = 0.22
-"""Columns that are tried, of the image width to each side of the middle."""
+"""Distance to each side of the middle up to which columns are tried, over the image's width. Chosen by hand; not
+fitted."""
 STEP_SHARE = 0.01
+"""Step of the tried rows and columns, over the image's height and width. Chosen by hand; not fitted."""
 MIN_LENGTH_SHARE = 0.03
+"""Least length of a segment that votes, over the image's width. Chosen by hand; not fitted."""
 MAX_LENGTH_SHARE = 0.15
-"""Of the image width: longer segments have no more votes."""
+"""Length from which longer segments have no more votes, over the image's width. Chosen by hand; not fitted."""
 FLATTEST, STEEPEST = 0.2, 16.0
-"""Segments that rise less or more (rows a column) are beams, bridges and posts."""
+"""Least and greatest slope of a segment that votes, in rows a column: others are beams, bridges and posts. Chosen by
+hand; not fitted."""
 ANGLE_RAD = 0.02
+"""Angle between a segment and a point at which a quarter of the votes is left, in radians. Chosen by hand; not
+fitted."""
 SEGMENTS_PX = 400
-"""Wider images are halved before segments are looked for: they point as well, and take a quarter of the time."""
+"""Greatest width in pixels at which segments are detected; wider images are halved, which keeps directions and takes a
+quarter of the time."""
 DARKEST, BRIGHTEST = 0.01, 0.99
-"""Of the pixels: what lies between them is the picture's contrast."""
+"""Quantiles of the grey levels between which a picture's contrast is measured. Chosen by hand; not fitted."""
 DAYLIGHT_GREY = 150
-"""Grey levels of contrast: what has less is stretched to it. More would make lines of the grain of the road."""
+"""Contrast in grey levels to which pictures with less are stretched: that of daylight. Stretching to all levels finds
+segments in the road's grain (docs/decisions.md)."""
 LEAST_GREY = 16
-"""What has less is stretched as if it had so much: there is nothing in it but noise."""
+"""Least contrast in grey levels that the stretching assumes: pictures with less hold nothing but noise. Chosen by hand;
+not fitted."""
 BELOW_SHARE = 0.03
-"""A segment that votes must reach so far below the point, of the image height."""
+"""Least distance below a point to which a segment that votes must reach, over the image's height. Chosen by hand; not
+fitted."""
 
 
 @dataclass(frozen=True)
 class VanishingPoint:
-    """Where the lines meet.
+    """The point in which the segments of a frame meet.
 
     Attributes:
         u_px, v_px: The point.
@@ -56,7 +66,7 @@ class VanishingPoint:
 
 
 def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
-    """The point with the most votes; None without segments.
+    """Find the point with the most votes of the frame's segments; None without segments.
 
     Args:
         grey: Shape (height, width), uint8.
@@ -80,7 +90,7 @@ def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
 
 
 def _segments(grey: GreyImage) -> FloatArray:
-    """Shape (n, 4): u, v of both ends of the segments that may lie along the road."""
+    """Detect the segments that may lie along the road: u, v of both ends, shape (n, 4)."""
     import cv2
 
     height, width = grey.shape
@@ -100,7 +110,7 @@ def _segments(grey: GreyImage) -> FloatArray:
 
 
 def _in_daylight(grey: GreyImage) -> GreyImage:
-    """The picture with the contrast of daylight, if it has less."""
+    """The picture, stretched to the contrast of daylight if it has less."""
     import cv2
 
     share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256])) / grey.size
@@ -114,14 +124,14 @@ def _in_daylight(grey: GreyImage) -> GreyImage:
 def _votes(
     segments: FloatArray, u: FloatArray, v: FloatArray, width_px: int, height_px: int
 ) -> tuple[FloatArray, float]:
-    """Votes of shape (len(v), len(u)), and how many there could be."""
+    """Votes for each point of a grid, shape (len(v), len(u)), and the greatest possible sum of votes."""
     run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     length = np.hypot(run, rise)
     weight = np.minimum(length, MAX_LENGTH_SHARE * width_px)
     lowest = np.maximum(segments[:, 1], segments[:, 3])
     du = (u - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
     dv = (v - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
-    # as far beside a segment as `ANGLE_RAD` and a pixel at its ends allow, a quarter of its votes is left
+    # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
     beside = 1.0 / (length * (ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]

@@ -22,13 +22,16 @@ from cwcli.vision.matroska import BLOCK_STEP_MS, matroska_block, matroska_start
 from cwcli.vision.video_start import stream_head
 
 VIDEO_FORMATS = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
-"""Format as the message says -> codec."""
+"""Codec for each format that a message may name."""
 NOT_DECODED = frozenset({"av1"})
-"""OpenCV's FFmpeg reads them with the help of special hardware only."""
+"""Codecs that OpenCV's FFmpeg decodes on special hardware only."""
 N_THREADS = 1
-"""With more, what is made up for damaged parts differs from run to run."""
+"""Number of FFmpeg's threads: with more, its repair of damaged parts differs from run to run."""
 SPARE_FAILURES = 2
+"""Failures of the decoder, beyond one for each waiting message, after which it is started anew. Chosen by hand; not
+fitted."""
 MAX_TIMESTAMP_BLOCKS = 1 << 40
+"""A block number above that of any message."""
 
 
 class Encoded(Protocol):
@@ -48,7 +51,7 @@ def decode_video(
 
     Args:
         messages: Each holds one picture, or parameters only.
-        video_format: As the messages say.
+        video_format: The format that the messages name.
         max_pixels: Larger pictures are not converted.
         where: File and topic, for messages.
 
@@ -72,7 +75,8 @@ def decode_video(
 
 
 def _stream_numbers(codec: str) -> Callable[[Encoded], int]:
-    """Of each message in turn, which stream it belongs to: 0 before the first, then 1, 2, ..."""
+    """A function that numbers the streams: called with each message in turn, 0 before the first stream, then 1, 2,
+    ..."""
     number, head = 0, b""
 
     def number_of(message: Encoded) -> int:
@@ -86,6 +90,7 @@ def _stream_numbers(codec: str) -> Callable[[Encoded], int]:
 
 
 def _decodable(video_format: str, where: str) -> str:
+    """The codec of a format; raises InputError where OpenCV can't decode it."""
     import cv2
 
     codec = VIDEO_FORMATS[video_format]
@@ -108,7 +113,8 @@ def _decodable(video_format: str, where: str) -> str:
 def _decode_until_stuck(
     feed: _Feed[Message], max_pixels: int
 ) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
-    """Decode until the messages end, or until the decoder makes nothing of those it has: then a new one goes on."""
+    """Decode until the messages end, or until the decoder no longer makes pictures; then the caller starts a new
+    one."""
     import cv2
 
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not reported one by one
@@ -147,12 +153,12 @@ def _picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, in
 
 
 class _Feed(io.BufferedIOBase, Generic[Message]):
-    """What FFmpeg reads: each message as a block, made when it is asked for.
+    """The file that FFmpeg reads: each message becomes a block when it is asked for.
 
     Attributes:
         waiting: Number and message of those whose picture has not come.
         is_done: There are no more messages.
-        error: What the messages' iterator raised.
+        error: The error that the messages' iterator raised, if any.
     """
 
     def __init__(self, messages: Iterator[Message], codec: str) -> None:
@@ -181,6 +187,7 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
         return -1
 
     def _take_next(self) -> None:
+        """Append the block of the next message."""
         message = next(self._messages, None)
         if message is None:
             self.is_done = True
@@ -191,10 +198,10 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
         self._n += 1
 
     def passed(self, number: int) -> Iterator[Message]:
-        """Take out the messages before this one: their pictures do not come any more."""
+        """Take out the messages before this one: their pictures will not come."""
         while self.waiting and self.waiting[0][0] < number:
             yield self.waiting.popleft()[1]
 
     def take(self, number: int) -> Message | None:
-        """Take out this message; None if its picture has been."""
+        """Take out this message; None if it is out already."""
         return self.waiting.popleft()[1] if self.waiting and self.waiting[0][0] == number else None

@@ -1,4 +1,4 @@
-"""Where decoding of a video stream may start: at messages with the stream's parameters.
+"""The messages at which decoding of a video stream may start: those with the stream's parameters.
 
 Sources: ITU-T H.264 and H.265, table 7-1 (types of NAL units) and annex B (start codes); VP9 bitstream specification,
 version 0.7, section 6.2 (uncompressed header).
@@ -10,13 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 START_CODE = b"\x00\x00\x01"
+"""Bytes before each NAL unit (annex B)."""
 H264_SPS, H264_SLICES = 7, range(1, 6)
+"""Types of H.264 NAL units: sequence parameter sets, and slices (table 7-1)."""
 H265_SPS, H265_SLICES = 33, range(32)
+"""Types of H.265 NAL units: sequence parameter sets, and slices (table 7-1)."""
 VP9_MARKER, VP9_SYNC, VP9_RGB = 2, 0x498342, 7
+"""Frame marker, synchronisation code and RGB colour space in the header of a VP9 frame (section 6.2)."""
 
 
 def stream_head(codec: str, data: bytes | memoryview) -> bytes | None:
-    """What tells one stream from another, if decoding may start here, else None.
+    """Parameters that identify a stream, if decoding may start at this message, else None.
 
     Args:
         codec: `h264`, `h265` or `vp9`.
@@ -47,6 +51,8 @@ def _parameter_sets(codec: str, data: bytes) -> Iterator[bytes]:
 
 @dataclass
 class _Bits:
+    """Reads numbers of any length from a bit string, first bit first."""
+
     data: bytes
     at: int = field(default=0)
 
@@ -61,6 +67,7 @@ class _Bits:
 
 
 def _vp9_head(data: bytes) -> bytes | None:
+    """Format and size of a VP9 key frame as text; None for other frames."""
     bits = _Bits(data)
     if bits.take(2) != VP9_MARKER:
         return None

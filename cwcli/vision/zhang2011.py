@@ -18,23 +18,29 @@ from cwcli.vision.method import LaneFit, LaneFrame, Method
 from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, ResponseArray, block_responses
 
 CROSSOVER_RATE = 0.45
+"""Probability with which two chromosomes are crossed (zhang2011)."""
 MUTATION_RATE = 0.05
+"""Probability with which a chromosome is mutated (zhang2011)."""
 WHEEL_SHIFT = 50.0
-"""Grey levels, added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't."""
+"""Grey levels that are added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't.
+Chosen by hand (docs/papers/zhang2011-lanes.md)."""
 MIN_BLOCKS = 25
-"""A candidate that shows fewer of its 50 blocks is never chosen: the mean of a few blocks on a bright spot beats any
-road."""
+"""Least number of its 50 blocks that a candidate must show: the mean of a few blocks on a bright spot beats any road.
+Chosen by hand; not fitted."""
 DECIMALS = (4, 2, 0)
-"""Of a, b, c."""
+"""Number of decimals of a, b and c (zhang2011)."""
 FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
+"""Limits of a, b and c of the left boundary in the first phase (zhang2011)."""
 FIRST_RIGHT = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
+"""Limits of a, b and c of the right boundary in the first phase (zhang2011)."""
 
 _MASK_64 = (1 << 64) - 1
+"""Mask of a 64-bit number."""
 
 
 @dataclass(frozen=True)
 class Phase:
-    """One of the three phases.
+    """Settings of one of the three phases.
 
     Attributes:
         bits: Length of the strings of a, b, c (table 3).
@@ -48,13 +54,16 @@ class Phase:
 
 
 FIRST = Phase((7, 8, 8), 180, None)
+"""Phase of a first frame (zhang2011, tables 3 and 4)."""
 SECOND = Phase((6, 7, 7), 120, (0.003, 0.6, 60.0))
+"""Phase of the second to the sixth frame (zhang2011, tables 3 and 4)."""
 THIRD = Phase((5, 5, 5), 25, (0.001, 0.15, 15.0))
+"""Phase of all later frames (zhang2011, tables 3 and 4)."""
 
 
 @cache
 def genetic_of(phase: Phase) -> lane_search.Genetic:
-    """The kernel's settings of a phase."""
+    """The kernel's settings for a phase."""
     a, b, c = (10.0**m for m in DECIMALS)
     return {
         "bits": phase.bits,
@@ -69,20 +78,20 @@ def genetic_of(phase: Phase) -> lane_search.Genetic:
 
 
 def phase_of(n_before: int) -> Phase:
-    """The phase of a frame that follows `n_before` frames of the same run: 1st, 2nd to 6th, later ones."""
+    """The phase of a frame that follows `n_before` frames of the same run."""
     if n_before == 0:
         return FIRST
     return SECOND if n_before < 6 else THIRD
 
 
 def n_bits(low: float, high: float, decimals: int) -> int:
-    """Length of the string of a parameter: the k of 2^(k-1) < (high - low) 10^m < 2^k (eq. 4)."""
+    """Number of bits that code a parameter: the k of 2^(k-1) < (high - low) 10^m < 2^k (eq. 4)."""
     steps = round((high - low) * 10**decimals)
     return int(steps).bit_length()
 
 
 def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, int]) -> tuple[float, float, float]:
-    """a, b, c of a chromosome (eq. 5), each rounded to its decimals.
+    """Decode a chromosome to a, b and c (eq. 5), each rounded to its decimals.
 
     Args:
         code: Zeros and ones: the strings of a, b and c.
@@ -93,14 +102,14 @@ def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, i
 
 
 def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
-    """Two chromosomes after an exchange of the second and fourth of the segments that three points cut."""
+    """Cross two chromosomes: exchange the second and fourth of the segments that three points cut."""
     n = len(first)
     differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*points, n)
     return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
 
 
 def mutate(code: str, place: int) -> str:
-    """A chromosome with the bit at `place` (from 0 at the left) changed."""
+    """Change the bit at `place` of a chromosome, counted from 0 at the left."""
     return f"{int(code, 2) ^ lane_search.mutation_mask(place, len(code)):0{len(code)}b}"
 
 
@@ -113,14 +122,14 @@ def search_boundary(
     seed: int,
     stream: int,
 ) -> Boundary:
-    """One boundary of one frame.
+    """Search one boundary of one frame.
 
     Args:
-        responses: Of this side (`block_responses`).
+        responses: The block responses of this side.
         phase: Bits, generations and region.
-        previous: Of the frame before; not used in the first phase.
-        is_left: Which side.
-        seed, stream: Of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
+        previous: The boundary in the frame before; not used in the first phase.
+        is_left: Whether the left boundary is searched.
+        seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
     if phase.reach is None:
         region = np.array(FIRST_LEFT if is_left else FIRST_RIGHT)
@@ -148,7 +157,7 @@ class Zhang2011Search:
     frame's number and the side alone.
 
     Args:
-        seed: Of all random numbers.
+        seed: Seed of all random numbers.
     """
 
     def __init__(self, seed: int) -> None:
@@ -161,7 +170,7 @@ class Zhang2011Search:
         prepared = frame.prepared
         both = prepared if isinstance(prepared, BlockResponses) else block_responses(frame.grey)
         for side, responses in enumerate((both.left, both.right)):
-            made = search_boundary(
+            boundary = search_boundary(
                 responses,
                 phase_of(self._n_before[side]),
                 self._last[side],
@@ -169,8 +178,8 @@ class Zhang2011Search:
                 seed=self._seed,
                 stream=2 * frame.number + side,
             )
-            self._last[side] = made
-            self._n_before[side] = self._n_before[side] + 1 if made.found else 0
+            self._last[side] = boundary
+            self._n_before[side] = self._n_before[side] + 1 if boundary.found else 0
         return LaneFit(self._last[0], self._last[1])
 
 
@@ -185,3 +194,4 @@ METHOD = Method(
     make=Zhang2011Search,
     prepare=block_responses,
 )
+"""The registered lane method of zhang2011."""

@@ -22,7 +22,7 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from make_log import WRITERS, drive
+from tests.bench.make_log import WRITERS, drive
 
 from tests.cli.fleet_logs import cut
 

@@ -18,8 +18,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from bench_read import read_cwcli, read_official
-from make_log import WRITERS, drive
+from tests.bench.bench_read import read_cwcli, read_official
+from tests.bench.make_log import WRITERS, drive
 
 MAX_ANONYMOUS_MB = 300.0
 MAX_GROWTH_MB = 15.0

@@ -1,7 +1,7 @@
 """Reading all signal columns against the official reader with its official decoders, in one run.
 
-    python tests/bench/bench_read.py                # ten minutes, signals only
-    python tests/bench/bench_read.py --images       # the same with a camera in between (250 MB a file)
+    PYTHONPATH=. python tests/bench/bench_read.py                # ten minutes, signals only
+    PYTHONPATH=. python tests/bench/bench_read.py --images       # the same with a camera in between (250 MB a file)
 
 Both bring every leaf of the same topics into NumPy columns. The official loop fetches the leaves of a message with one
 `operator.attrgetter` (for JSON: a chain of subscripts) and makes the arrays at the end. Each side opens the file anew;
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from make_log import BSM_TOPIC, GNSS_TOPIC, IMU_TOPIC, WRITERS, drive
+from tests.bench.make_log import BSM_TOPIC, GNSS_TOPIC, IMU_TOPIC, WRITERS, drive
 from mcap.decoder import DecoderFactory
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as ProtobufFactory

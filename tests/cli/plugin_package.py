@@ -91,6 +91,7 @@ MEASURE = Measure(
     source="made up",
     of=tenth,
     threshold=0.5,
+    with_warnings=True,
 )
 """
 MODULES = {"rule": RULE, "model": MODEL, "measure": MEASURE, "method": METHOD, "speed": INPUT}

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
-import pyogrio
+import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
@@ -38,43 +37,13 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-def states(path: Path, what: str) -> pd.DataFrame:
+def states(path: Path, what: str) -> dict[str, np.ndarray[tuple[int, ...], np.dtype[Any]]]:
     """The channel as the official reader sees it."""
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
         messages = [message for *_, message in reader.iter_decoded_messages([TOPICS[what]])]
     names = ("stamp_ns", "x_m", "y_m", "heading_rad", "speed_mps", "latitude_deg", "longitude_deg")
-    return pd.DataFrame([{name: getattr(message, name) for name in names} for message in messages])
-
-
-def fields(path: Path, layer: str | None) -> dict[str, Any]:
-    """The attributes of a layer's features, by name, as GDAL reads them."""
-    meta, _, _, columns = pyogrio.raw.read(path, layer=layer, read_geometry=False)
-    return dict(zip(meta["fields"], columns, strict=True))
-
-
-def points(geometry: bytes, per_point: int) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """The coordinates of a line string in well-known binary: order, type, count, then doubles."""
-    assert geometry[0] == 1  # little-endian
-    return np.frombuffer(geometry[9:], "<f8").reshape(-1, per_point)[:, :2]
-
-
-@pytest.mark.parametrize("what", TOPICS)
-def test_gdal_reads_the_places_of_every_map_format(cwcli: Run, annotated: Path, tmp_path: Path, what: str) -> None:
-    expected = states(annotated, what)[["longitude_deg", "latitude_deg"]].to_numpy()
-    for name, layer, per_point in (("gpx", "tracks", 2), ("kml", None, 3), ("geojson", None, 2)):
-        done = cwcli("export", annotated, "--what", what, "-o", f"track.{name}")
-        assert done.returncode == 0, done.stderr.decode()
-        _, _, (geometry, *more), _ = pyogrio.raw.read(tmp_path / f"track.{name}", layer=layer)
-        assert more == []
-        inner = geometry[9:] if name == "gpx" else geometry  # a multi line string of one
-        np.testing.assert_allclose(points(inner, per_point), expected, atol=1e-9)
-
-
-def test_gdal_reads_the_times_of_gpx(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
-    cwcli("export", annotated, "-o", "track.gpx")
-    times = fields(tmp_path / "track.gpx", layer="track_points")["time"].astype("datetime64[ms]").astype(np.int64)
-    np.testing.assert_allclose(times * 1e6, states(annotated, "ego")["stamp_ns"], atol=1e6)
+    return {name: np.array([getattr(message, name) for message in messages]) for name in names}
 
 
 @pytest.mark.parametrize("what", TOPICS)
@@ -83,11 +52,11 @@ def test_tum_and_kitti_hold_the_poses(cwcli: Run, annotated: Path, what: str) ->
     tum = np.loadtxt(io.BytesIO(cwcli("export", annotated, "--what", what, "--format", "tum").stdout))
     kitti = np.loadtxt(io.BytesIO(cwcli("export", annotated, "--what", what, "--format", "kitti").stdout))
     np.testing.assert_allclose(tum[:, 0], expected["stamp_ns"] / 1e9, atol=1e-6)
-    np.testing.assert_allclose(tum[:, 1:3], expected[["x_m", "y_m"]], atol=1e-6)
+    np.testing.assert_allclose(tum[:, 1:3], np.stack([expected["x_m"], expected["y_m"]], axis=1), atol=1e-6)
     turned = 2.0 * np.arctan2(tum[:, 6], tum[:, 7]) - expected["heading_rad"]
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-12)
     matrices = kitti.reshape(-1, 3, 4)
-    np.testing.assert_allclose(matrices[:, :2, 3], expected[["x_m", "y_m"]], atol=1e-6)
+    np.testing.assert_allclose(matrices[:, :2, 3], np.stack([expected["x_m"], expected["y_m"]], axis=1), atol=1e-6)
     np.testing.assert_allclose(np.linalg.det(matrices[:, :, :3]), 1.0, atol=1e-9)
     np.testing.assert_allclose(matrices[:, 0, 0], np.cos(expected["heading_rad"]), atol=1e-9)
     np.testing.assert_allclose(matrices[:, 1, 0], np.sin(expected["heading_rad"]), atol=1e-9)
@@ -102,18 +71,6 @@ def test_stamps_keep_every_nanosecond() -> None:
     assert b"2023-11-14T22:13:20.123456789Z" in track_format("kml").encode([track])
 
 
-@pytest.mark.parametrize("name", ["gpx", "kml", "geojson"])
-def test_hostile_ids_leave_a_file_that_can_be_read(tmp_path: Path, name: str) -> None:
-    two = np.zeros(2)
-    evil = "</name><trk>&\x00\x1b[31m\ud800\"'<!--"
-    track = Track(evil, np.array([0, 1]), two, two, two, two, two, two)
-    path = tmp_path / f"evil.{name}"
-    path.write_bytes(track_format(name).encode([track]))
-    read = fields(path, layer="tracks" if name == "gpx" else None)
-    (told,) = read[{"gpx": "name", "kml": "Name", "geojson": "id"}[name]]
-    assert told.startswith("</name><trk>&")
-
-
 def test_tables_hold_what_the_channel_holds(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
     expected = states(annotated, "remote")
     text = cwcli("export", annotated, "--what", "remote").stdout.decode()
@@ -121,8 +78,8 @@ def test_tables_hold_what_the_channel_holds(cwcli: Run, annotated: Path, tmp_pat
     assert [int(row["stamp_ns"]) for row in rows] == expected["stamp_ns"].tolist()
     assert [float(row["x_m"]) for row in rows] == expected["x_m"].tolist()
     cwcli("export", annotated, "--what", "remote", "-o", "remote.parquet")
-    read = pd.read_parquet(tmp_path / "remote.parquet")
-    assert read["speed_mps"].tolist() == expected["speed_mps"].tolist()
+    read = pq.read_table(tmp_path / "remote.parquet").to_pydict()
+    assert read["speed_mps"] == expected["speed_mps"].tolist()
     assert (len(read["sigma"][0]), len(read["correlation"][0])) == (8, 28)
 
 

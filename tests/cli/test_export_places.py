@@ -42,6 +42,7 @@ COMMANDS = {f"export-{name}": ("export", name, given) for name, given in EXPORTS
     if name != "lane"  # the log has no camera
 }
 COMMANDS["view"] = ("view", "rrd", [])
+NAMES = [pytest.param(name, marks=pytest.mark.peer("rerun")) if name == "view" else name for name in COMMANDS]
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def by_itself(folder: Path, *arguments: str | Path, **settings: Any) -> subproce
     return subprocess.run(command, check=False, cwd=folder, env=environment, timeout=600, **streams)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", NAMES)
 def test_a_file_that_exists_is_kept_unless_it_is_forced(
     annotated: Path, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -100,7 +101,7 @@ def test_a_full_disk_behind_stdout_is_one_line(annotated: Path, tmp_path: Path, 
     assert (done.returncode, done.stderr) == (EXIT_OUTPUT, b"error: <stdout>: no space is left on the disk\n")
 
 
-@pytest.mark.parametrize("name", [each for each in COMMANDS if not each.startswith("plot") or "motion" in each])
+@pytest.mark.parametrize("name", [each for each in NAMES if "plot" not in str(each) or "motion" in str(each)])
 def test_a_full_disk_leaves_no_file(annotated: Path, tmp_path: Path, name: str) -> None:
     command, form, given = COMMANDS[name]
     folder = tmp_path / "full"

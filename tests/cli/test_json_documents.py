@@ -34,6 +34,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
+VIEW = ["view", "ANNOTATED", "-o", "x.rrd"]
 CASES = [
     ["info", INTERSECTION],
     ["info", INTERSECTION, "--doctor"],
@@ -53,7 +54,7 @@ CASES = [
     ["plot", "ANNOTATED", "--what", "motion", "-o", "m.svg"],
     ["export", "ANNOTATED", "-o", "x.csv"],
     ["export", "ANNOTATED", "--format", "ros2", "-o", "x.mcap"],
-    ["view", "ANNOTATED", "-o", "x.rrd"],
+    VIEW,
     ["layout", "-o", "l.json"],
     ["join", INTERSECTION, "ANNOTATED", "-o", "j.mcap"],
     ["calibrate", str(SAMPLES / "curve.mcap"), "-o", "c.toml"],
@@ -64,7 +65,11 @@ OTHERS = {"lanes", "observe", "predict-lane", "warn-lane", "track", "warn-target
 """Stages that need frames or detections; their documents are held to the schema where they are tested."""
 
 
-@pytest.mark.parametrize("arguments", CASES, ids=" ".join)
+@pytest.mark.parametrize(
+    "arguments",
+    [pytest.param(case, marks=pytest.mark.peer("rerun")) if case is VIEW else case for case in CASES],
+    ids=" ".join,
+)
 def test_a_document_is_what_the_schema_says(
     annotated: Path,
     folder: Path,

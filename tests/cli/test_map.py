@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,23 @@ def test_can_frames_become_the_speed(cwcli: Run, log: Path, tmp_path: Path) -> N
     source = speed_source(json.loads(done.stdout))
     assert (source["used"], source["set_aside"]) == (50, {"frame of another message": 50})
     assert any("km/h" in note for note in json.loads(done.stdout)["stages"]["estimate"]["notes"])
+
+
+def test_info_offers_the_signals_of_a_dbc_file(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    dbc = tmp_path / "my car.dbc"
+    dbc.write_text(DBC)
+    document = json.loads(cwcli("info", log, "--dbc", dbc, "--json").stdout)
+    can = next(each for each in document["channels"] if each["topic"] == "/can")
+    assert can["try"] == [f"--map ego_speed=/can:Motion.Speed --dbc '{dbc}'"]
+    assert "need a DBC" not in can["why_not"]
+    mapped = cwcli("estimate", log, *shlex.split(can["try"][0]), "--json")
+    assert speed_source(json.loads(mapped.stdout))["used"] == 50
+
+
+def test_info_says_that_a_dbc_file_is_no_such_file(cwcli: Run, log: Path, tmp_path: Path) -> None:
+    done = cwcli("info", log, "--dbc", tmp_path / "none.dbc")
+    assert done.returncode == 2
+    assert b"none.dbc: can't read the DBC file" in done.stderr
 
 
 def test_a_mapping_is_kept_in_the_pipeline_file(cwcli: Run, log: Path, tmp_path: Path) -> None:
@@ -147,8 +165,8 @@ def test_two_whole_mappings_of_a_role_are_two_sources(cwcli: Run, log: Path) -> 
         (("ego_position=/gps:latitude",), "1 fields for latitude, longitude, altitude"),
         (("ego_position=/gps:latitude", "ego_position=/gps:longitude,altitude,altitude"), "3 fields for longitude"),
         (("ego_speed=/status:kmh", "ego_speed=/status:kmh"), "/status is given twice"),
-        (("ego_speed=/status:,kmh",), "it begins with the quantity 2"),
-        (("ego_position=/gps:latitude,longitude", "ego_position=/status:,kmh"), "it begins with the quantity 2"),
+        (("ego_speed=/status:,kmh",), "it starts with quantity 2"),
+        (("ego_position=/gps:latitude,longitude", "ego_position=/status:,kmh"), "it starts with quantity 2"),
         (("ego_steer=/status:kmh", "ego_steer=/gps:latitude"), "ego_steer is given twice"),
         (("ego_position=/gps:latitude", "ego_position=/nothing:lon"), "no topic /nothing"),
     ],

@@ -30,6 +30,8 @@ from tests.cli.conftest import ROOT, Run
 from tests.cli.plugin_package import ENTRY_POINTS, MODULES, install
 from tests.unit.vision import lane_logs
 from tests.work import count_calls
+from tools.reference import pages
+from tools.registry_reference import measures_page
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
@@ -95,11 +97,24 @@ def test_help_lists_plugins(cwcli: Run, extra: dict[str, str], command: str, lin
     assert line not in " ".join(cwcli(command, "--help").stdout.decode().split())
 
 
-def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path: Path) -> None:
-    code = "from tools.reference import pages; print('\\n'.join(pages().values()))"
+def test_generated_docs_leave_plugins_out(extra: dict[str, str]) -> None:
+    """The pages are committed: they must be the same whatever is installed beside cwcli."""
+    code = "from tools.reference import pages; import json; print(json.dumps({str(k): v for k, v in pages().items()}))"
+    assert json.loads(run_python(code, extra)) == {str(path): path.read_text(encoding="utf-8") for path in pages()}
+
+
+def test_a_registry_lists_plugins_as_the_docs_would(extra: dict[str, str]) -> None:
+    code = """
+from pathlib import Path
+from tools.registry_reference import lanes_page, measures_page, prediction_page, signals_page, warning_page
+print(measures_page())
+for page in (lanes_page, prediction_page, signals_page, warning_page):
+    print(page(Path(f"docs/{page.__name__.removesuffix('_page')}.md").read_text()))
+"""
     shown = " ".join(run_python(code, extra).split())
-    assert "near: centres nearer than 30 m" in shown
     assert "`tenth`: tenth of the distance q = d_c / 10 Column `min_tenth_m`. Source: made up." in shown
+    assert "Threshold: < 0.5 m." in shown  # no source, so no parentheses
+    assert "()" not in measures_page()
     assert "| `tenth` | when the tenth of the distance was below 0.5 m |" in shown
     assert "`ship_msgs/Log`" in shown
     assert "| `near` | centres nearer than 30 m | none |" in shown
@@ -109,7 +124,12 @@ def test_generated_docs_list_plugins(cwcli: Run, extra: dict[str, str], tmp_path
 
 def run_python(code: str, environment: Mapping[str, str]) -> str:
     done = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, **environment}, capture_output=True, text=True, check=True
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout
 

@@ -157,7 +157,7 @@ def test_missing_library_is_named(annotated: Path, cwcli: Run, tmp_path: Path) -
     path = os.pathsep.join([str(tmp_path / "shadow"), root])
     done = cwcli("report", annotated, "-o", "r.html", env={"PYTHONPATH": path})
     assert done.returncode == EXIT_USAGE
-    assert b"pip install 'cwcli[report]'" in done.stderr
+    assert b"pip install 'cwcli-drive[report]'" in done.stderr
 
 
 def test_gates_are_judged_and_do_not_change_the_exit_code(annotated: Path, cwcli: Run, tmp_path: Path) -> None:

@@ -100,5 +100,5 @@ def test_without_matplotlib_nothing_is_begun(
         assert run(["reproduce", "xiang2019", option, "figures"]) == 2
         error = capsys.readouterr().err
         assert "plots need matplotlib" in error
-        assert "cwcli[plots]" in error
+        assert "cwcli-drive[plots]" in error
         assert not Path("figures").exists()

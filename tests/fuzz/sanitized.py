@@ -75,4 +75,4 @@ def _run(commands: Sequence[Sequence[str]]) -> None:
     for process in running:
         said, _ = process.communicate()
         if process.returncode:
-            raise RuntimeError(f"{' '.join(map(str, process.args))}:\n{said}")  # type: ignore[arg-type]
+            raise RuntimeError(f"{' '.join(map(str, process.args))}:\n{said}")

@@ -67,7 +67,7 @@ def topic_of(role: Role) -> str:
 
 
 OF_EVENTS = {"etsi_its_denm_msgs/DENM"}
-"""They tell of no road user (tests/unit/signals/test_denm.py)."""
+"""They tell of no road user (tests/peers/test_denm.py)."""
 
 
 @pytest.mark.parametrize(("schema", "entry", "encoding"), [each for each in BUILT if each.values[0] not in OF_EVENTS])

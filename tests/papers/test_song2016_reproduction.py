@@ -7,11 +7,20 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.song2016 import STEP_S, trailing_slope
+from cwcli.pipeline.result import Section
 from cwcli.reproduction.classes import DIFFERS, FITTED, OPEN, WITHIN, Finding
 from cwcli.reproduction.expectations import load_expectations
 from cwcli.reproduction.findings import Part, ordered
+from cwcli.reproduction.song2016 import reproduce
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.prediction import Errors, horizon_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.reproduce import (
+    MADE_BY,
+    WORDS_OF,
+    ReproduceConfig,
+    reproduce_song2016,
+    seed_note,
+)
 from cwcli.reproduction.song2016.sensitivity import sensitivity_part
 from cwcli.reproduction.song2016.warning import (
     TRAPS,
@@ -167,3 +176,25 @@ def test_first_below_by_hand() -> None:
 def test_strictly_rising() -> None:
     assert ordered([1.0, 2.0, 3.0])
     assert not ordered([1.0, 1.0])
+
+
+def test_the_note_tells_the_seeds_of_each_part() -> None:
+    """As the run takes them: table 1 and the predicted paths at most 20, the moved choices at most 10."""
+    found = reproduce_song2016(ReproduceConfig(seeds=2, jobs=1, only=("table 1",)))
+    assert found.summary.notes[0] == "2 seeds of table 1"
+    tasks = [("traps", "following", 100), ("table 1", "straight", 20), ("prediction", "curve", 20)]
+    assert seed_note(tasks) == "100 seeds of traps; 20 seeds of table 1, predicted paths"
+    assert {*WORDS_OF} == {kind for kind, _ in MADE_BY}
+
+
+def test_the_number_of_seeds_is_bounded_where_the_note_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: dict[str, int] = {}
+
+    def record(kind: str, name: str, n_seeds: int) -> tuple[list[Part], list[Section]]:
+        taken[kind] = n_seeds
+        return [], []
+
+    monkeypatch.setattr(reproduce, "_run", record)
+    note = reproduce_song2016(ReproduceConfig(seeds=100, jobs=1, only=("fig 9", "table 1", "fig 3"))).summary.notes[0]
+    assert taken == {"warnings": 100, "sensitivity": 10, "table 1": 20, "prediction": 20}
+    assert note == "100 seeds of warnings and control; 20 seeds of table 1, predicted paths; 10 seeds of moved choices"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import datetime
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
+from tools import release
 from tools.release import PLACES, git, problems, versions, write
 
 ROOT = Path(__file__).parents[2]
@@ -55,3 +57,31 @@ def test_changes_tags_and_versions_that_differ_are_refused(checkout: Path) -> No
     assert [
         any(part in line for line in said) for part in ("different versions", "not committed", "is there already")
     ] == [True] * 3
+
+
+def test_a_dry_run_shows_every_change_and_command_and_changes_nothing(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(release, "ROOT", checkout)
+    monkeypatch.setattr("sys.argv", ["release", "0.2.0", "--dry-run"])
+    assert release.main() == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert {'+version = "0.2.0"', '+__version__ = "0.2.0"', "+version: 0.2.0"} <= set(lines)
+    assert any(line.startswith("+## 0.2.0 (2") for line in lines)
+    assert [line.split()[2] for line in lines if line.startswith("would run: ")] == [
+        ".ci/run",
+        sys.executable,
+        "git",
+        "git",
+    ]
+    assert git(checkout, "status", "--porcelain") == ""
+    assert git(checkout, "tag", "--list") == ""
+
+
+def test_a_dry_run_of_what_cannot_be_released_fails(
+    checkout: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(release, "ROOT", checkout)
+    monkeypatch.setattr("sys.argv", ["release", "0.3.0", "--dry-run"])
+    assert release.main() == 1
+    assert capsys.readouterr().err == "error: CHANGELOG.md does not begin with `## 0.3.0 (unreleased)`\n"

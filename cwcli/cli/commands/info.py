@@ -108,6 +108,8 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
         for binding in (each for one in bound for each in (one, *one.parts)):
             roles.setdefault(binding.topic, []).append(str(role))
     why = reasons(log.channels, bindings)
+    if reading.dbc:
+        _explain_can_channels(log, why, reading.dbc)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     return {
         "name": log.name,
@@ -140,6 +142,19 @@ def _container(log: Log) -> str:
     head = bytes(log.file.files[0][:16])
     kinds = {BAG_MAGIC: "converted from a ROS 1 bag", DATABASE_MAGIC: "converted from a rosbag2 database"}
     return next((words for magic, words in kinds.items() if head.startswith(magic)), "")
+
+
+def _explain_can_channels(log: Log, why: dict[str, Reason], files: list[str]) -> None:
+    """Say of each channel of CAN frames without a role which signals of the DBC files a role could take."""
+    from cwcli.channels.reasons import explain_can_frames
+    from cwcli.signals.can import list_signals
+    from cwcli.signals.input_rows import CAN_SCHEMAS
+    from cwcli.signals.inputs import normalise
+
+    signals = list_signals(files)
+    for channel in log.channels:
+        if channel.topic in why and channel.message_count and normalise(channel.schema_name) in CAN_SCHEMAS:
+            why[channel.topic] = explain_can_frames(channel.topic, signals, files)
 
 
 def _of_stations(log: Log, bindings: Bindings) -> list[str]:

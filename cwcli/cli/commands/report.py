@@ -74,7 +74,7 @@ def command(
     The page needs no network (but for --tiles): what happened in a sentence, the map, the warnings with the predicted
     paths, the signals with their 1-sigma bands, camera frames with lanes, and what became of the messages. It stays
     under 6 MB: of many logs the failed and the warned ones come first, and the page says what is left out. A failed
-    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli[report]`.
+    gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.system.topics import parse_system

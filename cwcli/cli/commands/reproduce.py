@@ -226,7 +226,7 @@ def command(
             "--seeds",
             metavar="N",
             show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
-            help="Seeds of each scenario.",
+            help="Seeds of each scenario; a note tells where fewer are taken.",
         ),
     ] = None,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Processes; the numbers don't depend on it.")] = 2,

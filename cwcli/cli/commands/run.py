@@ -95,7 +95,7 @@ class FleetOptions:
             "--ray",
             metavar="auto|local|ADDRESS",
             show_default=False,
-            help="With -d: run on this Ray cluster (needs the extra cwcli[ray]).",
+            help="With -d: run on this Ray cluster (needs the extra cwcli-drive[ray]).",
         ),
     ] = None
 

@@ -126,7 +126,7 @@ class ReadingOptions:
             "--dbc",
             metavar="FILE",
             show_default=False,
-            help="What the CAN frames of --map mean (needs the extra cwcli[can]). Repeatable.",
+            help="What the CAN frames of --map mean (needs the extra cwcli-drive[can]). Repeatable.",
         ),
     ] = field(default_factory=list)
     start: Annotated[
@@ -149,9 +149,12 @@ class ReadingOptions:
     max_chunk: MaxChunkOption = MAX_CHUNK_MB
     max_ratio: MaxRatioOption = MAX_RATIO
     max_input: MaxInputOption = MAX_INPUT_GB
-    strict: Annotated[bool, typer.Option("--strict", help="Rejected or repaired data is an error (exit code 5).")] = (
-        False
-    )
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict", help="Rejected or repaired data, or sources that contradict each other: an error (exit code 5)."
+        ),
+    ] = False
 
     @property
     def topics(self) -> list[str]:

@@ -15,7 +15,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from cwcli.errors import CwcliError, InputError, UsageError
+from cwcli.errors import CwcliError, InputError, UsageError, install_hint
 from cwcli.input import InputFile
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.read.ros2_database import MAX_VALUE_BYTES, read_database
@@ -30,7 +30,6 @@ HEADER = "std_msgs/msg/Header"
 _MESSAGE = struct.Struct("<BQHIQQ")
 OPCODE_MESSAGE = 0x05
 HEADER_BYTES = 22
-EXTRA = "pip install 'cwcli[bags]'"
 
 Message = tuple[int, int, bytes | memoryview]
 """Connection, log time, payload."""
@@ -64,7 +63,9 @@ def convert_bag(
         import rosbags.typesys  # noqa: F401
     except ImportError as error:
         kind = "ROS 1 bags" if is_ros1 else "rosbag2's databases (.db3)"
-        raise UsageError(f"{kind} need a package that is not installed", where=file.name, hint=EXTRA) from error
+        raise UsageError(
+            f"{kind} need a package that is not installed", where=file.name, hint=install_hint("bags")
+        ) from error
     from cwcli.logs.write.record_writer import RecordWriter
     from cwcli.output_stream import Output
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from cwcli.errors import UsageError
+from cwcli.errors import UsageError, install_hint
 from cwcli.logs.read.remote_errors import unreadable
 from cwcli.url import name_url, redact_urls
 
@@ -79,7 +79,7 @@ def file_system(url: str) -> tuple[Any, str]:
         from fsspec.core import url_to_fs
     except ImportError as error:
         raise UsageError(
-            "remote logs need a package that is not installed", where=name_url(url), hint="pip install 'cwcli[remote]'"
+            "remote logs need a package that is not installed", where=name_url(url), hint=install_hint("remote")
         ) from error
     try:
         system, path = url_to_fs(url)
@@ -87,7 +87,7 @@ def file_system(url: str) -> tuple[Any, str]:
         raise UsageError(
             redact_urls(next(iter(str(error).splitlines()), type(error).__name__), url),
             where=name_url(url),
-            hint="pip install 'cwcli[remote]' reads s3://",
+            hint=f"{install_hint('remote')} reads s3://",
         ) from error
     except Exception as error:  # some stores connect at once
         raise unreadable(url, error) from error

@@ -12,6 +12,7 @@ from cwcli.reproduction.processes import processes
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
 from cwcli.reproduction.song2016.prediction import horizon_part, path_part, prediction_errors, prediction_part
+from cwcli.reproduction.song2016.sensitivity import MAX_SEEDS as MAX_SEEDS_OF_CHOICES
 from cwcli.reproduction.song2016.sensitivity import sensitivity_part
 from cwcli.reproduction.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
 
@@ -23,7 +24,8 @@ class ReproduceConfig:
     """Settings.
 
     Attributes:
-        seeds: Seeds per scenario of the warnings; table 1 and the prediction figures take at most 20 of them.
+        seeds: Seeds per scenario of the warnings, of the control and of the traps. Table 1 and the prediction figures
+            take at most 20 of them, the tables of moved choices at most 10.
         jobs: Processes; the result does not depend on it.
         only: Figures that are wanted; none: all.
     """
@@ -34,6 +36,7 @@ class ReproduceConfig:
 
 
 MAX_SEEDS_OF_FIGURES = 20
+"""Largest number of seeds of table 1 and of the prediction figures, whose intervals are narrow with so few."""
 MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
     ("traps", ""): ("traps",),
     ("warnings", "rear-end"): ("fig 8", "fig 9", "fig 12", "fig 13"),
@@ -46,13 +49,26 @@ MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
     ("prediction", "curve"): ("fig 4", "fig 5"),
 }
 """Task -> the figures and tables that it makes."""
+MAX_SEEDS_OF = {
+    "table 1": MAX_SEEDS_OF_FIGURES,
+    "prediction": MAX_SEEDS_OF_FIGURES,
+    "sensitivity": MAX_SEEDS_OF_CHOICES,
+}
+"""Kind of task -> the largest number of seeds that it takes, where there is one."""
+WORDS_OF = {
+    "warnings": "warnings and control",
+    "traps": "traps",
+    "table 1": "table 1",
+    "prediction": "predicted paths",
+    "sensitivity": "moved choices",
+}
+"""Kind of task -> what it is called in notes, in the order of the notes."""
 
 
 def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) -> Reproduction:
     """Run the study. `tick` is called with the name of each part that is done."""
-    few = min(config.seeds, MAX_SEEDS_OF_FIGURES)
     tasks = [
-        (kind, each, few if kind in ("table 1", "prediction") else config.seeds)
+        (kind, each, min(config.seeds, MAX_SEEDS_OF.get(kind, config.seeds)))
         for (kind, name), figures in MADE_BY.items()
         if not config.only or set(config.only) & set(figures)
         for each in (TRAPS if kind == "traps" else (name,))
@@ -70,7 +86,21 @@ def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) 
             tick(f"{task[0]}: {task[1]}")
     parts = [part for found, _ in made for part in found]
     sections = [section for _, found in made for section in found]
-    return reproduction("song2016", parts, f"{config.seeds} seeds", sections=sections, only=config.only)
+    return reproduction("song2016", parts, seed_note(tasks), sections=sections, only=config.only)
+
+
+def seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
+    """How many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1, predicted paths".
+
+    Args:
+        tasks: Kind, scenario and number of seeds.
+    """
+    n_seeds = {kind: n for kind, _, n in tasks}
+    kinds_by_seeds: dict[int, list[str]] = {}
+    for kind, words in WORDS_OF.items():
+        if kind in n_seeds:
+            kinds_by_seeds.setdefault(n_seeds[kind], []).append(words)
+    return "; ".join(f"{n} seeds of {', '.join(words)}" for n, words in kinds_by_seeds.items())
 
 
 def _run(kind: str, name: str, n_seeds: int) -> tuple[list[Part], list[Section]]:

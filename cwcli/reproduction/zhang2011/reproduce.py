@@ -10,7 +10,7 @@ from pathlib import Path
 from cwcli.reproduction.findings import Part
 from cwcli.reproduction.findings_report import Reproduction, reproduction
 from cwcli.reproduction.processes import processes
-from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
+from cwcli.reproduction.zhang2011.drives import DRIVES, MAX_SEEDS, drive_part
 from cwcli.reproduction.zhang2011.example import example_part, tables_part
 from cwcli.reproduction.zhang2011.labelled import FIGURE as LABELLED
 from cwcli.reproduction.zhang2011.labelled import labelled_part
@@ -57,7 +57,7 @@ def reproduce_zhang2011(config: ReproduceConfig, tick: Callable[[str], None] = l
     if config.labelled is not None and _is_wanted(config, (LABELLED,)):
         # First and in this process: a file that is no log is told at once, and it is remembered as an input.
         parts.append(_done(LABELLED, labelled_part(config.labelled), tick))
-    note = f"{config.seeds} seeds, {config.n_rendered} of them rendered"
+    note = f"{min(config.seeds, MAX_SEEDS)} seeds, {config.n_rendered} of them rendered"
     if _is_wanted(config, LANES):
         study = lane_study(config.frames, jobs=config.jobs, tick=tick)
         parts += [study.part, study.times]

@@ -1,1 +1,1 @@
-"""One file a quantity or a family of messages: from the columns of a channel to its canonical signal."""
+"""Builders from a channel's columns to its canonical signal, one file for each quantity or family of messages."""

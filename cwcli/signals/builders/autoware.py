@@ -13,6 +13,7 @@ from cwcli.signals.leaf_fields import find, stamps
 from cwcli.signals.quality import Quality, RowLedger
 
 POSES = ("pose_with_covariance", "initial_pose_with_covariance")
+"""The names of the pose fields: of detected and tracked objects, and of predicted ones."""
 
 
 def build_objects(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:

@@ -1,4 +1,4 @@
-"""What a builder is given and what the registry knows of it."""
+"""The arguments of a builder, and a builder's row in the registry of inputs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # binding channels to roles takes no numpy
 
 @dataclass(frozen=True)
 class Reading:
-    """How a channel is to be read.
+    """The settings with which a channel is read.
 
     Attributes:
         role: The role it is bound to.
@@ -49,8 +49,8 @@ class Input:
             one. None: only when the user names it.
         needs_ego_station: Bound by itself only when the user says which station is the ego.
         fits: Whether a topic's name suits the role; asked only where the user names no channel.
-        is_beside: It tells of others or of events, and is bound beside the channel chosen, whatever its rank.
-        says_what_it_is: The schema tells truth and measurement apart; that a topic is called a truth does not count.
+        is_beside: It holds other objects or events, and is bound in addition to the chosen channel, whatever its rank.
+        says_what_it_is: The schema alone distinguishes truth from measurement; the topic's name does not count.
     """
 
     role: Role

@@ -11,14 +11,18 @@ from cwcli.signals.leaf_fields import find, frame_id, numbers, row_of
 from cwcli.signals.quality import Quality, RowLedger
 
 CHANGED = "calibration differs from the first one, not used"
-NO_LENS = "calibration that no lens has"
+"""The reason for rejecting a message whose calibration differs from the first."""
+NO_LENS = "implausible calibration"
+"""The reason for rejecting a calibration that no lens can have."""
 MAX_SIDE_PX = 100_000
+"""The largest width or height of an image that is plausible, in pixels; chosen by hand."""
 FOCAL_SHARES = (0.02, 200.0)
-"""Of a focal length in pixels over the larger side: from a fisheye's to a telescope's."""
+"""The smallest and largest ratio (1) of a focal length in pixels to the larger image side, from fisheye to telescope;
+chosen by hand."""
 MAX_CENTRE_SHARE = 10.0
-"""Of the principal point's distance from the image's corner over the larger side."""
+"""The largest ratio (1) of the principal point's coordinates to the larger image side; chosen by hand."""
 MAX_STRETCH = 3.0
-"""Between both focal lengths."""
+"""The largest ratio (1) between both focal lengths; chosen by hand."""
 
 
 def build_camera_info(columns: Columns, reading: Reading) -> tuple[CameraInfoSignal, Quality]:

@@ -14,11 +14,11 @@ from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 MIN_COSINE = 0.1
-"""Elevations are taken at most this steep: beyond, a range says nothing of the plane."""
+"""The least cosine (1) of an elevation: beyond it, a range says nothing about the ground plane. Chosen by hand."""
 POSE_COVARIANCE_XY = (0, 1, 6, 7)
-"""Of a 6 x 6 covariance, row-major: xx, xy, yx, yy."""
+"""The indices of xx, xy, yx and yy in a 6 x 6 covariance, row-major."""
 TRIANGLE_XY = (0, 1, 1, 3)
-"""Of the upper triangle xx, xy, xz, yy, yz, zz: xx, xy, yx, yy."""
+"""The indices of xx, xy, yx and yy in the upper triangle xx, xy, xz, yy, yz, zz."""
 
 
 def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -117,11 +117,11 @@ def detection_signal(
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
 ) -> tuple[DetectionSignal, Quality]:
-    """The detections of a channel, scan by scan.
+    """Build the detection signal of a channel, scan by scan, from the values of its detections.
 
     Args:
-        columns, reading, ledger: As of every builder, s messages.
-        kind: What a row of `values` holds, see `DetectionSignal`.
+        columns, reading, ledger: The channel of s messages, its settings and its ledger.
+        kind: The contents of a row of `values`, see `DetectionSignal`.
         elements: The detections in each message, n together.
         values: Shape (n, k).
         covariance: Shape (n, k, k), or None where no message gives any.
@@ -155,7 +155,7 @@ def _frames(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp
 
 
 def _first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
-    """Stamps in ns of each message's first entity, and whether it has one."""
+    """Return the stamps (ns) of each message's first entity, and whether it has one."""
     seconds = ragged(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
     nanoseconds = ragged(columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec")
     n = len(columns)

@@ -1,4 +1,4 @@
-"""From what a receiver says to the position, the velocity over ground and the heading: shared by every receiver's file.
+"""Positions, velocities over ground and headings from the data of a receiver, shared by all receivers' files.
 
 A file of a family of messages says what its fields mean, as a `GnssFix`; here it becomes a signal, message by message.
 """
@@ -22,13 +22,15 @@ from cwcli.signals.limits import MAX_ALTITUDE_M, MAX_SPEED_MPS, reject_unusable,
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 NO_VELOCITY = "no velocity"
+"""The reason for rejecting a message without a velocity."""
 MOST_AHEAD_S, MOST_BEHIND_S = -0.5, 2.0
-"""Of the stamps against the log times: as far as latencies are looked for."""
+"""The least and greatest median delay of log times after stamps, in seconds, that needs no note: the range in which
+latencies are searched."""
 
 
 @dataclass(frozen=True)
 class GnssFix:
-    """What n messages of a receiver say; None where their type says nothing of it, NaN where a message does not.
+    """The data of n messages of a receiver; None where their type has no such data, NaN where a message has none.
 
     Attributes:
         stamp_ns, has_stamp: Shape (n,).
@@ -57,7 +59,7 @@ Read = Callable[[Columns, RowLedger], GnssFix]
 
 
 def position_builder(read: Read) -> Callable[[Columns, Reading], tuple[PositionSignal, Quality]]:
-    """The builder of positions from messages that `read` understands."""
+    """Return a builder of positions from messages that `read` understands."""
 
     def build(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
@@ -86,7 +88,7 @@ def position_builder(read: Read) -> Callable[[Columns, Reading], tuple[PositionS
 
 
 def velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[VelocitySignal, Quality]]:
-    """The builder of velocities over ground from messages that `read` understands."""
+    """Return a builder of velocities over ground from messages that `read` understands."""
 
     def build(columns: Columns, reading: Reading) -> tuple[VelocitySignal, Quality]:
         ledger = RowLedger(columns, reading.role)
@@ -113,7 +115,7 @@ def velocity_builder(read: Read) -> Callable[[Columns, Reading], tuple[VelocityS
 
 
 def heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[HeadingSignal, Quality]]:
-    """The builder of headings from messages that `read` understands."""
+    """Return a builder of headings from messages that `read` understands."""
 
     def build(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
@@ -132,18 +134,18 @@ def heading_builder(read: Read) -> Callable[[Columns, Reading], tuple[HeadingSig
 
 
 def round_covariance(variance: FloatArray) -> FloatArray:
-    """Plane covariances (n, 3) that are alike in every direction."""
+    """Return plane covariances (n, 3) with the same variance (n,) in every direction."""
     return np.stack([variance, 0.0 * variance, variance], axis=1)
 
 
 def axes_covariance(east_sigma: FloatArray, north_sigma: FloatArray) -> FloatArray:
-    """Plane covariances (n, 3) from the sigmas (n,) along east and north."""
+    """Return plane covariances (n, 3) from the sigmas (n,) along east and north."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.stack([east_sigma**2, 0.0 * east_sigma, north_sigma**2], axis=1)
 
 
 def velocity_of_course(speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
-    """East and north velocity (n, 2) of a speed and its course, degrees clockwise from north.
+    """Return the east and north velocity (n, 2) of a speed (m/s) and its course (degrees clockwise from north).
 
     A receiver that stands leaves the course out: a speed of exactly 0 needs none.
     """
@@ -154,27 +156,27 @@ def velocity_of_course(speed_mps: FloatArray, course_deg: FloatArray) -> FloatAr
 
 
 def heading_of_compass(compass_deg: FloatArray) -> FloatArray:
-    """Heading of a compass angle (n,); NaN where that is none."""
+    """Return the heading (rad) of a compass angle (n,) in degrees; NaN where the angle is invalid."""
     return heading_from_compass_deg(np.where(np.abs(compass_deg) <= 720.0, compass_deg, np.nan))
 
 
 def _settled(ledger: RowLedger, fix: GnssFix, reading: Reading, values: Sequence[FloatArray]) -> Timeline:
-    """The rows in time order; a note where the receiver's clock and the recorder's are far apart.
+    """Order the rows in time, and add a note where the receiver's clock and the recorder's are far apart.
 
     A receiver keeps its own time where no driver stamps it. What lies between the latencies that the estimator looks
-    for and the steps that `settle` repairs would place it wrong beside the other sensors.
+    for and the steps that the clock repair covers would place it wrong beside the other sensors.
     """
     timeline = settle(ledger, fix.stamp_ns, fix.has_stamp, reading.clock, values)
     delay_s = ledger.quality.delay_s
     if not MOST_AHEAD_S <= delay_s <= MOST_BEHIND_S and np.isfinite(delay_s):
         ledger.note(
-            f"its stamps are {delay_s:.1f} s before the log times; if its clock is not the others', --clock log"
+            f"its stamps are {delay_s:.1f} s before the log times; if its clock differs from others, use --clock log"
         )
     return timeline
 
 
 def _column(values: FloatArray | None, columns: Columns, width: int = 1) -> FloatArray:
-    """The values, or NaN where the messages say nothing of them."""
+    """Return the values, or NaN of their shape where the message type has none."""
     if values is not None:
         return values
     return np.full(len(columns) if width == 1 else (len(columns), width), np.nan)

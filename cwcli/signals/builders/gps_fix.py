@@ -22,7 +22,7 @@ from cwcli.signals.quality import RowLedger
 
 
 def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What the messages say."""
+    """Read position and velocity of the messages."""
     matrices = matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
     is_known = (numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
     by_error = round_covariance(_sigma(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2)
@@ -50,7 +50,7 @@ def _sigma(columns: Columns, name: str, sigmas: float) -> FloatArray:
 
 
 def _velocity_covariance(columns: Columns, speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
-    """From the errors of speed and track; as wide across as along where that of the track is not given."""
+    """Return velocity covariances (n, 3) from the errors of speed and track; without a track error, they are round."""
     along = _sigma(columns, "err_speed", SIGMAS_PER_95_PERCENT)
     across = np.abs(speed_mps) * np.deg2rad(_sigma(columns, "err_track", SIGMAS_PER_95_PERCENT))
     across = np.where(np.isfinite(across) & (across > 0.0), across, along)

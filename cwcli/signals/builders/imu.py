@@ -38,7 +38,7 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
 
 
 def _measured(columns: Columns, ledger: RowLedger, name: str, limit: float) -> tuple[FloatArray, FloatArray]:
-    """A vector of the message and its variances, both of shape (n, 3)."""
+    """Read a vector of the message and its variances, both of shape (n, 3)."""
     values = vector(columns, name)
     covariance = matrix(columns, f"{name}_covariance", 9)
     is_absent = covariance[:, 0] == -1.0

@@ -19,6 +19,7 @@ from cwcli.signals.leaf_fields import find, frame_id
 from cwcli.signals.quality import Quality
 
 POSITION, ORIENTATION = "pose.pose.position", "pose.pose.orientation"
+"""The paths of position and orientation in an `Odometry`."""
 NAMES = {
     f"{POSITION}.x": ("state.x", "state.pose.position.x"),
     f"{POSITION}.y": ("state.y", "state.pose.position.y"),
@@ -30,12 +31,13 @@ NAMES = {
     "twist.twist.linear.y": ("state.lateral_velocity_mps",),
     "twist.twist.angular.z": ("state.heading_rate_rps",),
 }
-"""Field of an `Odometry` -> where it stands here."""
-IN_CAR = "its frame moves with the car: it holds no position"
+"""The fields of this message, by the `Odometry` field that each of them fills."""
+IN_CAR = "its frame moves with the vehicle, so it has no position"
+"""The note for a channel whose frame moves with the vehicle."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
-    """The pose, where its frame does not move with the car."""
+    """Build poses, where the frame does not move with the vehicle."""
     signal, quality = pose.build_pose(_as_odometry(columns), reading)
     if _is_in_car(columns):
         quality.notes += (IN_CAR,)
@@ -43,7 +45,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
 
 
 def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-    """The speed and the yaw rate."""
+    """Build the speed and the yaw rate."""
     return pose.build_odometry_speed(_as_odometry(columns), reading)
 
 

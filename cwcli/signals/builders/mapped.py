@@ -1,4 +1,4 @@
-"""The signal of a channel whose fields the user has named."""
+"""Building the signal of a channel whose fields the user has mapped."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def build_mapped(
     *,
     build: Build,
 ) -> tuple[Signal, Quality]:
-    """Build what the mapping makes of a channel.
+    """Build the signal of a channel whose fields the user has mapped.
 
     Args:
-        columns: With the fields of the mapping, or those of CAN frames.
-        reading: How it is read.
-        mapping: What the user said.
-        parts: Further channels, with what the user said of them.
-        build: The builder of the message that it becomes.
+        columns: The channel, with the fields of the mapping or those of CAN frames.
+        reading: The settings for reading it.
+        mapping: The user's mapping.
+        parts: Further channels with the user's mappings of them.
+        build: The builder of the message that the channel is converted to.
 
     Raises:
         UsageError: The mapping, or a DBC file, does not fit the messages.
@@ -58,7 +58,7 @@ def build_mapped(
 
 
 def _decoded(columns: Columns, mapping: FieldMapping) -> tuple[Columns, FieldMapping, Decoded | None]:
-    """The columns and the mapping; of CAN frames the signals that it names, and what became of the frames."""
+    """Return columns and mapping; CAN frames are decoded first, with a record of what became of them."""
     if normalise(columns.schema_name) not in CAN_SCHEMAS:
         return columns, mapping, None
     from cwcli.signals.can import decoded

@@ -21,19 +21,23 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
 MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
+"""The frame ids that mean east-north axes; collected from common drivers."""
 BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
+"""The frame ids that mean the vehicle's axes; collected from common drivers."""
 MIN_QUATERNION, MAX_QUATERNION = 1e-3, 1e3
+"""The norms (1) of a quaternion below and above which it is not used; chosen by hand."""
 NO_ORIENTATION = "orientation not given"
+"""The reason for rejecting a message without a usable orientation."""
 
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """How the body moves, as the messages say: shape (n,) each, NaN where not given.
+    """The motion of the body, shape (n,) each, NaN where not given.
 
     Attributes:
         speed_mps: In the direction of travel, negative in reverse.
         yaw_rate_radps: Counter-clockwise positive.
-        speed_variance, yaw_rate_variance: In (m/s)^2 and (rad/s)^2, unchecked.
+        speed_variance, yaw_rate_variance: Variances in (m/s)^2 and (rad/s)^2, unchecked.
     """
 
     speed_mps: FloatArray
@@ -54,7 +58,7 @@ def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | Sp
     east_or_forward, north_or_left = numbers(columns, f"{base}.linear.x"), numbers(columns, f"{base}.linear.y")
     if is_map:
         if frame in BODY_FRAMES:
-            ledger.note(f"frame_id {frame} names body axes, read as east and north because the role says so")
+            ledger.note(f"frame_id {frame} names body axes; they are read as east and north, as the role requires")
         return _velocity(columns, reading, ledger, east_or_forward, north_or_left, covariance)
     yaw_rate = filled(ledger, numbers(columns, f"{base}.angular.z"), "yaw rate")
     speed = east_or_forward
@@ -142,12 +146,12 @@ def _quaternion(columns: Columns, base: str) -> FloatArray:
 
 
 def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
-    """The values (n,), or NaN throughout when every one of them is exactly 0: a field that the sender never fills.
+    """Return the values (n,), or all NaN when every one is exactly 0, because the sender never fills the field.
 
     Args:
         ledger: Takes a note if so.
         values: Shape (n,), any unit; what is not finite becomes NaN.
-        name: Of the field, for the note.
+        name: The field's name, for the note.
     """
     if len(values) > 1 and not np.any(values):
         ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
@@ -181,7 +185,7 @@ def _velocity(
 def build_speed(
     columns: Columns, reading: Reading, ledger: RowLedger, motion: BodyMotion
 ) -> tuple[SpeedSignal, Quality]:
-    """The speed signal of a channel whose messages say how the body moves; rows without a usable speed are rejected."""
+    """Build the speed signal from the body's motion; rows without a usable speed are rejected."""
     reject_unusable(ledger, motion.speed_mps, MAX_SPEED_MPS)
     yaw_rate_radps = within(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     variances = given_variances(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))

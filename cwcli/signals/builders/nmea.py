@@ -27,22 +27,30 @@ from cwcli.signals.leaf_fields import stamps, texts
 from cwcli.signals.quality import RowLedger
 
 MPS_PER_KNOT = 1852.0 / 3600.0
+"""One knot in m/s (1852 m per hour)."""
 MPS_PER_KMH = 1.0 / 3.6
+"""One km/h in m/s."""
 NAN = float("nan")
+"""The value of a quantity that a sentence does not give."""
 NO_SENTENCE = "no NMEA sentence"
+"""The reason for rejecting a text that is no NMEA sentence."""
 NO_CHECKSUM = "NMEA checksum missing"
+"""The reason for rejecting a sentence without a checksum."""
 BAD_CHECKSUM = "NMEA checksum wrong"
+"""The reason for rejecting a sentence whose checksum does not match."""
 TOO_SHORT = "NMEA sentence too short"
-OTHER = "another sentence"
+"""The reason for rejecting a sentence with too few fields."""
+OTHER = "other NMEA sentence"
+"""The reason for setting aside a sentence of a type that is not needed."""
 POSITIONS, VELOCITIES, HEADINGS = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
-"""Kinds of sentences, best first."""
+"""The sentence types that give position, velocity and heading, best first."""
 NOT_MEASURED = ("0", "7")
-"""GGA's quality: no fix, typed in by hand."""
+"""The GGA quality codes of fixes that are not measured: 0 is no fix, 7 is typed in by hand (NMEA 0183)."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a sentence says, in degrees, metres and metres a second; NaN where it says nothing."""
+    """The values of one sentence, in degrees, metres and m/s; NaN where it gives none."""
 
     is_fix: bool = True
     latitude_deg: float = NAN
@@ -53,7 +61,7 @@ class Said:
 
 
 def kind_and_fields(text: str) -> tuple[str, list[str]]:
-    """A sentence's kind (`GGA`) and its fields; the reason why it is none, and no field, for one that can't be used."""
+    """Return a sentence's type (`GGA`) and fields; for an unusable text the reason and no fields."""
     body = text.strip()
     start = max(body.find("$"), body.find("!"))
     if start < 0 or not body.isascii():
@@ -73,7 +81,7 @@ def kind_and_fields(text: str) -> tuple[str, list[str]]:
 
 
 def gga(fields: Sequence[str]) -> Said:
-    """GGA: the fix. Its height is above the geoid; the separation makes it one above the ellipsoid."""
+    """Parse GGA, the fix. The geoid separation turns its height into one above the ellipsoid."""
     _, latitude, north, longitude, east, quality, _, _, altitude, _, separation = fields[:11]
     is_fix = quality.isdecimal() and quality not in NOT_MEASURED
     place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
@@ -81,7 +89,7 @@ def gga(fields: Sequence[str]) -> Said:
 
 
 def rmc(fields: Sequence[str]) -> Said:
-    """RMC: the recommended minimum, with the speed in knots."""
+    """Parse RMC, the recommended minimum, with the speed in knots."""
     _, status, latitude, north, longitude, east, speed, course = fields[:8]
     is_fix = status == "A" and not (len(fields) > 11 and fields[11] == "N")
     place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
@@ -89,14 +97,14 @@ def rmc(fields: Sequence[str]) -> Said:
 
 
 def vtg(fields: Sequence[str]) -> Said:
-    """VTG: course and speed over ground, in km/h or else in knots."""
+    """Parse VTG, course and speed over ground, in km/h or else in knots."""
     course, _, _, _, knots, _, kmh, _ = fields[:8]
     speed = MPS_PER_KMH * number(kmh) if kmh else MPS_PER_KNOT * number(knots)
     return Said(not (len(fields) > 8 and fields[8] == "N"), speed_mps=speed, course_deg=number(course))
 
 
 def hdt(fields: Sequence[str]) -> Said:
-    """HDT: the true heading of the vehicle."""
+    """Parse HDT, the vehicle's true heading."""
     heading, of_north = fields[:2]
     return Said(course_deg=number(heading) if of_north == "T" else NAN)
 
@@ -107,11 +115,12 @@ PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], Said]]] = {
     "VTG": (8, vtg),
     "HDT": (2, hdt),
 }
-"""Kind -> least number of fields, and what they say."""
+"""The least number of fields and the parser, by sentence type."""
 
 
 def degrees(text: str, half: str, halves: str) -> float:
-    """`4807.038`, `N` -> 48.1173: degrees and minutes, negative in the second of the halves; NaN for none."""
+    """Parse degrees and minutes: `4807.038`, `N` gives 48.1173; the second hemisphere is negative, an invalid text
+    NaN."""
     value = number(text)
     whole, minutes = divmod(value, 100.0)
     if len(half) != 1 or half not in halves or not (value >= 0.0 and minutes < 60.0):
@@ -120,13 +129,13 @@ def degrees(text: str, half: str, halves: str) -> float:
 
 
 def number(text: str) -> float:
-    """The number; NaN for what is none: digits, one point, a sign at most."""
+    """Parse digits with one point and a sign at most; NaN for any other text."""
     unsigned = text[1:] if text.startswith(("+", "-")) else text
     return float(text) if unsigned.replace(".", "", 1).isdecimal() else NAN
 
 
 def _reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:
-    """Reads the sentences of the first of these kinds that the channel has."""
+    """Return a reader of the sentences of the first of these types that the channel has."""
 
     def read(columns: Columns, ledger: RowLedger) -> GnssFix:
         field = texts(columns, "sentence")

@@ -26,13 +26,15 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 COMPUTED, NO_TYPE = 0, 0
+"""The codes of a computed solution and of no solution type (NovAtel OEM7 manual)."""
 INS_GOOD = {2: "ins_high_variance", 3: "ins_solution_good", 6: "ins_solution_free", 7: "ins_alignment_complete"}
-"""Statuses of an inertial solution that can be used: as a number (OEM7), and as a word (OEM6)."""
+"""The usable statuses of an inertial solution, as number (OEM7) and as word (OEM6)."""
 MAX_VELOCITY_LATENCY_S = 2.0
+"""The largest latency of a velocity that is believed, in seconds. Chosen by hand; not fitted."""
 
 
 def read_best_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What BESTPOS says."""
+    """Read positions of BESTPOS."""
     return GnssFix(
         *_stamps(columns, ledger),
         is_fix=_is_computed(columns, "pos_type.type", "position_type"),
@@ -46,7 +48,7 @@ def read_best_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_best_vel(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What BESTVEL says; it was measured `latency` seconds before its time."""
+    """Read velocities of BESTVEL; each was measured `latency` seconds before its time."""
     stamp_ns, has_stamp = _stamps(columns, ledger)
     latency_s = numbers(columns, "latency")
     is_late = (latency_s >= 0.0) & (latency_s <= MAX_VELOCITY_LATENCY_S)
@@ -62,7 +64,7 @@ def read_best_vel(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_ins(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What INSPVAX says."""
+    """Read position, velocity and heading of INSPVAX."""
     north, east = numbers(columns, "north_velocity"), numbers(columns, "east_velocity")
     sigma = {
         name: numbers(columns, f"{name}_stdev", f"{name}_std")
@@ -84,7 +86,7 @@ def read_ins(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_inspva(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What INSPVA says: as INSPVAX, without sigmas, and with the height above the ellipsoid."""
+    """Read INSPVA, which is INSPVAX without sigmas and with the height above the ellipsoid."""
     return replace(
         read_ins(columns, ledger),
         is_fix=_has_status(columns, "status", INS_GOOD),
@@ -114,7 +116,7 @@ def _stamps(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]
 
 
 def _is_computed(columns: Columns, *type_names: str) -> BoolArray:
-    """Where the receiver has computed a solution of some type."""
+    """Return where the receiver has computed a solution (n,)."""
     is_computed = _has_status(columns, "sol_status", {COMPUTED: "sol_computed"}, "solution_status")
     kind = find(columns, *type_names)
     if isinstance(kind, Strings):

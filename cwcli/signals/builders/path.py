@@ -16,7 +16,9 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 TOO_SHORT = "fewer than two points"
+"""The reason for rejecting a path with fewer than two points."""
 S_PER_NS = 1.0 / NS_PER_S
+"""One nanosecond in seconds."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +31,8 @@ class PathSignal:
         stamp_ns, log_time_ns: Shape (n,).
         offsets: Shape (n + 1,): path k has the points `offsets[k]:offsets[k + 1]`, two at least.
         time_s: One value a point: from the stamp of its path; NaN in all points of a path whose times do not increase.
-        x_m, y_m: Likewise, in `frame_id`.
-        speed_mps: Likewise; NaN where not given.
+        x_m, y_m: One value a point, in `frame_id`.
+        speed_mps: One value a point; NaN where not given.
     """
 
     source: str
@@ -104,7 +106,7 @@ def _signal(
 
 
 def _increasing(offsets: Int64Array, time_s: FloatArray) -> FloatArray:
-    """The times of the points, NaN in paths in which they do not increase."""
+    """Return the times of the points, NaN in paths in which they do not increase."""
     owner = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     with np.errstate(invalid="ignore"):
         is_back = (np.diff(owner) == 0) & ~(np.diff(time_s) > 0.0)

@@ -14,13 +14,17 @@ from cwcli.signals.limits import MAX_ALTITUDE_M, within
 from cwcli.signals.quality import Quality, RowLedger
 
 NO_FIX = "no fix"
+"""The reason for rejecting a message whose receiver has no fix."""
 NOT_A_NUMBER = "latitude or longitude not a number"
+"""The reason for rejecting a position that is not a number."""
 OUT_OF_RANGE = "latitude or longitude out of range"
+"""The reason for rejecting a position beyond 90 degrees of latitude or 180 degrees of longitude."""
 NULL_ISLAND = "position is exactly (0, 0)"
+"""The reason for rejecting the position (0, 0), which is an unset field."""
 
 
 def reject_bad_positions(ledger: RowLedger, latitude_deg: FloatArray, longitude_deg: FloatArray) -> None:
-    """Reject rows that are no place on Earth: not finite, beyond 90 or 180 degrees, or the (0, 0) of an unset field."""
+    """Reject rows whose position is not finite, out of range, or the (0, 0) of an unset field."""
     ledger.reject(~(np.isfinite(latitude_deg) & np.isfinite(longitude_deg)), NOT_A_NUMBER)
     ledger.reject(~((np.abs(latitude_deg) <= 90.0) & (np.abs(longitude_deg) <= 180.0)), OUT_OF_RANGE)
     ledger.reject((latitude_deg == 0.0) & (longitude_deg == 0.0), NULL_ISLAND)

@@ -1,6 +1,6 @@
 """SBG Systems' `SbgGpsPos`, `SbgGpsVel`, `SbgEkfNav`, `SbgEkfEuler` and `SbgImuData` (package `sbg_driver`).
 
-Their axes are north-east-down or east-north-up, as the driver was set; only the name of the frame tells: the driver
+Their axes are north-east-down or east-north-up by the driver's settings; only the frame name shows which: the driver
 calls it `imu_link_ned` or `imu_link`. Messages of a frame whose name says neither are not used, but positions are:
 latitude and longitude have names of their own. What the driver calls east-north-up in `SbgImuData` are other axes of
 the device from one of its versions to the next, so that it counts in north-east-down alone: forward, right, down.
@@ -29,13 +29,16 @@ from cwcli.signals.leaf_fields import frame_id, numbers, stamps, vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
-NO_AXES = "the frame's name tells neither north-east-down (ned) nor east-north-up (enu)"
-NO_IMU_AXES = "the frame's name does not tell north-east-down (ned)"
+NO_AXES = "the frame name contains neither ned (north-east-down) nor enu (east-north-up)"
+"""The reason for rejecting messages whose frame name does not say which axes they use."""
+NO_IMU_AXES = "the frame name does not contain ned (north-east-down)"
+"""The reason for rejecting inertial messages whose axes are not known."""
 DRIVERS_ENU = "imu_link"
+"""The frame id that the driver gives to its east-north-up messages."""
 
 
 def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgGpsPos` says. Without known axes its accuracy is taken as the larger one, in every direction."""
+    """Read positions of `SbgGpsPos`; without known axes, the larger accuracy counts in every direction."""
     accuracy = _horizontal(columns, "position_accuracy")
     return GnssFix(
         *stamps(columns),
@@ -48,13 +51,13 @@ def read_gps_pos(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_gps_vel(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgGpsVel` says."""
+    """Read velocities of `SbgGpsVel`."""
     is_solved = (numbers(columns, "status.vel_status") == 0) & (numbers(columns, "status.vel_type") > 0)
     return _velocity(columns, ledger, is_solved)
 
 
 def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfNav` says: the position of the filter. Older drivers put its three parts into a vector."""
+    """Read the filter's position from `SbgEkfNav`; older drivers have it as a vector."""
     accuracy = _horizontal(columns, "position_accuracy")
     return GnssFix(
         *stamps(columns),
@@ -67,12 +70,12 @@ def read_ekf_nav(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_ekf_velocity(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfNav` says: the velocity of the filter."""
+    """Read the filter's velocity from `SbgEkfNav`."""
     return _velocity(columns, ledger, numbers(columns, "status.velocity_valid") == 1)
 
 
 def read_ekf_euler(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `SbgEkfEuler` says: the heading of the filter, radians."""
+    """Read the filter's heading (rad) from `SbgEkfEuler`."""
     axes = _axes(columns)
     if not axes:
         ledger.reject(np.ones(len(columns), np.bool_), NO_AXES)
@@ -86,7 +89,7 @@ def read_ekf_euler(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
-    """What `SbgImuData` says, in the axes of the car: forward, left, up."""
+    """Build inertial measurements from `SbgImuData`, in the vehicle's axes: forward, left, up."""
     ledger = RowLedger(columns, reading.role)
     if _axes(columns) != "ned":
         ledger.reject(np.ones(len(columns), np.bool_), NO_IMU_AXES)
@@ -117,7 +120,7 @@ build_heading = heading_builder(read_ekf_euler)
 
 
 def _axes(columns: Columns) -> str:
-    """`ned`, `enu`, or "" where the name of the frame does not tell."""
+    """Return `ned`, `enu`, or "" where the frame name does not say which axes are used."""
     frame = frame_id(columns).lower()
     parts = set(re.split(r"[^a-z]+", frame))
     found = parts & {"ned", "enu"}
@@ -125,7 +128,7 @@ def _axes(columns: Columns) -> str:
 
 
 def _horizontal(columns: Columns, name: str) -> FloatArray:
-    """East and north of a vector, (n, 2), as far as the axes are known."""
+    """Read east and north of a vector, (n, 2), as far as the axes are known."""
     x, y = numbers(columns, f"{name}.x"), numbers(columns, f"{name}.y")
     return np.stack([y, x] if _axes(columns) == "ned" else [x, y], axis=1)
 

@@ -15,15 +15,20 @@ from cwcli.signals.leaf_fields import numbers, stamps
 from cwcli.signals.quality import BoolArray, RowLedger
 
 MODE_BITS = 15
+"""The bits of `mode` that hold the type of the solution; 0 is no solution (SBF reference guide)."""
 MAX_VALUE = 1e10
+"""The magnitude from which a number means "do not use"; SBF writes -2e10."""
 NO_UINT16, NO_UINT32 = 65_535, 4_294_967_295
+"""The unsigned numbers of 16 and 32 bits that mean "do not use" (SBF reference guide)."""
 M_PER_CM = 1e-2
+"""One centimetre in metres."""
 DRMS2_PER_SIGMA = 2.0 * 2.0**0.5
-"""`h_accuracy` is 2DRMS, twice the root mean square of the horizontal distance: sqrt(2) sigmas along an axis each."""
+"""The ratio of 2DRMS to the sigma along one axis: `h_accuracy` is twice the root mean square distance, sqrt(2) sigmas
+of an axis each."""
 
 
 def read_ins_nav_geod(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What `INSNavGeod` says: position and velocity fused with an IMU."""
+    """Read position and velocity of `INSNavGeod`, fused with an IMU."""
     east, north = _usable(columns, "longitude_std_dev"), _usable(columns, "latitude_std_dev")
     velocity_east, velocity_north = _usable(columns, "ve_std_dev"), _usable(columns, "vn_std_dev")
     return GnssFix(
@@ -39,7 +44,7 @@ def read_ins_nav_geod(columns: Columns, ledger: RowLedger) -> GnssFix:
 
 
 def read_pvt_geodetic(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What the messages say."""
+    """Read position and velocity of `PVTGeodetic`."""
     mode = numbers(columns, "mode")
     is_octet = (mode >= 0) & (mode <= 255)
     is_placed = (np.where(is_octet, mode, 0.0).astype(np.int64) & MODE_BITS) > 0
@@ -63,7 +68,7 @@ build_ins_velocity = velocity_builder(read_ins_nav_geod)
 
 
 def _times(columns: Columns, ledger: RowLedger) -> tuple[Int64Array, BoolArray]:
-    """The header's stamp, else GPS week and time of week."""
+    """Return stamps in ns and whether they are usable, both (n,): the header's, else GPS week and time of week."""
     stamp_ns, has_stamp = stamps(columns)
     week, time_of_week_ms = numbers(columns, "block_header.wnc"), numbers(columns, "block_header.tow")
     is_told = (week != NO_UINT16) & (time_of_week_ms != NO_UINT32)

@@ -1,4 +1,4 @@
-"""The truth of targets: one target's poses, or the states of many by their ids."""
+"""The true motion of targets: one target's poses, or the states of many by their ids."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME
 
 ONLY_TARGET = "1"
+"""The id of a target whose messages give none."""
 
 
 def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:

@@ -21,18 +21,22 @@ from cwcli.signals.leaf_fields import matrix, numbers
 from cwcli.signals.quality import BoolArray, RowLedger
 
 NO_FIX, TIME_ONLY = 0, 5
+"""The fix types without a fix and with time only (u-blox interface description)."""
 VALID_TIME = 0b111
-"""Of `valid`: the date, the time, and that it is resolved to the second."""
+"""The bits of `valid` that must be set: valid date, valid time, fully resolved."""
 GNSS_FIX_OK, HEADING_OF_VEHICLE = 1, 32
-"""Of `flags`."""
+"""The bits of `flags` that say that the fix is valid and that the vehicle's heading is valid."""
 INVALID_PLACE = 1
-"""Of `reserved1`, which newer receivers call `flags3`: bit 0 takes back latitude, longitude and height."""
+"""The bit of `reserved1` (`flags3` of newer receivers) that marks the position as invalid."""
 DEG_PER_COUNT, COMPASS_DEG_PER_COUNT = 1e-7, 1e-5
+"""One count of a position and of a heading, in degrees."""
 M_PER_MM = 1e-3
+"""One millimetre in metres."""
 
 
 def read_nav_pvt(columns: Columns, ledger: RowLedger) -> GnssFix:
-    """What the messages say. `h_acc` and `s_acc` are one sigma along each axis, as u-blox's ROS driver has it."""
+    """Read position, velocity and heading; `h_acc` and `s_acc` are one sigma along each axis, as in u-blox's ROS
+    driver."""
     parts = ("year", "month", "day", "hour", "min", "sec", "nano")
     year, month, day, hour, minute, second, nano = (numbers(columns, name) for name in parts)
     stamp_ns, is_time = utc_of_date(year, month, day, 3600.0 * hour + 60.0 * minute + second, nano)
@@ -69,7 +73,7 @@ build_heading = heading_builder(read_nav_pvt)
 
 
 def _has_bits(columns: Columns, name: str, bits: int) -> BoolArray:
-    """Where all these bits of a field of eight are set, (n,)."""
+    """Return where all these bits of an 8-bit field are set, (n,)."""
     values = numbers(columns, name)
     is_octet = (values >= 0) & (values <= 255)
     has_all: BoolArray = is_octet & (np.where(is_octet, values, 0.0).astype(np.int64) & bits == bits)

@@ -1,4 +1,4 @@
-"""Remote vehicles, and the ego vehicle from its own messages, out of one V2X channel."""
+"""Remote vehicles, and the ego vehicle from its own messages, from one V2X channel."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import OTHER_STATION, RemoteRows, Senders, V2xCodec
 
 OWN_STATION = "sent by the ego station"
+"""The reason for setting aside the ego's own messages."""
 ROADSIDE = "sent by a roadside unit"
+"""The reason for setting aside messages of roadside units."""
 NO_VALUE = "not available in the message"
+"""The reason for setting aside a message without the quantity that is needed."""
 MAX_AHEAD_NS = 2_000_000
-"""Two steps of the message clock."""
+"""The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
 
 
 def remote_builder(codec: V2xCodec) -> Build:
-    """The builder of a `RemoteSignal` from a V2X channel: of the senders, and of what they perceived of others.
+    """Return a builder of a `RemoteSignal` from a V2X channel: the senders, and the objects that they perceived.
 
     The objects are counted for themselves.
     """
@@ -68,7 +71,7 @@ def remote_builder(codec: V2xCodec) -> Build:
 
 
 def own_position_builder(codec: V2xCodec) -> Build:
-    """The builder of the ego's `PositionSignal` from its own messages."""
+    """Return a builder of the ego's `PositionSignal` from its own messages."""
     return _own_builder(
         codec,
         lambda decoded, rows, base: PositionSignal(
@@ -82,7 +85,7 @@ def own_position_builder(codec: V2xCodec) -> Build:
 
 
 def own_speed_builder(codec: V2xCodec) -> Build:
-    """The builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
+    """Return a builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
     return _own_builder(
         codec,
         lambda decoded, rows, base: SpeedSignal(
@@ -97,7 +100,7 @@ def own_speed_builder(codec: V2xCodec) -> Build:
 
 
 def own_heading_builder(codec: V2xCodec) -> Build:
-    """The builder of the ego's `HeadingSignal` from its own messages."""
+    """Return a builder of the ego's `HeadingSignal` from its own messages."""
     return _own_builder(
         codec,
         lambda decoded, rows, base: HeadingSignal(
@@ -110,10 +113,10 @@ def own_heading_builder(codec: V2xCodec) -> Build:
 def _own_builder(
     codec: V2xCodec, make: Callable[[RemoteRows, Int64Array, dict[str, Any]], Signal], needs: str = ""
 ) -> Build:
-    """A builder of a signal of the ego.
+    """Return a builder of a signal of the ego.
 
     Args:
-        codec: How to read the channel.
+        codec: The channel's codec.
         make: Decoded messages, the rows in use, and source and times of these -> the signal.
         needs: A message without this quantity is set aside.
     """
@@ -134,7 +137,7 @@ def _own_builder(
 
 
 def _of_others(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
-    """Without the flags of the ego's own messages: what it notifies is no news to it."""
+    """Return the events without those of the ego's own messages."""
     own_codes = np.unique(senders.station.codes[_is_own(senders, reading)])
     own = {senders.station.values[code] for code in own_codes if code >= 0}
     is_own = np.array([*(name in own for name in events.station.values), False])
@@ -142,7 +145,7 @@ def _of_others(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEv
 
 
 def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
-    """Events with the flags of messages at the stamps that these were given: clocks are settled."""
+    """Return the events with the flags at the repaired stamps of their messages."""
     states = zip(signal.station.codes.tolist(), signal.log_time_ns.tolist(), strict=True)
     at_ns = {(signal.station.values[code], log): k for k, (code, log) in enumerate(states)}
     names = (*events.station.values, "")
@@ -155,7 +158,7 @@ def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
 
 
 def _is_own(senders: Senders, reading: Reading) -> BoolArray:
-    """Sent by the vehicle that recorded the log: the message says so, or the user has named its station."""
+    """Return which messages (n,) the recording vehicle sent: they say so, or the user has named its station."""
     if reading.ego_station is None:
         return senders.is_own
     wanted = reading.ego_station.lower()
@@ -165,7 +168,7 @@ def _is_own(senders: Senders, reading: Reading) -> BoolArray:
 
 
 def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows, station: Strings) -> Timeline:
-    """Reject what is no position, and settle the clock of each station by itself."""
+    """Reject invalid positions, and repair the clock of each station by itself."""
     reject_bad_positions(ledger, decoded.latitude_deg, decoded.longitude_deg)
     return settle(
         ledger,
@@ -178,7 +181,7 @@ def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: Re
 
 
 def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, timeline: Timeline) -> None:
-    """Say what the estimator should know: repeated positions, bursts, stamps ahead of the log time."""
+    """Add notes on repeated positions, bursts, and stamps ahead of the log time."""
     rows = timeline.rows
     order = np.argsort(station.codes[rows], kind="stable")
     rows = rows[order]
@@ -200,11 +203,11 @@ def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, time
     if len(intervals_ns):
         n_bursts = int(np.count_nonzero(intervals_ns < 0.25 * np.median(intervals_ns)))
         if n_bursts:
-            ledger.note(f"{n_bursts} messages come in bursts, less than a quarter of the usual interval apart")
+            ledger.note(f"{n_bursts} messages come in bursts (less than a quarter of the usual interval apart)")
 
 
 def _only_used(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:
-    """Station names of the rows in use, coded in order of first appearance; a row without an id is `unknown`."""
+    """Return the station names of the rows in use, in order of first appearance; a row without an id is `unknown`."""
     distinct, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty(len(order), dtype=np.int32)

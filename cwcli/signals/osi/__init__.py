@@ -1,1 +1,1 @@
-"""ASAM OSI messages (`osi3.*`): what a simulator or a sensor model says of the host vehicle and of all others."""
+"""ASAM OSI messages (`osi3.*`) of simulators and sensor models, about the host vehicle and all other objects."""

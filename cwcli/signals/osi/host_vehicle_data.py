@@ -1,4 +1,4 @@
-"""`osi3.HostVehicleData`: what the host vehicle knows of its own place and motion.
+"""`osi3.HostVehicleData`: the host vehicle's own position and motion.
 
 `vehicle_localization` and `location` (up to OSI 3.4) are about the centre of the box, in the axes of the world;
 `vehicle_motion` is about the middle of the rear axle: its velocity is in the axes of the vehicle, and its position only
@@ -30,11 +30,13 @@ from cwcli.signals.osi.world import OSI_FRAME, world_times
 from cwcli.signals.quality import Quality, RowLedger
 
 GLOBE = "vehicle_localization.geodetic_position"
+"""The path of the vehicle's WGS84 position."""
 PLACES = ("vehicle_localization", "location", "vehicle_motion")
+"""The parts of the message that can hold the pose, best first."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
-    """The host's pose, from the first of `PLACES` that the channel has; else its place on the globe."""
+    """Build the host's poses from the first part that holds one, else fixes from its WGS84 position."""
     ledger = RowLedger(columns, reading.role)
     part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), None)
     if part is None and np.isfinite(numbers(columns, f"{GLOBE}.latitude")).any():
@@ -42,7 +44,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     part = part or PLACES[0]
     place = np.stack([numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
     if part == "vehicle_motion":
-        ledger.note("the position is the middle of the rear axle, not of the car: outlines are shifted by that")
+        ledger.note("the position is the middle of the rear axle, not of the vehicle: outlines are shifted accordingly")
     reject_unusable(ledger, place, MAX_POSITION_M)
     yaw_rad = wrap_angle(within(ledger, numbers(columns, f"{part}.orientation.yaw"), MAX_ANGLE_RAD, "yaw"))
     nothing = np.full(len(columns), np.nan)
@@ -88,7 +90,7 @@ def _on_globe(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[Po
 
 
 def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
-    """The host's speed and yaw rate: of `vehicle_motion`, else the velocity of `location` along its yaw."""
+    """Build the host's speed and yaw rate from `vehicle_motion`, else the velocity of `location` along its yaw."""
     ledger = RowLedger(columns, reading.role)
     speed_mps, yaw_rate = numbers(columns, "vehicle_motion.velocity.x"), "vehicle_motion.orientation_rate.yaw"
     if not np.isfinite(speed_mps).any():

@@ -14,14 +14,17 @@ if TYPE_CHECKING:  # binding channels to roles takes no numpy
     from cwcli.signals.quality import Quality
 
 WORLD = "global_ground_truth."
-"""Where a SensorView holds the GroundTruth."""
+"""The path prefix of the GroundTruth in a SensorView."""
 EMBEDDED = f"sensor_view.{WORLD}"
-"""Where a SensorData holds the one of its SensorView."""
+"""The path prefix of the GroundTruth in a SensorData, inside its SensorView."""
 STATIONARY, PROJECTION = "stationary_object", "proj_string"
-"""What of a GroundTruth is counted and not used: parked cars and obstacles, and where the world lies on the globe."""
+"""The fields of a GroundTruth that are counted and not used: stationary objects, and the map projection."""
 DETECTED_STATIONARY = f"{STATIONARY}.base.position.x"
+"""The path that counts the stationary objects that a sensor detected."""
 _MOTION = ("position.x", "position.y", "orientation.yaw", "velocity.x", "velocity.y", "orientation_rate.yaw")
+"""The leaf paths of position and motion of an object."""
 _BASE = (*_MOTION, "acceleration.x", "acceleration.y", "dimension.length", "dimension.width")
+"""The leaf paths of an object's base: position, motion and size."""
 _OBJECT = (
     "id.value",
     "type",
@@ -29,6 +32,7 @@ _OBJECT = (
     "vehicle_attributes.bbcenter_to_rear.x",
     "vehicle_attributes.bbcenter_to_rear.y",
 )
+"""The leaf paths of a moving object."""
 
 
 def _times(prefix: str = "") -> tuple[str, ...]:
@@ -46,8 +50,11 @@ def _world(prefix: str) -> tuple[str, ...]:
 
 
 _GROUND_TRUTH: Fields = {"protobuf": _world("")}
+"""The leaf fields of a GroundTruth, by encoding."""
 _SENSOR_VIEW: Fields = {"protobuf": (*_times(), "host_vehicle_id.value", *_world(WORLD))}
+"""The leaf fields of a SensorView, by encoding."""
 _SENSOR_DATA_WORLD: Fields = {"protobuf": (*_times(), "sensor_view.host_vehicle_id.value", *_world(EMBEDDED))}
+"""The leaf fields of the GroundTruth inside a SensorData, by encoding."""
 _DETECTED: Fields = {
     "protobuf": (
         *_times(),
@@ -62,6 +69,7 @@ _DETECTED: Fields = {
         *_SENSOR_DATA_WORLD["protobuf"],
     )
 }
+"""The leaf fields of the detections of a SensorData, by encoding."""
 _HOST_VEHICLE_DATA: Fields = {
     "protobuf": (
         *_times(),
@@ -71,10 +79,11 @@ _HOST_VEHICLE_DATA: Fields = {
         *(f"vehicle_localization.geodetic_position.{name}" for name in ("latitude", "longitude", "altitude")),
     )
 }
+"""The leaf fields of a HostVehicleData, by encoding."""
 
 
 def _builder(name: str) -> Build:
-    """The builder `osi.module.name`, imported when a channel is built."""
+    """Return the builder `osi.module.name`, imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         made: tuple[Signal, Quality] = in_signals(name)(columns, reading)
@@ -84,7 +93,7 @@ def _builder(name: str) -> Build:
 
 
 def _world_inputs(fields: Fields, module: str, rank: int) -> tuple[Input, ...]:
-    """The ego, its truth and the truth of all others out of a GroundTruth; a sensor of the same log comes first."""
+    """Return the registry rows of ego and truth in a GroundTruth; a sensor of the same log is preferred."""
     return tuple(
         Input(role, fields, _builder(f"osi.{module}.build_{name}"), rank=rank, says_what_it_is=True)
         for role, name in (
@@ -104,9 +113,13 @@ HOST_VEHICLE_DATA = tuple(
     Input(role, _HOST_VEHICLE_DATA, _builder(f"osi.host_vehicle_data.build_{name}"), rank=3, says_what_it_is=True)
     for role, name in ((Role.EGO_POSITION, "pose"), (Role.EGO_SPEED, "speed"))
 )
+"""The registry rows of `osi3.HostVehicleData`."""
 GROUND_TRUTH = (*_world_inputs(_GROUND_TRUTH, "ground_truth", 4), _remote(_GROUND_TRUTH, "ground_truth", 4))
+"""The registry rows of `osi3.GroundTruth`."""
 SENSOR_VIEW = (*_world_inputs(_SENSOR_VIEW, "sensor_view", 5), _remote(_SENSOR_VIEW, "sensor_view", 5))
+"""The registry rows of `osi3.SensorView`."""
 SENSOR_DATA = (
     *_world_inputs(_SENSOR_DATA_WORLD, "sensor_data", 6),
     Input(Role.DETECTIONS, _DETECTED, _builder("osi.sensor_data.build_detections"), says_what_it_is=True),
 )
+"""The registry rows of `osi3.SensorData`."""

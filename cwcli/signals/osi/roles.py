@@ -1,4 +1,4 @@
-"""The signals that an OSI GroundTruth fills, wherever in a message it lies."""
+"""Building signals from an OSI GroundTruth, wherever in a message it lies."""
 
 from __future__ import annotations
 
@@ -13,21 +13,27 @@ from cwcli.signals.osi.world import NO_HOST, OSI_FRAME, World, read_world, stati
 from cwcli.signals.quality import Quality, RowLedger
 
 NO_OTHERS = "without another road user"
+"""The reason for setting aside a message without another road user."""
 POSITION_SIGMA_M = 0.01
+"""The assumed error (one sigma) of a simulated position, in metres. A GroundTruth gives no errors; these five allow for
+one step of the simulator, which moves with the velocity of either end, and for a velocity of the rear axle. Chosen by
+hand."""
 SPEED_SIGMA_MPS = 0.005
+"""The assumed error (one sigma) of a simulated speed, in m/s; chosen by hand."""
 HEADING_SIGMA_RAD = 0.002
+"""The assumed error (one sigma) of a simulated heading, in rad; chosen by hand."""
 ACCEL_SIGMA_MPS2 = 0.1
+"""The assumed error (one sigma) of a simulated acceleration, in m/s^2; chosen by hand."""
 YAW_RATE_SIGMA_RADPS = 0.005
-"""What a simulator's numbers are good for: a step of it moves on with the velocity of one of its ends, and the velocity
-may be that of the rear axle. A GroundTruth says nothing of its own errors."""
+"""The assumed error (one sigma) of a simulated yaw rate, in rad/s; chosen by hand."""
 
 
 def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[PoseSignal, Quality]:
-    """The host vehicle's pose: the centre of its box, in the axes of the world.
+    """Build the host vehicle's poses: the centre of its box, in the axes of the world.
 
     Args:
         columns: The channel.
-        reading: How to read it.
+        reading: The settings for reading it.
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     ledger = RowLedger(columns, reading.role)
@@ -54,7 +60,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
 
 
 def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[SpeedSignal, Quality]:
-    """The host vehicle's speed along its heading, and its yaw rate."""
+    """Build the host vehicle's speed along its heading, and its yaw rate."""
     ledger = RowLedger(columns, reading.role)
     world, at, timeline = _host_rows(columns, reading, ledger, prefix)
     n = len(at)
@@ -72,7 +78,7 @@ def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[S
 
 
 def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[RemoteSignal, Quality]:
-    """All but the host, as if each said of itself by radio what it does: the station is its id."""
+    """Build remote vehicles from all objects but the host, as if each reported itself by radio under its id."""
     ledger = RowLedger(columns, reading.role)
     world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
     n = len(at)
@@ -107,7 +113,7 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
 
 
 def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> tuple[TargetTruthSignal, Quality]:
-    """Where all but the host really were."""
+    """Build the truth of all objects but the host."""
     ledger = RowLedger(columns, reading.role)
     world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
     signal = TargetTruthSignal(
@@ -127,7 +133,7 @@ def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> 
 def _host_rows(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
 ) -> tuple[World, npt.NDArray[np.intp], Timeline]:
-    """The objects, the host's rows of them by stamp, and their times."""
+    """Return the objects, the host's rows of them by stamp, and their times."""
     world = read_world(columns, reading, ledger, prefix)
     of_message = np.full(len(columns), -1, np.intp)
     rows = np.flatnonzero(world.is_host)
@@ -142,7 +148,7 @@ def _host_rows(
 def _other_rows(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
 ) -> tuple[World, npt.NDArray[np.intp], npt.NDArray[np.intp], Timeline]:
-    """The objects, the rows of all but the host by stamp, the timeline's row of each, and the messages' times."""
+    """Return the objects, the rows of all but the host by stamp, the timeline's row of each, and the times."""
     world = read_world(columns, reading, ledger, prefix)
     others = np.flatnonzero(~world.is_host)
     marks = [
@@ -160,11 +166,11 @@ def _other_rows(
 
 
 def _usual(sizes_m: FloatArray) -> float | None:
-    """The median of what is given."""
+    """Return the median of the finite sizes, or None where there are none."""
     given = sizes_m[np.isfinite(sizes_m)]
     return float(np.median(given)) if len(given) else None
 
 
 def _round(n: int) -> FloatArray:
-    """Covariances xx, xy, yy, (n, 3), alike in all directions."""
+    """Return n position covariances xx, xy, yy, (n, 3), the same in all directions."""
     return np.tile([POSITION_SIGMA_M**2, 0.0, POSITION_SIGMA_M**2], (n, 1))

@@ -1,4 +1,4 @@
-"""`osi3.SensorData`: what a sensor detected, and the GroundTruth of its SensorView where the trace keeps a copy.
+"""`osi3.SensorData`: a sensor's detections, and the GroundTruth of its SensorView where the trace keeps a copy.
 
 Positions are in the axes of the sensor, whose place in the car is in the message; the car's origin is the middle of its
 rear axle. They are brought into the body frame of cwcli's states, which is about the centre of the car's box.
@@ -27,12 +27,13 @@ build_speed = partial(roles.build_speed, prefix=EMBEDDED)
 build_target_truth = partial(roles.build_target_truth, prefix=EMBEDDED)
 
 FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
+"""The forward position of `DetectedMovingObject.ReferencePoint` on the box, in half lengths, by its number."""
 LEFT = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
-"""Of `DetectedMovingObject.ReferencePoint`, by its number: where on the box it is, in half lengths and half widths."""
+"""The leftward position of `DetectedMovingObject.ReferencePoint` on the box, in half widths, by its number."""
 
 
 def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
-    """The moving objects that the sensor detected, about the centre of the host's box, x forward, y left.
+    """Build detections of moving objects, about the centre of the host's box, x forward, y left.
 
     The time is that of the measurement; the covariance is that of `base_rmse`, where it is given.
     """
@@ -52,14 +53,14 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
         covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
     still = ragged(columns, DETECTED_STATIONARY)
     if still is not None and len(still.values):
-        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are what moves")
+        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are moving objects")
     rear_x_m = _rear_axle(columns, reading)
     if np.isfinite(rear_x_m):
         values[:, 0] += rear_x_m
     else:
         ledger.note(
-            "nothing tells where the rear axle is, about which detections are: they are taken about the centre of the "
-            "car (--sensor TOPIC:x=-1.4 shifts them)"
+            "the position of the rear axle, which detections refer to, is not given: they are taken relative to the "
+            "centre of the vehicle (--sensor TOPIC:x=-1.4 shifts them)"
         )
     stamp_ns, has_stamp = times(columns, "last_measurement_time")
     if not has_stamp.any():
@@ -83,7 +84,7 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
 
 
 def _reference_point(objects: Elements) -> FloatArray:
-    """Where `base.position` is from the centre of each object's box, (n, 2), in the axes of the sensor."""
+    """Return the offsets (n, 2) in metres of `base.position` from each box's centre, in the axes of the sensor."""
     kind = objects.numbers("moving_object.reference_point")
     with np.errstate(invalid="ignore"):
         index = np.where((kind >= 0) & (kind < len(FORWARD)), kind, 0).astype(np.intp)
@@ -97,7 +98,7 @@ def _reference_point(objects: Elements) -> FloatArray:
 
 
 def _rear_axle(columns: Columns, reading: Reading) -> float:
-    """How far ahead of the box's centre the rear axle is, from the embedded GroundTruth; NaN where it does not tell."""
+    """Return how far ahead (m) of the box's centre the host's rear axle is; NaN where the GroundTruth does not say."""
     world = read_world(columns, reading, RowLedger(columns, reading.role), EMBEDDED)
     given = world.rear_x_m[world.is_host]
     given = given[np.isfinite(given)]

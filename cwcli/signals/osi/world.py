@@ -1,4 +1,4 @@
-"""The moving objects of an OSI GroundTruth: which one is the host, and what each says of its motion.
+"""The moving objects of an OSI GroundTruth: which one is the host, and how each one moves.
 
 `base.position` is the centre of the bounding box, `base.velocity` and `base.acceleration` are in the axes of the world,
 not of the object. A field that a simulator leaves out is 0, which is no value: an object that moves without a velocity,
@@ -32,13 +32,13 @@ from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 OSI_FRAME = "osi"
-"""The frame of all positions of OSI messages: the axes of the simulated world."""
+"""The name of the frame of all positions in OSI messages: the axes of the simulated world."""
 VEHICLE = 2
-"""`MovingObject.Type.TYPE_VEHICLE`."""
+"""The code of `MovingObject.Type.TYPE_VEHICLE`."""
 MIN_WAY_M = 1.0
-"""An object that gets this far moves."""
+"""The distance in metres from which an object counts as moving. Chosen by hand; not fitted."""
 MIN_COURSE_SPEED_MPS = 0.3
-"""Below, the velocity of a pedestrian says nothing of where it is heading."""
+"""The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
 MAX_SIDEWAYS = 0.7
 """No vehicle drives at more than 45 degrees to its axis."""
 LIMITS = {
@@ -53,6 +53,7 @@ LIMITS = {
 OF_HOST = (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH)
 """Roles that the host's own object fills; the others are filled by all other objects."""
 OTHER_HOST, NO_HOST = "of another host vehicle", "without the host vehicle"
+"""The reasons for setting aside a message of another host vehicle, and one without the host vehicle."""
 
 
 @dataclass(frozen=True)
@@ -98,12 +99,12 @@ class World:
 
 
 def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: str = "") -> World:
-    """The moving objects of a channel; messages that name another host than the rest are set aside.
+    """Read the moving objects of a channel; messages that name another host than the rest are set aside.
 
     Args:
         columns: The channel.
         reading: `ego_station` names the host vehicle.
-        ledger: Of the channel.
+        ledger: The channel's ledger.
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     base = f"{prefix}moving_object.base"
@@ -160,19 +161,19 @@ def _leave_out_of_range(
 
 
 def _note_unused(columns: Columns, ledger: RowLedger, prefix: str) -> None:
-    """Tell what of the world is left out."""
+    """Add notes on the parts of the world that are not used."""
     still = ragged(columns, f"{prefix}{STATIONARY}.id.value")
     if still is not None and len(still.values):
         n_messages = int(np.count_nonzero(np.diff(still.offsets)))
         n = len(np.unique(still.values))
-        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are what moves")
+        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are moving objects")
     projection = find(columns, f"{prefix}{PROJECTION}")
     if isinstance(projection, Strings) and (projection.codes >= 0).any():
-        ledger.note("where the world lies on the globe (proj_string) is not used: it stays a plane of its own")
+        ledger.note("the map projection (proj_string) is not used: positions stay in the simulated plane")
 
 
 def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
-    """Stamps in ns and whether they are there, both (n,): that of the world, else that of the message around it.
+    """Read stamps in ns and whether they are there, both (n,): of the GroundTruth, else of the message around it.
 
     Simulated time begins at 0, and a 0 is left out of a message: a stamp is missing only where no message has one.
     """
@@ -184,7 +185,7 @@ def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArr
 
 
 def times(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
-    """An `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
+    """Read an `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
     parts = [_first_value(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
     (seconds, has_seconds), (nanos, has_nanos) = parts
     is_sane = (seconds >= 0) & (seconds < 2**33) & (nanos >= 0) & (nanos < NS_PER_S)
@@ -193,7 +194,7 @@ def times(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
 
 
 def station_names(ids: npt.NDArray[np.uint64]) -> Strings:
-    """The ids as text, coded in the order of their first appearance."""
+    """Return the ids as texts, coded in the order of their first appearance."""
     distinct, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
     rank = np.empty(len(distinct), np.int32)
     order = np.argsort(first)
@@ -202,7 +203,7 @@ def station_names(ids: npt.NDArray[np.uint64]) -> Strings:
 
 
 def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
-    """A number of each message, or the first where the message holds several (views of several sensors)."""
+    """Read a number of each message, the first where it holds several (views of several sensors)."""
     field = find(columns, path)
     if not isinstance(field, Ragged):
         return whole_numbers(columns, path)
@@ -217,7 +218,7 @@ def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
 
 
 def _ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint64]:
-    """The objects' ids, exact however long; 0 where a message does not give one for each object."""
+    """Read the objects' ids exactly; 0 where a message does not give one for each object."""
     leaf = ragged(columns, path)
     out = np.zeros(len(elements), np.uint64)
     if leaf is not None and np.issubdtype(leaf.values.dtype, np.integer):
@@ -245,7 +246,7 @@ def _host(
     place: FloatArray,
     is_vehicle: BoolArray,
 ) -> int | None:
-    """Which object is the host: the one the user names, else the messages, else the first one that drives.
+    """Choose the host's id: the one that the user names, else the messages, else the first vehicle that drives.
 
     With two hosts in a channel (the traces of two cars in one) the one of most messages counts.
     """
@@ -273,7 +274,8 @@ def _host(
 
 
 def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray) -> tuple[int, str]:
-    """The smallest id of a vehicle that moves; of any object that does; of any vehicle; of any object."""
+    """Return the smallest id of a vehicle that moves, else of an object that moves, of a vehicle, of any object; and
+    why."""
     distinct, inverse = np.unique(ids, return_inverse=True)
     low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
     np.minimum.at(low, inverse, place)
@@ -283,7 +285,7 @@ def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: Bo
     drives[inverse[is_vehicle]] = True
     for chosen, why in (
         (moves & drives, "the smallest id of a vehicle that moves"),
-        (moves, "the smallest id of what moves"),
+        (moves, "the smallest id of a moving object"),
         (drives, "the smallest id of a vehicle (none moves)"),
     ):
         if chosen.any():
@@ -299,7 +301,7 @@ def _moving(
     values: dict[str, FloatArray],
     keep: BoolArray,
 ) -> World:
-    """Motion along and across each object's heading.
+    """Derive each object's motion along and across its heading.
 
     A vehicle's heading is its yaw, so that it may reverse; that of others is the course of their way: a pedestrian may
     step to the side.
@@ -309,28 +311,28 @@ def _moving(
     acceleration = values["base.acceleration.x"] + 1j * values["base.acceleration.y"]
     yaw_rad, n = wrap_angle(values["base.orientation.yaw"]), len(distinct)
 
-    def never(column: npt.NDArray[np.generic]) -> BoolArray:
+    def is_always_zero(column: npt.NDArray[np.generic]) -> BoolArray:
         """Which objects have a 0 in every message, (objects,)."""
-        is_never: BoolArray = np.bincount(owner, weights=(column != 0).astype(np.float64), minlength=n) == 0
-        return is_never
+        is_zero: BoolArray = np.bincount(owner, weights=(column != 0).astype(np.float64), minlength=n) == 0
+        return is_zero
 
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
     np.minimum.at(low, owner, place)
     np.maximum.at(high, owner, place)
     moves = (high - low).max(axis=1, initial=0.0) > MIN_WAY_M
-    is_still = never(velocity)
+    is_still = is_always_zero(velocity)
     no_velocity = (is_still & moves)[owner]
     with np.errstate(invalid="ignore", over="ignore"):
         velocity = np.where(no_velocity | ~(np.abs(velocity) < MAX_SPEED_MPS), np.nan, velocity)
         acceleration = np.where(np.abs(acceleration) < MAX_ACCEL_MPS2, acceleration, np.nan)
-    acceleration = np.where((never(acceleration) & (moves & is_still))[owner], np.nan, acceleration)
+    acceleration = np.where((is_always_zero(acceleration) & (moves & is_still))[owner], np.nan, acceleration)
     with np.errstate(invalid="ignore"):
         is_fast = np.abs(velocity) > MIN_COURSE_SPEED_MPS
         course_rad = np.angle(velocity)
         is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SIDEWAYS)
     n_sideways = np.bincount(owner, weights=is_sideways.astype(np.float64), minlength=n)
     n_fast = np.bincount(owner, weights=is_fast.astype(np.float64), minlength=n)
-    no_yaw = never(yaw_rad) & (n_sideways > 0.5 * n_fast) & (n_fast > 0)
+    no_yaw = is_always_zero(yaw_rad) & (n_sideways > 0.5 * n_fast) & (n_fast > 0)
     follows_course = ((values["type"] != VEHICLE) | no_yaw[owner]) & is_fast
     yaw_rad = np.where(no_yaw[owner] & ~is_fast, np.nan, yaw_rad)
     heading_rad = np.where(follows_course, course_rad, yaw_rad)
@@ -338,7 +340,7 @@ def _moving(
         forward = np.exp(-1j * heading_rad)
         along, across = velocity * forward, acceleration * forward
     speed = np.where(np.isfinite(heading_rad), along.real, np.abs(velocity))
-    yaw_rate = np.where(follows_course | never(values["base.orientation_rate.yaw"])[owner], np.nan, 1.0)
+    yaw_rate = np.where(follows_course | is_always_zero(values["base.orientation_rate.yaw"])[owner], np.nan, 1.0)
     yaw_rate = yaw_rate * values["base.orientation_rate.yaw"]
     sizes = [
         np.where(values[f"base.dimension.{name}"] > 0.0, values[f"base.dimension.{name}"], np.nan)

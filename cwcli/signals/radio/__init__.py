@@ -1,1 +1,1 @@
-"""What radios received: V2X messages in the packed encoding, from octets to columns. One file a message."""
+"""V2X messages in the packed encoding as radios receive them, from octets to columns, one file a message."""

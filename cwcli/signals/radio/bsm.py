@@ -14,20 +14,30 @@ from cwcli.signals.radio.program import Program, compile_type
 from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bits, sequence
 
 MESSAGE_ID = 20
+"""The DSRCmsgID of a BSM (SAE J2735)."""
 VEHICLE_SAFETY_EXTENSIONS = 0
+"""The PartII-Id of the vehicle safety extensions."""
 LATITUDE = Int(-900_000_000, 900_000_001)
+"""The ASN.1 type of a latitude."""
 LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
+"""The ASN.1 type of a longitude."""
 ELEVATION = Int(-4096, 61_439)
+"""The ASN.1 type of an elevation."""
 ACCURACY = sequence(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
+"""The ASN.1 type of the position accuracy."""
 _TRANSMISSION = Enum(8)
+"""The ASN.1 type of the transmission's state."""
 VELOCITY = Int(0, 8191)
+"""The ASN.1 type of a speed."""
 HEADING = Int(0, 28_800)
+"""The ASN.1 type of a heading."""
 ACCELERATIONS = sequence(
     ("long", Int(-2000, 2001)),
     ("lat", Int(-2000, 2001)),
     ("vert", Int(-127, 127)),
     ("yaw", Int(-32_767, 32_767)),
 )
+"""The ASN.1 type of the accelerations and the yaw rate."""
 _CORE = sequence(
     ("msgCnt", Int(0, 127)),
     ("id", Sized(8, 4, 4)),
@@ -54,6 +64,7 @@ _CORE = sequence(
     ),
     ("size", sequence(("width", Int(0, 1023)), ("length", Int(0, 4095)))),
 )
+"""The ASN.1 type of the core data (part I)."""
 DATE_TIME = sequence(
     ("year", Int(0, 4095), True),
     ("month", Int(0, 12), True),
@@ -63,6 +74,7 @@ DATE_TIME = sequence(
     ("second", Int(0, 65_535), True),
     ("offset", Int(-840, 840), True),
 )
+"""The ASN.1 type of a date with time."""
 _FULL_POSITION = sequence(
     ("utcTime", DATE_TIME, True),
     ("long", LONGITUDE),
@@ -76,6 +88,7 @@ _FULL_POSITION = sequence(
     ("speedConfidence", sequence(("heading", Enum(8)), ("speed", Enum(8)), ("throttle", Enum(4))), True),
     extensible=True,
 )
+"""The ASN.1 type of a full position vector."""
 _CRUMB = sequence(
     ("latOffset", Int(-131_072, 131_071)),
     ("lonOffset", Int(-131_072, 131_071)),
@@ -86,6 +99,7 @@ _CRUMB = sequence(
     ("heading", Int(0, 240), True),
     extensible=True,
 )
+"""The ASN.1 type of one point of the path history."""
 _SAFETY = sequence(
     ("events", bits(N_FLAGS, extensible=True), True),
     (
@@ -106,6 +120,7 @@ _SAFETY = sequence(
     ("lights", bits(9, extensible=True), True),
     extensible=True,
 )
+"""The ASN.1 type of the vehicle safety extensions."""
 BSM = sequence(
     ("coreData", _CORE),
     (
@@ -116,7 +131,7 @@ BSM = sequence(
     ("regional", ListOf(sequence(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
     extensible=True,
 )
-"""BasicSafetyMessage. Of part II the vehicle safety extensions are read, other ones and regional ones skipped."""
+"""The ASN.1 type of a BasicSafetyMessage; of part II only the vehicle safety extensions are read."""
 
 CORE_PATHS = tuple(
     f"coreData.{name}"
@@ -128,27 +143,32 @@ CORE_PATHS = tuple(
         *("size.width", "size.length"),
     )
 )
+"""The components of the core data that are decoded."""
 STATION = JSON_RAW["station"]
+"""The component of the sender's temporary id."""
 EVENTS = CODED[0]
+"""The component of the event flags."""
 PREDICTION = "partII.partII-Value.pathPrediction"
+"""The component of the path prediction."""
 CRUMBS = "partII.partII-Value.pathHistory.crumbData"
+"""The component of the path history's points."""
 
 
 @cache
 def core_program() -> Program:
-    """Part I, and the event flags of part II."""
+    """Compile the program for part I and the event flags of part II."""
     return compile_type(BSM, (*CORE_PATHS, EVENTS, f"{PREDICTION}.radiusOfCurve", f"{PREDICTION}.confidence"))
 
 
 @cache
 def history_program() -> Program:
-    """The crumbs of the path history."""
+    """Compile the program for the points of the path history."""
     names = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
     return compile_type(BSM, tuple(f"{CRUMBS}.{name}" for name in names), (CRUMBS,))
 
 
 def fields(decoded: Decoded) -> dict[str, Field]:
-    """The leaf fields of a JSON BSM that `signals.j2735` reads."""
+    """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
     made: dict[str, Field] = {path: decoded.numbers(path) for path in JSON_RAW.values() if path != STATION}
     distinct, codes = np.unique(decoded.codes(STATION), return_inverse=True)
     names = tuple("" if code == MISSING else f"{code:08x}" for code in distinct)

@@ -16,15 +16,23 @@ from cwcli.signals.radio.program import Program, compile_type
 from cwcli.signals.radio.tables import load
 
 MESSAGE_ID = 2
+"""The message id of a CAM (TS 102 894-2)."""
 PROTOCOL_VERSIONS = (2,)
-"""The one before (EN 302 637-2 up to V1.3.2) packs the curvature otherwise."""
+"""The protocol versions that are decoded; the one before (EN 302 637-2 up to V1.3.2) packs the curvature
+differently."""
 
 _PARAMETERS = "cam.camParameters."
+"""The path prefix of the parameters."""
 _POSITION = _PARAMETERS + "basicContainer.referencePosition."
+"""The path prefix of the reference position."""
 _ELLIPSE = _POSITION + "positionConfidenceEllipse."
+"""The path prefix of the position's confidence ellipse."""
 _CONTAINER = _PARAMETERS + "highFrequencyContainer"
+"""The path of the high-frequency container."""
 _VEHICLE = _CONTAINER + ".basicVehicleContainerHighFrequency."
+"""The path prefix of the vehicle's high-frequency container."""
 _LATERAL = _VEHICLE + "lateralAcceleration.lateralAccelerationValue"
+"""The path of the lateral acceleration."""
 
 PATHS: dict[str, str] = {
     "station": "header.stationID",
@@ -50,17 +58,17 @@ PATHS: dict[str, str] = {
     "accel_95_mps2": _VEHICLE + "longitudinalAcceleration.longitudinalAccelerationConfidence",
     "lateral_accel_mps2": _LATERAL,
 }
-"""Quantity of `signals.etsi` -> component."""
+"""The component of the packed message, by quantity of `signals.etsi`."""
 
 
 @cache
 def program() -> Program:
-    """The components of `PATHS`."""
+    """Compile the program that decodes the components of a CAM."""
     return compile_type(load("cam"), tuple(PATHS.values()))
 
 
 def fields(decoded: Decoded) -> dict[str, Field]:
-    """The leaf fields of `etsi_its_cam_msgs/CAM` that `signals.etsi` reads."""
+    """Return the leaf fields of `etsi_its_cam_msgs/CAM` that `signals.etsi` reads, from decoded messages."""
     made: dict[str, Field] = {EN_PATHS[name]: decoded.numbers(path) for name, path in PATHS.items()}
     made[EN_PATHS["has_lateral_accel"]] = (decoded.codes(_LATERAL) != MISSING).astype(np.float64)
     return made

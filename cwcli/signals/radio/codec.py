@@ -1,4 +1,4 @@
-"""V2X channels that hold what a radio received, octet by octet: what each message is, and whose.
+"""V2X channels of octets that a radio received: which message each row is, and who sent it.
 
 A channel may mix messages. Those that tell of their sender (BSM, CAM, VAM) are remote vehicles, and so are the objects
 of those that tell of what their sender perceived (CPM, SDSM); the others are set aside by name.
@@ -23,26 +23,30 @@ from cwcli.signals.radio.program import Program
 from cwcli.signals.road_events import RoadEvents, joined_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
 
-SIGNED_NOTE = "are signed (IEEE 1609.2): they were unwrapped, and their signatures not verified"
+SIGNED_NOTE = "are signed (IEEE 1609.2): their signatures are not verified"
+"""The note on signed messages."""
 
 J2735_NAMES: dict[int, str] = {
     18: "MAP", 19: "SPaT", 20: "BSM", 27: "probe data", 29: "SRM", 30: "SSM", 31: "TIM", 32: "PSM", 41: "SDSM"
 }  # fmt: skip
+"""The message names of SAE J2735, by DSRCmsgID."""
 ETSI_NAMES: dict[int, str] = {1: "DENM", 2: "CAM", 4: "SPATEM", 5: "MAPEM", 6: "IVIM", 14: "CPM", 16: "VAM"}
+"""The message names of ETSI, by message id (TS 102 894-2)."""
 PORT_NAMES: dict[int, str] = {
     2001: "CAM", 2002: "DENM", 2003: "MAPEM", 2004: "SPATEM", 2006: "IVIM", 2009: "CPM", 2018: "VAM"
 }  # fmt: skip
+"""The message names of ETSI, by BTP port (TS 103 248)."""
 NAMES: dict[str, dict[int, str]] = {"j2735": J2735_NAMES, "btp": PORT_NAMES, "its": ETSI_NAMES}
-"""Format -> message id or port -> name."""
+"""The message names by id or port, by format."""
 
 
 @dataclass(frozen=True)
 class Packed:
-    """A message that is unpacked.
+    """A message in the packed encoding that is decoded.
 
     Attributes:
-        program: Of its components.
-        message_id, versions: What ETSI's header must say, for ETSI's messages.
+        program: The program that decodes its components.
+        message_id, versions: The required values of the header, for ETSI's messages.
     """
 
     program: Callable[[], Program]
@@ -52,11 +56,11 @@ class Packed:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind(Packed):
-    """A message that tells of road users.
+    """A message that describes road users.
 
     Attributes:
         fields: Decoded messages -> the leaf fields that `codec` reads.
-        codec: Of the same message in a form with named fields.
+        codec: The codec of the same message in a form with named fields.
         rows: The list whose elements are the road users; "": the message's sender is the one.
     """
 
@@ -66,16 +70,19 @@ class Kind(Packed):
 
 
 OTHER_MESSAGE, OTHER_VERSION = 254, 255
+"""The status codes of a message that is not what its port says, and of a protocol version that is not read."""
 FAULTS: dict[int, str] = {
     **messages.FAULTS,
-    OTHER_MESSAGE: "another message than its port says",
-    OTHER_VERSION: "protocol version that is packed otherwise",
+    OTHER_MESSAGE: "message type does not match its port",
+    OTHER_VERSION: "unsupported protocol version",
 }
+"""The reason for rejecting a message, by status code."""
 KINDS: dict[str, Kind] = {
     "BSM": Kind(bsm.core_program, fields=bsm.fields, codec=j2735.JSON_BSM),
     "CAM": Kind(cam.program, cam.MESSAGE_ID, cam.PROTOCOL_VERSIONS, fields=cam.fields, codec=etsi.CAM),
     "VAM": Kind(vam.program, vam.MESSAGE_ID, vam.PROTOCOL_VERSIONS, fields=vam.fields, codec=etsi.CAM),
 }
+"""The messages that describe their sender, by name."""
 PERCEIVED: dict[str, Kind] = {
     "CPM": Kind(
         cpm.program,
@@ -87,12 +94,13 @@ PERCEIVED: dict[str, Kind] = {
     ),
     "SDSM": Kind(sdsm.program, fields=sdsm.objects, codec=sdsm_objects.OBJECT_CODEC, rows=sdsm.OBJECTS),
 }
-"""Messages that tell of others."""
+"""The messages that describe objects that their sender perceived, by name."""
 DENM = Packed(denm.program, denm.MESSAGE_ID, denm.PROTOCOL_VERSIONS)
+"""The message that notifies events."""
 
 
 def radio_codec(form: str) -> V2xCodec:
-    """The codec of a channel whose octets are of one of `frames.FORMATS`."""
+    """Return the codec of a channel whose octets are in a format: `j2735`, `btp` or `its`."""
 
     def identify(columns: Columns) -> Senders:
         n = len(columns)
@@ -153,7 +161,7 @@ def radio_codec(form: str) -> V2xCodec:
 
 
 def _decoded(found: frames.Frames, form: str, name: str, kind: Packed) -> tuple[npt.NDArray[np.intp], messages.Decoded]:
-    """The rows of the messages with a name, and what is in them."""
+    """Decode the messages with a name; return their rows and their contents."""
     wanted = [number for number, other in NAMES[form].items() if other == name]
     rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))
     octets = found.octets.take(rows)
@@ -163,7 +171,8 @@ def _decoded(found: frames.Frames, form: str, name: str, kind: Packed) -> tuple[
 def _parts(
     columns: Columns, found: frames.Frames, form: str
 ) -> list[tuple[Kind, Columns, npt.NDArray[np.intp], messages.UInt8Array]]:
-    """The messages of each kind: columns with named fields, their rows in the channel, and what is wrong with them."""
+    """Decode the messages that describe their sender: for each kind columns with named fields, their rows, and their
+    status."""
     parts = []
     for number, name in NAMES[form].items():
         kind = KINDS.get(name)
@@ -185,13 +194,13 @@ def _parts(
 def _denms(
     columns: Columns, found: frames.Frames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.Decoded, RoadEvents]:
-    """The rows of the DENMs, what is in them, and the events that they notify."""
+    """Decode the DENMs; return their rows, their contents, and the events that they notify."""
     rows, decoded = _decoded(found, form, "DENM", DENM)
     return rows, decoded, denm.events(decoded, columns.log_time_ns[rows])
 
 
 def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[int, ...]) -> messages.UInt8Array:
-    """Which messages their header says to be others: their status, 0 for the rest."""
+    """Return the status (n,) of messages whose header does not fit the message id or versions, 0 for the rest."""
     status = np.zeros(len(octets), np.uint8)
     if message_id is not None and len(octets.data):
         last = len(octets.data) - 1
@@ -204,7 +213,7 @@ def _foreign(octets: messages.Octets, message_id: int | None, versions: tuple[in
 
 
 def _reject_some(ledger: RowLedger, rows: npt.NDArray[np.intp], status: messages.UInt8Array) -> None:
-    """Reject what can't be decoded of some rows."""
+    """Reject the messages among these rows that can't be decoded."""
     everywhere = np.zeros(len(ledger.keep), np.uint8)
     everywhere[rows] = status
     _reject(ledger, everywhere, FAULTS)
@@ -216,14 +225,17 @@ def _reject(ledger: RowLedger, status: messages.UInt8Array, reasons: dict[int, s
 
 
 def _set_aside(ledger: RowLedger, found: frames.Frames, is_known: BoolArray, form: str) -> None:
-    """The messages that tell of something else, by name."""
+    """Set aside the messages that do not describe their sender, by name."""
     others = ~is_known & (found.status == 0)
     for number in np.unique(found.message[others]):
         name = NAMES[form].get(int(number), f"message {number}")
-        what = "whose objects count for themselves" if name in PERCEIVED else "not of a vehicle itself"
-        ledger.set_aside(others & (found.message == number), f"{name}, {what}")
+        what = "objects counted separately" if name in PERCEIVED else "not about its sender"
+        ledger.set_aside(others & (found.message == number), f"{name} ({what})")
 
 
 J2735 = radio_codec("j2735")
+"""The codec of SAE J2735 MessageFrames."""
 BTP = radio_codec("btp")
+"""The codec of ETSI messages behind a basic transport header."""
 ITS = radio_codec("its")
+"""The codec of bare ETSI messages."""

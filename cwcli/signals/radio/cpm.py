@@ -14,15 +14,22 @@ from cwcli.signals.radio.types import NEVER, Choice, Enum, Int, ListOf, Open, bi
 from cwcli.signals.radio.vam import REFERENCE_POSITION
 
 MESSAGE_ID = 14
+"""The message id of a CPM (TS 102 894-2)."""
 PROTOCOL_VERSIONS = (2,)
-"""Version 1 (TR 103 562) was packed otherwise."""
+"""The protocol versions that are decoded; version 1 (TR 103 562) was packed differently."""
 
 _IDENTIFIER_1B, _IDENTIFIER_2B = Int(0, 255), Int(0, 65_535)
+"""The ASN.1 types of identifiers of one and two octets."""
 _COORDINATE = sequence(("value", Int(-131_072, 131_071)), ("confidence", Int(1, 4096)))
+"""The ASN.1 type of a coordinate with its confidence."""
 _VELOCITY_COMPONENT = sequence(("value", Int(-16_383, 16_383)), ("confidence", Int(1, 127)))
+"""The ASN.1 type of a component of a velocity."""
 _ACCELERATION_COMPONENT = sequence(("value", Int(-160, 161)), ("confidence", Int(0, 102)))
+"""The ASN.1 type of a component of an acceleration."""
 _ANGLE = sequence(("value", Int(0, 3601)), ("confidence", Int(1, 127)))
+"""The ASN.1 type of an angle with its confidence."""
 _DIMENSION = sequence(("value", Int(1, 256)), ("confidence", Int(1, 32)))
+"""The ASN.1 type of an object's dimension."""
 _VELOCITY = Choice(
     sequence(
         (
@@ -46,6 +53,7 @@ _VELOCITY = Choice(
         ),
     ).parts
 )
+"""The ASN.1 type of a velocity, polar or Cartesian."""
 _ACCELERATION = Choice(
     sequence(
         (
@@ -69,6 +77,7 @@ _ACCELERATION = Choice(
         ),
     ).parts
 )
+"""The ASN.1 type of an acceleration, polar or Cartesian."""
 _CORRELATIONS = ListOf(
     sequence(
         ("componentsIncludedIntheMatrix", bits(13, extensible=True)),
@@ -77,6 +86,7 @@ _CORRELATIONS = ListOf(
     1,
     4,
 )
+"""The ASN.1 type of the correlation matrices."""
 _VRU_SUB_CLASS = Choice(
     sequence(
         ("pedestrian", Enum(5)),
@@ -86,6 +96,7 @@ _VRU_SUB_CLASS = Choice(
     ).parts,
     extensible=True,
 )
+"""The ASN.1 type of the class of a vulnerable road user."""
 _CLUSTER = sequence(
     ("clusterId", _IDENTIFIER_1B, True),
     ("clusterBoundingBoxShape", NEVER, True),
@@ -93,6 +104,7 @@ _CLUSTER = sequence(
     ("clusterProfiles", bits(4), True),
     extensible=True,
 )
+"""The ASN.1 type of a cluster of road users."""
 _CLASS = Choice(
     sequence(
         ("vehicleSubClass", Int(0, 14)),
@@ -102,7 +114,9 @@ _CLASS = Choice(
     ).parts,
     extensible=True,
 )
+"""The ASN.1 type of an object's class."""
 _ROAD_ID = sequence(("region", _IDENTIFIER_2B, True), ("id", _IDENTIFIER_2B))
+"""The ASN.1 type of the id of a road segment or intersection."""
 _MAP_POSITION = sequence(
     ("mapReference", Choice(sequence(("roadsegment", _ROAD_ID), ("intersection", _ROAD_ID)).parts), True),
     ("laneId", _IDENTIFIER_1B, True),
@@ -116,6 +130,7 @@ _MAP_POSITION = sequence(
     ),
     extensible=True,
 )
+"""The ASN.1 type of a position on a map."""
 _OBJECT = sequence(
     ("objectId", _IDENTIFIER_2B, True),
     ("measurementDeltaTime", Int(-2048, 2047)),
@@ -138,13 +153,17 @@ _OBJECT = sequence(
     ("mapPosition", _MAP_POSITION, True),
     extensible=True,
 )
+"""The ASN.1 type of a perceived object."""
 _PERCEIVED = sequence(
     ("numberOfPerceivedObjects", Int(0, 255)),
     ("perceivedObjects", ListOf(_OBJECT, 0, 255, extensible=True)),
     extensible=True,
 )
+"""The ASN.1 type of the container of perceived objects."""
 _RATE = sequence(("mantissa", Int(1, 100)), ("exponent", Int(-5, 2)))
+"""The ASN.1 type of a message rate."""
 PERCEIVED_OBJECT_CONTAINER = 5
+"""The id of the container of perceived objects."""
 CPM = sequence(
     (
         "header",
@@ -178,16 +197,20 @@ CPM = sequence(
         ),
     ),
 )
-"""Of its containers that of the perceived objects is read, others are skipped.
+"""The ASN.1 type of a CPM; of its containers only that of the perceived objects is read.
 
 The list of containers is that of an extensible type with one more constraint (`ConstraintWrappedCpmContainers`), which
 takes the extension away (X.680, 50.8): there is no bit for it.
 """
 
 _MANAGEMENT = "payload.managementContainer."
+"""The path prefix of the management container."""
 _POSITION = _MANAGEMENT + "referencePosition."
+"""The path prefix of the reference position."""
 _ELLIPSE = _POSITION + "positionConfidenceEllipse."
+"""The path prefix of the position's confidence ellipse."""
 OBJECTS = "payload.cpmContainers.containerData.perceivedObjects"
+"""The path of the list of perceived objects."""
 
 SENDER_PATHS: dict[str, str] = {
     "station": "header.stationId",
@@ -199,7 +222,7 @@ SENDER_PATHS: dict[str, str] = {
     "semi_minor_m": _ELLIPSE + "semiMinorAxisLength",
     "semi_major_compass_deg": _ELLIPSE + "semiMajorAxisOrientation",
 }
-"""Quantity of `signals.cpm` -> component of the message."""
+"""The component of the packed message, by quantity of the sender in `signals.cpm`."""
 OBJECT_PATHS: dict[str, str] = {
     "object": "objectId",
     "delta_time_ms": "measurementDeltaTime",
@@ -229,18 +252,18 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": "objectDimensionY.value",
     "length_m": "objectDimensionX.value",
 }
-"""Quantity of `signals.cpm` -> component of an object."""
+"""The component of a packed object, by quantity of the object in `signals.cpm`."""
 
 
 @cache
 def program() -> Program:
-    """The components of `SENDER_PATHS` and `OBJECT_PATHS`."""
+    """Compile the program that decodes the components of sender and objects."""
     of_objects = (f"{OBJECTS}.{path}" for path in OBJECT_PATHS.values())
     return compile_type(CPM, (*SENDER_PATHS.values(), *of_objects), (OBJECTS,))
 
 
 def objects(decoded: Decoded) -> dict[str, Field]:
-    """The quantities that `signals.cpm` reads, one row an object."""
+    """Return the quantities that `signals.cpm` reads, one row an object, from decoded messages."""
     rows = decoded.rows[OBJECTS]
     made: dict[str, Field] = {name: decoded.numbers(path)[rows] for name, path in SENDER_PATHS.items()}
     made |= {name: decoded.numbers(f"{OBJECTS}.{path}") for name, path in OBJECT_PATHS.items()}

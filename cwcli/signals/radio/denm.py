@@ -1,6 +1,6 @@
 """ETSI Decentralized Environmental Notification Message in the packed encoding (EN 302 637-3 V1.3.1, BTP port 2002).
 
-It tells of an event on the road, not of its sender. Release 2 (TS 103 831) packs what is read here alike.
+It describes an event on the road, not its sender. Release 2 (TS 103 831) packs what is read here alike.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from cwcli.signals.radio.tables import load
 from cwcli.signals.road_events import RoadEvents
 
 MESSAGE_ID = 1
+"""The message id of a DENM (TS 102 894-2)."""
 PROTOCOL_VERSIONS = (2,)
+"""The protocol versions that are decoded."""
 
 _MANAGEMENT = "denm.management."
+"""The path prefix of the management container."""
 PATHS: dict[str, str] = {
     "station": "header.stationID",
     "action_station": _MANAGEMENT + "actionID.originatingStationID",
@@ -31,16 +34,16 @@ PATHS: dict[str, str] = {
     "relevance": _MANAGEMENT + "relevanceDistance",
     "validity_s": _MANAGEMENT + "validityDuration",
 }
-"""Quantity of `signals.denm` -> component."""
+"""The component of the packed message, by quantity of `signals.denm`."""
 
 
 @cache
 def program() -> Program:
-    """The components of `PATHS`."""
+    """Compile the program that decodes the components of a DENM."""
     return compile_type(load("denm"), tuple(PATHS.values()))
 
 
 def events(decoded: Decoded, log_time_ns: Int64Array) -> RoadEvents:
-    """The events of the messages that could be decoded; of all of them the log times (n,)."""
+    """Build the events of the messages that could be decoded; `log_time_ns` (n,) is of all messages."""
     is_ok = decoded.status == 0
     return events_of({name: decoded.numbers(path)[is_ok] for name, path in PATHS.items()}, log_time_ns[is_ok])

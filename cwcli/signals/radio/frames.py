@@ -1,4 +1,4 @@
-"""From the octets that a radio handed over to the messages inside: which is what, and where it begins.
+"""Finding the messages inside the octets that a radio handed over: the type and start of each.
 
 Formats: `j2735` (a MessageFrame of SAE J2735, bare or inside IEEE 1609.2, 1609.3 or both), `btp` (ETSI's basic
 transport: the port in the first two octets, the message from the fifth on) and `its` (ETSI's message by itself). What
@@ -24,26 +24,27 @@ FORMATS: dict[str, int] = {
     "btp": radio_frames.FORMAT_BTP,
     "its": radio_frames.FORMAT_ITS,
 }
+"""The kernel's code of each format of received octets."""
 CONTENTS = ("content", "data", "payload", "message", "msg", "buffer", "bytes", "packet")
-"""Fields that hold a radio's octets, the first that is there."""
+"""The fields that can hold a radio's octets, in order of preference."""
 FAULTS: dict[int, str] = {
     radio_frames.FRAME_SHORT: "truncated frame",
     radio_frames.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
     radio_frames.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
     radio_frames.FRAME_UNKNOWN: "not a frame of the format",
 }
-"""Why there is no message in what was handed over."""
+"""The reason why octets hold no message, by status code."""
 
 
 @dataclass(frozen=True)
 class Frames:
-    """What was found in n rows.
+    """The messages that were found in n rows.
 
     Attributes:
         octets: The messages.
         message: Shape (n,): J2735's message id, the BTP port or ETSI's message id, by format.
         security: Shape (n,): `radio_frames.SECURITY_*`.
-        status: Shape (n,): 0, or a key of `FAULTS`.
+        status: Shape (n,): 0, or the code of a fault.
     """
 
     octets: Octets
@@ -53,17 +54,17 @@ class Frames:
 
     @property
     def is_signed(self) -> BoolArray:
-        """Where a signature was stepped over, shape (n,)."""
+        """Where a signature was skipped, shape (n,)."""
         signed: BoolArray = self.security == radio_frames.SECURITY_SIGNED
         return signed
 
 
 def unwrap(columns: Columns, form: str) -> Frames:
-    """Find the messages of a channel.
+    """Find the messages in the octets of a channel.
 
     Args:
-        columns: With one of `CONTENTS`; rows without octets are truncated.
-        form: One of `FORMATS`.
+        columns: The channel with a field of octets; rows without octets count as truncated.
+        form: The format: `j2735`, `btp` or `its`.
     """
     octets = _octets(find(columns, *CONTENTS), len(columns))
     if form == "j2735":
@@ -86,7 +87,7 @@ def unwrap(columns: Columns, form: str) -> Frames:
 
 
 def _octets(field: Field | None, n: int) -> Octets:
-    """The rows of a sequence of octets; one with a number that is none has no octets."""
+    """Return the octets of each row; a row with a number that is no octet has none."""
     if isinstance(field, np.ndarray) and field.ndim == 2:
         field = Ragged(field.reshape(-1), np.arange(n + 1, dtype=np.int64) * field.shape[1])
     if not isinstance(field, Ragged):

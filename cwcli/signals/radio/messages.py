@@ -1,4 +1,4 @@
-"""Many messages of one type at once: from octets to columns."""
+"""Decoding many messages of one type at once, from octets to columns."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.radio.program import Program
 
 MISSING = int(np.iinfo(np.int64).min)
+"""The code of a component that a message does not have."""
 FAULTS: dict[int, str] = {
     uper.UPER_SHORT: "truncated message",
     uper.UPER_RANGE: "code outside its range",
     uper.UPER_LENGTH: "length disagrees with the contents",
     uper.UPER_FRAGMENTED: "length beyond 16,383",
 }
-"""Why a message can't be decoded."""
+"""The reason why a message can't be decoded, by status code."""
 
 UInt8Array = npt.NDArray[np.uint8]
 
@@ -36,16 +37,16 @@ class Octets:
         return len(self.starts)
 
     def take(self, rows: npt.NDArray[np.intp]) -> Octets:
-        """Some of the messages."""
+        """Return some of the messages."""
         return Octets(self.data, self.starts[rows], self.ends[rows])
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """Decoded messages; of one that can't be decoded every component is absent.
+    """The components of decoded messages; a message that can't be decoded has none.
 
     Attributes:
-        status: Shape (n,): 0, or why not: a key of `FAULTS`, or as it was given.
+        status: Shape (n,): 0, or the code of a fault, or as it was given.
         components: Path -> shape (n,), or for a component of a list's elements (e,), as the message codes them.
         rows: Path of each list -> shape (e,): the message that each element is in.
     """
@@ -55,11 +56,11 @@ class Decoded:
     rows: Mapping[str, Int64Array]
 
     def codes(self, path: str) -> Int64Array:
-        """A component as the message codes it, `MISSING` where it is absent."""
+        """Return a component as the message codes it, the code for missing where it is absent."""
         return self.components[path]
 
     def numbers(self, path: str) -> FloatArray:
-        """A component as numbers, NaN where it is absent."""
+        """Return a component as numbers, NaN where it is absent."""
         codes = self.components[path]
         return np.where(codes == MISSING, np.nan, codes.astype(np.float64))
 
@@ -68,7 +69,7 @@ def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -
     """Decode messages of one type.
 
     Args:
-        program: Of the type.
+        program: The program of the type.
         octets: The messages.
         status: Shape (n,): what is wrong with messages that are not to be decoded, else 0.
 

@@ -1,4 +1,4 @@
-"""From a type to the operations of the kernel `uper`."""
+"""Compiling an ASN.1 type into the operations of the kernel `uper`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from cwcli.kernels import uper
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Part, Seq, Sized, Type, Unread
 
 MAX_DEPTH = 48
-"""Of the kernel's stack."""
+"""The largest depth of nested types that the kernel's stack allows."""
 NOWHERE = -1
+"""The column of a value that is decoded and not kept."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """A type and the components wanted of it, for the kernel.
+    """The kernel's operations for a type and the components wanted of it.
 
     Attributes:
         operations: Shape (m, 8), int64; see `kernels/uper.pyx`.
@@ -31,15 +32,15 @@ class Program:
     lists: dict[str, int]
 
     def width(self, table: int) -> int:
-        """Columns of a table."""
+        """Return the number of columns of a table."""
         return max([0, *(column for of, column in self.columns.values() if of == table)]) + 1
 
 
 def compile_type(root: Type, wanted: Collection[str], lists: Collection[str] = ()) -> Program:
-    """Compile a type.
+    """Compile a type into the kernel's operations.
 
     Args:
-        root: Of the message.
+        root: The type of the message.
         wanted: Paths of components, names joined by dots; a choice's own path is the index of its alternative.
         lists: Paths of lists that get a table, with a row for each element. Of elements of other lists the last one
             that has the component counts.
@@ -66,12 +67,12 @@ class _Compiler:
         self.widths = [0]
 
     def emit(self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0) -> int:
-        """One row without a place for a value; its index."""
+        """Append one operation without a column for its value; return its index."""
         self.rows.append([operation, a, b, c, d, 0, NOWHERE, jump])
         return len(self.rows) - 1
 
     def place(self, row: int, path: str, table: int) -> None:
-        """Let the row's value go into a column, where it is wanted."""
+        """Assign a column to the operation's value, where its path is wanted."""
         if path in self.wanted:
             self.columns[path] = (table, self.widths[table])
             self.rows[row][5:7] = self.columns[path]
@@ -164,5 +165,5 @@ class _Compiler:
 
 
 def _width(n_values: int) -> int:
-    """Bits of a number with so many values."""
+    """Return the number of bits of a number with so many values."""
     return (n_values - 1).bit_length()

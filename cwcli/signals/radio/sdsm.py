@@ -25,13 +25,18 @@ from cwcli.signals.radio.program import Program, compile_type
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Open, Sized, bits, sequence
 
 MESSAGE_ID = 41
+"""The DSRCmsgID of an SDSM (SAE J2735)."""
 
 _CONFIDENCE = Enum(8)
-"""SpeedConfidence, HeadingConfidence, AccelerationConfidence, YawRateConfidence and those of the other rates."""
+"""The ASN.1 type of the confidences of speed, heading, acceleration, yaw rate and other rates."""
 _CLASS_CONFIDENCE = Int(0, 101)
+"""The ASN.1 type of the confidence of a class."""
 _DISTANCE = Int(-32_767, 32_767)
+"""The ASN.1 type of an offset from the reference position."""
 _SIZE = Int(0, 1023)
+"""The ASN.1 type of an obstacle's size."""
 _SIZE_CONFIDENCE = Enum(14)
+"""The ASN.1 type of the confidence of a size."""
 _COMMON = sequence(
     ("objType", Enum(4, extensible=True)),
     ("objTypeCfd", _CLASS_CONFIDENCE),
@@ -53,6 +58,7 @@ _COMMON = sequence(
     ("accCfdYaw", _CONFIDENCE, True),
     extensible=True,
 )
+"""The ASN.1 type of the data that all objects have."""
 _VEHICLE = sequence(
     ("lights", bits(9, extensible=True), True),
     (
@@ -86,6 +92,7 @@ _VEHICLE = sequence(
     ("classConf", _CLASS_CONFIDENCE, True),
     extensible=True,
 )
+"""The ASN.1 type of the data of a vehicle."""
 _PEDESTRIAN = sequence(
     ("basicType", Enum(5, extensible=True), True),
     (
@@ -103,6 +110,7 @@ _PEDESTRIAN = sequence(
     ("attachment", Enum(7, extensible=True), True),
     ("radius", Int(0, 200), True),
 )
+"""The ASN.1 type of the data of a vulnerable road user."""
 _OBSTACLE = sequence(
     ("obstSize", sequence(("width", _SIZE), ("length", _SIZE), ("height", _SIZE, True))),
     (
@@ -114,6 +122,7 @@ _OBSTACLE = sequence(
         ),
     ),
 )
+"""The ASN.1 type of the data of an obstacle."""
 SDSM = sequence(
     ("msgCnt", Int(0, 127)),
     ("sourceID", Sized(8, 4, 4)),
@@ -147,8 +156,10 @@ SDSM = sequence(
         ),
     ),
 )
+"""The ASN.1 type of a SensorDataSharingMessage."""
 
 OBJECTS = "objects"
+"""The path of the list of detected objects."""
 SENDER_PATHS: dict[str, str] = {
     "station": "sourceID",
     "dsecond_ms": "sDSMTimeStamp.second",
@@ -159,7 +170,7 @@ SENDER_PATHS: dict[str, str] = {
     "semi_minor_m": "refPosXYConf.semiMinor",
     "semi_major_compass_deg": "refPosXYConf.orientation",
 }
-"""Quantity of `signals.sdsm` -> component of the message."""
+"""The component of the packed message, by quantity of the sender in `signals.sdsm`."""
 OBJECT_PATHS: dict[str, str] = {
     "object": "detObjCommon.objectID",
     "delta_time_ms": "detObjCommon.measurementTime",
@@ -178,18 +189,18 @@ OBJECT_PATHS: dict[str, str] = {
     "width_m": "detObjOptData.detVeh.size.width",
     "length_m": "detObjOptData.detVeh.size.length",
 }
-"""Quantity of `signals.sdsm` -> component of an object."""
+"""The component of a packed object, by quantity of the object in `signals.sdsm`."""
 
 
 @cache
 def program() -> Program:
-    """The components of `SENDER_PATHS` and `OBJECT_PATHS`."""
+    """Compile the program that decodes the components of sender and objects."""
     of_objects = (f"{OBJECTS}.{path}" for path in OBJECT_PATHS.values())
     return compile_type(SDSM, (*SENDER_PATHS.values(), *of_objects), (OBJECTS,))
 
 
 def objects(decoded: Decoded) -> dict[str, Field]:
-    """The quantities that `signals.sdsm` reads, one row an object."""
+    """Return the quantities that `signals.sdsm` reads, one row an object, from decoded messages."""
     rows = decoded.rows[OBJECTS]
     made: dict[str, Field] = {name: decoded.numbers(path)[rows] for name, path in SENDER_PATHS.items()}
     made |= {name: decoded.numbers(f"{OBJECTS}.{path}") for name, path in OBJECT_PATHS.items()}

@@ -17,7 +17,7 @@ from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Part, Seq
 
 
 def load(message: str) -> Type:
-    """The type of a message: `cam` or `denm`."""
+    """Read the type of a message: `cam` or `denm`."""
     return _type(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
 
 

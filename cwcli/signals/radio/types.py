@@ -73,33 +73,35 @@ class ListOf:
 
 @dataclass(frozen=True)
 class Open:
-    """An open type whose contents the number right before it says; others are skipped."""
+    """An open type whose contents depend on the number right before it; unknown contents are skipped."""
 
     cases: Mapping[int, Type] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Null:
-    """NULL: nothing."""
+    """NULL, which takes no bits."""
 
 
 @dataclass(frozen=True)
 class Unread:
-    """What nobody wants, to the message's end: the rest is not looked at."""
+    """The unread rest of a message: everything from here on is skipped."""
 
 
 Type = Int | Enum | Sized | Seq | Choice | ListOf | Open | Null | Unread
 
 BOOL = Int(0, 1)
+"""The type BOOLEAN, as the number 0 or 1."""
 NEVER = Int(0, -1)
-"""A component that a constraint on its parent takes away: a message that has it all the same is out of range."""
+"""The type of a component that a constraint on its parent forbids: a message that has it is out of range."""
 
 
 def bits(n: int, *, extensible: bool = False) -> Sized:
-    """BIT STRING of `n` bits. Its value is the first `n` bits as a number, the first bit the highest."""
+    """Return the type BIT STRING of `n` bits, whose value is the first `n` bits as a number, the first bit the
+    highest."""
     return Sized(1, n, n, extensible)
 
 
 def sequence(*parts: tuple[str, Type] | tuple[str, Type, bool], extensible: bool = False) -> Seq:
-    """A sequence of (name, type) or, where optional, (name, type, True)."""
+    """Return the type of a sequence of (name, type) or, where optional, (name, type, True)."""
     return Seq(tuple(Part(*part) for part in parts), extensible)

@@ -17,11 +17,14 @@ from cwcli.signals.radio.program import Program, compile_type
 from cwcli.signals.radio.types import Enum, Int, Unread, sequence
 
 MESSAGE_ID = 16
+"""The message id of a VAM (TS 102 894-2)."""
 PROTOCOL_VERSIONS = (3,)
-"""The one before was packed otherwise."""
+"""The protocol versions that are decoded; the one before was packed differently."""
 
 _ACCELERATION = sequence(("value", Int(-160, 161)), ("confidence", Int(0, 102)))
+"""The ASN.1 type of an acceleration with its confidence."""
 _ANGLE = sequence(("value", Int(0, 3601)), ("confidence", Int(1, 127)))
+"""The ASN.1 type of an angle with its confidence."""
 REFERENCE_POSITION = sequence(
     ("latitude", Int(-900_000_000, 900_000_001)),
     ("longitude", Int(-1_800_000_000, 1_800_000_001)),
@@ -35,6 +38,7 @@ REFERENCE_POSITION = sequence(
     ),
     ("altitude", sequence(("altitudeValue", Int(-100_000, 800_001)), ("altitudeConfidence", Enum(16)))),
 )
+"""The ASN.1 type of a reference position."""
 _HIGH_FREQUENCY = sequence(
     ("heading", _ANGLE),
     ("speed", sequence(("speedValue", Int(0, 16_383)), ("speedConfidence", Int(1, 127)))),
@@ -47,12 +51,14 @@ _HIGH_FREQUENCY = sequence(
     *((name, Unread(), True) for name in ("movementControl", "orientation", "rollAngle", "deviceUsage")),
     extensible=True,
 )
+"""The ASN.1 type of the high-frequency container."""
 _LATER_CONTAINERS = (
     "vruLowFrequencyContainer",
     "vruClusterInformationContainer",
     "vruClusterOperationContainer",
     "vruMotionPredictionContainer",
 )
+"""The containers behind the high-frequency one, which are not read."""
 VAM = sequence(
     (
         "header",
@@ -79,13 +85,18 @@ VAM = sequence(
         ),
     ),
 )
-"""As far as it is read."""
+"""The ASN.1 type of a VAM, as far as it is read."""
 
 _PARAMETERS = "vam.vamParameters."
+"""The path prefix of the parameters."""
 _POSITION = _PARAMETERS + "basicContainer.referencePosition."
+"""The path prefix of the reference position."""
 _ELLIPSE = _POSITION + "positionConfidenceEllipse."
+"""The path prefix of the position's confidence ellipse."""
 _MOTION = _PARAMETERS + "vruHighFrequencyContainer."
+"""The path prefix of the high-frequency container."""
 _LATERAL = _MOTION + "lateralAcceleration.value"
+"""The path of the lateral acceleration."""
 
 PATHS: dict[str, str] = {
     "station": "header.stationId",
@@ -107,17 +118,17 @@ PATHS: dict[str, str] = {
     "accel_95_mps2": _MOTION + "longitudinalAcceleration.confidence",
     "lateral_accel_mps2": _LATERAL,
 }
-"""Quantity of `signals.etsi` -> component."""
+"""The component of the packed message, by quantity of `signals.etsi`."""
 
 
 @cache
 def program() -> Program:
-    """The components of `PATHS`."""
+    """Compile the program that decodes the components of a VAM."""
     return compile_type(VAM, tuple(PATHS.values()))
 
 
 def fields(decoded: Decoded) -> dict[str, Field]:
-    """The leaf fields of `etsi_its_cam_msgs/CAM` that `signals.etsi` reads."""
+    """Return the leaf fields of `etsi_its_cam_msgs/CAM` that `signals.etsi` reads, from decoded messages."""
     made: dict[str, Field] = {EN_PATHS[name]: decoded.numbers(path) for name, path in PATHS.items()}
     made[EN_PATHS["has_lateral_accel"]] = (decoded.codes(_LATERAL) != MISSING).astype(np.float64)
     return made

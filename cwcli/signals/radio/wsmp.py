@@ -1,4 +1,4 @@
-"""WAVE short messages (IEEE 1609.3-2016, WSMP version 3) around what a radio handed over: where their payloads are.
+"""WAVE short messages (IEEE 1609.3-2016, WSMP version 3): finding their payloads in received octets.
 
 Network header: version in the low three bits, a flag for extensions above them, the subtype in the high four (0).
 Transport header: what addresses it (0: a PSID; 1: one with extensions), the PSID, a length. Extensions are skipped.
@@ -12,14 +12,17 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets
 
 VERSION = 3
+"""The version of the WAVE short message protocol that is read."""
 EXTENDED = 0x08
+"""The flag of a network header with extensions."""
 TO_PSID, TO_PSID_EXTENDED = 0, 1
+"""The addressing by a PSID, and by a PSID with extensions."""
 MAX_EXTENSIONS = 16
-"""More than that many are no header."""
+"""The largest number of extensions that a header can have; chosen by hand."""
 
 
 def payloads(octets: Octets) -> Octets:
-    """The payloads of those that are WAVE short messages, the others as they are.
+    """Return the payloads of WAVE short messages, and other messages as they are.
 
     One that ends before its payload, or promises more than there is, has no octets.
     """
@@ -48,7 +51,7 @@ def payloads(octets: Octets) -> Octets:
 
 
 class _Walk:
-    """A place in each message, which moves on; behind the end there are zeros, and that is noted."""
+    """A reading position in each message; past a message's end it reads zeros and marks the message as short."""
 
     def __init__(self, octets: Octets) -> None:
         self.octets = octets
@@ -56,13 +59,13 @@ class _Walk:
         self.is_short: BoolArray = np.zeros(len(octets), np.bool_)
 
     def peek(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-        """The next octet of each."""
+        """Return the next octet of each message."""
         last = len(self.octets.data) - 1
         value = self.octets.data[np.minimum(self.at, last)].astype(np.int64)
         return np.where(self.at < self.octets.ends, value, 0)
 
     def take(self, wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
-        """The next octet of those that are wanted, 0 of the others."""
+        """Return the next octet of the messages that are wanted and move on there; 0 for the others."""
         if wanted is None:
             wanted = np.ones(len(self.at), np.bool_)
         value = np.where(wanted, self.peek(), 0)
@@ -71,13 +74,13 @@ class _Walk:
         return value
 
     def skip_psid(self) -> None:
-        """An identifier of one to four octets: as many ones lead the first as more octets follow."""
+        """Skip an identifier of one to four octets: its first octet begins with as many ones as more follow."""
         first = self.take()
         self.at += (first >= 0x80).astype(np.int64) + (first >= 0xC0) + (first >= 0xE0)
         self.is_short |= (first >= 0xF0) | (self.at > self.octets.ends)
 
     def skip_extensions(self, wanted: BoolArray) -> None:
-        """Their number, and of each an identifier, a length and so many octets."""
+        """Skip the extensions: their number, and of each an identifier, a length and so many octets."""
         left = self.take(wanted)
         self.is_short |= left > MAX_EXTENSIONS
         for _ in range(MAX_EXTENSIONS):

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.channels.published import REJECTED
 from cwcli.estimation.known import Knowledge
+from cwcli.estimation.limit_check import is_bias_possible
 from cwcli.estimation.measurements import QUANTITIES, Kind
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.estimation.summary import TrackSummary, quantity_of
@@ -57,15 +58,19 @@ def _parameters_section(ego: TrackSummary) -> Section:
         unit = QUANTITIES[report.kind].unit
         name = (report.source, quantity_of(report))
         if not math.isnan(report.bias):
-            rows.append((*name, "bias", _with_sigma(report.bias, report.bias_sigma, ".3g", time_s=None), unit, "used"))
+            status = ParameterStatus.USED if is_bias_possible(report) else ParameterStatus.CONTRADICTS
+            bias = _with_sigma(report.bias, report.bias_sigma, ".3g", time_s=None)
+            rows.append((*name, "bias", bias, unit, status.value))
         for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"),
                 ("ahead", report.ahead_m, "m"), ("stamps err by", report.stamp_error, "s")):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
-                value = _with_sigma(found.value, found.sigma, ".4g", time_s=None)
+                is_refused = found.status is ParameterStatus.CONTRADICTS and found.value == 0.0
+                value = _with_sigma(math.nan if is_refused else found.value, found.sigma, ".4g", time_s=None)
                 rows.append((*name, label, value, own_unit, found.status.value))
         slow = report.slow_error
         if slow.status is not ParameterStatus.OFF:
-            text = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g} for {slow.time_s:.3g} s"
+            text = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g}"
+            text += "" if math.isnan(slow.time_s) else f" for {slow.time_s:.3g} s"
             value = Told(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, slow.status.value))
@@ -79,7 +84,7 @@ def _noise_section(ego: TrackSummary) -> Section:
             report.source,
             quantity_of(report),
             Told(
-                f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
+                "" if math.isnan(report.sigma) else f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
                 {"": report.sigma, "unit": QUANTITIES[report.kind].unit},
             ),
             report.noise_origin,

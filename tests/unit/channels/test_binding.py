@@ -224,7 +224,7 @@ def test_bind_mapping_names_the_fields_of_any_channel() -> None:
 @pytest.mark.parametrize(
     ("overrides", "parts"),
     [
-        pytest.param({"ego_positon": "/gps/fix"}, ("no role ego_positon", "ego_position, "), id="unknown-role"),
+        pytest.param({"ego_positon": "/gps/fix"}, ("no role ego_positon", "did you mean ego_position?"), id="unknown-role"),
         pytest.param({"ego_position": "/gsp/fix"}, ("no topic /gsp/fix", "/gps/fix"), id="unknown-topic"),
         pytest.param({"ego_position": "/imu/data"}, ("sensor_msgs/Imu can't hold", "/gps/fix"), id="wrong-schema"),
         pytest.param({"camera": "/imu/data"}, ("can't hold", "no channel of this log"), id="no-topic-can"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from cwcli.estimation.contradiction import Contradiction, Quantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.verdict import Nees, verdict
@@ -75,3 +76,20 @@ def test_without_enough_rows_nothing_is_claimed() -> None:
     few = replace(GOOD, nis_inside=None)
     assert _said(few, nees=()) == "too little was measured to tell whether the estimate is consistent"
     assert verdict((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
+
+
+def test_sources_that_contradict_each_other_come_before_all_else() -> None:
+    speed, fix = Quantity("/wheel", Kind.SPEED), Quantity("/gps", Kind.POSITION)
+    wrong = Contradiction(speed, fix, "the car covered 3.60 times the distance between the fixes")
+    told = (
+        "ego_speed (/wheel) contradicts ego_position (/gps): the car covered 3.60 times the distance between the fixes"
+    )
+    alone = verdict((GOOD, IMU), n_states=1000, n_flagged=FLAGS, nees=(TRUE,), contradictions=(wrong,))
+    assert alone == f"not consistent: {told} (no third source tells which of them is wrong; both are used)"
+    outvoted = replace(wrong, allies=(Quantity("/imu", Kind.ACCEL),)).without(speed)
+    noisy = (Nees("speed", 16.0, (0.7, 1.3)),)
+    both = verdict((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
+    assert both.startswith(
+        f"not consistent: {told} (imu accel (/imu) agrees with ego_position (/gps); ego_speed (/wheel) is left out of "
+        "the estimate); the speed errs by 4.0 times its sigma"
+    )

@@ -166,7 +166,7 @@ def _chunk(file: _File, records: bytearray, places: list[tuple[int, int]], featu
     data, span = file.data, _span(places)
     start = len(data)
     head = _u("QQQI", *span, len(records), zlib.crc32(records)) + _text("")
-    data += file.record(0x06, head, _u("Q", len(records)), records, padded=False)
+    data += file.record(0x06, head, _u("Q", len(records)), bytes(records), padded=False)
     length = len(data) - start
     offsets = b""
     if "mx" in features:

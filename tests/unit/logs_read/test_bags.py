@@ -207,7 +207,7 @@ def test_without_the_library_one_line_names_it(
     assert run(["info", str(path)]) == EXIT_USAGE
     said = capsys.readouterr().err
     assert said.startswith(f"error: {path}: ROS 1 bags need a package that is not installed")
-    assert "pip install 'cwcli[bags]'" in said
+    assert "pip install 'cwcli-drive[bags]'" in said
 
 
 @pytest.mark.parametrize("kind", ["bag", "bag with lz4", "database alone"])

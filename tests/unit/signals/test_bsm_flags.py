@@ -152,9 +152,9 @@ def test_one_odd_message_leaves_the_flags_of_the_others(
     braking = {stamp for _, kind, stamp in told(signal.events) if kind == HARD_BRAKING}
     assert braking >= {stamp_of(0), stamp_of(2), stamp_of(3)}
     assert len(told(signal.events)) == len(braking)  # no other flag
-    said = [note for note in quality.notes if note.endswith("none that can be read: left out")]
+    said = [note for note in quality.notes if note.endswith("can't be read and are left out")]
     if n_unread is not None and not (usual is BY_NAME and len(odd) == 2):  # lists of texts alone are no column
-        assert said == ["the event flags of 1 messages are null or none that can be read: left out"] * n_unread
+        assert said == ["the event flags of 1 messages can't be read and are left out"] * n_unread
 
 
 def test_ros_flags_whose_extensions_do_not_say_that_they_have_some_are_counted(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_ros_flags_whose_extensions_do_not_say_that_they_have_some_are_counted(t
         messages[k]["part_ii"] = [{"part_ii_id": 0, "vehicle_safety_extensions": flags | said}]
     signal, quality = read(tmp_path, schema, "json", messages)
     assert [stamp for _, _, stamp in told(signal.events)] == [stamp_of(0), stamp_of(2)]
-    assert "the event flags of 1 messages are null or none that can be read: left out" in quality.notes
+    assert "the event flags of 1 messages can't be read and are left out" in quality.notes
 
 
 @pytest.mark.parametrize("role", [Role.EGO_POSITION, Role.EGO_SPEED])

@@ -68,7 +68,7 @@ def test_a_message_whose_elements_differ_is_rejected_and_counted():
     fields = {"returns.range": ragged([1.0, 2.0], [3.0]), "returns.azimuth": ragged([0.0], [0.5])}
     signal, quality = detected("radar_msgs/RadarScan", fields)
     np.testing.assert_array_equal(signal.values[:, :2], [[3.0, 0.5]])
-    assert quality.rejected == {"its elements differ in their fields": 1}
+    assert quality.rejected == {"its elements do not all have the same fields": 1}
 
 
 def test_messages_out_of_order_take_their_elements_along():

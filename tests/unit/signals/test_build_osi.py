@@ -205,8 +205,8 @@ def test_what_stands_still_and_where_the_world_lies_is_told_and_not_used(tmp_pat
     signal, quality = read(path, Role.REMOTE)
     assert signal.station.values == ("9",)
     assert quality.notes == [
-        "3 stationary objects (in 40 messages) are left out: road users are what moves",
-        "where the world lies on the globe (proj_string) is not used: it stays a plane of its own",
+        "3 stationary objects (in 40 messages) are left out: road users are moving objects",
+        "the map projection (proj_string) is not used: positions stay in the simulated plane",
     ]
 
 
@@ -219,7 +219,7 @@ def test_detections_of_what_stands_still_are_counted(tmp_path) -> None:
     write_messages(tmp_path / "a.mcap", [("sensor", 10**9, message)])
     signal, quality = read(tmp_path / "a.mcap", Role.DETECTIONS)
     assert len(signal.values) == 1
-    assert "2 detections of stationary objects are left out: road users are what moves" in quality.notes
+    assert "2 detections of stationary objects are left out: road users are moving objects" in quality.notes
 
 
 @pytest.mark.parametrize(

@@ -110,7 +110,7 @@ def test_multiplexed_signal(dbc: Path) -> None:
         ("Motion.Nothing", "no signal Nothing"),
         ("Motion", "no signal"),
         ("Nothing.Speed", "no message Nothing"),
-        ("Motion.Speed,Wheels.Real", "messages of their own"),
+        ("Motion.Speed,Wheels.Real", "different CAN messages"),
     ],
 )
 def test_dbc_that_does_not_fit_is_refused(dbc: Path, text: str, words: str) -> None:

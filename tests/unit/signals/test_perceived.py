@@ -36,7 +36,7 @@ def test_objects_without_a_number_are_no_road_user(encoding: str, tmp_path: Path
     assert len(signal.stamp_ns) == 2
     assert quality.objects is not None
     assert quality.objects.read == 3
-    assert quality.objects.set_aside == {"object without a number": 1}
+    assert quality.objects.set_aside == {"object without an id": 1}
 
 
 @pytest.mark.parametrize("number", [7.25, 65_536.0, -7.0])
@@ -54,7 +54,7 @@ def test_no_two_objects_become_one_where_a_number_is_no_object_id(number: float,
     assert quality.objects is not None
     left_out = "outside its range, left out"
     assert quality.objects.repaired == {f"StationID {left_out}": 1, f"ObjectId {left_out}": 1}
-    assert quality.objects.set_aside == {"object without a number": 1}
+    assert quality.objects.set_aside == {"object without an id": 1}
 
 
 @pytest.mark.parametrize("delta_s", [float("inf"), 1e12, -1.6])
@@ -71,7 +71,7 @@ def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, t
     np.testing.assert_equal(signal.speed_mps, [10.0, np.nan])
     assert quality.objects is not None
     assert quality.objects.repaired["MeasurementTimeOffset outside its range, left out"] == 1
-    assert quality.objects.repaired["no measurement time, that of the message used"] == 1
+    assert quality.objects.repaired["no measurement time, message time used"] == 1
 
 
 def test_an_object_beyond_the_antimeridian_is_on_the_other_side() -> None:

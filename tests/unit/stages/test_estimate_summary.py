@@ -8,6 +8,7 @@ import math
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
+from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record
 from cwcli.stages.summaries.estimate import sections
@@ -74,7 +75,14 @@ def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
             slow_error=SlowError(0.8, 12.0, used),
         ),
         SourceReport("/wheel", Kind.SPEED, scale=Parameter(0.9866, 0.0012, used), lever_arm_m=Parameter(status=little)),
-        SourceReport("/imu", Kind.ACCEL, bias=-1.75, bias_sigma=0.022, slow_error=SlowError(0.3, 30.0, used)),
+        SourceReport(
+            "/imu",
+            Kind.ACCEL,
+            bias=-1.75,
+            bias_sigma=0.022,
+            slow_error=SlowError(0.3, 30.0, used),
+            mounting=ImuMounting(-0.175, 0.0),  # 10 degrees nose down, to which -1.71 m/s^2 of gravity belong
+        ),
         SourceReport("/imu", Kind.YAW_RATE),
     )
     found = sections({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})

@@ -96,7 +96,10 @@ def test_columns_of_row_anchors_become_stripes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        (("classes = 1", "classes = 2"), r"the output is 1 x 1 x 150 x 320, ridges\.toml tells 1 x 2 x any x any"),
+        (
+            ("classes = 1", "classes = 2"),
+            r"the output is 1 x 1 x 150 x 320, but ridges\.toml describes 1 x 2 x any x any",
+        ),
         (("size = [320, 150]", "size = [640]"), r"size is \[640\]"),
         (('kind = "segmentation"', ""), "kind is missing"),
         (("lanes = 0", "lanes = 7"), "lanes is 7"),
@@ -118,7 +121,7 @@ def test_channels_that_the_net_has_not_are_told(tmp_path: Path) -> None:
         .replace("mean = 0.0", "mean = [0, 0, 0]")
         .replace("std = 1.0", "std = [1, 1, 1]")
     )
-    with pytest.raises(InputError, match=r"takes 1 x 1 x 150 x 320, ridges\.toml tells 1 x 3 x 150 x 320"):
+    with pytest.raises(InputError, match=r"expects 1 x 1 x 150 x 320, but ridges\.toml describes 1 x 3 x 150 x 320"):
         LaneNet(ridge_net(tmp_path, text)).lane_map(np.zeros((240, 320), np.uint8))
 
 

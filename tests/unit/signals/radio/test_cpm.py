@@ -292,7 +292,7 @@ def test_objects_are_road_users_and_their_message_is_set_aside() -> None:
     assert signal.heading_rad.tolist() == [0.0]  # due east
     assert (signal.latitude_deg[0], signal.longitude_deg[0]) == pytest.approx((21.0285218, 105.8050575), abs=1e-7)
     assert (quality.read, quality.used, quality.rejected) == (2, 0, {"truncated message": 1})
-    assert quality.set_aside == {"CPM, whose objects count for themselves": 1}
+    assert quality.set_aside == {"CPM (objects counted separately)": 1}
     assert quality.objects is not None
     assert (quality.objects.read, quality.objects.used) == (1, 1)
 

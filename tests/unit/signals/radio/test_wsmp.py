@@ -10,8 +10,8 @@ from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.quality import Quality
 from cwcli.signals.radio import wsmp
 from cwcli.signals.role import Role
+from tests.unit.signals.radio.security import secured
 from tests.unit.signals.radio.test_bsm import octets_of
-from tests.unit.signals.radio.test_codec import secured
 from tests.unit.signals.v2x_messages import packed_bsm, radio
 
 CHANNEL = bytes([15, 1, 172])

@@ -83,7 +83,7 @@ def test_a_ros_channel_is_events_with_place_and_validity(tmp_path: Path) -> None
     assert [events.station.values[code] for code in events.station.codes] == ["1001", "1001", "7", "1001", "1001"]
     np.testing.assert_allclose(events.latitude_deg, 50.0)
     np.testing.assert_equal(events.relevance_m, [200.0, 200.0, np.nan, 200.0, 200.0])
-    assert quality.set_aside == {"DENM, an event": 5}
+    assert quality.set_aside == {"DENM (a road event)": 5}
     assert quality.notes[0].startswith("5 DENMs of 2 stations: 2 hard braking")
 
 

@@ -22,7 +22,7 @@ from cwcli.logs.write.schemas import message_schema
 from cwcli.report.layout import STAGE_TABS, CameraTopics, LogTopics, layout, log_topics
 from cwcli.report.layout_panels import PANEL_TYPES, Panels, path, quoted
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 CONFIGS: dict[str, type[Any]] = {
     "3D": fl.ThreeDeeConfig,
     "Image": fl.ImageConfig,

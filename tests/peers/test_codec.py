@@ -24,9 +24,10 @@ from cwcli.signals.radio.frames import CONTENTS
 from cwcli.signals.role import Role
 from cwcli.stages.inputs.sources import SourceConfig, read_sources
 from tests.unit.signals.radio import packing
+from tests.unit.signals.radio.security import secured
 from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
 
-SAMPLES = Path(__file__).parents[4] / "sample_logs"
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 BTP_CAM = b"\x07\xd1\x00\x00"
 
 
@@ -39,7 +40,7 @@ def remote(schema: str, *messages: bytes) -> tuple[RemoteSignal, Quality]:
     return signal, quality
 
 
-def secured(message: bytes, *, signed: bool) -> bytes:
+def official_secured(message: bytes, *, signed: bool) -> bytes:
     """A message inside IEEE 1609.2, by an independent encoder (canonical OER)."""
     data = ITS_IEEE1609_2.Ieee1609Dot2.Ieee1609Dot2Data
     plain = {"protocolVersion": 3, "content": ("unsecuredData", message)}
@@ -53,6 +54,12 @@ def secured(message: bytes, *, signed: bool) -> bytes:
     data.set_val({"protocolVersion": 3, "content": ("signedData", content)} if signed else plain)
     packed: bytes = data.to_coer()
     return packed
+
+
+@pytest.mark.parametrize("signed", [False, True])
+def test_the_hand_written_envelope_is_that_of_the_encoder(signed: bool) -> None:
+    for message in (b"four", bytes(200)):
+        assert secured(message, signed=signed) == official_secured(message, signed=signed)
 
 
 def test_what_is_secured_is_unwrapped_and_what_is_signed_is_said() -> None:
@@ -90,7 +97,7 @@ def test_other_messages_are_set_aside_and_broken_ones_rejected_by_name() -> None
         b"",
     )
     assert quality.used == 1
-    assert quality.set_aside == {"SPaT, not of a vehicle itself": 1, "message 77, not of a vehicle itself": 1}
+    assert quality.set_aside == {"SPaT (not about its sender)": 1, "message 77 (not about its sender)": 1}
     assert quality.rejected == {
         "truncated frame": 2,
         "encrypted (IEEE 1609.2)": 1,
@@ -114,8 +121,8 @@ def test_etsi_messages_are_told_by_their_port_and_checked_by_their_header() -> N
     assert signal.station.values == ("1001",)
     assert not quality.set_aside
     assert quality.rejected == {
-        "protocol version that is packed otherwise": 1,
-        "another message than its port says": 2,
+        "unsupported protocol version": 1,
+        "message type does not match its port": 2,
         "truncated message": 1,
         "truncated frame": 1,
     }
@@ -145,7 +152,7 @@ def test_denms_are_events_that_the_notes_tell() -> None:
         official.set_val({"header": header, "denm": content})
         packed.append(b"\x07\xd2\x00\x00" + official.to_uper())
     _, quality = remote("udp_msgs/UdpPacket", *packed, packed[0][:20])
-    assert quality.set_aside == {"DENM, not of a vehicle itself": 5}
+    assert quality.set_aside == {"DENM (not about its sender)": 5}
     assert quality.rejected == {"truncated message": 1}
     said = "5 DENMs of 2 stations: 2 stationary vehicle, 1 cause 200, 1 hard braking, 1 without a cause"
     assert quality.notes == [said]

@@ -1,6 +1,6 @@
 """The official TypeScript reader, with which Foxglove opens logs: it finds what the official Python reader finds.
 
-It comes from npm, not from a Python index: `npm ci --prefix tests/typescript`.
+It comes from npm (`@mcap/core`), not from a Python index: `npm ci --prefix tests/peers/typescript`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mcap.reader import make_reader
 from cwcli.cli.main import run
 from tests.cli.conftest import ROOT, SAMPLES, Run
 
-FOLDER = ROOT / "tests" / "typescript"
+FOLDER = ROOT / "tests" / "peers" / "typescript"
 STATES = "/cwcli/ego/state"
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from cwcli.measures import MEASURES
 from cwcli.measures.pair import Pair
-from tests.unit.measures.sumo_scenes import SCENES, driven
+from tests.peers.sumo_scenes import SCENES, driven
 
 BOUNDS = {"ttc": 0.02, "drac": 0.01, "mdrac": 0.01}
 MAX_TTC_S = 40.0

@@ -1,0 +1,80 @@
+"""Two sources that can't both be right, and how that is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cwcli.estimation.measurements import RATES, Kind
+from cwcli.signals.role import Role
+
+_ROLES = {
+    Kind.POSITION: Role.EGO_POSITION,
+    Kind.VELOCITY: Role.EGO_VELOCITY,
+    Kind.SPEED: Role.EGO_SPEED,
+    Kind.HEADING: Role.EGO_HEADING,
+}
+GRAVITY = "gravity"
+"""What an IMU is compared with beside the other sources."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity of a source.
+
+    Attributes:
+        source: Topic.
+        kind: What it measures.
+    """
+
+    source: str
+    kind: Kind
+
+    def __str__(self) -> str:
+        """The role, so that it can be named in `--topic` and `--map`, and the topic."""
+        if self.kind in RATES:
+            return f"{Role.IMU} {self.kind.name.lower().replace('_', ' ')} ({self.source})"
+        return f"{_ROLES.get(self.kind, Role.IMU)} ({self.source})"
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """A source that contradicts another one.
+
+    Attributes:
+        who: The source that is more likely wrong, as far as that is known.
+        against: The other one, or `GRAVITY`.
+        what: What shows it, in words, with a number.
+        allies: Further sources that contradict `who` and agree with each other.
+        left_out: The sources that were not used for the estimate: `who`, both, or neither.
+    """
+
+    who: Quantity
+    against: Quantity | str
+    what: str
+    allies: tuple[Quantity, ...] = ()
+    left_out: tuple[Quantity, ...] = ()
+
+    def without(self, *sources: Quantity) -> Contradiction:
+        """The same, with some sources left out of the estimate."""
+        return replace(self, left_out=sources)
+
+    @property
+    def sentence(self) -> str:
+        """Who contradicts whom, and by what."""
+        return f"{self.who} contradicts {self.against}: {self.what}"
+
+    @property
+    def consequence(self) -> str:
+        """What was done about it, and what the user can do."""
+        if self.allies:
+            why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"
+            done = f"{why} {self.against}"
+        elif self.against == GRAVITY:
+            done = ""
+        else:
+            done = "no third source tells which of them is wrong"
+        if len(self.left_out) > 1:
+            left_out = "both are left out of the estimate"
+        else:
+            left_out = f"{self.who} is left out of the estimate" if self.left_out else "both are used"
+        return "; ".join(part for part in (done, left_out) if part)

@@ -1,0 +1,165 @@
+"""What each source alone says of the car's motion in equal steps of time, without any filter.
+
+Positions say how far and which way the car went in a step, a speed how far, a heading which way, and an IMU by how much
+its speed and its heading changed. `source_checks` compares these with each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.median import median
+from cwcli.estimation.passes import Series
+from cwcli.signals.columns import FloatArray
+
+BoolArray = npt.NDArray[np.bool_]
+LEAST_GAP_S = 1.0
+"""Pauses of a source up to this long, s, are crossed by a straight line; half of the shortest step."""
+GAP_INTERVALS = 2.5
+"""Pauses of a slow source up to so many of its usual intervals are crossed, too."""
+LEAST_POSITION_SIGMA_M = 0.05
+"""Positions are not taken for better than this, m: the floor of a position's noise in `measurements.QUANTITIES`."""
+CLEAR_CHORD_SIGMAS = 6.0
+"""A way between two fixes tells a speed and a course where it is so many sigma of its own noise long."""
+SHARED_FIX = 1.5**0.5
+"""The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
+VELOCITY_COURSE_SIGMA_RAD = 0.05
+"""One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
+LEAST_CHORD_M = 5.0
+"""And at least this long, m: about a car's length, so that a car that manoeuvres in a parking space tells nothing."""
+MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
+"""Factor from the median of the absolute values of normal errors to their standard deviation."""
+
+
+@dataclass(frozen=True)
+class StepMotion:
+    """A source's motion in n steps of equal length; NaN where it tells nothing.
+
+    Attributes:
+        series: The source.
+        distance_m: Shape (n,): way in each step; of a speed with its sign.
+        speed_mps: Shape (n,): mean speed in each step. An accelerometer tells it up to a constant and a drift.
+        angle_rad: Shape (n,): mean heading or course in each step. A gyroscope tells it up to a constant.
+        speed_sigma_mps: One sigma of the speed by the white noise of fixes; 0 for other sources.
+        angle_sigma_rad: Shape (n,): the same of the angle.
+        has_zero_angle: The angle counts from east.
+    """
+
+    series: Series
+    distance_m: FloatArray
+    speed_mps: FloatArray
+    angle_rad: FloatArray
+    speed_sigma_mps: float
+    angle_sigma_rad: FloatArray
+    has_zero_angle: bool
+
+    @property
+    def source(self) -> str:
+        """Name of the source."""
+        return self.series.source
+
+    @property
+    def kind(self) -> Kind:
+        """What it measures."""
+        return self.series.kind
+
+    @property
+    def turn_rad(self) -> FloatArray:
+        """Change of the angle from each step to the next, (n - 1,), wrapped unless it comes from a gyroscope."""
+        change = np.diff(self.angle_rad)
+        return change if self.kind is Kind.YAW_RATE else np.asarray((change + np.pi) % (2.0 * np.pi) - np.pi)
+
+    @property
+    def turn_sigma_rad(self) -> FloatArray:
+        """One sigma of `turn_rad` by the noise of fixes, (n - 1,)."""
+        return np.asarray(SHARED_FIX * np.hypot(self.angle_sigma_rad[:-1], self.angle_sigma_rad[1:]))
+
+    @property
+    def speed_change_mps(self) -> FloatArray:
+        """Change of the mean speed from each step to the next, (n - 1,)."""
+        return np.diff(self.speed_mps)
+
+    @property
+    def speed_change_sigma_mps(self) -> float:
+        """One sigma of `speed_change_mps` by the noise of fixes."""
+        return SHARED_FIX * math.sqrt(2.0) * self.speed_sigma_mps
+
+
+def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
+    """What a source says of the motion between neighbouring edges.
+
+    Args:
+        s: At least two rows.
+        edges_s: Shape (n + 1,), increasing, equally spaced.
+    """
+    n = len(edges_s) - 1
+    step_s = float(edges_s[1] - edges_s[0])
+    nothing, exact = np.full(n, np.nan), np.zeros(n)
+    known = _is_covered(s.time_s, edges_s)
+    if s.kind in (Kind.POSITION, Kind.VELOCITY):
+        if s.kind is Kind.POSITION:
+            moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
+            chord_sigma_m = math.sqrt(2.0) * _white_sigma(s)
+            least_m = max(LEAST_CHORD_M, CLEAR_CHORD_SIGMAS * chord_sigma_m)
+        else:
+            moved = np.column_stack([_means(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
+            chord_sigma_m, least_m = 0.0, LEAST_CHORD_M
+        distance = np.where(known, np.hypot(*moved.T), np.nan)
+        clear = np.where(distance > least_m, distance, np.nan)
+        course = np.where(distance > least_m, np.arctan2(moved[:, 1], moved[:, 0]), np.nan)
+        sigma = chord_sigma_m / clear if s.kind is Kind.POSITION else np.full(n, VELOCITY_COURSE_SIGMA_RAD)
+        return StepMotion(s, clear, clear / step_s, course, chord_sigma_m / step_s, sigma, True)
+    values = s.values[:, 0]
+    if s.kind is Kind.HEADING:
+        values = np.unwrap(values)
+    elif s.kind is not Kind.SPEED:
+        values = _integral(s.time_s, values)
+    mean = np.where(known, _means(s.time_s, values, edges_s), np.nan)
+    if s.kind is Kind.SPEED:
+        return StepMotion(s, mean * step_s, mean, nothing, 0.0, exact, False)
+    if s.kind is Kind.ACCEL:
+        return StepMotion(s, nothing, mean, nothing, 0.0, exact, False)
+    return StepMotion(s, nothing, nothing, mean, 0.0, exact, s.kind is Kind.HEADING)
+
+
+def step_edges(series: Sequence[Series], step_s: float) -> FloatArray:
+    """Edges of steps over the time of the positions, (n + 1,); fewer than two where that is shorter than a step."""
+    times = [s.time_s for s in series if s.kind is Kind.POSITION and len(s)]
+    first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
+    return np.asarray(first + step_s * np.arange(int((last - first) / step_s) + 1))
+
+
+def _integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Trapezoidal integral from the first row on, (n,)."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
+
+
+def _means(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
+    """Mean of a column between neighbouring edges, (n,)."""
+    return np.asarray(np.diff(np.interp(edges_s, time_s, _integral(time_s, values))) / np.diff(edges_s))
+
+
+def _is_covered(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
+    """Which steps lie within the rows and overlap no pause, (n,)."""
+    gap_s = np.diff(time_s)
+    pauses = np.flatnonzero(gap_s > max(LEAST_GAP_S, GAP_INTERVALS * median(gap_s)))
+    n = len(edges_s) - 1
+    change = np.zeros(n + 1, np.int64)
+    np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses], side="right") - 1, 0, n), 1)
+    np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses + 1], side="left"), 0, n), -1)
+    inside = (edges_s[:-1] >= time_s[0]) & (edges_s[1:] <= time_s[-1])
+    return np.asarray(inside & (np.cumsum(change)[:n] == 0))
+
+
+def _white_sigma(s: Series) -> float:
+    """The white noise of positions on one axis, m, from their second differences, which motion hardly touches."""
+    if len(s) < 3:
+        return LEAST_POSITION_SIGMA_M
+    rough = s.values[2:] - 2.0 * s.values[1:-1] + s.values[:-2]
+    return max(LEAST_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / math.sqrt(6.0))

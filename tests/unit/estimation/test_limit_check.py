@@ -1,0 +1,148 @@
+"""Nothing that is found of a sensor may be more than such sensors have: each bound from both sides."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
+from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
+from cwcli.estimation.imu import ImuMounting
+from cwcli.estimation.latency import Latency, LatencyStatus, within_limits
+from cwcli.estimation.limit_check import CAR, beyond_limits
+from cwcli.estimation.measurements import Kind
+from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
+from cwcli.estimation.result import SourceReport
+from cwcli.estimation.summary import summarise, verdict_of
+from cwcli.simulation.drive import simulate
+from cwcli.simulation.scenario import load_scenario
+from tests.studies.sensor_model import measurements_of
+
+USED, BEYOND = ParameterStatus.USED, ParameterStatus.CONTRADICTS
+FIX = SourceReport("/fix", Kind.POSITION, n_read=500, n_used=500, sigma=0.6)
+SPEED = SourceReport("/speed", Kind.SPEED, n_read=500, n_used=500, sigma=0.1)
+ACCEL = SourceReport("/imu", Kind.ACCEL, n_read=500, n_used=500, sigma=0.1)
+YAW_RATE = SourceReport("/imu", Kind.YAW_RATE, n_read=500, n_used=500, sigma=0.002)
+PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/s^2
+
+
+@pytest.mark.parametrize(
+    ("report", "changes", "words"),
+    [
+        (SPEED, {"scale": Parameter(1.19, 0.01, USED)}, ""),
+        (SPEED, {"scale": Parameter(1.21, 0.01, USED)}, "a scale of 1.21, and such a sensor has at most 1.2"),
+        (SPEED, {"scale": Parameter(0.84, 0.01, USED)}, "a scale of 0.84, and such a sensor has at most 0.85"),
+        (SPEED, {"scale": Parameter(2.139, status=BEYOND)}, "a scale of 2.14, and such a sensor has at most 1.2"),
+        (SPEED, {"scale": Parameter(3.6, 0.01, ParameterStatus.GIVEN)}, ""),
+        (SPEED, {"lever_arm_m": Parameter(2.9, 0.1, USED)}, ""),
+        (SPEED, {"lever_arm_m": Parameter(-3.1, 0.1, USED)}, "a lever arm of -3.1 m"),
+        (SPEED, {"sigma": 2.9}, ""),
+        (SPEED, {"sigma": 3.1}, "white noise of 3.1 m/s"),
+        (SPEED, {"sigma": 3.1, "n_used": 0}, ""),
+        (FIX, {"ahead_m": Parameter(6.1, 0.1, USED)}, "a place ahead of 6.1 m"),
+        (FIX, {"slow_error": SlowError(9.0, 30.0, USED)}, ""),
+        (FIX, {"slow_error": SlowError(22.2, status=BEYOND)}, "a slow error of 22.2 m, and such"),
+        (FIX, {"sigma": 31.0}, "white noise of 31 m"),
+        (FIX, {"stamp_error": Parameter(0.1, 0.01, USED)}, ""),
+        (FIX, {"stamp_error": Parameter(0.0, status=BEYOND)}, "its stamps err by more than 0.2 s from row to row"),
+        (FIX, {"latency": Latency(LatencyStatus.APPLIED, 1.0, 0.1)}, ""),
+        (FIX, {"latency": Latency(LatencyStatus.CONTRADICTS, 1.369, 0.1)}, "a latency of 1.37 s"),
+        (ACCEL, {"bias": 1.4}, ""),
+        (ACCEL, {"bias": 9.48}, "a bias of 9.48 m/s^2, and such a sensor has at most 1.5 m/s^2"),
+        (ACCEL, {"bias": 4.8, "mounting": PITCHED}, ""),
+        (ACCEL, {"bias": -4.8, "mounting": PITCHED}, "a bias of -4.8 m/s^2"),
+        (ACCEL, {"slow_error": SlowError(1.68, status=BEYOND)}, "a slow error of 1.68 m/s^2"),
+        (YAW_RATE, {"bias": -0.09}, ""),
+        (YAW_RATE, {"bias": -0.11}, "a bias of -0.11 rad/s, and such a sensor has at most -0.1 rad/s"),
+        (YAW_RATE, {"sigma": 0.31}, "white noise of 0.31 rad/s"),
+    ],
+)  # fmt: skip
+def test_each_bound(report: SourceReport, changes: dict[str, Any], words: str) -> None:
+    others = [each for each in (FIX, SPEED) if each is not report]
+    found = beyond_limits([*others, replace(report, **changes)])
+    assert bool(found) == bool(words)
+    if words:
+        assert words in found[0].what
+        assert found[0].who == Quantity(report.source, report.kind)
+        assert found[0].against == Quantity(others[0].source, others[0].kind)
+        assert found[0].left_out == ()
+
+
+def test_a_source_alone_contradicts_how_cars_move() -> None:
+    assert beyond_limits([replace(FIX, sigma=40.0)])[0].against == CAR
+
+
+def test_what_is_told_already_is_not_told_again() -> None:
+    wide = replace(FIX, slow_error=SlowError(22.2, status=BEYOND))
+    told = Contradiction(Quantity("/speed", Kind.SPEED), Quantity("/fix", Kind.POSITION), "...")
+    assert beyond_limits([wide, SPEED], [told]) == ()
+    other = Contradiction(Quantity("/imu", Kind.IMU), GRAVITY, "...")
+    assert len(beyond_limits([wide, SPEED], [other])) == 1
+
+
+@pytest.mark.parametrize(
+    ("latency", "status"),
+    [
+        (Latency(LatencyStatus.APPLIED, 1.2, 0.1), LatencyStatus.APPLIED),
+        (Latency(LatencyStatus.APPLIED, 1.369, 0.1), LatencyStatus.CONTRADICTS),
+        (Latency(LatencyStatus.APPLIED, -0.6, 0.1), LatencyStatus.CONTRADICTS),
+        (Latency(LatencyStatus.DRIFTS, 1.5, 0.1, drift=1e-3), LatencyStatus.CONTRADICTS),
+        (Latency(LatencyStatus.GIVEN, 5.0), LatencyStatus.GIVEN),
+        (Latency(LatencyStatus.CALIBRATED, 5.0, 0.1), LatencyStatus.CALIBRATED),
+    ],
+)
+def test_a_latency_beyond_what_sensors_have_is_not_corrected(latency: Latency, status: LatencyStatus) -> None:
+    limited = within_limits(latency)
+    assert limited.status is status
+    if status is LatencyStatus.CONTRADICTS:
+        assert limited.applied_s == 0.0
+        assert limited.found_s == latency.found_s
+        assert limited.drift == 0.0
+
+
+def test_the_table_of_the_docs_has_these_bounds() -> None:
+    text = (Path(__file__).parents[3] / "docs" / "estimation.md").read_text(encoding="utf-8")
+    section = text.split("## Sources that contradict each other")[1].split("\n## ")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if " to " in line]
+    stated = {row[0]: row[1] for row in rows if len(row) == 3}
+    limits = {
+        "speed: scale": sensor_limits.SPEED_SCALE,
+        "speed: lever arm": sensor_limits.SPEED_LEVER_ARM,
+        "accelerometer: bias": sensor_limits.ACCEL_BIAS,
+        "accelerometer: grade": sensor_limits.GRADE_SIGMA,
+        "gyroscope: bias": sensor_limits.YAW_RATE_BIAS,
+        "position: slow error": sensor_limits.SLOW_POSITION_SIGMA,
+        "position: stamps err by": sensor_limits.STAMP_SIGMA,
+        "place ahead": sensor_limits.AHEAD,
+        "latency": sensor_limits.LATENCY,
+        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE.items()},
+    }
+    assert stated == {
+        name: re.sub(r"\s+", " ", f"{limit.low:g} to {limit.high:g} {limit.unit}").strip()
+        for name, limit in limits.items()
+    }
+
+
+def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> None:
+    """The bounds are a second net: without the comparison of the sources nothing beyond them is used either."""
+    drive = simulate(load_scenario("city"), 9301)
+    in_kmh = [
+        replace(m, values=3.6 * m.values) if m.kind is Kind.SPEED else m
+        for m in measurements_of(drive)
+        if m.kind is not Kind.HEADING
+    ]
+    track = estimate_track(in_kmh, EstimatorConfig(compares_sources=False), drive.truth_stamp_ns[::50])
+    for report in track.sources:
+        for part, parameter in (("scale", report.scale), ("ahead", report.ahead_m)):
+            if parameter.status is USED:
+                assert sensor_limits.limit_of_error(part, report.kind).holds(parameter.value)
+        if report.slow_error.status is USED:
+            assert sensor_limits.limit_of_error("slow", report.kind).holds(report.slow_error.sigma)
+        if report.latency.status is LatencyStatus.APPLIED:
+            assert sensor_limits.LATENCY.holds(report.latency.found_s)
+    assert {report.scale.status for report in track.sources} & {BEYOND}
+    assert verdict_of(summarise(track)).startswith("not consistent: ego_position (gnss) contradicts ego_speed (speed)")
