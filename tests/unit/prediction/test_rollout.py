@@ -227,7 +227,7 @@ def test_bad_horizon_or_step_is_a_usage_error(horizon: float, step: float) -> No
 
 def test_unknown_model_is_a_usage_error_that_names_the_models() -> None:
     with pytest.raises(UsageError) as error:
-        rollout("cvt", one(), None)
+        rollout("walking", one(), None)
     assert "cj-cya" in error.value.hint
 
 
