@@ -13,8 +13,9 @@ from cwcli.evaluation.predict import MAX_GAP_S, error_horizons
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.pipeline.result import Cell, Section, StageResult
-from cwcli.prediction.horizon import BASELINE, HorizonErrors, horizon_errors, horizon_table
+from cwcli.prediction.horizon import BASELINE, horizon_table
 from cwcli.prediction.lateral import Z_90, map_paths
+from cwcli.prediction.outcome import HorizonErrors, horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.poses import Poses, slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal

@@ -1,7 +1,7 @@
-"""The measures of two vehicles, by what they really did: one file each, and one line here.
+"""The measures of two vehicles by their actual motion: one file each, and one line here.
 
-Other packages add theirs in the group `cwcli.measures`. Tables, definitions of a conflict, the report's words, the help
-and docs/measures.md take them from here.
+Other packages add theirs in the group `cwcli.measures`. Tables, definitions of a conflict, the report, the help and
+docs/measures.md take them from here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from cwcli.registry import Plugin, Registry, plugin_entry
 
 
 def _accept(entry: object, plugin: Plugin) -> Measure:
-    """A plug-in's measure, with its functions guarded, and a column that no other measure has."""
+    """Check a plug-in's measure, guard its function, and return it; its column must be named after it."""
     measure = plugin_entry(Measure, {"of": check_values})(entry, plugin)
     if not is_column_of(plugin.name, measure.column):
         raise plugin.error(f"calls its column {measure.column}, not by its own name and a unit")

@@ -1,4 +1,4 @@
-"""Required lateral acceleration: what just steers past the other by the time to collision."""
+"""Required lateral acceleration: it just steers past the other by the time to collision."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def required_lateral_acceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); infinity where the outlines touch."""
+    """Required lateral acceleration (m/s^2) at each stamp, (n,); infinity where the outlines touch."""
     at, near = pair.approach, pair.near
     ttc = pair.value(TTC)[near]
     ahead = at.x_m > 0.0

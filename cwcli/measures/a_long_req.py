@@ -1,4 +1,4 @@
-"""Required longitudinal acceleration: what just avoids what is straight ahead."""
+"""Required longitudinal acceleration: it just avoids the vehicle straight ahead."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def required_longitudinal_acceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), at most 0; minus infinity where the outlines touch and the host closes."""
+    """Required longitudinal acceleration (m/s^2) at each stamp, (n,), at most 0; -inf in contact while closing."""
     at = pair.approach
     closing = np.minimum(at.vx_mps, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -30,8 +30,8 @@ MEASURE = Measure(
     is_symmetric=False,
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads=(
-        "in curves: what is straight ahead is not in the lane; of a braking vehicle ahead that stands before the gap "
-        "is used up"
+        "in curves: what is straight ahead is not in the lane; for a vehicle ahead that brakes to a stop before the "
+        "gap is used up"
     ),
     is_pointwise=True,
 )

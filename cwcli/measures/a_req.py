@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def required_acceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Required acceleration (m/s^2) at each stamp, (n,)."""
     return np.hypot(pair.value(A_LONG_REQ), pair.value(A_LAT_REQ))
 
 
@@ -25,7 +25,7 @@ MEASURE = Measure(
     source="Jansson 2005, section 5.3",
     of=required_acceleration,
     is_symmetric=False,
-    undefined="one of the two is",
+    undefined="one of the two is undefined",
     misleads="the car needs one of the two, not both",
     is_pointwise=True,
 )

@@ -1,4 +1,4 @@
-"""What a measure of the criticality of two vehicles is."""
+"""The interface of a measure of the criticality of two vehicles."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cwcli.metrics.table import unit_of
 from cwcli.signals.columns import FloatArray
 
 SIGNS = {"low": "<", "high": ">"}
+"""The comparison that a dangerous value meets, by `Measure.critical`."""
 
 
 @dataclass(frozen=True)
@@ -21,26 +22,26 @@ class Measure:
 
     Attributes:
         summary: What it is, in a few words.
-        symbol: As formulas write it.
-        column: As tables name it, with its unit: `ttc_s`.
-        critical: Which side is dangerous.
+        symbol: Its symbol in formulas.
+        column: Its column in tables, with the unit: `ttc_s`.
+        critical: Whether low or high values are dangerous.
         formula: How it is computed.
         source: Where the definition comes from.
         of: A pair -> the measure at each of its stamps, (n,), NaN where a track has no data; or one number, ().
-        note: For who reads the column: what stands where there is no value.
+        note: Explanation of the column for readers of the table.
         is_series: One value a moment; False: one for the pair.
         is_symmetric: The same whichever of the two is the host.
-        threshold: Beyond it the two are in conflict, unless the user says otherwise; None: the user must say.
-        threshold_source: Who says so.
+        threshold: Beyond it the two are in conflict, unless the user gives another; None: the user must give one.
+        threshold_source: Where the threshold comes from.
         undefined: When there is no value: NaN, an empty cell, never a large number.
-        misleads: When its value says less, or something else, than it seems to.
+        misleads: When its value means less, or something else, than it seems to.
         is_pointwise: The value of a moment follows from the two states of that moment.
-        is_stepped: Its value comes in steps, by which no sigma can be told.
-        is_of_host: It is about the host alone, whatever the other does.
-        is_sampled: It takes thousands of samples a moment: `cwcli measure` computes it when it is asked for by name.
-        needs_covariance: It takes the covariances of the states: likewise.
-        with_warnings: `cwcli warn` writes its extreme to the table of pairs, too.
-        clause: Threshold -> what held at a conflict, in words: `the two were 1 s from contact`.
+        is_stepped: Its value comes in steps, so that no sigma can be computed.
+        is_of_host: It depends on the host alone.
+        is_sampled: It takes thousands of samples a moment; `cwcli measure` computes it when it is asked for by name.
+        needs_covariance: It needs the covariances of the states; it, too, is computed when it is asked for by name.
+        with_warnings: `cwcli warn` writes its most critical value to the table of pairs.
+        clause: Threshold -> text of what held at a conflict: `the two were 1 s from contact`.
     """
 
     summary: str
@@ -67,17 +68,17 @@ class Measure:
 
     @property
     def is_dear(self) -> bool:
-        """Whether `cwcli measure` computes it only where it is asked for by name."""
+        """Whether `cwcli measure` computes it only if it is asked for by name."""
         return self.is_sampled or self.needs_covariance
 
     @property
     def unit(self) -> str:
-        """SI symbol, "" for a number."""
+        """The SI symbol of its unit; "" for a plain number."""
         return unit_of(self.column)
 
     @property
     def extreme_column(self) -> str:
-        """Name of the pair's most critical value."""
+        """The column of the pair's most critical value: `min_ttc_s`."""
         return f"{'min' if self.critical == 'low' else 'max'}_{self.column}" if self.is_series else self.column
 
     def extreme(self, pair: Pair) -> float:
@@ -89,7 +90,7 @@ class Measure:
         return float(known.min() if self.critical == "low" else known.max())
 
     def words(self, threshold: float) -> str:
-        """What held at a conflict."""
+        """The text of what held at a conflict with this threshold."""
         if self.clause is not None:
             return self.clause(threshold)
         side = "below" if self.critical == "low" else "above"
@@ -103,7 +104,7 @@ def is_column_of(name: str, column: str) -> bool:
 
 
 def check_values(values: FloatArray, pair: Pair) -> FloatArray:
-    """What a plug-in's measure made of a pair.
+    """Check the values that a plug-in's measure computed for a pair, and return them.
 
     Raises:
         ValueError: It is neither a number for each stamp nor one number.

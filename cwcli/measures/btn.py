@@ -1,4 +1,4 @@
-"""Brake threat number: the braking that is needed, against what the car can do."""
+"""Brake threat number: the needed braking over the braking that the car can do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def brake_threat_number(pair: Pair) -> FloatArray:
-    """At each stamp, (n,): 1 needs all that the car can do."""
+    """Brake threat number at each stamp, (n,): 1 needs all the braking that the car can do."""
     return -pair.value(A_LONG_REQ) / BRAKING_MPS2
 
 

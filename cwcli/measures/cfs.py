@@ -1,4 +1,4 @@
-"""Critical fuzzy safety: how far the gap is from one that just does if the vehicle ahead keeps its speed."""
+"""Critical fuzzy safety: how unsafe the gap is if the vehicle ahead keeps its speed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def critical_fuzzy_safety(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), 0 to 1."""
+    """Critical fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe)."""
     at = pair.approach
     ahead = at.vx_mps + at.host_speed_mps
     return pair.spread(fuzzy.critical(at.headway_m, at.host_speed_mps, ahead, at.host_accel_mps2))
@@ -30,7 +30,7 @@ MEASURE = Measure(
     threshold=0.99,
     threshold_source="1 is unsafe by definition",
     undefined="nothing is ahead of the host within the width of the two outlines",
-    misleads="of a vehicle ahead that brakes",
+    misleads="for a vehicle ahead that brakes",
     is_pointwise=True,
     clause=lambda threshold: f"a vehicle ahead could hardly be avoided at its present speed (CFS above {threshold:g})",
 )

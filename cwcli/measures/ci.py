@@ -10,11 +10,13 @@ from cwcli.measures.pet import encroachment
 from cwcli.signals.columns import FloatArray
 
 MASS_KG = 1500.0
+"""The assumed mass of each vehicle, kg: messages carry none. Chosen: a passenger car's."""
 ALPHA, BETA_1PS = 1.0, 1.0
+"""Share of the energy that counts, and how fast it fades with PET, 1/s. Chosen by hand; not fitted."""
 
 
 def conflict_index(pair: Pair) -> FloatArray:
-    """Of the pair, (), kJ."""
+    """Conflict index of the pair, (), kJ."""
     pet_s, own, theirs = encroachment(pair)
     if np.isnan(pet_s):
         return np.array(np.nan)
@@ -35,6 +37,6 @@ MEASURE = Measure(
     source="Alhajyaseen 2015",
     of=conflict_index,
     is_series=False,
-    undefined="as of PET",
-    misleads="behind a vehicle, as PET; masses are not sent",
+    undefined="as for PET",
+    misleads="when following a vehicle, as for PET; messages carry no masses, so 1500 kg are assumed",
 )

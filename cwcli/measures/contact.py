@@ -1,4 +1,4 @@
-"""First contact of two rectangles that keep their headings: the separating axes, swept in closed form.
+"""First contact of two rectangles that keep their headings, in closed form by the separating axes.
 
 On each of the four edge directions the centres' distance is c + s t + q t^2 / 2, and the projections overlap while that
 is at most the reach R in size; the rectangles overlap when all four do. Without acceleration each direction overlaps
@@ -21,9 +21,9 @@ class Projections:
     """The relative motion on the four edge directions, (4, m): the host's two, then the other's.
 
     Attributes:
-        centre_m, speed_mps: Of the other's centre relative to the host's.
+        centre_m, speed_mps: Position and speed of the other's centre relative to the host's.
         reach_m: Sum of the half extents.
-        cos_turn, sin_turn: Of the other's heading relative to the host's, (m,).
+        cos_turn, sin_turn: Cosine and sine of the other's heading relative to the host's, (m,).
     """
 
     centre_m: FloatArray
@@ -34,7 +34,7 @@ class Projections:
 
     @classmethod
     def of(cls, pair: Pair) -> Projections:
-        """In the rows `near` of a pair."""
+        """The projections in the rows `near` of a pair."""
         at: Approach = pair.approach
         (length, width), (their_length, their_width) = pair.host_size, pair.other_size
         cosine, sine = np.abs(at.cos_turn), np.abs(at.sin_turn)
@@ -54,11 +54,11 @@ class Projections:
         )
 
     def rows(self, rows: npt.NDArray[np.intp]) -> Projections:
-        """Some rows."""
+        """The projections of some rows."""
         return Projections(*(getattr(self, name)[..., rows] for name in self.__dataclass_fields__))
 
     def moved(self, x_m: FloatArray, y_m: FloatArray, vx_mps: FloatArray, vy_mps: FloatArray) -> Projections:
-        """With another place and velocity of the other along the host's axes, (m,) or (k, m)."""
+        """The projections of another position and velocity of the other in the host's axes, (m,) or (k, m)."""
         return Projections(
             on_axes(x_m, y_m, self.cos_turn, self.sin_turn),
             on_axes(vx_mps, vy_mps, self.cos_turn, self.sin_turn),
@@ -69,7 +69,7 @@ class Projections:
 
 
 def on_axes(x: FloatArray, y: FloatArray, cos_turn: FloatArray, sin_turn: FloatArray) -> FloatArray:
-    """A vector in the host's axes on the four edge directions, (4, m)."""
+    """Project a vector in the host's axes on the four edge directions, (4, m)."""
     return np.stack([x, y, x * cos_turn + y * sin_turn, y * cos_turn - x * sin_turn])
 
 
@@ -111,7 +111,7 @@ def accelerated_contact(at: Projections, ax_mps2: FloatArray, ay_mps2: FloatArra
 def _roots(
     bend: FloatArray, speed: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
-    """Where offset + speed t + bend t^2 / 2 is at most 0: from, to, and whether anywhere; bend >= 0."""
+    """The interval of t in which offset + speed t + bend t^2 / 2 <= 0, bend >= 0: its ends, and whether it exists."""
     root = speed * speed - 2.0 * bend * offset
     # Without motion along the direction it is there for all time or never.
     still = (bend == 0.0) & (speed == 0.0)

@@ -1,4 +1,4 @@
-"""Crash potential index: how likely the needed braking was more than the car could do, on average."""
+"""Crash potential index: mean probability that the needed braking exceeded what the car could do."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.normal import normal_cdf
 
 MEAN_MPS2, SIGMA_MPS2 = 8.45, 1.40
+"""The available braking is normal with this mean and sigma, m/s^2 (Cunto and Saccomanno 2007)."""
 LOWEST_MPS2, HIGHEST_MPS2 = 4.23, 12.68
+"""The normal distribution of the available braking is truncated to these limits, m/s^2 (same source)."""
 
 
 def crash_potential_index(pair: Pair) -> FloatArray:
-    """Of the pair, (): over the moments at which both are known; nothing ahead needs no braking."""
+    """Crash potential index of the pair, (), over moments with both positions; without a vehicle ahead it counts 0."""
     known = ~np.isnan(pair.distance_m)
     if not known.any():
         return np.array(np.nan)
@@ -42,6 +44,6 @@ MEASURE = Measure(
     of=crash_potential_index,
     is_series=False,
     is_symmetric=False,
-    undefined="the two were never known at one time",
-    misleads="of a long drive: one bad second hardly shows in the mean",
+    undefined="both positions were never known at the same time",
+    misleads="for a long drive: one bad second hardly shows in the mean",
 )

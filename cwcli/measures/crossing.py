@@ -1,4 +1,4 @@
-"""Two straight ways that cross: when each outline would be in the area that both sweep, at constant speeds."""
+"""Two straight paths that cross: when each outline is in the area that both sweep, at constant speeds."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ import numpy as np
 from cwcli.measures.pair import Pair
 
 MIN_CROSSING_SINE = 0.5
-"""Of the angle between the ways: under less than 30 degrees they meet or follow, rather than cross."""
+"""Smallest sine of the angle between the paths: below 30 degrees vehicles merge or follow, rather than cross."""
 MIN_SPEED_MPS = 0.1
+"""A slower vehicle counts as standing and reaches no crossing. Chosen by hand; not fitted."""
 
 
 class Crossing:
-    """In the rows `near` of a pair, each (m,); NaN where the ways do not cross.
+    """Times at the crossing in the rows `near` of a pair, each (m,); NaN where the paths do not cross.
 
     Attributes:
-        host_arrival_s, other_arrival_s: Of the centres at the crossing of the ways.
-        host_entry_s, host_exit_s, other_entry_s, other_exit_s: Of the outlines into and out of the area.
-        is_ahead: The ways cross, both move forwards, and neither has left the area.
+        host_arrival_s, other_arrival_s: Arrival of the centres at the crossing of the paths.
+        host_entry_s, host_exit_s, other_entry_s, other_exit_s: Entry of the outlines into the area, and exit.
+        is_ahead: The paths cross, both move forwards, and neither has left the area.
     """
 
     def __init__(self, pair: Pair) -> None:

@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def distance_of_closest_encounter(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
     _, distance_m = closest_encounter(pair)
     return pair.spread(distance_m)
 

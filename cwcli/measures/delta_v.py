@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def velocity_change(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Change of the host's velocity (m/s) in a crash, computed at each stamp, (n,); NaN off a collision course."""
     at = pair.relative
     change = MASS_SHARE * np.hypot(at.dvx_mps, at.dvy_mps)
     return pair.spread(np.where(np.isfinite(pair.value(TTC)[pair.near]), change, np.nan))
@@ -27,6 +27,6 @@ MEASURE = Measure(
     source="Shelby 2011; conservation of momentum",
     of=velocity_change,
     undefined="the two are not on a collision course",
-    misleads="with a lorry: masses are not sent, so they are taken as equal",
+    misleads="with a lorry: messages carry no masses, so they are taken as equal",
     is_pointwise=True,
 )

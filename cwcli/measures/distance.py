@@ -1,4 +1,4 @@
-"""Distance of the centres: what song2016 calls a collision is one below 2.5 m."""
+"""Distance of the centres; song2016 calls a distance below 2.5 m a collision."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def distance(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Distance (m) of the centres at each stamp, (n,)."""
     return pair.distance_m
 
 
@@ -22,7 +22,7 @@ MEASURE = Measure(
     of=distance,
     threshold=2.5,
     threshold_source="song2016, section 4",
-    misleads="of long vehicles: their outlines touch while the centres are far apart",
+    misleads="for long vehicles: their outlines touch while the centres are far apart",
     is_pointwise=True,
     with_warnings=True,
     clause=lambda threshold: f"the two were closer than {threshold:g} m, centre to centre",

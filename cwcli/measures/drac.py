@@ -1,4 +1,4 @@
-"""Deceleration rate to avoid a crash: what the closing one would have to brake by, against the gap."""
+"""Deceleration rate to avoid a crash: the braking that the closing vehicle needs within the gap."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def deceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); NaN for a pair that is not on the way to contact, infinity where the outlines touch."""
+    """Deceleration (m/s^2) that avoids a crash at each stamp, (n,); NaN off a collision course, infinity in contact."""
     near = pair.near
     gap, ttc, closing = pair.value(GAP)[near], pair.value(TTC)[near], closing_speed(pair)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -22,7 +22,7 @@ def deceleration(pair: Pair) -> FloatArray:
 
 
 def closing_speed(pair: Pair) -> FloatArray:
-    """How fast the centres come nearer, in the rows `near`, (m,); NaN for centres in one place."""
+    """Closing speed of the centres (m/s) in the rows `near`, (m,); NaN for centres at the same place."""
     at = pair.relative
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(-(at.dx_m * at.dvx_mps + at.dy_m * at.dvy_mps) / pair.distance_m[pair.near])

@@ -1,4 +1,4 @@
-"""Deceleration to safety time: what keeps a safety time behind what is straight ahead."""
+"""Deceleration to safety time: the braking that keeps a safety time behind the vehicle straight ahead."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 SAFETY_TIME_S = 2.0
+"""The safety time behind a vehicle ahead, s: the two seconds of driving schools."""
 
 
 def deceleration_to_safety_time(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); infinity where the safety time is lost already."""
+    """Deceleration (m/s^2) that keeps the safety time, at each stamp, (n,); infinity where it is lost already."""
     at = pair.approach
     left_m = at.headway_m - np.maximum(at.vx_mps + at.host_speed_mps, 0.0) * SAFETY_TIME_S
     closes = at.is_lead & (at.vx_mps < 0.0)

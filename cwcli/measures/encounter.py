@@ -15,7 +15,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
-    """When the outlines are nearest, and how near, in the rows `near`, (m,) each: from now on, at constant velocities.
+    """Time (s) and distance (m) of the closest encounter from now on at constant velocities, rows `near`, (m,) each.
 
     The relative motion is seen along the relative velocity: a corner of the difference of the two outlines (a corner of
     one against a corner of the other) is nearest when it passes the origin.

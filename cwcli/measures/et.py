@@ -1,4 +1,4 @@
-"""Encroachment time: how long the host is in the area that the other drives through, too."""
+"""Encroachment time: how long the host is in the area that the other drives through as well."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def encroachment_time(pair: Pair) -> FloatArray:
-    """Of the pair, (): at the narrowest encroachment."""
+    """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
     return np.array(encroachment_span(pair))
 
 
@@ -28,6 +28,6 @@ MEASURE = Measure(
     of=encroachment_time,
     is_series=False,
     is_symmetric=False,
-    undefined="as of PET, or the two drive within 30 degrees of one line",
-    misleads="in a queue: it is as long as one stands",
+    undefined="as for PET, or the two drive within 30 degrees of parallel",
+    misleads="in a queue: it lasts as long as the host stands",
 )

@@ -1,4 +1,4 @@
-"""The measures of a pair: at each moment at which the two are near, and the most critical values."""
+"""Evaluate the measures of a pair at each moment at which the two are near, and find the most critical values."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 BLOCK = 2048
-"""Moments that are measured at once: what they take stays in the processor's cache."""
+"""Number of moments that are measured at once: their arrays fit into the processor's cache."""
 ENCOUNTER_RANGE_M = 50.0
+"""An encounter is a time during which the centres are within this distance, m. Chosen by hand; not fitted."""
 ENCOUNTER_PAUSE_S = 2.0
+"""Encounters with a shorter pause between them are one encounter, s. Chosen by hand; not fitted."""
 WHOLE = 0
-"""Number of the whole time that two were near; encounters count from 1."""
+"""Number that stands for the whole time during which two were near; encounters count from 1."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class MeasuredPair:
         other_id: The other vehicle.
         stamp_ns: Shape (m,).
         values: Measure -> its series, (m,).
-        extremes: The most critical values, of the whole and of each encounter.
+        extremes: The most critical values of the whole time and of each encounter.
     """
 
     other_id: str
@@ -41,15 +43,15 @@ class MeasuredPair:
 
 @dataclass(frozen=True)
 class Extreme:
-    """The most critical value of a measure in a stretch of time.
+    """The most critical value of a measure in an interval of time.
 
     Attributes:
         encounter: `WHOLE`, or a number from 1.
-        begin_ns, end_ns: The stretch.
-        measure: Its name.
-        value: NaN: it has none.
-        stamp_ns: When; -1 of a number for the whole stretch.
-        sigma: By the states' covariances to first order; NaN where they are not known.
+        begin_ns, end_ns: The interval.
+        measure: Name of the measure.
+        value: The value; NaN if there is none.
+        stamp_ns: Time of the value; -1 for a value of the whole interval.
+        sigma: Standard error by the states' covariances to first order; NaN where they are not known.
     """
 
     encounter: int
@@ -62,7 +64,7 @@ class Extreme:
 
 
 def measure_pair(other_id: str, pair: Pair, measures: Mapping[str, Measure]) -> MeasuredPair:
-    """The measures of one pair; the extremes without sigmas."""
+    """Evaluate the measures of one pair; the extremes have no sigmas yet."""
     near = pair.near
     values = {name: np.full(len(near), np.nan) for name, measure in measures.items() if measure.is_series}
     for first in range(0, len(near), BLOCK):
@@ -81,7 +83,7 @@ def measure_pair(other_id: str, pair: Pair, measures: Mapping[str, Measure]) -> 
 
 
 def _encounters(pair: Pair) -> list[npt.NDArray[np.intp]]:
-    """Rows of `near` of each stretch within `ENCOUNTER_RANGE_M`; what is interrupted for less than a pause is one."""
+    """Rows of `near` of each encounter; one that is interrupted for less than a pause stays one."""
     near = pair.near
     rows = np.flatnonzero(pair.distance_m[near] <= ENCOUNTER_RANGE_M)
     if not len(rows):
@@ -98,6 +100,7 @@ def _extremes(
     values: Mapping[str, FloatArray],
     measures: Mapping[str, Measure],
 ) -> list[Extreme]:
+    """The most critical value of each measure in the rows of one encounter."""
     near = pair.near
     stretch = pair.between(int(near[rows[0]]), int(near[rows[-1]]) + 1)
     begin_ns, end_ns = int(pair.stamp_ns[near[rows[0]]]), int(pair.stamp_ns[near[rows[-1]]])
@@ -116,20 +119,20 @@ def _extremes(
 
 
 def moments(measured: MeasuredPair, measures: Mapping[str, Measure]) -> Int64Array:
-    """The stamps of the extremes that can have a sigma, increasing."""
+    """The increasing stamps of the extremes that can have a sigma."""
     return np.unique(np.array([each.stamp_ns for each in measured.extremes if _is_smooth(each, measures)], np.int64))
 
 
 def with_sigmas(
     measured: MeasuredPair, at: Pair, measures: Mapping[str, Measure], covariances: tuple[FloatArray, FloatArray]
 ) -> MeasuredPair:
-    """The pair with the sigmas of its extremes.
+    """Add the sigmas of the extremes to a measured pair.
 
     Args:
-        measured: Without them.
+        measured: The pair without sigmas.
         at: The pair at the `moments`.
-        measures: Which.
-        covariances: Of the host and of the other then, (r, 8, 8) each.
+        measures: The measures by name.
+        covariances: Covariances of the host's and the other's states at the moments, (r, 8, 8) each.
     """
     asked = {each.measure: measures[each.measure] for each in measured.extremes if _is_smooth(each, measures)}
     sigmas = sigma_of(at, covariances, asked)
@@ -142,13 +145,14 @@ def with_sigmas(
 
 
 def _is_smooth(extreme: Extreme, measures: Mapping[str, Measure]) -> bool:
+    """Whether a sigma of the extreme can be computed: its measure is pointwise and smooth, and it has a value."""
     measure = measures[extreme.measure]
     is_smooth = measure.is_pointwise and not measure.is_stepped
     return extreme.stamp_ns >= 0 and is_smooth and bool(np.isfinite(extreme.value))
 
 
 def _worst(series: FloatArray, measure: Measure) -> int:
-    """Row of the most critical value, -1 where there is none."""
+    """Row of the most critical value; -1 if all are NaN."""
     known = np.flatnonzero(~np.isnan(series))
     if not len(known):
         return -1

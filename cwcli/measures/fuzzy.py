@@ -7,13 +7,17 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 RESPONSE_S = 0.75
+"""Response time of the following driver, s (Mattas et al. 2020)."""
 COMFORTABLE_MPS2, HARD_MPS2 = 4.0, 6.0
+"""Comfortable and hardest braking of the following driver, m/s^2 (Mattas et al. 2020)."""
 AHEAD_MPS2 = 7.0
+"""Braking of the vehicle ahead, m/s^2 (Mattas et al. 2020)."""
 MARGIN_M = 2.0
+"""Safety margin between the vehicles, m (Mattas et al. 2020)."""
 
 
 def proactive(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray) -> FloatArray:
-    """PFS: 1 where the hardest answer to braking ahead is not enough, 0 where the comfortable one is."""
+    """PFS: if the vehicle ahead brakes, 1 where the hardest braking is not enough, 0 where the comfortable one is."""
     ways = [
         speed_mps * RESPONSE_S + speed_mps**2 / (2.0 * braking) - ahead_mps**2 / (2.0 * AHEAD_MPS2)
         for braking in (COMFORTABLE_MPS2, HARD_MPS2)
@@ -22,7 +26,7 @@ def proactive(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray) -
 
 
 def critical(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray, accel_mps2: FloatArray) -> FloatArray:
-    """CFS: the same for a vehicle ahead that keeps its speed, at the present acceleration until the response."""
+    """CFS: as PFS for a vehicle ahead that keeps its speed; the follower keeps its acceleration until it responds."""
     accel = np.maximum(accel_mps2, -COMFORTABLE_MPS2)
     closing = speed_mps - ahead_mps
     after = closing + accel * RESPONSE_S
@@ -35,7 +39,7 @@ def critical(gap_m: FloatArray, speed_mps: FloatArray, ahead_mps: FloatArray, ac
 
 
 def _between(gap_m: FloatArray, safe_m: FloatArray, unsafe_m: FloatArray) -> FloatArray:
-    """0 above the safe way, 1 below the unsafe one, linear between."""
+    """0 for gaps above the safe one, 1 below the unsafe one, linear between."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (gap_m - safe_m) / (unsafe_m - safe_m)
     return np.where(gap_m > safe_m, 0.0, np.where(gap_m < unsafe_m, 1.0, share))

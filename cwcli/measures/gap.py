@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def gap(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); NaN beyond 200 m of centre distance."""
+    """Distance (m) of the outlines at each stamp, (n,); NaN beyond 200 m of centre distance."""
     at = pair.relative
     found = outline_distance(
         at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size

@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def gap_time(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time (s) between both arrivals at the crossing, at each stamp, (n,); NaN where no crossing is ahead."""
     at = Crossing(pair)
     return pair.spread(np.where(at.is_ahead, np.abs(at.host_arrival_s - at.other_arrival_s), np.nan))
 
@@ -25,6 +25,6 @@ MEASURE = Measure(
     source="Allen, Shin and Cooper 1978, for the centres",
     of=gap_time,
     undefined="the ways cross under less than 30 degrees, or one is past the crossing, or stands",
-    misleads="of one that turns off before the crossing",
+    misleads="for a vehicle that turns off before the crossing",
     is_pointwise=True,
 )

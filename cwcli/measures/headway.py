@@ -1,4 +1,4 @@
-"""Headway: the gap to what is straight ahead."""
+"""Headway: the gap to the vehicle straight ahead."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def headway(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Gap (m) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     return pair.spread(pair.approach.headway_m)
 
 

@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def lateral_jerk(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), its size: of the acceleration across, v w, with the yaw rate kept."""
+    """Size of the host's lateral jerk (m/s^3) at each stamp, (n,): that of v w with a constant yaw rate w."""
     accel, yaw_rate, _ = pair.host_motion[pair.near].T
     return pair.spread(np.abs(accel * yaw_rate))
 

@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def longitudinal_jerk(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), its size."""
+    """Size of the host's longitudinal jerk (m/s^3) at each stamp, (n,)."""
     return pair.spread(np.abs(pair.host_motion[pair.near, 2]))
 
 

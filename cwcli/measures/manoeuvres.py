@@ -1,7 +1,7 @@
-"""How long the host may wait until a manoeuvre no longer avoids the contact, of pairs on a collision course.
+"""How long the host may wait until a manoeuvre no longer avoids the contact, for pairs on a collision course.
 
-Until then both keep velocity and heading; the other does so for ever. Each manoeuvre is a constant acceleration, so
-that whether it avoids the contact is a closed form; the latest moment is found by bisection.
+Until then both keep velocity and heading; the other does so afterwards, too. Each manoeuvre is a constant acceleration,
+so whether it avoids the contact has a closed form; the latest moment is found by bisection.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 HALVINGS = 10
-"""To a thousandth of the time to collision."""
+"""Number of bisections: the result is exact to a thousandth of the time to collision."""
 BoolArray = npt.NDArray[np.bool_]
 Evades = Callable[[Projections, FloatArray], BoolArray]
-"""Where the pair stands when the manoeuvre begins and the host's speed, (m,) -> whether it avoids contact, (m,)."""
+"""A function: pair at the manoeuvre's begin and the host's speed, (m,) -> whether contact is avoided, (m,)."""
 
 
 def time_to(manoeuvre: tuple[Evades, ...], pair: Pair) -> FloatArray:
-    """At each stamp, (n,): the best of the manoeuvres; NaN off a collision course, or if none helps even at once."""
+    """Latest start (s) of the best manoeuvre at each stamp, (n,); NaN off a collision course or if none helps."""
     near = pair.near
     ttc = pair.value(TTC)[near]
     rows = np.flatnonzero(ttc > 0.0)
@@ -37,6 +37,7 @@ def time_to(manoeuvre: tuple[Evades, ...], pair: Pair) -> FloatArray:
 
 
 def _latest(evades: Evades, start: Projections, host_mps: FloatArray, ttc_s: FloatArray) -> FloatArray:
+    """Bisect the latest time in [0, ttc_s] from which the manoeuvre avoids contact, (m,); NaN if it never does."""
     low, high = np.zeros(len(ttc_s)), ttc_s.copy()
     helps = evades(start, host_mps)
     for _ in range(HALVINGS):
@@ -47,12 +48,13 @@ def _latest(evades: Evades, start: Projections, host_mps: FloatArray, ttc_s: Flo
 
 
 def _after(start: Projections, time_s: FloatArray) -> Projections:
+    """The pair after both have gone straight on for a time, (m,)."""
     x, y = start.centre_m[:2] + start.speed_mps[:2] * time_s
     return start.moved(x, y, *start.speed_mps[:2])
 
 
 def _brake(start: Projections, host_mps: FloatArray) -> BoolArray:
-    """Until the host stands; from then on only the other moves."""
+    """Whether full braking avoids contact, (m,): until the host stands; from then on only the other moves."""
     sign, stop_s = np.sign(host_mps), np.abs(host_mps) / BRAKING_MPS2
     hit = accelerated_contact(start, sign * BRAKING_MPS2, np.zeros(len(host_mps))) <= stop_s
     (x, y), (vx, vy) = start.centre_m[:2], start.speed_mps[:2]
@@ -62,20 +64,26 @@ def _brake(start: Projections, host_mps: FloatArray) -> BoolArray:
 
 
 def _accelerate(start: Projections, host_mps: FloatArray) -> BoolArray:
+    """Whether full acceleration avoids contact, (m,)."""
     forward = -BRAKING_MPS2 * np.where(host_mps < 0.0, -1.0, 1.0)
     return np.isinf(accelerated_contact(start, forward, np.zeros(len(host_mps))))
 
 
 def _left(start: Projections, host_mps: FloatArray) -> BoolArray:
+    """Whether full lateral acceleration to the left avoids contact, (m,)."""
     zero = np.zeros(len(host_mps))
     return np.isinf(accelerated_contact(start, zero, zero - LATERAL_MPS2))
 
 
 def _right(start: Projections, host_mps: FloatArray) -> BoolArray:
+    """Whether full lateral acceleration to the right avoids contact, (m,)."""
     zero = np.zeros(len(host_mps))
     return np.isinf(accelerated_contact(start, zero, zero + LATERAL_MPS2))
 
 
 brake = (_brake,)
+"""The manoeuvre of `ttb`: full braking."""
 accelerate = (_accelerate,)
+"""The manoeuvre of `ttk`: full acceleration."""
 steer = (_left, _right)
+"""The manoeuvres of `tts`: full lateral acceleration to either side."""

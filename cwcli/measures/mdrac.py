@@ -1,4 +1,4 @@
-"""Modified deceleration rate to avoid a crash: with the time that a driver takes to react."""
+"""Modified deceleration rate to avoid a crash: the driver's reaction time counts."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 REACTION_S = 1.0
+"""The driver's reaction time, s (SUMO device.ssm)."""
 
 
 def modified_deceleration(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); infinity where the time to collision is not longer than the reaction."""
+    """Deceleration (m/s^2) that avoids a crash after the reaction at each stamp, (n,); infinity if it is too late."""
     ttc = pair.value(TTC)[pair.near]
     closing = closing_speed(pair)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -33,6 +34,6 @@ MEASURE = Measure(
     threshold=3.4,
     threshold_source="SUMO device.ssm",
     undefined="the two are not on a collision course, or do not close",
-    misleads="of a driver who brakes already: the reaction is counted again",
+    misleads="for a driver who brakes already: the reaction time is counted again",
     is_pointwise=True,
 )

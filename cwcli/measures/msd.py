@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def minimum_stopping_distance(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Distance (m) in which the host can stop, at each stamp, (n,)."""
     speed = pair.approach.host_speed_mps
     return pair.spread(speed**2 / (2.0 * BRAKING_MPS2))
 
@@ -25,6 +25,6 @@ MEASURE = Measure(
     is_symmetric=False,
     is_of_host=True,
     undefined="the centres are more than 200 m apart",
-    misleads="it knows no reaction and a dry road",
+    misleads="it assumes no reaction time and a dry road",
     is_pointwise=True,
 )

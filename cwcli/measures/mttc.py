@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def modified_time_to_collision(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time to collision (s) at constant accelerations, at each stamp, (n,); NaN if there is none."""
     at = pair.approach
     ax, ay = at.other_accel_mps2
     found = accelerated_contact(Projections.of(pair), ax - at.host_accel_mps2, ay)
@@ -27,8 +27,8 @@ MEASURE = Measure(
     source="Ozbay et al. 2008; Jansson 2005, eq. 5.24",
     of=modified_time_to_collision,
     threshold=1.0,
-    threshold_source="as of TTC",
+    threshold_source="as for TTC",
     undefined="the two are not on a collision course at these accelerations",
-    misleads="of a braking car far ahead: the formula lets it drive backwards once it stands",
+    misleads="for a braking car far ahead: the formula lets it drive backwards after it has stopped",
     is_pointwise=True,
 )

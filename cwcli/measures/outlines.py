@@ -11,6 +11,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 Size = tuple[float, float]
+"""Length and width of an outline, m."""
 
 
 def overlap_margin(
@@ -34,7 +35,7 @@ def margin_of(
     host: Size,
     other: Size,
 ) -> FloatArray:
-    """The same from cosine and sine of the headings."""
+    """Largest separation over the four edge directions from cosine and sine of the headings, metres."""
     (cos_host, sin_host), (cos_other, sin_other) = along_host, along_other
     cos_between = np.abs(cos_host * cos_other + sin_host * sin_other)
     sin_between = np.abs(cos_host * sin_other - sin_host * cos_other)

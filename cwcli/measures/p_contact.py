@@ -1,8 +1,8 @@
 """Probability of contact within the horizon, by the covariances of both states.
 
-Each goes on at its acceleration and its yaw rate until it stands. Its position's covariance is that of the state,
-carried along the path to first order. What is summed is the probability of `collision_probability`, whose errors are
-told there; neither of the two counts as the host, as the mean of both ways to see it is taken.
+Each vehicle keeps its acceleration and its yaw rate until it stands. The covariance of its position is that of the
+state, propagated along the path to first order. The probability is that of `collision_probability`, which states its
+errors; it is the mean over both choices of the host.
 """
 
 from __future__ import annotations
@@ -15,17 +15,21 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 2.5
+"""Contact counts within this time, s (song2016's horizon)."""
 STEP_S = 0.05
+"""Step of the paths, s. Chosen by hand."""
 TIME_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
+"""Times of the paths' points, s."""
 N_USED = 6
-"""x, y, speed, heading, acceleration, yaw rate: of a state, what moves a path."""
+"""Number of states that move a path: x, y, speed, heading, acceleration, yaw rate."""
 AT_ONCE = 256
+"""Number of moments in a batch; it bounds the memory. Chosen by hand."""
 STANDS_MPS = 1e-9
-"""Below it a speed is rounding."""
+"""A lower speed is rounding and counts as standing."""
 
 
 def contact_within_horizon(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); NaN where a covariance is not known."""
+    """Probability of contact within the horizon at each stamp, (n,); NaN where a covariance is not known."""
     near = pair.near
     found = np.full(len(near), np.nan)
     own = np.concatenate([pair.host.state[near, :4], pair.host_motion[near, :2]], axis=1)
@@ -56,7 +60,7 @@ def contact_within_horizon(pair: Pair) -> FloatArray:
 
 
 def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Paths from states (m, 6) with covariances (m, 6, 6): x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
+    """Propagate states (m, 6) and covariances (m, 6, 6) to paths: x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
     x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
     with np.errstate(divide="ignore", invalid="ignore"):
         ahead = np.where(speed < -STANDS_MPS, -accel, accel)  # one that stands does not set off backwards
@@ -88,12 +92,12 @@ def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Floa
 
 
 def _summed(steps: FloatArray) -> FloatArray:
-    """From none on, (m, q)."""
+    """The cumulative sum of the steps (m, q - 1) from 0 on, (m, q)."""
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
 def _least_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
-    """Least distance of the centres at the path's points, less what they may come nearer between them, (m,)."""
+    """A lower bound of the distance of the centres along the paths, m, (m,): between points they may come nearer."""
     between = np.hypot(np.diff(dx, axis=1), np.diff(dy, axis=1)).max(axis=1)
     return np.asarray(np.hypot(dx, dy).min(axis=1) - 0.5 * between)
 
@@ -111,8 +115,8 @@ MEASURE = Measure(
     of=contact_within_horizon,
     undefined="the covariance of a state is not known, or the centres are more than 200 m apart",
     misleads=(
-        "where drivers react, as nobody does on these paths; where states are surer than they should be: "
-        "an acceleration or a yaw rate that a sensor's track does not tell counts as exactly 0"
+        "where drivers react, which these paths do not; where covariances are too small: an acceleration or "
+        "a yaw rate that a sensor's track does not have counts as exactly 0"
     ),
     is_pointwise=True,
     is_stepped=True,

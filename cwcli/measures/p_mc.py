@@ -12,14 +12,19 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 3.0
+"""Contact counts within this time, s. Chosen by hand; not fitted."""
 SIGMA_MPS2 = 2.875
+"""Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
 N_SAMPLES = 2048
+"""Number of manoeuvres; the share of them is the probability. Chosen by hand."""
 AT_ONCE = 8
+"""Number of moments in a batch; it bounds the memory. Chosen by hand."""
 MOST_SIGMAS = 4.0
+"""Pairs that would need an acceleration of more than this many sigmas to touch are left out. Chosen by hand."""
 
 
 def manoeuvre_probability(pair: Pair) -> FloatArray:
-    """At each stamp, (n,): the share of the manoeuvres that touch the other within the horizon."""
+    """Share of the sampled manoeuvres that touch the other within the horizon, at each stamp, (n,)."""
     at = pair.approach
     found = np.zeros(len(at.x_m))
     radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
@@ -36,7 +41,7 @@ def manoeuvre_probability(pair: Pair) -> FloatArray:
 
 @cache
 def manoeuvres() -> FloatArray:
-    """The host's accelerations along and across, (2, N): normal, evenly spread, the same to the left and the right."""
+    """Sample the host's accelerations along and across, (2, N): normal, evenly spread, symmetric to left and right."""
     k = np.arange(1, N_SAMPLES // 2 + 1)
     golden = 1.32471795724474602596  # x^3 = x + 1: the additive sequence that is spread most evenly in two dimensions
     u, v = (k / golden % 1.0, k / golden**2 % 1.0)
@@ -55,7 +60,7 @@ MEASURE = Measure(
     of=manoeuvre_probability,
     is_symmetric=False,
     undefined="the centres are more than 200 m apart",
-    misleads="beside each other in traffic: random manoeuvres are no driver's",
+    misleads="for vehicles side by side in traffic: no driver manoeuvres at random",
     is_pointwise=True,
     is_stepped=True,
     is_sampled=True,

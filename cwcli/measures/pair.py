@@ -1,4 +1,4 @@
-"""Two vehicles as they really moved: what the measures are made of."""
+"""The actual motion of two vehicles, from which the measures are computed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ from cwcli.signals.vehicle_state import N_STATES
 
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
-OUTLINE_RANGE_M = 200.0  # outlines are compared within this centre distance
+OUTLINE_RANGE_M = 200.0
+"""Outlines are compared only within this distance of the centres, m. Chosen by hand; not fitted."""
 
 
 class OfPair(Protocol):
-    """Something that is computed of a pair, such as `cwcli.measures.base.Measure`."""
+    """A quantity that can be computed for a pair, such as a `cwcli.measures.base.Measure`."""
 
     @property
     def of(self) -> Callable[[Pair], FloatArray]: ...
@@ -31,7 +32,7 @@ class OfPair(Protocol):
 
 @dataclass(frozen=True)
 class ActualTrack:
-    """What a vehicle really did.
+    """The actual states of a vehicle.
 
     Attributes:
         stamp_ns: Shape (n,), strictly increasing.
@@ -60,12 +61,14 @@ class Relative:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two vehicles at the host's stamps. What several measures share is computed once.
+    """Two vehicles at the host's stamps. Quantities that several measures share are computed once.
 
     Attributes:
         host, other: Their tracks.
         host_size, other_size: Length and width of the outlines, metres.
         max_gap_s: The other's track is not interpolated across longer gaps.
+        known_other: The other's states (n, 4) and derivatives (n, 3) at the host's stamps where they are known already;
+            None: they are interpolated from its track.
     """
 
     host: ActualTrack
@@ -73,40 +76,39 @@ class Pair:
     host_size: Size
     other_size: Size
     max_gap_s: float
+    known_other: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False, compare=False)
     _values: dict[OfPair, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def value(self, measure: OfPair) -> FloatArray:
-        """A measure at each stamp, (n,), or of the pair, ()."""
+        """Evaluate a measure at each stamp, (n,), or for the pair, (); each is computed once."""
         if measure not in self._values:
             self._values[measure] = measure.of(self)
         return self._values[measure]
 
     def rows(self, rows: npt.NDArray[np.intp]) -> Pair:
-        """The pair at some of the stamps; what is interpolated there is not interpolated anew."""
+        """The pair at some of the stamps, with the interpolated states of the other there."""
         state = np.concatenate([self.host.state[rows, :4], self.host_motion[rows]], axis=1)
         covariance = None if self.host.covariance is None else self.host.covariance[rows]
         track = ActualTrack(self.stamp_ns[rows], state, covariance)
         return self.given(track, self.others[rows], self.other_motion[rows])
 
     def between(self, first: int, last: int) -> Pair:
-        """The pair at the stamps `first` to `last`, without the latter; the other's track as it is."""
+        """The pair at the host's stamps from `first` to before `last`; the other keeps its whole track."""
         track = ActualTrack(self.stamp_ns[first:last], self.host.state[first:last])
-        return replace(self, host=track)
+        return replace(self, host=track, known_other=None)
 
     def given(self, host: ActualTrack, others: FloatArray, other_motion: FloatArray) -> Pair:
-        """A host, and the other's states and motion at its stamps, as `others` and `other_motion` have them."""
-        pair = replace(self, host=host)
-        pair.__dict__.update(others=others, other_motion=other_motion)  # what cached_property would fill in
-        return pair
+        """The pair with another host track, and the other's states (n, 4) and derivatives (n, 3) at its stamps."""
+        return replace(self, host=host, known_other=(others, other_motion))
 
     @property
     def stamp_ns(self) -> Int64Array:
-        """Of the host, (n,)."""
+        """The host's stamps, (n,)."""
         return self.host.stamp_ns
 
     @cached_property
     def step_s(self) -> FloatArray:
-        """How long each stamp counts, (n,): half of the way to its neighbours, at most the gap that is bridged."""
+        """The time that each stamp stands for, s, (n,): half of the way to its neighbours, at most `max_gap_s`."""
         apart = np.minimum(np.diff(self.stamp_ns) / NS_PER_S, self.max_gap_s)
         if not len(apart):
             return np.zeros(len(self.stamp_ns))
@@ -115,6 +117,8 @@ class Pair:
     @cached_property
     def others(self) -> FloatArray:
         """The other's x, y, speed, heading at the host's stamps, (n, 4); NaN where its track has no data."""
+        if self.known_other is not None:
+            return self.known_other[0]
         return interpolate(self.other, self.stamp_ns, self.max_gap_s)
 
     @cached_property
@@ -125,10 +129,12 @@ class Pair:
     @cached_property
     def other_motion(self) -> FloatArray:
         """The other's accel_mps2, yaw_rate_radps and jerk_mps3 at the host's stamps, (n, 3); NaN without data."""
+        if self.known_other is not None:
+            return self.known_other[1]
         return interpolate(self.other, self.stamp_ns, self.max_gap_s, motion_of(self.other))
 
     def covariances(self, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-        """Of the host's states in some rows, and of the other's newest then, (m, 8, 8) each; NaN where not known."""
+        """Covariances (m, 8, 8) of the host's states in some rows and of the other's newest then; NaN if not known."""
         known = np.flatnonzero(np.isfinite(self.other.state[:, :4]).all(axis=1))
         newest = np.searchsorted(self.other.stamp_ns[known], self.stamp_ns[rows], side="right") - 1
         unknown = np.full((len(rows), N_STATES, N_STATES), np.nan)
@@ -140,13 +146,13 @@ class Pair:
 
     @cached_property
     def distance_m(self) -> FloatArray:
-        """Of the centres, (n,); NaN where either track has no data."""
+        """Distance of the centres, (n,); NaN where either track has no data."""
         apart = self.others - self.host.state[:, :4]
         return np.where(np.isfinite(apart).all(axis=1), np.hypot(apart[:, 0], apart[:, 1]), np.nan)
 
     @cached_property
     def near(self) -> npt.NDArray[np.intp]:
-        """The rows in which the centres are within 200 m: elsewhere outlines are not compared."""
+        """Indices (m,) of the stamps at which the centres are within 200 m; elsewhere outlines are not compared."""
         return np.flatnonzero(self.distance_m <= OUTLINE_RANGE_M)
 
     @cached_property
@@ -156,18 +162,18 @@ class Pair:
 
     @cached_property
     def approach(self) -> Approach:
-        """The other as the host sees it, in the rows `near`."""
+        """The other in the host's axes, in the rows `near`."""
         return Approach(self)
 
     def spread(self, values: FloatArray) -> FloatArray:
-        """Values of the rows `near` over all rows, (n,): NaN in the others."""
+        """Expand values of the rows `near` to all rows, (n,); the other rows are NaN."""
         out = np.full(len(self.stamp_ns), np.nan)
         out[self.near] = values
         return out
 
 
 def relative_of(own: FloatArray, theirs: FloatArray) -> Relative:
-    """Of two vehicles' x, y, speed, heading, (m, 4) each."""
+    """Compute the relative motion of two vehicles from their x, y, speed, heading, (m, 4) each."""
     cos_host, sin_host, cos_other, sin_other = (f(each[:, 3]) for each in (own, theirs) for f in (np.cos, np.sin))
     return Relative(
         dx_m=theirs[:, 0] - own[:, 0],
@@ -185,10 +191,10 @@ class Approach:
     """The other in the host's axes, x ahead and y to the left, each (m,): the rows `near` of a pair.
 
     Attributes:
-        host_speed_mps, other_speed_mps: Along their own headings.
-        x_m, y_m: Of the other's centre.
-        vx_mps, vy_mps: Of the other, relative to the host, along the host's present axes.
-        cos_turn, sin_turn: Of the other's heading relative to the host's.
+        host_speed_mps, other_speed_mps: Speeds along their own headings.
+        x_m, y_m: Position of the other's centre.
+        vx_mps, vy_mps: Velocity of the other relative to the host, along the host's present axes.
+        cos_turn, sin_turn: Cosine and sine of the other's heading relative to the host's.
         reach_x_m, reach_y_m: Half the extent of both outlines together along the host's axes.
     """
 
@@ -209,28 +215,28 @@ class Approach:
 
     @cached_property
     def host_accel_mps2(self) -> FloatArray:
-        """Along the host's heading."""
+        """The host's acceleration along its heading, (m,)."""
         return np.asarray(self._pair.host_motion[self._pair.near, 0])
 
     @cached_property
     def other_accel_mps2(self) -> tuple[FloatArray, FloatArray]:
-        """The other's along the host's two axes, its heading kept."""
+        """The other's acceleration along the host's two axes at a constant heading, (m,) each."""
         accel = self._pair.other_motion[self._pair.near, 0]
         return accel * self.cos_turn, accel * self.sin_turn
 
     @cached_property
     def is_lead(self) -> npt.NDArray[np.bool_]:
-        """Whether the other is ahead of the host and in its way, were the host to go straight on."""
+        """Whether the other is ahead and in the host's way if the host drives straight on, (m,)."""
         return np.asarray((self.x_m > 0.0) & (np.abs(self.y_m) < self.reach_y_m))
 
     @cached_property
     def headway_m(self) -> FloatArray:
-        """Gap to the other where it is ahead and in the way, 0 in contact; else NaN."""
+        """Gap to the other where it is straight ahead, 0 in contact, else NaN, (m,)."""
         return np.where(self.is_lead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
 
 
 def motion_of(track: ActualTrack) -> FloatArray:
-    """Acceleration, yaw rate and jerk of a track, (n, 3): as it has them, else the slopes of its speed and heading."""
+    """Acceleration, yaw rate and jerk of a track, (n, 3): its own, else the slopes of its speed and heading."""
     known = track.state[:, 4:7]
     missing = 3 - known.shape[1]
     if not missing:
@@ -250,12 +256,12 @@ def motion_of(track: ActualTrack) -> FloatArray:
 def interpolate(
     track: ActualTrack, at_ns: Int64Array, max_gap_s: float, values: FloatArray | None = None
 ) -> FloatArray:
-    """x, y, speed, heading at the given times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.
+    """Interpolate x, y, speed, heading at times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.
 
-    States that are not finite are no data.
+    States that are not finite are left out.
 
     Args:
-        values: To give instead of the states, (n, k).
+        values: Values to interpolate instead of the states, (n, k).
     """
     finite = np.isfinite(track.state[:, :4]).all(axis=1)
     if values is not None:

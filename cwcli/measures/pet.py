@@ -1,4 +1,4 @@
-"""Post-encroachment time: between one vehicle leaving a spot and the other entering it. For a follower the time gap."""
+"""Post-encroachment time: between one vehicle leaving a spot and the other entering it; the time gap of a follower."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
 LIMIT_S = 5.0
+"""The longest lag that is looked for, s. Chosen by hand; not fitted."""
 STEP_S = 0.1
+"""Step of the grid on which the least lag is searched, s. Chosen by hand."""
 FINE_STEP_S, REACH_STEPS = 0.01, 2
-"""About the least lag in steps both vehicles are looked at in finer ones: a whole step of either may hide a contact."""
+"""The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
 
 
 def post_encroachment_time(pair: Pair) -> FloatArray:
-    """The smallest lag at which one's outline, taken that much later, overlaps the other's, (): 0 for a collision."""
+    """The smallest lag (s) at which one's outline overlaps the other's that much later, (): 0 for a collision."""
     found = pair.value(_NARROWEST)
     if not len(found):
         return np.array(np.nan)
@@ -31,7 +33,7 @@ def post_encroachment_time(pair: Pair) -> FloatArray:
 
 
 def encroachment(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
-    """PET, and speed and heading of the host and of the other in the spot that one left and the other came to, (2,)."""
+    """PET on the grid (s), and speed and heading (2,) of the host and of the other at that encroachment."""
     found = pair.value(_NARROWEST)
     if not len(found):
         return np.nan, np.full(2, np.nan), np.full(2, np.nan)
@@ -41,7 +43,7 @@ def encroachment(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
 
 
 def encroachment_span(pair: Pair) -> float:
-    """How long the host is, around that moment, where the other is within `LIMIT_S`, seconds; NaN on one line."""
+    """How long the host is where the other is within `LIMIT_S`, around the least lag, s; NaN for parallel headings."""
     found = pair.value(_NARROWEST)
     if not len(found):
         return np.nan
@@ -63,13 +65,13 @@ def encroachment_span(pair: Pair) -> float:
 
 @dataclass(frozen=True)
 class _Shared:
-    """What the measures of an encroachment share; the pair keeps it."""
+    """A quantity that the measures of an encroachment share; the pair caches it."""
 
     of: Callable[[Pair], FloatArray]
 
 
 def _grid(pair: Pair) -> FloatArray:
-    """Both states in steps of `STEP_S` while both are known, (g, 8): x, y, speed, heading of the host, of the other."""
+    """Both states on the time grid while both are known, (g, 8): x, y, speed, heading of the host and of the other."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
     if not (len(host) and len(other)):
         return np.zeros((0, 8))
@@ -79,13 +81,13 @@ def _grid(pair: Pair) -> FloatArray:
 
 
 def _poses(pair: Pair) -> FloatArray:
-    """x, y, cosine and sine of the heading of the host, then of the other, in the steps of the grid, (8, g)."""
+    """x, y, cosine and sine of the heading of the host and of the other on the time grid, (8, g)."""
     x, y, _, heading, to_x, to_y, _, to_heading = pair.value(_GRID).T
     return np.stack([x, y, np.cos(heading), np.sin(heading), to_x, to_y, np.cos(to_heading), np.sin(to_heading)])
 
 
 def _narrowest(pair: Pair) -> FloatArray:
-    """Rows of the grid at which the host and the other overlap at the least lag, (2,); (0,) if none do."""
+    """Grid rows of the host and of the other whose outlines overlap at the least lag, (2,); (0,) if none do."""
     poses = pair.value(_POSES)
     n = poses.shape[1]
     n_lags = min(round(LIMIT_S / STEP_S), n - 1) + 1 if n > 1 else 0
@@ -98,7 +100,7 @@ def _narrowest(pair: Pair) -> FloatArray:
 
 
 def _refined(pair: Pair, mine: int, other: int) -> float:
-    """The least lag about two rows of the grid, seconds."""
+    """Refine the least lag around two rows of the grid, s."""
     first_ns = max(int(pair.host.stamp_ns[0]), int(pair.other.stamp_ns[0]))
     n = round(REACH_STEPS * STEP_S / FINE_STEP_S)
     fine_s = np.arange(-n, n + 1) * FINE_STEP_S
@@ -119,10 +121,11 @@ def _refined(pair: Pair, mine: int, other: int) -> float:
 
 
 _GRID, _POSES, _NARROWEST = _Shared(_grid), _Shared(_poses), _Shared(_narrowest)
+"""The shared quantities, which `Pair.value` computes once per pair."""
 
 
 def _overlapping(poses: FloatArray, lag: int, pair: Pair) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Rows of the host, and of the other `lag` steps later, with overlapping outlines: apart on no edge's direction."""
+    """Grid rows of the host, and of the other `lag` steps later, whose outlines overlap on all edge directions."""
     n = poses.shape[1] - abs(lag)
     mine, them = max(-lag, 0), max(lag, 0)
     own, theirs = poses[:4, mine : mine + n], poses[4:, them : them + n]
@@ -153,8 +156,8 @@ MEASURE = Measure(
     source="Allen, Shin and Cooper 1978",
     of=post_encroachment_time,
     note="post-encroachment time to 0.01 s",
-    undefined="no spot was left by one less than 5 s before the other came",
-    misleads="behind a vehicle: there it is the time gap, which is small for hours in dense traffic",
+    undefined="neither vehicle entered a spot within 5 s after the other had left it",
+    misleads="when following a vehicle: there it is the time gap, which is small for hours in dense traffic",
     is_series=False,
     with_warnings=True,
 )

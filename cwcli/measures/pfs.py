@@ -1,4 +1,4 @@
-"""Proactive fuzzy safety: how far the gap is from one that would do if the vehicle ahead braked."""
+"""Proactive fuzzy safety: how unsafe the gap is if the vehicle ahead brakes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def proactive_fuzzy_safety(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), 0 to 1."""
+    """Proactive fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe)."""
     at = pair.approach
     ahead = at.vx_mps + at.host_speed_mps
     return pair.spread(fuzzy.proactive(at.headway_m, at.host_speed_mps, ahead))
@@ -30,7 +30,7 @@ MEASURE = Measure(
     threshold=0.99,
     threshold_source="1 is unsafe by definition",
     undefined="nothing is ahead of the host within the width of the two outlines",
-    misleads="in dense traffic, where everybody follows nearer",
+    misleads="in dense traffic, where everybody follows more closely",
     is_pointwise=True,
     clause=lambda threshold: (
         f"the gap would have been unsafe (PFS above {threshold:g}) if the vehicle ahead had braked"

@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def predicted_post_encroachment_time(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); 0 where both would be in the area at once."""
+    """Predicted post-encroachment time (s) at each stamp, (n,); 0 where both would be in the area at once."""
     at = Crossing(pair)
     gap = np.maximum(at.host_entry_s - at.other_exit_s, at.other_entry_s - at.host_exit_s)
     return pair.spread(np.where(at.is_ahead, np.maximum(gap, 0.0), np.nan))
@@ -31,6 +31,6 @@ MEASURE = Measure(
     threshold=1.0,
     threshold_source="cwcli; SUMO reports from 2 s",
     undefined="the ways cross under less than 30 degrees, or one has left the area, or stands",
-    misleads="of one that brakes for the crossing",
+    misleads="for a vehicle that brakes before the crossing",
     is_pointwise=True,
 )

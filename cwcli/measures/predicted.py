@@ -9,11 +9,13 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 5.0
+"""Overlaps are looked for within this time, s. Chosen by hand; not fitted."""
 STEP_S = 0.1
+"""Step of the paths, s. Chosen by hand."""
 
 
 def first_overlap(pair: Pair) -> FloatArray:
-    """In the rows `near`, (m,): NaN if they do not meet within `HORIZON_S`; linear between the steps."""
+    """Time (s) of the first overlap in the rows `near`, (m,), linear between the steps; NaN if beyond `HORIZON_S`."""
     at, own_m, their_m = pair.approach, pair.host_size, pair.other_size
     found = np.full(len(at.x_m), np.nan)
     radius = 0.5 * (np.hypot(*own_m) + np.hypot(*their_m))

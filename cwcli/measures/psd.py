@@ -1,4 +1,4 @@
-"""Proportion of stopping distance: the way to contact against the way to stop."""
+"""Proportion of stopping distance: the distance to contact over the distance needed to stop."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def proportion_of_stopping_distance(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Proportion of stopping distance at each stamp, (n,); NaN off a collision course or at standstill."""
     way_m = pair.value(TTC)[pair.near] * np.abs(pair.approach.host_speed_mps)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = way_m / pair.value(MSD)[pair.near]

@@ -1,4 +1,4 @@
-"""RSS, across the way: the gap against the safe one."""
+"""RSS, lateral: the gap across the host's heading less the safe gap."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def lateral_margin(pair: Pair) -> FloatArray:
-    """At each stamp, (n,), across the host's heading."""
+    """Lateral gap (m) beyond the safe one of RSS at each stamp, (n,), across the host's heading."""
     at = pair.approach
     gap = np.maximum(np.abs(at.y_m) - at.reach_y_m, 0.0)
     toward = np.where(at.y_m > 0.0, -at.vy_mps, at.vy_mps)

@@ -1,4 +1,4 @@
-"""RSS, along the way: the gap against the safe one."""
+"""RSS, longitudinal: the gap along the host's heading less the safe gap."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def longitudinal_margin(pair: Pair) -> FloatArray:
-    """At each stamp, (n,): whoever is behind keeps the safe gap of RSS; towards each other, both."""
+    """Longitudinal gap (m) beyond the safe one of RSS at each stamp, (n,), for whoever drives behind or for both."""
     at = pair.approach
     gap = np.maximum(np.abs(at.x_m) - at.reach_x_m, 0.0)
     own, theirs = at.host_speed_mps, at.vx_mps + at.host_speed_mps
@@ -30,6 +30,7 @@ def longitudinal_margin(pair: Pair) -> FloatArray:
 
 
 MIN_COSINE = 0.7
+"""Smallest cosine of the angle between the headings, about 45 degrees. Chosen by hand; not fitted."""
 
 
 MEASURE = Measure(

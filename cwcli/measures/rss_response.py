@@ -1,4 +1,4 @@
-"""RSS, proper response: how hard the host has to brake where both of its safe distances are lost."""
+"""RSS, proper response: the braking that the host owes where both of its safe distances are violated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def proper_response(pair: Pair) -> FloatArray:
-    """At each stamp, (n,): 0 where one of the two distances is safe."""
+    """Braking (m/s^2) that RSS demands of the host at each stamp, (n,): 0 where one of both distances is safe."""
     at, near = pair.approach, pair.near
     along, across = pair.value(RSS_LONG)[near], pair.value(RSS_LAT)[near]
     toward = at.cos_turn < 0.0
@@ -35,7 +35,7 @@ MEASURE = Measure(
     source="Shalev-Shwartz et al. 2017, definitions 3 and 5; values of ad-rss-lib",
     of=proper_response,
     is_symmetric=False,
-    undefined="as of rss_long",
+    undefined="as for rss_long",
     misleads="at a cut-in: RSS then asks for braking across, which the host can't see as its own duty",
     is_pointwise=True,
     is_stepped=True,

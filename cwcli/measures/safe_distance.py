@@ -1,7 +1,8 @@
 """The safe distances of Responsibility-Sensitive Safety, RSS (Shalev-Shwartz, Shammah and Shashua 2017).
 
-Whoever may still accelerate for the response time and then brakes at least so much stays safe from the other's worst.
-Values are those of ad-rss-lib: IEEE 2846 names the assumptions and gives no numbers.
+A gap is safe if no contact follows when one vehicle accelerates for its response time and then brakes gently, whatever
+the other does within its limits. The values are those of ad-rss-lib: IEEE 2846 names the assumptions and gives no
+numbers.
 """
 
 from __future__ import annotations
@@ -11,22 +12,31 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 HOST_RESPONSE_S = 1.0
+"""Response time of the host, s (ad-rss-lib)."""
 OTHER_RESPONSE_S = 2.0
+"""Response time of the other, s (ad-rss-lib)."""
 ACCEL_MPS2 = 3.5
+"""Largest acceleration during the response time (ad-rss-lib)."""
 MIN_BRAKING_MPS2 = 4.0
+"""Least braking after the response time (ad-rss-lib)."""
 MIN_BRAKING_CORRECT_MPS2 = 3.0
+"""Least braking of a vehicle in its own lane against oncoming traffic (ad-rss-lib)."""
 MAX_BRAKING_MPS2 = 8.0
+"""Largest braking of a vehicle ahead (ad-rss-lib)."""
 LATERAL_ACCEL_MPS2 = 0.2
+"""Largest lateral acceleration towards the other during the response time (ad-rss-lib)."""
 LATERAL_BRAKING_MPS2 = 0.8
+"""Least lateral braking after the response time (ad-rss-lib)."""
 FLUCTUATION_M = 0.1
+"""Lateral fluctuation of a vehicle that keeps its lane, m (ad-rss-lib)."""
 
 
 def stated_braking_way(
     speed_mps: FloatArray | float, response_s: float | FloatArray, accel_mps2: float, braking_mps2: float
 ) -> FloatArray:
-    """Way until standing after `response_s` of acceleration and braking from then on; signed as the acceleration.
+    """Distance (m) to standstill: acceleration for `response_s`, then braking; signed as the acceleration.
 
-    Negative speeds: along the axis the other way. One that still moves against the acceleration then need not brake.
+    A negative speed points against the axis. A vehicle that still moves against the acceleration then need not brake.
     """
     speed = np.asarray(speed_mps, np.float64)
     after = speed + accel_mps2 * response_s
@@ -36,13 +46,13 @@ def stated_braking_way(
 
 
 def same_direction(rear_mps: FloatArray | float, front_mps: FloatArray | float, response_s: float) -> FloatArray:
-    """Safe gap of one behind another, metres; definition 1."""
+    """Safe gap behind a vehicle that drives in the same direction, metres; definition 1."""
     rear = stated_braking_way(np.maximum(rear_mps, 0.0), response_s, ACCEL_MPS2, MIN_BRAKING_MPS2)
     return np.asarray(np.maximum(rear - np.maximum(front_mps, 0.0) ** 2 / (2.0 * MAX_BRAKING_MPS2), 0.0))
 
 
 def opposite_direction(host_mps: FloatArray | float, other_mps: FloatArray | float) -> FloatArray:
-    """Safe gap of two that drive towards each other, the host in its own lane, metres; definition 2."""
+    """Safe gap of vehicles that drive towards each other, the host in its own lane, metres; definition 2."""
     own = stated_braking_way(np.maximum(host_mps, 0.0), HOST_RESPONSE_S, ACCEL_MPS2, MIN_BRAKING_CORRECT_MPS2)
     return own + stated_braking_way(np.maximum(other_mps, 0.0), OTHER_RESPONSE_S, ACCEL_MPS2, MIN_BRAKING_MPS2)
 
@@ -54,7 +64,7 @@ def lateral(
     right_response_s: float | FloatArray,
     fluctuation_m: float = FLUCTUATION_M,
 ) -> FloatArray:
-    """Safe gap between one on the left and one on the right, metres, speeds positive to the right; definition 6."""
+    """Safe lateral gap of two vehicles, metres; lateral speeds are positive to the right; definition 6."""
     left = stated_braking_way(left_mps, left_response_s, LATERAL_ACCEL_MPS2, LATERAL_BRAKING_MPS2)
     right = stated_braking_way(right_mps, right_response_s, -LATERAL_ACCEL_MPS2, LATERAL_BRAKING_MPS2)
     return np.asarray(np.maximum(left - right, 0.0) + fluctuation_m)

@@ -1,4 +1,4 @@
-"""Steer threat number: the steering that is needed, against what the car can do."""
+"""Steer threat number: the needed lateral acceleration over that which the car can do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def steer_threat_number(pair: Pair) -> FloatArray:
-    """At each stamp, (n,): 1 needs all that the car can do."""
+    """Steer threat number at each stamp, (n,): 1 needs all the lateral acceleration that the car can do."""
     return pair.value(A_LAT_REQ) / LATERAL_MPS2
 
 
@@ -25,7 +25,7 @@ MEASURE = Measure(
     is_symmetric=False,
     threshold=1.0,
     threshold_source="beyond 1 steering alone no longer helps",
-    undefined="as of a_lat,req",
-    misleads="as a_lat,req",
+    undefined="as for a_lat,req",
+    misleads="as for a_lat,req",
     is_pointwise=True,
 )

@@ -1,4 +1,4 @@
-"""What was measured of the pairs of a log, as tables: each moment, and the most critical values."""
+"""Tables of the measures of a log's pairs: each moment, and the most critical values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cwcli.signals.columns import Strings, constant_strings, strings_from
 
 
 def series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
-    """One row a moment of a pair, pair by pair."""
+    """The table with one row per moment of a pair, pair by pair."""
     lengths = np.array([len(pair.stamp_ns) for pair in pairs], int)
     other_id = Strings(
         np.repeat(np.arange(len(pairs), dtype=np.int32), lengths), tuple(pair.other_id for pair in pairs)
@@ -30,7 +30,7 @@ def series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[s
 
 
 def extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
-    """One row a measure of a pair: over the whole time (encounter 0), and of each encounter."""
+    """The table with one row per measure of a pair, for the whole time (encounter 0) and for each encounter."""
     rows = [(pair.other_id, extreme) for pair in pairs for extreme in pair.extremes]
 
     def whole(name: str) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -54,8 +54,8 @@ def extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping
             "sigma": numbers("sigma"),
         },
         docs={
-            "encounter": ColumnDoc(doc="0: the whole time within 200 m; from 1: stretches within 50 m"),
-            "stamp_ns": ColumnDoc(doc="when; -1: of the stretch, or none"),
-            "sigma": ColumnDoc(doc="of the value, to first order by the states' covariances"),
+            "encounter": ColumnDoc(doc="0: the whole time within 200 m; from 1: encounters within 50 m"),
+            "stamp_ns": ColumnDoc(doc="time of the value; -1: it belongs to the whole encounter, or there is none"),
+            "sigma": ColumnDoc(doc="standard error of the value, to first order by the states' covariances"),
         },
     )

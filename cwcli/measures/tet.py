@@ -10,10 +10,11 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 THRESHOLD_S = 2.0
+"""Times to collision up to this count as exposure, for TET and TIT, s. Chosen by hand; not fitted."""
 
 
 def time_exposed(pair: Pair) -> FloatArray:
-    """Of the pair, (): seconds with a time to collision of at most 2 s."""
+    """Time (s) that the pair spends with a time to collision of at most 2 s, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
     return np.array(pair.step_s[pair.value(TTC) <= THRESHOLD_S].sum())
@@ -28,6 +29,6 @@ MEASURE = Measure(
     source="Minderhoud and Bovy 2001",
     of=time_exposed,
     is_series=False,
-    undefined="the two were never known at one time",
-    misleads="of a long drive: it adds up what was never near",
+    undefined="both positions were never known at the same time",
+    misleads="for a long drive: it adds up many moments of which none was dangerous",
 )

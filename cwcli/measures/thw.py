@@ -1,4 +1,4 @@
-"""Time headway: until the host's front is where the rear of what is straight ahead is now."""
+"""Time headway: time until the host's front is where the rear of the vehicle ahead is now."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_headway(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time headway (s) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
     at = pair.approach
     with np.errstate(divide="ignore", invalid="ignore"):
         return pair.spread(np.where(at.host_speed_mps > 0.0, at.headway_m / at.host_speed_mps, np.nan))
@@ -28,6 +28,6 @@ MEASURE = Measure(
     threshold=0.9,
     threshold_source="half the two seconds of driving schools (Vogel 2003: 0.9 s is often fined)",
     undefined="nothing is ahead of the host within the width of the two outlines, or the host stands",
-    misleads="in dense traffic, where many drive at 0.8 s for hours; it says nothing of closing",
+    misleads="in dense traffic, where many drive at 0.8 s for hours; it does not depend on the closing speed",
     is_pointwise=True,
 )

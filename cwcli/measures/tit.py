@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_integrated(pair: Pair) -> FloatArray:
-    """Of the pair, (): how far below 2 s the time to collision was, times how long."""
+    """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
     below = THRESHOLD_S - pair.value(TTC)
@@ -28,6 +28,6 @@ MEASURE = Measure(
     source="Minderhoud and Bovy 2001",
     of=time_integrated,
     is_series=False,
-    undefined="the two were never known at one time",
-    misleads="as TET",
+    undefined="both positions were never known at the same time",
+    misleads="as for TET",
 )

@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_brake(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time (s) left to avoid contact by braking, at each stamp, (n,)."""
     return manoeuvres.time_to(manoeuvres.brake, pair)
 
 

@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_collision(pair: Pair) -> FloatArray:
-    """At each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
+    """Time to collision (s) at each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
     found = straight_contact(Projections.of(pair))
     return pair.spread(np.where(found < np.inf, found, np.nan))
 

@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_predicted_collision(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time to collision (s) along paths of constant speed and yaw rate, at each stamp, (n,); NaN if there is none."""
     return pair.spread(first_overlap(pair))
 
 
@@ -22,7 +22,7 @@ MEASURE = Measure(
     source="CommonRoad-CriMe (Lin and Althoff 2023), on paths of constant speed and yaw rate",
     of=time_to_predicted_collision,
     threshold=1.0,
-    threshold_source="as of TTC",
+    threshold_source="as for TTC",
     undefined="the paths do not meet within 5 s",
     misleads="at the end of a curve, where the yaw rate changes",
     is_pointwise=True,

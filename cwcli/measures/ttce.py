@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_closest_encounter(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time to the closest encounter (s) at each stamp, (n,)."""
     time_s, _ = closest_encounter(pair)
     return pair.spread(time_s)
 
@@ -23,6 +23,6 @@ MEASURE = Measure(
     source="Eggert 2014",
     of=time_to_closest_encounter,
     undefined="the centres are more than 200 m apart, or nothing moves relative to the other",
-    misleads="alone: a near time says nothing of how near; read it with DCE",
+    misleads="alone: a short time does not mean a short distance; read it with DCE",
     is_pointwise=True,
 )

@@ -1,4 +1,4 @@
-"""Time to react: how long the driver may wait and still avoid the contact somehow."""
+"""Time to react: how long the driver may wait and still avoid the contact by any manoeuvre."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_react(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time (s) left to avoid contact by any manoeuvre, at each stamp, (n,)."""
     return np.fmax(np.fmax(pair.value(TTB), pair.value(TTK)), pair.value(TTS))
 
 
@@ -29,7 +29,7 @@ MEASURE = Measure(
     threshold=0.5,
     threshold_source="cwcli: below it hardly anybody reacts",
     undefined="the two are not on a collision course, or nothing helps any more",
-    misleads="as its parts",
+    misleads="as for its parts",
     is_pointwise=True,
     is_stepped=True,
 )

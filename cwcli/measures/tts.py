@@ -9,7 +9,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def time_to_steer(pair: Pair) -> FloatArray:
-    """At each stamp, (n,)."""
+    """Time (s) left to avoid contact by steering to one side, at each stamp, (n,)."""
     return manoeuvres.time_to(manoeuvres.steer, pair)
 
 

@@ -1,7 +1,7 @@
-"""How far a measure is off to first order, by the covariances of the two states.
+"""Standard errors of measures to first order, from the covariances of the two states.
 
-sigma^2 = J_e P_e J_e' + J_o P_o J_o', the derivatives taken as central differences. A measure that one of the steps
-makes undefined has no sigma: it is not smooth there.
+sigma^2 = J_e P_e J_e' + J_o P_o J_o', with the derivatives as central differences. A measure that is undefined after
+one of the steps has no sigma: it is not smooth there.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 
 STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-5, 1e-4, 1e-5, 1e-4])
-"""Of x, y, speed, heading, acceleration, yaw rate and jerk, SI units."""
+"""Steps of the differences in x, y, speed, heading, acceleration, yaw rate and jerk, SI units. Chosen by hand."""
 
 
 def sigma_of(
     pair: Pair, covariances: tuple[FloatArray, FloatArray], measures: Mapping[str, Measure]
 ) -> dict[str, FloatArray]:
-    """Sigma of pointwise measures at each of the host's stamps.
+    """Compute the sigmas of pointwise measures at each of the host's stamps.
 
     Args:
-        pair: Both, r stamps.
-        covariances: Of the host and of the other then, (r, 8, 8) each.
-        measures: Which, by name.
+        pair: Both vehicles at r stamps.
+        covariances: Covariances of the host's and the other's states then, (r, 8, 8) each.
+        measures: The measures by name.
 
     Returns:
         Name -> (r,); NaN where the covariances are not known, or the measure is not smooth.
@@ -47,7 +47,7 @@ def sigma_of(
 
 
 def _nudged(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
-    """The pair with one quantity of one vehicle moved."""
+    """The pair with one quantity of one vehicle's states changed by a step."""
     host, others, own, theirs = pair.host.state, pair.others, pair.host_motion, pair.other_motion
     states, motions = ([host, others], [own, theirs])
     which = 0 if is_host else 1
@@ -60,6 +60,7 @@ def _nudged(pair: Pair, is_host: bool, column: int, step: float) -> Pair:
 
 
 def _moved(values: FloatArray, column: int, step: float) -> FloatArray:
+    """A copy of the values with a step added to one column."""
     out = values.copy()
     out[:, column] += step
     return out

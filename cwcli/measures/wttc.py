@@ -1,4 +1,4 @@
-"""Worst time to collision: when two that do their worst could touch."""
+"""Worst time to collision: the earliest contact if both accelerate as hard as they can in any direction."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 ACCEL_MPS2 = 11.5
+"""Largest acceleration of each vehicle in any direction (CommonRoad vehicle 2, see `limits.BRAKING_MPS2`)."""
 STEPS = 24
+"""Number of steps of the iteration that solves for the time. Chosen by hand."""
 
 
 def worst_time_to_collision(pair: Pair) -> FloatArray:
-    """At each stamp, (n,).
+    """Worst time to collision (s) at each stamp, (n,).
 
-    Reached is |r + v t| = R + A t^2 / 2. Each step goes as far as would be safe if the centres closed with all of their
+    It solves |r + v t| = R + A t^2 / 2. Each step goes as far as would be safe if the centres closed with all of their
     relative speed from there on, so that no earlier contact is passed over.
     """
     at = pair.relative
@@ -31,7 +33,7 @@ def worst_time_to_collision(pair: Pair) -> FloatArray:
 
 
 MEASURE = Measure(
-    summary="time until two that do their worst could touch",
+    summary="time until contact if both accelerate towards it as hard as possible",
     symbol="WTTC",
     column="wttc_s",
     critical="low",
@@ -42,6 +44,6 @@ MEASURE = Measure(
     source="Wachenfeld et al. 2016, with the middle of CommonRoad-CriMe's three discs of each vehicle",
     of=worst_time_to_collision,
     undefined="the centres are more than 200 m apart",
-    misleads="of two that pass each other on any road: it is for finding candidates, not conflicts",
+    misleads="for two vehicles that pass each other on any road: it finds candidates, not conflicts",
     is_pointwise=True,
 )

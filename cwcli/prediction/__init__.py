@@ -1,1 +1,1 @@
-"""Where a vehicle will be: motion models, rollout of paths with their covariance, errors against what then happened."""
+"""Where a vehicle will be: motion models, rollout of paths with their covariance, errors against actual positions."""

@@ -1,4 +1,4 @@
-"""Ellipses that hold what they promise: scaled at each horizon by how well earlier ones did.
+"""Scale the ellipses of predicted paths at each horizon so that they hold the stated share of outcomes.
 
 The filter's covariance and the driver prior are models; on a given drive they may be too sure (a GNSS receiver with
 coloured errors) or not sure enough (a platoon). What is known at any moment is how the predictions made a horizon ago
@@ -49,20 +49,26 @@ from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.units import NS_PER_S
 
 LEVELS = np.array([0.5, 0.9])
-"""Of the two ellipses; the covariance of a path is that of the last."""
+"""Shares of outcomes that the two ellipses should hold; a path's covariance is that of the last."""
 LIMITS = np.array([ELLIPSE_50, ELLIPSE_90])
-STREAM_OUTCOMES = 6.0  # a 90 % quantile from so many is about as far off (in the log, 1) as logs are from each other
-CELL, FIRST_CELL, N_CELLS = 0.1, -10.0, 200  # of log squared distance
-TAIL = 2.0  # beyond the fleet's outermost quantiles
+"""The squared Mahalanobis distances of the borders of both ellipses (chi-square quantiles, two degrees of freedom)."""
+STREAM_OUTCOMES = 6.0
+"""The fleet's distribution counts as much as this many outcomes. Chosen: a 90 % quantile from 6 errs by about 1 in the
+logarithm, as much as logs differ from each other."""
+CELL, FIRST_CELL, N_CELLS = 0.1, -10.0, 200
+"""The histogram of log squared distances has 200 cells of width 0.1 from -10 on; what is beyond is clipped. Chosen by
+hand."""
+TAIL = 2.0
+"""The fleet's distribution ends this far beyond its outermost quantiles, in log squared distance. Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """How fast and how far the scale may go.
+    """How fast and how far the scale of a path's covariance adapts to outcomes.
 
     Attributes:
-        rate_1ps: Of the log variance while outside, per second: 3 s outside (one manoeuvre) raise it 2.2-fold, and it
-            takes 27 s inside to come back.
+        rate_1ps: Change of the log variance per second while outcomes fall outside: 3 s outside (one manoeuvre) raise
+            the variance 2.2-fold, and it takes 27 s inside to come back.
         limit: Largest factor on the variance, and the inverse of the smallest.
         max_gap_s: Track gaps longer than this give no outcome; the scale keeps its value meanwhile.
     """
@@ -80,7 +86,7 @@ def calibrated(
     outcome: Actual | None = None,
     begin: FloatArray | None = None,
 ) -> Paths:
-    """The paths of one vehicle with their covariance scaled by its own record.
+    """Scale the covariance of one vehicle's paths by its own earlier outcomes.
 
     Args:
         paths: n paths, one from each stamp; or several such sets, one below the other, each with a record of its own.
@@ -96,7 +102,7 @@ def calibrated(
 
 
 def _fleet_quantiles(knots: FloatArray) -> FloatArray:
-    """Of log squared distance, (k, l), at the fleet's levels: a normal distribution's at a path's start."""
+    """Quantiles of the log squared distance at k knots and the fleet's l levels, (k, l); normal at a path's start."""
     normal = np.log(-2.0 * np.log1p(-QUANTILES))
     fleet = np.concatenate([normal[None], fleet_prior().log_squared])
     return np.stack([np.interp(knots, [0.0, *KNOTS_S], column) for column in fleet.T], axis=1)
@@ -111,7 +117,7 @@ def beginning(model: str, horizon_s: float) -> FloatArray:
 
 
 def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> FloatArray:
-    """The logarithms of the default's scales by what was known of the log's other vehicles, (n, k, 2).
+    """The logarithms of the scales that the log's other vehicles and the fleet suggest at each row, (n, k, 2).
 
     Args:
         track: All vehicles of the log, n rows.
@@ -143,7 +149,7 @@ def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> Fl
 def outcomes(
     horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: Calibration | None = None
 ) -> Actual:
-    """Where the vehicle was when its paths of `horizon_s` are judged: the same for every model."""
+    """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see `Actual`."""
     settings = calibration or Calibration()
     return actual_positions(stamp_ns, stamp_ns, position_m, knots_s(horizon_s).tolist(), settings.max_gap_s)
 
@@ -156,9 +162,9 @@ def log_variance_scale(
     outcome: Actual | None = None,
     begin: FloatArray | None = None,
 ) -> FloatArray:
-    """The logarithms of the factors s^2 on the variance for each path, (n, k, 2); `begin` until an outcome.
+    """The logarithms of the factors s^2 on the variance of each path, (n, k, 2); equal to `begin` until an outcome.
 
-    Args: as of `calibrated`.
+    The arguments are those of `calibrated`.
     """
     settings = calibration or Calibration()
     n, knots = len(stamp_ns), knots_s(float(paths.time_s[-1]))
@@ -184,7 +190,7 @@ def squared_distances(
 def _followed(
     squared: FloatArray, begin: FloatArray, stamp_ns: Int64Array, knots: FloatArray, settings: Calibration
 ) -> FloatArray:
-    """`begin` (sets, n, k, 2) and what the vehicle's own outcomes (sets, n, k) add to it."""
+    """Adapt the log scales `begin` (sets, n, k, 2) to the vehicle's own squared distances (sets, n, k)."""
     if len(stamp_ns) < 2:
         return begin
     excess = np.log(np.maximum(squared, 1e-300))[..., None] - np.log(LIMITS) - begin
@@ -223,9 +229,9 @@ def predict_vehicles(
     log_time_ns: Int64Array | None = None,
     has_core: bool = False,
 ) -> Paths:
-    """The paths of all rows at once, see `plan_vehicles`.
+    """Predict the paths of all rows; the arguments are those of `plan_vehicles`.
 
-    Args: as there, and
+    Args:
         has_core: The paths have a `core_factor`.
     """
     plan = plan_vehicles(
@@ -258,7 +264,7 @@ def plan_vehicles(
     calibration: Calibration | None = None,
     log_time_ns: Int64Array | None = None,
 ) -> PathPlan:
-    """`rollout` of all rows with their measured gains, and each vehicle's covariance `calibrated` by its own record.
+    """Plan the paths of all rows, with their measured gains and each vehicle's covariance scaled by its own outcomes.
 
     Args:
         vehicle: Shape (n,): which vehicle a row is of.
@@ -289,7 +295,8 @@ def plan_vehicles(
         log_scale[every.rows] = stream_beginning(every, np.concatenate(squared), knots)
     for track, distances in zip(tracks, squared, strict=True):
         own = _followed(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, settings)[0]
-        rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])  # one that was overtaken goes by the newest before it
+        # a state that a newer one overtook takes the scale of the newest state before it
+        rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])
         if len(rows) > len(track.rows):
             newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
             log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
@@ -316,9 +323,9 @@ def stream_beginnings(
     horizon_s: float,
     step_s: float,
 ) -> FloatArray:
-    """With which scales the ellipses of a model that learns begin at each row, (n, k, 2): see `stream_beginning`.
+    """The log scales with which the ellipses of a model that learns begin at each row, (n, k, 2).
 
-    Args: as of `predict_vehicles`; `acted` by `record.measured_acted`.
+    The arguments are those of `plan_vehicles`; `acted` comes from `record.measured_acted`.
     """
     time_s = time_grid(horizon_s, step_s)
     knots = knots_s(float(time_s[-1]))

@@ -22,7 +22,7 @@ from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
 @dataclass(frozen=True)
 class DriverPrior:
-    """What cars in traffic do. Sigmas are one standard deviation; times are correlation times.
+    """Prior on the manoeuvres of cars in traffic. Sigmas are one standard deviation; times are correlation times.
 
     Attributes:
         accel_sigma_mps2, accel_time_s: Longitudinal acceleration; a pedal is held for some seconds. The sigma is that
@@ -91,7 +91,8 @@ class DriverPrior:
         return np.asarray(np.minimum(sigma, speed**2 * self.curvature_sigma_1pm))
 
 
-MIN_SPEED_MPS = 0.5  # keeps the yaw-rate prior from vanishing where the filter's own heading noise rules
+MIN_SPEED_MPS = 0.5
+"""Slower cars get the yaw-rate prior of this speed, since it would vanish at standstill. Chosen by hand; not fitted."""
 
 
 def added_variance(time_s: FloatArray, tau_s: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What earlier drives taught about derivatives: the prior of every vehicle's own record (`prediction.record`).
+"""Gains of acceleration and yaw rate on earlier drives: the prior of each vehicle's own history (`prediction.record`).
 
 It ships as `fleet_prior.toml`, which says what it was learned from; `python -m tests.studies.fleet_prior` makes it.
 """
@@ -16,20 +16,22 @@ from cwcli.prediction.row_products import row_products
 from cwcli.signals.columns import FloatArray
 
 FILE = "fleet_prior.toml"
+"""Name of the shipped file with the fleet's prior; `python -m tests.studies.fleet_prior` writes it."""
 KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
-"""Horizons at which gains and ellipses are measured; between them they are interpolated."""
+"""Horizons (s) at which gains and ellipses are measured; between them they are interpolated. Chosen by hand."""
 PARTS = ("unclear", "lasting", "new")
-"""A derivative's parts, see `prediction.record.parts_of`."""
+"""The parts that a derivative is divided into, see `prediction.record.parts_of`."""
 QUANTILES = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
+"""Levels of the quantiles in `fleet_prior.toml`. Chosen: they hold both levels of the ellipses and the tails."""
 
 
 @dataclass(frozen=True)
 class FleetPrior:
-    """What a vehicle's record begins with; axes are (along: acceleration, across: yaw rate).
+    """The gains that a vehicle's history begins with; the axes are along (acceleration) and across (yaw rate).
 
     Attributes:
         gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `KNOTS_S`.
-        error_m: Shape (2, k): what is left over, mean of its size.
+        error_m: Shape (2, k): mean absolute error that is left over.
         log_squared: Shape (k, l): quantiles at `QUANTILES` of the logarithm of the squared Mahalanobis distance of the
             outcomes of `auto`, before any scale.
     """
@@ -41,7 +43,7 @@ class FleetPrior:
 
 @lru_cache(maxsize=1)
 def fleet_prior() -> FleetPrior:
-    """The one that ships with the package."""
+    """Load the prior that ships with the package."""
     table = tomllib.loads(files("cwcli.prediction").joinpath(FILE).read_text(encoding="utf-8"))
     axes = (table["along"], table["across"])
     return FleetPrior(
@@ -52,11 +54,11 @@ def fleet_prior() -> FleetPrior:
 
 
 def acted_s(share: FloatArray) -> FloatArray:
-    """For how long acceleration and yaw rate have acted in full by each knot, so that each moves the car `share` t^2/2.
+    """The time by each knot for which a derivative must act in full so that it moves the car by `share` t^2/2.
 
-    Each changes speed (heading) at a rate that is constant between knots and never faster than it said. It may fade
-    and be taken back: an acceleration until the speed is again what it was; a yaw rate as fast as it was made, and
-    beyond the heading of the start, as a car does that changes lanes. More than this allows no share gets.
+    The derivative changes speed (heading) at a rate that is constant between knots and at most its own. It may fade and
+    reverse: an acceleration until the speed is again that of the start; a yaw rate at most as fast as it began, and
+    beyond the heading of the start, as in a change of lanes. A share that needs more is not reached.
 
     Args:
         share: Shape (..., 2, k), in [0, 1]: of the displacement that the derivative would cause if it went on.
@@ -81,7 +83,10 @@ def acted_s(share: FloatArray) -> FloatArray:
 
 
 def acted_at(acted: FloatArray, time_s: FloatArray) -> FloatArray:
-    """`acted_s` at other times: (k,) gives the shape of `time_s`; (m, k) and times (1 or m, ...) give (m, ...)."""
+    """Interpolate acting times between the knots.
+
+    Acting times (k,) give the shape of `time_s`; (m, k) with times (1 or m, ...) give (m, ...).
+    """
     if acted.ndim == 1:
         return np.asarray(np.interp(time_s, [0.0, *KNOTS_S], [0.0, *acted]))
     before_s = np.concatenate([[0.0], KNOTS_S[:-1]])

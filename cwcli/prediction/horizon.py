@@ -1,4 +1,4 @@
-"""Every model against what then happened, from the same starts; constant velocity is always among them."""
+"""Compare the motion models with the actual positions, from the same starts; constant velocity is always included."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from cwcli.prediction.scales import knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
 BASELINE = "cv"
-PATHS_AT_ONCE = 2048  # a short track's models are judged together: each alone takes longer to begin than to judge
-
-__all__ = ["BASELINE", "HorizonErrors", "compare_models", "horizon_errors", "horizon_table"]
+"""The model that the others are compared with: constant velocity."""
+PATHS_AT_ONCE = 2048
+"""Number of paths in a batch: models of a short track are judged together, as each call costs more than its paths.
+Chosen by hand."""
 
 
 def compare_models(
@@ -47,7 +48,7 @@ def compare_models(
     acted: FloatArray | None = None,
     begin: FloatArray | None = None,
 ) -> dict[str, HorizonErrors]:
-    """`horizon_errors` of each model from the same starts; constant velocity comes first, asked for or not.
+    """Compute `horizon_errors` of each model from the same starts; constant velocity always comes first.
 
     The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
     exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
@@ -93,6 +94,7 @@ def compare_models(
 
 
 def _begin(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:
+    """The log scales with which a model's ellipses begin: the learned ones, or its own for all n starts, (n, k, 2)."""
     if learned is not None and MODELS[model].learns:
         return learned
     return np.tile(beginning(model, horizon_s), (n, 1, 1))
@@ -144,10 +146,11 @@ _COLUMNS = (
     "inside_90",
     "change_percent",
 )
+"""Names of the columns of `horizon_table` after the model, in order."""
 
 
 def _rows(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int) -> list[list[float]]:
-    """The table's rows at one horizon, of models whose outcomes are known for the same starts: as one matrix."""
+    """The table's rows at one horizon for models whose outcomes are known for the same starts."""
     known = errors[0].is_known[:, column]
     n = np.count_nonzero(known)
     horizon_s = float(errors[0].horizon_s[column])
@@ -185,18 +188,18 @@ def _rows(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int)
 
 
 def _mean(values: FloatArray) -> FloatArray:
-    """What `values.mean(axis=1)` gives, at a quarter of its cost for so few values."""
+    """The mean of each row: `values.mean(axis=1)` at a quarter of its cost for short rows."""
     return np.asarray(np.add.reduce(values, axis=1) / values.shape[1])
 
 
 def _share(inside: npt.NDArray[np.bool_], has_ellipse: npt.NDArray[np.bool_]) -> FloatArray:
-    """Which part of a model's outcomes that have an ellipse is inside; NaN if there is none."""
+    """Share of a model's outcomes with an ellipse that lie inside it; NaN if there is none."""
     n = np.count_nonzero(has_ellipse, axis=1)
     return np.asarray(np.where(n, np.count_nonzero(inside, axis=1) / np.maximum(n, 1), np.nan))
 
 
 def _quantile(ordered: FloatArray, share: float) -> FloatArray:
-    """What `np.quantile` gives for rows of sorted, finite values, at a tenth of its cost."""
+    """A quantile of each row of sorted, finite values: `np.quantile` at a tenth of its cost."""
     position = share * (ordered.shape[1] - 1)
     below = int(position)
     low, high = ordered[:, below], ordered[:, min(below + 1, ordered.shape[1] - 1)]

@@ -25,9 +25,13 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
 
 GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
+"""Nodes of the three-point Gauss-Legendre quadrature on [0, 1]."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
-BISECTIONS = 45  # a step of 0.05 s to below 1e-14 s
-STANDS_MPS = 1e-9  # below it a speed is rounding: of an acceleration that is taken back from a standing car
+"""Weights of the three-point Gauss-Legendre quadrature on [0, 1]."""
+BISECTIONS = 45
+"""Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
+STANDS_MPS = 1e-9
+"""A lower speed counts as standing: it is the rounding of an acceleration that fades while the car stands."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +73,17 @@ class _Motion:
     acted: FloatArray | None = None
 
     def of(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _Motion:
-        """The same for some of the starts."""
+        """The discretised model of some of the starts."""
         hold_s = None if self.hold_s is None else self.hold_s[rows]
         acted = None if self.acted is None else self.acted[rows]
         return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
 
     def wanted(self, values: FloatArray) -> FloatArray:
-        """The columns of (..., k) that are wanted."""
+        """Those columns of values (..., k) whose points are asked for."""
         return values if self.points is None else values[..., self.points]
 
     def at(self, moving: FloatArray) -> Responses:
-        """Responses at times (1 or m, ...)."""
+        """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
             return _paper_at(self.model, moving, self.time_s)
         if self.acted is not None:
@@ -144,7 +148,7 @@ def _heading(state: FloatArray, at: Responses) -> FloatArray:
 
 
 def _responded(state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:
-    """A quantity with the responses to its derivative and to that one's; a response of 0 costs nothing."""
+    """Speed or heading from its start value and the responses to its first and second derivative, (m, ...)."""
     start, rate, rate2 = (_column(state, column, first.ndim) for column in columns)
     out = np.asarray(rate * first)
     out += start
@@ -154,6 +158,7 @@ def _responded(state: FloatArray, columns: tuple[int, int, int], first: FloatArr
 
 
 def _column(state: FloatArray, index: int, ndim: int) -> FloatArray:
+    """A column of the states (m, 8), shaped to broadcast with responses of `ndim` dimensions."""
     return state[:, index].reshape((-1,) + (1,) * max(ndim - 1, 1))
 
 
@@ -181,7 +186,7 @@ def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatAr
 
 
 def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The moment between `low` and `high` (each (m,)) where direction * v changes from >= 0 to < 0; `high` without."""
+    """The time between `low` and `high` (each (m,)) at which direction * v falls below 0; `high` if it does not."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         moving = direction * _speed(state, motion.at(middle[:, None]))[:, 0] >= 0.0
@@ -192,7 +197,7 @@ def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: Floa
 def _between_knots(
     motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
-    """The same for an acceleration that acts for a time that is linear between knots: so is the speed."""
+    """The time as of `_bisect` for a speed that is linear between knots, as a measured acting time makes it."""
 
     def ahead_mps(time_s: FloatArray) -> FloatArray:
         return np.asarray(direction * _speed(state, motion.at(time_s[:, None]))[:, 0])
@@ -207,7 +212,7 @@ def _between_knots(
 
 
 def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integral:
-    """Paths of cars that stop: every integral ends at the stop."""
+    """Integrate the paths of cars that stop at `stop_s` (m,) and stay there."""
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
     path = _path(motion, state, moving, motion.at(moving))
@@ -216,7 +221,7 @@ def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integra
 
 
 def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Responses) -> Integral:
-    """Quadrature over the steps of `moving`, shape (1 or m, k)."""
+    """Integrate position and Jacobian over the steps of the times `moving`, shape (1 or m, k)."""
     uses = motion.model.uses
     at, weight = motion.nodes(moving, np.diff(moving, axis=1)[..., None])
     heading = _heading(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
@@ -261,13 +266,14 @@ def _paper_nodes(model: Model, width: FloatArray, time_s: FloatArray) -> Respons
 
 
 def _masked(model: Model, at: Responses) -> Responses:
+    """Set the responses to derivatives that the model does not use to 0."""
     return Responses(*(value if used else np.zeros_like(value) for used, value in zip(model.uses, at, strict=True)))
 
 
 def _merge(stops: npt.NDArray[np.bool_], stopping: Integral, going: Integral) -> Integral:
-    """Rows of the two groups back in their order."""
+    """Put the paths of stopping and going cars back in the order of the mask `stops` (m,)."""
 
-    def rows(a: FloatArray, b: FloatArray) -> FloatArray:
+    def interleave(a: FloatArray, b: FloatArray) -> FloatArray:
         out = np.empty((len(stops), *a.shape[1:]))
         out[stops], out[~stops] = a, b
         return out
@@ -275,10 +281,10 @@ def _merge(stops: npt.NDArray[np.bool_], stopping: Integral, going: Integral) ->
     jacobian = np.empty((2, len(stops), *going.jacobian.shape[2:]))
     jacobian[:, stops], jacobian[:, ~stops] = stopping.jacobian, going.jacobian
     return Integral(
-        rows(stopping.x_m, going.x_m),
-        rows(stopping.y_m, going.y_m),
-        rows(stopping.heading_rad, going.heading_rad),
-        rows(stopping.speed_mps, going.speed_mps),
-        rows(stopping.moving_s, going.moving_s),
+        interleave(stopping.x_m, going.x_m),
+        interleave(stopping.y_m, going.y_m),
+        interleave(stopping.heading_rad, going.heading_rad),
+        interleave(stopping.speed_mps, going.speed_mps),
+        interleave(stopping.moving_s, going.moving_s),
         jacobian,
     )

@@ -25,29 +25,33 @@ from cwcli.signals.covariances import turned
 from cwcli.signals.units import NS_PER_S
 
 MAX_HORIZON_S = 60.0
+"""Longest permitted horizon, s. Chosen by hand."""
 MAX_STEPS = 2000
+"""Largest permitted number of steps of a path; it bounds the memory. Chosen by hand."""
 LATERAL_MODELS = ("cwcli", "zhang2011")
+"""Names of the path models; the module's text explains both."""
 Z_90 = 1.6448536269514722
+"""A normal error lies within this many sigmas of 0 with a probability of 90 %."""
 ACCEL_S = 1.0
-"""The acceleration is the slope of the speed over so long."""
+"""The acceleration is the slope of the speed over this time, s. Chosen by hand; not fitted."""
 ACCEL_FRAMES = 4
-"""With fewer frames in that time there is none."""
+"""The acceleration is 0 with fewer frames than this in that time. Chosen by hand; not fitted."""
 ACCEL_SIGMAS = 2.0
-"""A slope within so many of its sigmas is none."""
+"""A slope of the speed within this many of its sigmas counts as 0. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class LateralPathConfig:
-    """Options.
+    """Options of the paths from the observer.
 
     Attributes:
         model: One of `LATERAL_MODELS`.
-        horizon_s, step_s: Of the paths.
-        adapt_s: Time constant with which the yaw rate goes over to the road's.
+        horizon_s, step_s: Length and step of the paths.
+        adapt_s: Time constant with which the yaw rate approaches the road's.
         unrest_mps2: Standard deviation of the driver's unwanted lateral acceleration, correlated over `adapt_s`.
-        curvature_sigma_1pm: Of the road's curvature.
-        speed_sigma_mps: Of the speed, and `accel_sigma_mps2` of its change.
-        default_sigma: Of v_y (m/s) and gamma (rad/s), where the observer gives no covariance.
+        curvature_sigma_1pm: Standard deviation of the road's curvature.
+        speed_sigma_mps, accel_sigma_mps2: Standard deviations of the speed and of its change.
+        default_sigma: Sigmas of v_y (m/s) and gamma (rad/s) where the observer gives no covariance.
     """
 
     model: str = "cwcli"
@@ -126,9 +130,9 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
 def road_curvature(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The road's curvature beside the car and at the preview point, left bend positive, shape (n,) each.
 
-    Beside the car is what was seen of the place when it was ahead; what a frame tells replaces what earlier ones told
-    of the road from there on. Where no frame has told of it, and across a pause of the track, it is what is at the
-    preview point.
+    Beside the car it is the curvature that earlier frames measured at this place; a newer frame replaces what earlier
+    ones measured from its place on. Where no frame has measured it, or after a pause of the track, it is the curvature
+    at the preview point.
 
     Args:
         track: n frames.
@@ -160,8 +164,8 @@ def road_curvature(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray
 def recent_acceleration(track: LateralTrack) -> FloatArray:
     """Slope of the speed over the last second, m/s^2, shape (n,); 0 where it is not known.
 
-    It is shrunk as its own scatter asks for: a (1 - (2 sigma / a)^2), or 0. In 2 s the scatter of a slope alone would
-    carry the path as far as all else that it errs.
+    The slope a is shrunk by its own sigma: a (1 - (2 sigma / a)^2), or 0. Over 2 s the error of an unshrunk slope would
+    be as large as all other errors of the path.
     """
     speed = np.asarray(track.speed_mps, np.float64)
     if not len(speed):
@@ -189,7 +193,7 @@ def recent_acceleration(track: LateralTrack) -> FloatArray:
 
 
 def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:
-    """Paths of the body frame placed in the map, from n poses of shape (n,)."""
+    """Transform paths from the body frame to the map, with n poses of shape (n,)."""
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
     return Paths(
         time_s=paths.time_s,
@@ -202,7 +206,7 @@ def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: Float
 
 
 def body_of(paths: Paths) -> Paths:
-    """Published paths in the body frame of their start: their first point is the car, their first heading its axis."""
+    """Transform published paths to the body frame of their start: first point at 0, first heading along x."""
     cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
     dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
     return Paths(
@@ -216,7 +220,7 @@ def body_of(paths: Paths) -> Paths:
 
 
 def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """x, y and heading of the observed motion itself, shape (n,) each, from (0, 0, 0) at the first frame.
+    """Integrate the observed motion to x, y and heading, shape (n,) each, from (0, 0, 0) at the first frame.
 
     Where there is no state, the car is taken to go straight on.
     """
@@ -231,12 +235,13 @@ def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _step_mean(values: FloatArray) -> FloatArray:
+    """The mean of each value and the one before it, shape (n,)."""
     before = np.concatenate([values[:1], values[:-1]])
     return np.asarray(0.5 * (values + before))
 
 
 def _integral(rate: FloatArray, step_s: float) -> FloatArray:
-    """Trapezoidal rule along the rows, from 0."""
+    """Integrate along the rows by the trapezoidal rule, from 0, (n, k)."""
     whole = np.cumsum(0.5 * step_s * (rate[:, 1:] + rate[:, :-1]), axis=1)
     return np.concatenate([np.zeros((len(rate), 1)), whole], axis=1)
 
@@ -244,7 +249,7 @@ def _integral(rate: FloatArray, step_s: float) -> FloatArray:
 def _covariance(
     track: LateralTrack, vehicle: Vehicle, t: FloatArray, heading: FloatArray, v: FloatArray, config: LateralPathConfig
 ) -> FloatArray:
-    """Across the path: what v_y, gamma, the curvature and the driver leave open; along it: the speed. (n, k, 3)."""
+    """Position covariance xx, xy, yy, (n, k, 3): v_y, gamma, curvature and driver across the path, speed along it."""
     n = len(v)
     assumed = np.diag(np.square(config.default_sigma))
     given = track.covariance[:, :2, :2]
@@ -279,7 +284,7 @@ def _covariance(
 
 
 def _memory(t: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
-    """First and second integral of what is left of a yaw rate error after t."""
+    """First and second integral over the times t (k,) of a unit yaw rate error that decays with `adapt_s`."""
     if config.model == "zhang2011":
         return t, 0.5 * t**2
     tau = config.adapt_s

@@ -1,8 +1,8 @@
-"""Widen or narrow the paths' uncertainty by the record itself: how far from its paths did this car go?
+"""Scale the paths' uncertainty across the path by how far the car went from its earlier predicted paths.
 
 Drivers differ far more than any fixed noise can say. The observed motion, integrated over the horizon from each frame,
-is held against the paths from that frame; at each point of the horizon the errors across the path, in the predicted
-sigmas, give one factor, so that 90 % of them lie inside the 90 % band. What the observed motion itself errs is added.
+is compared with the paths from that frame; at each point of the horizon the errors across the path, in the predicted
+sigmas, give one factor, so that 90 % of them lie inside the 90 % band. The error of the observed motion is added.
 """
 
 from __future__ import annotations
@@ -18,15 +18,17 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 
 PRIOR_HORIZONS = 1.0
-"""The assumed sigmas count as much as this many horizons of record."""
+"""The assumed sigmas count as much as observed motion of this many horizons. Chosen by hand; not fitted."""
 MIN_FACTOR = 0.05
+"""Smallest factor on a predicted sigma. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
+"""The observed motion is not interpolated across longer gaps, s. Chosen by hand; not fitted."""
 ERROR_TIME_S = 0.1
-"""The observer's errors are correlated over about this time; longer in bends, where the lanes' errors last."""
+"""The observer's errors are correlated over about this time, s; longer in bends, where the lanes' errors last."""
 
 
 def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
-    """Paths in the body frame with the covariance scaled across the path, by one factor for each time ahead.
+    """Scale the covariance of paths in the body frame across the path, by one factor for each time ahead.
 
     Args:
         paths: From `lateral_paths`, body frame.
@@ -43,7 +45,7 @@ def calibrate_paths(paths: Paths, track: LateralTrack) -> Paths:
 
 
 def _reckoning_variance(paths: Paths, track: LateralTrack) -> FloatArray:
-    """Across the path: what errors of v_y and gamma add to the observed motion itself, shape (n, k)."""
+    """Variance across the path of the integrated observed motion, by the errors of v_y and gamma, m^2, shape (n, k)."""
     lateral, yaw_rate = (np.nan_to_num(track.covariance[:, k, k])[:, None] for k in (0, 1))
     t, v = paths.time_s, paths.speed_mps
     return np.asarray(2.0 * ERROR_TIME_S * (lateral * t + v**2 * yaw_rate * t**3 / 3.0))

@@ -1,4 +1,4 @@
-"""Predicted points against what then happened, at each horizon."""
+"""Errors of predicted points against the actual positions at each horizon."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-ELLIPSE_50 = 2.0 * np.log(2.0)  # chi-square quantiles with two degrees of freedom: -2 ln(1 - level)
+ELLIPSE_50 = 2.0 * np.log(2.0)
+"""Squared Mahalanobis distance at the border of the 50 % ellipse: the chi-square quantile, -2 ln(1 - 0.5)."""
 ELLIPSE_90 = 2.0 * np.log(10.0)
+"""Squared Mahalanobis distance at the border of the 90 % ellipse: the chi-square quantile, -2 ln(1 - 0.9)."""
 
 BoolArray = npt.NDArray[np.bool_]
 Actual = tuple[FloatArray, BoolArray]
+"""Actual positions of n starts at h horizons, (n, h, 2), NaN where unknown; and where they are known, (n, h)."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class HorizonErrors:
     core_mahalanobis2: FloatArray
 
     def rows(self, rows: slice) -> HorizonErrors:
-        """Those of some starts."""
+        """The errors of some starts."""
         return HorizonErrors(
             self.horizon_s,
             self.is_known[rows],
@@ -108,6 +111,7 @@ def horizon_errors(
 
 
 def _squared(x: FloatArray, y: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+    """Squared Mahalanobis distances of errors (x, y) under the covariance xx, xy, yy, elementwise."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2))
 
@@ -119,7 +123,7 @@ def actual_positions(
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
 ) -> Actual:
-    """Where the track is at each horizon of each start: the same for every model. See `horizon_errors`.
+    """Look up where the track is at each horizon of each start; the arguments are those of `horizon_errors`.
 
     Returns:
         Positions of shape (n, h, 2), NaN where unknown; and where they are known, (n, h).
@@ -130,7 +134,7 @@ def actual_positions(
 
 
 def tiled(actual: Actual, sets: int) -> Actual:
-    """The same for several sets of paths from the same starts, one below the other."""
+    """Repeat actual positions (n, h, 2) for several sets of paths from the same starts, one below the other."""
     found, is_known = actual
     return np.tile(found, (sets, 1, 1)), np.tile(is_known, (sets, 1))
 
@@ -145,12 +149,13 @@ def _on_track(
 
 
 def needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
-    """Which points of a path its errors at some horizons depend on, the first and the last one; increasing."""
+    """Increasing indices of the points that errors at the horizons depend on, and of the first and last point."""
     after = _points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
     return np.unique(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
 
 
 def _points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
+    """Index of the first point at or after each horizon, from 1 to the last point, (h,)."""
     return np.clip(np.searchsorted(time_s, horizon_s - 1e-9), 1, len(time_s) - 1)
 
 
@@ -159,16 +164,16 @@ def _at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
     after = _points_after(paths.time_s, horizon_s)
     share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
 
-    def at(values: FloatArray) -> FloatArray:
+    def interpolate(values: FloatArray) -> FloatArray:
         return np.asarray(values[:, after - 1] + share * (values[:, after] - values[:, after - 1]))
 
     covariance = paths.position_covariance_m2
-    core = {} if paths.core_factor is None else {"core": at(paths.core_factor)}
+    core = {} if paths.core_factor is None else {"core": interpolate(paths.core_factor)}
     return core | {
-        "x": at(paths.x_m),
-        "y": at(paths.y_m),
-        "heading": at(paths.heading_rad),
-        "xx": at(covariance[..., 0]),
-        "xy": at(covariance[..., 1]),
-        "yy": at(covariance[..., 2]),
+        "x": interpolate(paths.x_m),
+        "y": interpolate(paths.y_m),
+        "heading": interpolate(paths.heading_rad),
+        "xx": interpolate(covariance[..., 0]),
+        "xy": interpolate(covariance[..., 1]),
+        "yy": interpolate(covariance[..., 2]),
     }

@@ -20,8 +20,8 @@ class Paths:
         x_m, y_m, heading_rad, speed_mps: Shape (n, k). Column 0 is the start itself. Headings are continuous
             along a path (not wrapped).
         position_covariance_m2: Shape (n, k, 3): xx, xy, yy. Its 90 % ellipse is that of a normal distribution.
-        core_factor: Shape (n, k): P0 + f (P - P0), P0 that at the start, has the 50 % ellipse that is right; f P where
-            f is above 1. None: P itself has.
+        core_factor: Shape (n, k): f. The right 50 % ellipse is that of P0 + f (P - P0), with P0 the covariance at the
+            start, or of f P where f is above 1. None: it is that of P.
     """
 
     time_s: FloatArray
@@ -61,7 +61,7 @@ class Paths:
 
 
 def stacked(sets: Sequence[Paths]) -> Paths:
-    """Paths over the same times, one set below the other; as they are before a `core_factor`."""
+    """Stack sets of paths over the same times, one below the other; a `core_factor` is left out."""
     if len(sets) == 1:
         return sets[0]
     return Paths(

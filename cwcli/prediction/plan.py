@@ -1,7 +1,7 @@
-"""Predicted paths that are made when they are wanted: what each one comes from, but not its points.
+"""Plans of predicted paths: what each path is computed from, without its points, which are computed on demand.
 
-A path of 71 points is 4 kB, what it comes from 0.3 kB. Two hours of twenty vehicles at 20 Hz have three million paths.
-A path is the same numbers whichever others are made with it.
+A path of 71 points is 4 kB, its inputs are 0.3 kB. Two hours of twenty vehicles at 20 Hz have three million paths.
+A path has the same numbers whichever others are computed with it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Rows = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class PathPlan:
-    """Paths of n starts.
+    """The inputs of the paths of n starts.
 
     Attributes:
         model, horizon_s, step_s, discretisation, prior: As in `rollout`.
@@ -51,12 +51,12 @@ class PathPlan:
         return len(self.state)
 
     def take(self, rows: Rows | slice, *, points: Rows | None = None, has_core: bool = False) -> Paths:
-        """The paths of some starts.
+        """Compute the paths of some starts.
 
         Args:
-            rows: Which.
-            points: Which of their times, before any scale; None: all.
-            has_core: They have a `core_factor`.
+            rows: The starts.
+            points: The points to compute, without any scale of the covariance; None: all points, scaled.
+            has_core: The paths get a `core_factor`.
         """
         paths = rollout(
             self.model,
@@ -76,7 +76,7 @@ class PathPlan:
 
 @dataclass(frozen=True)
 class SomePaths:
-    """Some of the paths of a plan, in an order of their own."""
+    """A selection of the paths of a plan, in any order."""
 
     plan: PathPlan
     chosen: Rows
@@ -90,5 +90,5 @@ class SomePaths:
         return len(self.chosen)
 
     def take(self, rows: Rows) -> Paths:
-        """The paths of some of them."""
+        """Compute the paths of some of the selected starts."""
         return self.plan.take(self.chosen[rows])

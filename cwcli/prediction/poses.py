@@ -1,4 +1,4 @@
-"""Where a car was and where its axis pointed: what paths in its own axes are placed at, and compared with."""
+"""Positions and yaw angles of the car, at which paths of its body frame are placed, and its track."""
 
 from __future__ import annotations
 
@@ -13,19 +13,22 @@ from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
 
 ODOM_FRAME = "odom"
+"""Frame id of dead-reckoned poses (REP-105)."""
 MAX_GAP_S = 0.5
+"""The ego's states are not interpolated across longer gaps, s. Chosen by hand; not fitted."""
 MIN_SLIP_SPEED_MPS = 1.0
+"""The side slip counts as 0 at lower speeds, where lateral speeds are mostly noise. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Where the car was and where its axis pointed.
+    """Positions of the car and directions of its axis.
 
     Attributes:
-        source: What tells it, for people.
-        frame_id: Its frame.
+        source: Where the poses come from, in words for the user.
+        frame_id: Frame of the poses.
         stamp_ns, xy_m: Shape (m,) and (m, 2): the track.
-        at_xy_m, at_yaw_rad: Shape (n, 2) and (n,): at the observed frames; NaN where not known.
+        at_xy_m, at_yaw_rad: Shape (n, 2) and (n,): position and yaw at the observed frames; NaN where not known.
     """
 
     source: str
@@ -37,7 +40,7 @@ class Poses:
 
 
 def reckoned_poses(track: LateralTrack) -> Poses:
-    """The observed motion added up, from where the car was, and pointed, at its first state; none without a state."""
+    """Integrate the observed motion from the car's first state, which is the origin; NaN at frames without a state."""
     x_m, y_m, yaw_rad = dead_reckon(track)
     has_state = np.isfinite(track.state[:, 0])
     first = int(np.argmax(has_state))
@@ -48,7 +51,7 @@ def reckoned_poses(track: LateralTrack) -> Poses:
 
 
 def poses_of_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> Poses:
-    """The estimated track, and the pose at each frame; its heading is where the car goes, not where its axis points.
+    """Build the poses from the ego's estimated track; the yaw is the course less the observed side slip.
 
     Args:
         stamp_ns, state: The ego's states (m,) and (m, 8), in the order of their stamps.

@@ -1,4 +1,4 @@
-"""The gain of each derivative, measured: what followed, at each horizon, on what the vehicle's states had said.
+"""Measure the gain of acceleration and yaw rate: how much of what the states promised followed at each horizon.
 
 Constant velocity takes a car v h along its heading. Acceleration a and yaw rate w add a h^2/2 along it and, as an
 angle of the chord, w h/2 across, if they go on and if they are right. How much of that followed is a linear
@@ -35,30 +35,40 @@ from cwcli.signals.packed_covariances import Covariances, variances
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 
-CLEAR_SIGMAS = 5.0  # filters on real drives are too sure by a factor of up to 3
+CLEAR_SIGMAS = 5.0
+"""A derivative of this many stated sigmas is half clear. Chosen: filters on real drives are too sure by up to 3."""
 CLEAR_POWER = 8
+"""Exponent p of the clearness 1 / (1 + (5 sigma / d)^p): how sharp its edge is. Chosen by hand; not fitted."""
 LOOK_BACK_SHARE = 0.5
+"""A derivative is lasting by its mean over this share of the horizon before now. Chosen by hand; not fitted."""
 MIN_LOOK_BACK_S = 0.3
+"""The look back is at least this long, s. Chosen by hand; not fitted."""
 MIN_TRACK_S = 0.15
+"""A derivative with less history than this, s, has no lasting part. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
+"""Outcomes are not interpolated across longer gaps, s, and a row stands for no more time. Chosen by hand."""
 MIN_CHORD_M = 1.0
+"""The angle of a shorter chord counts as 0, as it is mostly noise. Chosen by hand; not fitted."""
 MAX_CHORD_ANGLE_RAD = 2.0
+"""A chord at a larger angle to the heading is no outcome of an arc. Chosen by hand; not fitted."""
 PRIOR_OUTCOMES = np.array([4.0, 1.0, 1.0])
+"""Weight of the prior in independent outcomes for the parts unclear, lasting and new (docs/prediction.md)."""
 NEVER_NS = np.iinfo(np.int64).max
+"""The time of an outcome that never becomes known."""
 
 Rows = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class Track:
-    """Vehicles' states, each one's in the order in which they became known; one that a newer overtook is no part of it.
+    """States of vehicles in the order in which they became known; states overtaken by a newer one are left out.
 
     Attributes:
-        rows: Shape (n,): which rows of the whole they are.
-        stamp_ns, known_ns: Shape (n,): strictly increasing; non-decreasing: by vehicle.
+        rows: Shape (n,): their rows in the input.
+        stamp_ns, known_ns: Shape (n,): per vehicle strictly increasing, and non-decreasing.
         state: Shape (n, 8).
         clear: Shape (n, 2): see `clearness`.
-        first: Where each vehicle's rows begin; one after the other.
+        first: First row of each vehicle; the vehicles follow each other.
     """
 
     rows: Rows
@@ -77,14 +87,14 @@ class Track:
         return np.repeat(np.arange(len(self.first)), np.diff((*self.first, len(self.rows))))
 
     def step_s(self) -> FloatArray:
-        """The time since the row before, as far as it counts, shape (n,); 0 at a vehicle's first."""
+        """The time since the row before, at most `MAX_GAP_S`, shape (n,); 0 at a vehicle's first row."""
         step_s = np.minimum(np.diff(self.stamp_ns, prepend=self.stamp_ns[:1]) / NS_PER_S, MAX_GAP_S)
         step_s[list(self.first)] = 0.0
         return step_s
 
 
 def joined(tracks: Sequence[Track]) -> Track:
-    """Several vehicles, one after the other."""
+    """Concatenate the histories of several vehicles."""
     if len(tracks) == 1:
         return tracks[0]
     starts = accumulate((len(track.rows) for track in tracks[:-1]), initial=0)
@@ -99,7 +109,7 @@ def joined(tracks: Sequence[Track]) -> Track:
 
 
 def clearness(state: FloatArray, covariance: Covariances | None) -> FloatArray:
-    """How far acceleration and yaw rate stand out of what the filter says of their noise: 0 to 1, shape (n, 2)."""
+    """How clearly acceleration and yaw rate exceed their stated noise, 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
     columns = [ACCEL, YAW_RATE]
@@ -116,7 +126,7 @@ def known_tracks(
     state: FloatArray,
     covariance: Covariances | None,
 ) -> list[Track]:
-    """The tracks of all vehicles; rows whose state is not finite are left out, and whoever has no other."""
+    """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
     clear = clearness(state, covariance)
     tracks = []
@@ -131,10 +141,10 @@ def known_tracks(
 
 
 def parts_of(track: Track) -> FloatArray:
-    """How acceleration and yaw rate divide into parts, by knot, shape (n, 2, k, 3): shares that add up to 1.
+    """Divide acceleration and yaw rate into `fleet.PARTS`, by knot, shape (n, 2, k, 3): shares that add up to 1.
 
-    unclear: within what may be noise. lasting: clear, and the mean over the last h/2 before a horizon h was as large:
-    what lasts that long ahead has mostly lasted some time. new: the rest, a manoeuvre that has just begun.
+    Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
+    h: what lasts that long has mostly lasted some time. New is the rest: a manoeuvre that has just begun.
     """
     begins = np.array(track.first, dtype=np.intp)[track.index()]
     age_s = (track.stamp_ns - track.stamp_ns[begins]) / NS_PER_S
@@ -152,9 +162,9 @@ def parts_of(track: Track) -> FloatArray:
 
 
 def promised_m(state: FloatArray) -> FloatArray:
-    """What acceleration and yaw rate would add to constant velocity by each knot, shape (n, 2, k).
+    """Displacement (m) that acceleration and yaw rate would add to constant velocity by each knot, shape (n, 2, k).
 
-    A car that comes to a stand stays there.
+    A car that stops stays there.
     """
     speed, accel = state[:, SPEED, None], state[:, ACCEL, None]
     brakes = speed * accel < 0.0
@@ -166,9 +176,9 @@ def promised_m(state: FloatArray) -> FloatArray:
 
 
 def followed_m(track: Track) -> FloatArray:
-    """What was added to constant velocity by each knot, shape (n, 2, k); NaN where it is not known.
+    """Displacement (m) that was in fact added to constant velocity by each knot, shape (n, 2, k); NaN if not known.
 
-    Along: the arc's length beyond v h; across: the angle of its chord times |v| h.
+    Along it is the arc's length beyond v h; across it is the angle of the arc's chord times |v| h.
     """
     outcome = [
         actual_positions(track.stamp_ns[rows], track.stamp_ns[rows], track.state[rows, :2], KNOTS_S.tolist(), MAX_GAP_S)
@@ -212,7 +222,7 @@ def measured_acted(
     covariance: Covariances | None,
     prior: FleetPrior | None = None,
 ) -> FloatArray:
-    """For how long acceleration and yaw rate of each row act by each knot, shape (n, 2, k); see `fleet.acted_s`.
+    """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see `fleet.acted_s`.
 
     Args:
         vehicle: Shape (n,): which vehicle a row is of.
@@ -232,17 +242,17 @@ def measured_acted(
 
 
 def _unrecorded(clear: FloatArray) -> FloatArray:
-    """The parts (n, 2, 3) of states without a track: what is clear counts as lasting, as nothing speaks against it."""
+    """The parts (n, 2, 3) of states without a history: all that is clear counts as lasting."""
     return np.stack([1.0 - clear, clear, np.zeros_like(clear)], axis=-1)
 
 
 def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatArray:
-    """The gain of each part, by axis and knot, for each state of each vehicle: (n, 2, k, 3).
+    """Measure the gain of each part, by axis and knot, for each state of each vehicle, (n, 2, k, 3).
 
     Args:
-        track: All vehicles of the log that teach each other.
+        track: All vehicles of the log whose outcomes count for each other.
         parts: Shape (n, 2, k, 3): `parts_of` it.
-        prior: What the record begins with.
+        prior: The gains without any outcome.
     """
     known_row = known_with(track)
     known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
@@ -266,9 +276,9 @@ def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatA
 
 
 def _carried(prior: FleetPrior) -> FloatArray:
-    """What a gain at one knot lets expect at the next, as a factor, (2, k, 3): the fleet's fall from knot to knot.
+    """Ratio of the fleet's gain at each knot to that at the knot before, (2, k, 3).
 
-    What is unclear falls like what lasts. NaN where the fleet's gain was 0 at the knot before, and at the first.
+    The unclear part takes the ratio of the lasting one. NaN at the first knot, and after a gain of 0.
     """
     out = np.full(prior.gain.shape, np.nan)
     before = prior.gain[:, :-1]

@@ -1,4 +1,4 @@
-"""Rolling states forward: n starts at once, with the covariance of the position along each path."""
+"""Predict paths from states: n starts at once, with the covariance of the position along each path."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.vehicle_state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
+"""How a model is integrated: exactly, or by song2016's recursion."""
 
-ROWS_AT_ONCE = 256  # keeps the working arrays of one batch inside the processor's cache
-DRIVER_POINTS = 501  # of the driver's variance over the horizon
-
-__all__ = ["Discretisation", "Paths", "path_jacobian", "rollout", "time_grid"]
+ROWS_AT_ONCE = 256
+"""Number of starts in a batch: the working arrays of one batch fit into the processor's cache."""
+DRIVER_POINTS = 501
+"""Number of times at which the driver's variance over the horizon is tabulated. Chosen by hand."""
 
 
 def time_grid(horizon_s: float, step_s: float) -> FloatArray:
@@ -138,6 +139,7 @@ def check_request(model: str, discretisation: Discretisation, horizon_s: float, 
 
 
 def _model(name: str, discretisation: Discretisation) -> Model:
+    """The model of this name; a `UsageError` if it is unknown or has no form in this discretisation."""
     model = HYPOTHESES[name] if name in HYPOTHESES else MODELS.require(name)
     if discretisation == "paper" and not model.in_paper:
         raise UsageError(f"model '{name}' has no form in song2016", hint="use --discretisation exact")
@@ -145,6 +147,7 @@ def _model(name: str, discretisation: Discretisation) -> Model:
 
 
 def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
+    """Raise a `ValueError` unless states are (n, 8) and covariances (n, 8, 8)."""
     if state.ndim != 2 or state.shape[1] != 8:
         raise ValueError(f"state has shape {state.shape}, not (n, 8)")
     if covariance is not None and covariance.shape != (len(state), 8, 8):
@@ -152,14 +155,14 @@ def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
 
 
 def _trusted(state: FloatArray, trust: FloatArray) -> FloatArray:
-    """The state with each derivative multiplied by its trust; one that is not used may be NaN."""
+    """Multiply each derivative of the states by its trust (n, 4); one with trust 0 becomes 0, even if it is NaN."""
     out = state.copy()
     out[:, DERIVATIVES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVES] * trust)
     return out
 
 
 def _shrunk(covariance: FloatArray, trust: FloatArray) -> FloatArray:
-    """The covariance after trust: variance P becomes g P (the posterior's), correlations stay; (n, 8, 8)."""
+    """Scale the derivatives' variances by their trust g (the posterior's g P); correlations stay; (n, 8, 8)."""
     scale = np.ones(covariance.shape[:2])
     scale[:, DERIVATIVES] = np.sqrt(trust)
     both = scale[:, :, None] * scale[:, None, :]
@@ -167,7 +170,7 @@ def _shrunk(covariance: FloatArray, trust: FloatArray) -> FloatArray:
 
 
 def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
-    """J P J' as (n, k, 3): xx, xy, yy. `jacobian` is (2, n, k, 8)."""
+    """Position covariances J P J' along the paths as xx, xy, yy, (n, k, 3), from Jacobians (2, n, k, 8)."""
     to_x, to_y = jacobian
     by_x = np.matmul(to_x, covariance)
     xx = np.einsum("nks,nks->nk", by_x, to_x)
@@ -183,7 +186,7 @@ class _DriverVariance:
     Attributes:
         time_s: Shape (p,).
         along_added, cross_added: What the driver adds after the start.
-        along_ignored, cross_ignored: What the model makes wrong of the acceleration at the start.
+        along_ignored, cross_ignored: Error of the model in the effect of the acceleration at the start.
     """
 
     time_s: FloatArray
@@ -195,10 +198,11 @@ class _DriverVariance:
 
 @lru_cache(maxsize=64)
 def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverVariance:
+    """Tabulate the driver's displacement variance of a model over the horizon."""
     time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
     out = model.responses(time_s, prior)
     along, cross = (_running_integral(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
-    if model.learns:  # what it leaves out did not follow
+    if model.learns:  # the part that its gains leave out did not follow on earlier drives
         along, cross = held_displacement(time_s, prior.accel_time_s), held_displacement(time_s, prior.yaw_time_s)
     return _DriverVariance(
         time_s,
@@ -223,11 +227,11 @@ def _driver_noise(
     driver: _DriverVariance,
     prior: DriverPrior,
 ) -> FloatArray:
-    """The driver's noise in map axes, (m, k, 3): grows while the car moves, along and across its heading.
+    """Position covariance that the driver adds, in map axes, (m, k, 3); it grows while the car moves.
 
     Args:
         start, covariance: Shapes (m, 8) and (m, 8, 8) or None.
-        trust: Shape (m, 4): of the prior, whatever the model.
+        trust: Shape (m, 4): the prior's trust, whatever the model.
     """
     # what a model ignores is not unknown: its second moment is that of the filter's own estimate
     accel, yaw_rate = trust[:, 0] * start[:, ACCEL], trust[:, 2] * start[:, YAW_RATE]
@@ -248,5 +252,6 @@ def _driver_noise(
 
 
 def _spread(moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray) -> FloatArray:
+    """Interpolate tabulated variances at the moving times (m, k) and scale them with the sigmas (m,), m^2."""
     rows = moving_s[:1] if moving_s.strides[0] == 0 else moving_s  # one row for all cars that do not stop
     return np.asarray(np.interp(rows, time_s, variance_s4) * sigma_mps2[:, None] ** 2)

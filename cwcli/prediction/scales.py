@@ -1,4 +1,4 @@
-"""Scales of the ellipses along a path: given at knots, linear between them in the logarithm, 1 at the start."""
+"""Scales of the ellipses along a path: given at knots, log-linear between them, 1 at the start."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from cwcli.signals.columns import FloatArray
 
 
 def knots_s(horizon_s: float) -> FloatArray:
-    """Where the scale of paths of this length is measured, shape (k,): the last is their end if that comes first."""
+    """Times (s) at which the scale of paths of this horizon is measured, shape (k,): the knots up to the path's end."""
     return np.asarray([*(knot for knot in KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(KNOTS_S[-1]))])
 
 
 def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
-    """The logarithm of the scale at the times of paths: (n, k) at their knots to (n, times)."""
+    """Interpolate the log scale from the knots (n, k) to the times of the paths, (n, times)."""
     knots = np.concatenate([[0.0], knots_s(float(time_s[-1]))])
     hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
     return row_products(log_scale, hats)
 
 
 def scaled(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
-    """The paths with their covariance scaled in place, and if it is wanted the factor for the 50 % ellipse."""
+    """Scale the covariance of the paths in place; with `has_core` the result has the factor for the 50 % ellipse."""
     core_factor = np.empty(paths.x_m.shape) if has_core else None
     for first in range(0, len(paths), ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)

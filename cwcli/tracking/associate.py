@@ -1,4 +1,4 @@
-"""Global nearest neighbour: which detection belongs to which track, best for all together.
+"""Global nearest neighbour: the assignment of detections to tracks that is best for all together.
 
 The assignment problem is solved by `lap` (Jonker and Volgenant's algorithm; imports in 20 ms beside NumPy, SciPy's
 takes 450 ms). It is split into groups of tracks that compete for the same detections, so that the matrices stay small.
@@ -11,12 +11,15 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 
 MAX_CANDIDATES = 32
+"""Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
 MAX_PAIRS_OF_GROUP = 2000
+"""A group with more detections than this keeps about this many pairs; it bounds the memory. Chosen by hand."""
 _NO_PAIR = 1.0e9
+"""Cost of a forbidden pair in the assignment: larger than any sum of gains."""
 
 
 def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
-    """Pairs (row, column) that maximise the summed gain; pairs with no positive gain are left out.
+    """Find the pairs (row, column) that maximise the summed gain; pairs without a positive gain are left out.
 
     Args:
         gain: Shape (m, n); -inf forbids a pair.
@@ -46,7 +49,7 @@ def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
 
 
 def _best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
-    """`gain` with -inf in all but the k best columns of each row; of equals the first stay."""
+    """Set the gain to -inf in all but the k best columns of each row."""
     if gain.shape[1] <= k:
         return gain
     best = np.argpartition(-gain, k - 1, axis=1)[:, :k]
@@ -56,7 +59,7 @@ def _best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
 
 
 def _groups(useful: np.ndarray) -> list[Int64Array]:
-    """Rows that share columns, directly or through others."""
+    """Group rows that share useful columns (m, n), directly or through others."""
     m = useful.shape[0]
     label = np.arange(m)
     while True:
@@ -70,7 +73,7 @@ def _groups(useful: np.ndarray) -> list[Int64Array]:
 
 
 def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
-    """As `solve`, in groups. Of a row's pairs at most the `MAX_CANDIDATES` best are looked at, which bounds the memory.
+    """Find the pairs of `solve` group by group, with at most the `MAX_CANDIDATES` best pairs of each row.
 
     Args:
         gain: Shape (tracks, detections): log-likelihood ratio of the pair against leaving both alone.

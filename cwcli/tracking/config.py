@@ -34,6 +34,7 @@ class MotionModel:
 
 
 _CV = ("x_m", "y_m", "vx_mps", "vy_mps")
+"""States of the constant-velocity model, which the other models extend."""
 MODELS: dict[str, MotionModel] = {
     "cv": MotionModel(
         kernel.Model.CV, _CV, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"
@@ -41,24 +42,28 @@ MODELS: dict[str, MotionModel] = {
     "ca": MotionModel(kernel.Model.CA, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
     "ctrv": MotionModel(kernel.Model.CTRV, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
 }
+"""Name -> motion model. The noises are chosen by hand; `--tune` fits them to a log."""
 FilterName = Literal["ukf", "ekf"]
 FILTERS: dict[FilterName, bool] = {"ukf": True, "ekf": False}
+"""Name of a filter -> whether it is the unscented one."""
 
 
 def _share(given: float) -> float:
-    """0 or more, and no NaN.
+    """Check that a share of the range is 0 or more, and return it.
 
     Raises:
-        UsageError: As it says.
+        UsageError: It is negative or NaN.
     """
     if not given >= 0.0:
-        raise UsageError(f"--cartesian-below {given:g} is not a share of the range", hint="0 or more; 0 is never")
+        raise UsageError(
+            f"--cartesian-below {given:g} is not a share of the range", hint="give 0 or more; 0 means never"
+        )
     return given
 
 
 @dataclass(frozen=True)
 class FilterConfig:
-    """One filter.
+    """Settings of the filter of one target.
 
     Attributes:
         filter: `ukf` or `ekf`.
@@ -69,8 +74,8 @@ class FilterConfig:
         kappa: Sigma points lie at sqrt(n + kappa) sigma. At 0 or more all weights are positive.
         cartesian_below: A radar detection is taken in Cartesian form while the predicted position's sigma is more
             than this fraction of the range: there the bearing is no line, and at range 0 it does not exist. 0 = never.
-        gate_probability: A detection outside this chi-square region is rejected. 1 = none is.
-        restart_after: So many rejections in a row make a new start. 0 = never.
+        gate_probability: A detection outside this chi-square region is rejected. 1 = none is rejected.
+        restart_after: The filter starts anew after this many rejections in a row. 0 = never.
         max_gap_s: A longer gap without detections is not bridged.
         smooth: Smooth after filtering.
         tune: Estimate process and measurement noise by maximum likelihood first.
@@ -150,7 +155,7 @@ class FilterConfig:
         return MODELS[self.model]
 
     def kernel_filter(self, *, gated: bool = True) -> kernel.Filter:
-        """The kernel's filter; without `gated` every detection counts."""
+        """Build the kernel's filter; without `gated` no detection is rejected."""
         motion, probability = self.motion, self.gate_probability if gated else 1.0
         return kernel.Filter(
             {
@@ -172,18 +177,18 @@ class FilterConfig:
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """Many targets: the filter of each, and when a track is born, confirmed and dead.
+    """Settings of a tracker of many targets: the filter of each, and when tracks begin, are confirmed and end.
 
     Attributes:
         single: The filter of each track. Its `gate_probability` is the association gate.
         new_target_ratio: Expected new targets per expected false detection: the prior odds of a new track.
         confirm_probability: A track is confirmed when its probability of existence passes this.
-        delete_probability: A confirmed track is dead below this.
-        tentative_misses: A track that is not confirmed is dead after so many misses in a row.
+        delete_probability: A confirmed track ends below this.
+        tentative_misses: A track that is not confirmed ends after this many misses in a row.
         mean_life_s: Mean lifetime of a target; existence fades by exp(-dt / mean_life_s).
-        max_coast_s: A track without detections for longer is dead.
-        max_tracks: Bound of tracks held at a time; births beyond it are refused and counted.
-        max_scan: Bound of detections of one scan; those beyond are rejected and counted.
+        max_coast_s: A track without detections for longer ends.
+        max_tracks: Largest number of tracks at a time; further births are refused and counted.
+        max_scan: Largest number of detections of one scan; further ones are rejected and counted.
     """
 
     single: FilterConfig = FilterConfig()

@@ -1,4 +1,4 @@
-"""To and from the forms that messages have: radar tracks in Cartesian form, targets as vehicle states."""
+"""Convert radar tracks in Cartesian form to radar values, and tracked targets to rows and vehicle states."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.tracking.tracker import TrackResult
 
-# Below this speed the direction of motion is mostly noise: the last heading is held.
 MIN_HEADING_SPEED_MPS = 0.5
-# Variance of a heading that may be anything, rad^2
+"""A slower target keeps its last heading: its direction of motion is mostly noise. Chosen by hand; not fitted."""
 _ANY_HEADING = np.pi**2 / 3.0
+"""Variance of a heading that is uniform over all directions, rad^2."""
 
 
 def polar_from_cartesian(
@@ -21,9 +21,9 @@ def polar_from_cartesian(
     position_covariance: FloatArray | None = None,
     velocity_covariance: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Radar values of tracks that a radar reports in Cartesian form (`radar_msgs/RadarTracks`).
+    """Convert tracks that a radar reports in Cartesian form (`radar_msgs/RadarTracks`) to radar values.
 
-    Only the closing part of the velocity is kept: the rest is the radar's own filter's guess, not a measurement.
+    Only the radial part of the velocity is used: the rest is estimated by the radar's own filter, not measured.
 
     Args:
         position_m, velocity_mps: Shape (n, 2), in the sensor's axes, velocity relative to the sensor.
@@ -75,7 +75,7 @@ class TargetRows:
 
 
 def target_rows(result: TrackResult) -> TargetRows:
-    """All tracks of a result as rows, by time, then id."""
+    """Convert all tracks of a result to rows, by time, then id."""
     tracks = result.tracks
     none = np.zeros(0, np.int64)
     stamp = np.concatenate([none, *(t.stamp_ns for t in tracks)])
@@ -95,13 +95,13 @@ def vehicle_states(
     min_speed_mps: float = MIN_HEADING_SPEED_MPS,
     looks_ahead: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
-    """One target's rows as vehicle states, so that prediction and warning take it like a V2X vehicle.
+    """Convert one target's rows to vehicle states, as prediction and warning use them for V2X vehicles.
 
     Args:
         state: Shape (n, 4): x, y, vx, vy, in the order of time.
         covariance: Shape (n, 4, 4).
-        min_speed_mps: Below it the heading is the last one from above it.
-        looks_ahead: Before the first one from above it, it is that one; else what little the velocity says.
+        min_speed_mps: A slower target keeps the last heading that it had at a higher speed.
+        looks_ahead: Before the first such heading the target has that one; else the direction of its velocity.
 
     Returns:
         States (n, 8): x, y, speed, heading, acceleration, yaw rate, jerk, yaw acceleration, the last four 0, and their

@@ -1,4 +1,4 @@
-"""What a sensor saw, how the sensor is mounted, and where the car was.
+"""Detections of sensors, models of sensors and their mountings, and states of the car that carries them.
 
 Frames. A detection is in its sensor's axes. `axes="body"` is x forward, y left (REP-103); `axes="paper"` is x right,
 y forward (xiang2019 figure 1). Azimuth is counter-clockwise from the sensor's x axis in both (xiang2019 eq. 4). The
@@ -20,11 +20,13 @@ from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.vehicle_state import HEADING, SPEED, YAW_RATE, X, Y
 
 Axes = Literal["body", "paper"]
+"""Axes that a sensor reports in; see the module's text."""
 AXES_YAW_RAD: dict[str, float] = {"body": 0.0, "paper": -math.pi / 2}
+"""Direction of the sensor's x axis relative to its forward direction, by axes."""
 
 
 class DetectionKind(IntEnum):
-    """What the values of a detection are."""
+    """The meaning of a detection's values."""
 
     POSITION = RowKind.POSITION  # x, y in m (lidar, xiang2019 eq. 1)
     RADAR = RowKind.RADAR  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
@@ -34,6 +36,7 @@ DEFAULT_SIGMA: dict[DetectionKind, tuple[float, ...]] = {
     DetectionKind.POSITION: (0.15, 0.15),
     DetectionKind.RADAR: (0.3, 0.03, 0.3),
 }
+"""Sigmas of the values where neither message nor user gives any: m; m, rad, m/s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class Detections:
 
 @dataclass(frozen=True)
 class SensorModel:
-    """How one sensor is mounted, how well it measures and what it can see.
+    """Mounting, accuracy and field of view of one sensor.
 
     Attributes:
         x_m, y_m, yaw_rad: Mounting in the body frame (or the map): position and the direction of the sensor's axes.
@@ -110,7 +113,7 @@ class SensorModel:
 
 @dataclass(frozen=True)
 class EgoStates:
-    """Where the sensors' car was, in the map frame.
+    """States of the car that carries the sensors, in the map frame.
 
     Attributes:
         stamp_ns: Shape (m,), int64, increasing.
@@ -128,14 +131,14 @@ class EgoStates:
 
     @classmethod
     def of(cls, stamp_ns: Int64Array, state: FloatArray) -> EgoStates:
-        """From states (m, 8) in the order of `STATE_NAMES`; a yaw rate that is not known is taken as zero."""
+        """Build them from states (m, 8) in the order of `STATE_NAMES`; an unknown yaw rate counts as zero."""
         yaw_rate_radps = np.where(np.isfinite(state[:, YAW_RATE]), state[:, YAW_RATE], 0.0)
         return cls(stamp_ns, state[:, X], state[:, Y], state[:, HEADING], state[:, SPEED], yaw_rate_radps)
 
 
 @dataclass
 class Counts:
-    """What became of the detections of one source: read = used + all rejected.
+    """Numbers of detections of one source: read = used + all rejected.
 
     Attributes:
         read, used: Numbers of detections.
@@ -159,10 +162,10 @@ class Counts:
 
 
 def paper_from_body(xy: FloatArray) -> FloatArray:
-    """Vectors (n, 2) from x forward, y left to xiang2019's x right, y forward."""
+    """Convert vectors (n, 2) from x forward, y left to xiang2019's x right, y forward."""
     return np.stack([-xy[..., 1], xy[..., 0]], axis=-1)
 
 
 def body_from_paper(xy: FloatArray) -> FloatArray:
-    """Vectors (n, 2) from xiang2019's x right, y forward to x forward, y left."""
+    """Convert vectors (n, 2) from xiang2019's x right, y forward to x forward, y left."""
     return np.stack([xy[..., 1], -xy[..., 0]], axis=-1)

@@ -1,4 +1,4 @@
-"""Signals and the user's settings as what the tracker takes: detections and sensor models."""
+"""Build the tracker's inputs, detections and sensor models, from signals and the user's settings."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cwcli.tracking.sensor_setting import SensorSetting
 
 
 def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections:
-    """A signal as detections in the order of arrival, by which lateness is judged."""
+    """Convert a signal to detections in the order of arrival."""
     arrival = np.argsort(signal.log_time_ns, kind="stable")
     offsets, rows = taken(signal.offsets, arrival)
     counts = np.diff(offsets)
@@ -42,10 +42,10 @@ def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections
 def sensor_models(
     signals: Sequence[DetectionSignal], settings: Mapping[str, SensorSetting]
 ) -> tuple[dict[str, SensorModel], list[str]]:
-    """The model of each sensor, and notes on what was assumed.
+    """Build the model of each sensor, and notes on what was assumed.
 
     Raises:
-        UsageError: A setting names a topic that is no sensor of this log, or a value does not fit the sensor.
+        UsageError: A setting names a topic without detections, or a value does not fit the sensor.
     """
     unknown = [topic for topic in settings if topic not in {signal.source for signal in signals}]
     if unknown:
@@ -60,7 +60,7 @@ def sensor_models(
         carrier = setting.carrier or ("map" if frame in MAP_FRAMES else "body")
         if carrier == "body" and not setting.is_mounted:
             notes.append(
-                f"{signal.source}: its mounting is not given, taken at the car's origin and looking forward "
+                f"{signal.source}: its mounting is not given; it is assumed at the car's origin, looking forward "
                 f"(--sensor {signal.source}:x=..,y=..,yaw_deg=..)"
             )
         models[signal.source] = _model(signal.source, setting, frame, carrier)
@@ -68,6 +68,7 @@ def sensor_models(
 
 
 def _model(source: str, setting: SensorSetting, frame: str, carrier: str) -> SensorModel:
+    """Build the model of one sensor; a `UsageError` if a value does not fit."""
     given = {
         "x_m": setting.x_m,
         "y_m": setting.y_m,
@@ -91,7 +92,7 @@ def _model(source: str, setting: SensorSetting, frame: str, carrier: str) -> Sen
 
 
 def _usual_frame(frame: Strings) -> str:
-    """The frame that most scans name, "" when none does."""
+    """The frame id of most scans; "" if none has one."""
     named = frame.codes[frame.codes >= 0]
     if not len(named):
         return ""
@@ -100,16 +101,16 @@ def _usual_frame(frame: Strings) -> str:
 
 
 def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: str) -> bool:
-    """Whether tracks will be in the map.
+    """Require that all sensors share a frame, and return whether tracks will be in the map.
 
     Raises:
-        MissingSignalError: Some sensors move with the car, some stand in the map, and where the car is is not known.
+        MissingSignalError: Some sensors move with the car, others stand in the map, and the ego state is not known.
     """
     fixed = [source for source, model in models.items() if model.carrier == "map"]
     moving = [source for source, model in models.items() if model.carrier == "body"]
     if fixed and moving and not has_ego:
         raise MissingSignalError(
-            f"{moving[0]} moves with the car and {fixed[0]} stands in the map: the ego state is needed to join them",
+            f"{moving[0]} moves with the car and {fixed[0]} stands in the map: the ego state is needed to relate them",
             where=where,
             hint=f"run `cwcli estimate LOG -o estimated.mcap` first, or say --sensor {fixed[0]}:carrier=body",
         )
@@ -119,11 +120,11 @@ def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: s
 def known_scan_times(
     signals: Sequence[DetectionSignal], ego_ns: tuple[Int64Array, Int64Array] | None
 ) -> tuple[Int64Array, Int64Array]:
-    """Stamps of all scans, increasing, and when what is known by them could have been known.
+    """Increasing stamps of all scans, and the times (ns) at which the tracks there could have been known.
 
     Args:
         signals: The sensors.
-        ego_ns: Stamps, increasing, and log times of the car's states between which it is placed; None without them.
+        ego_ns: Increasing stamps, and log times, of the car's states; None without them.
     """
     stamp_ns, log_time_ns = scan_times(signals)
     if ego_ns is not None:
@@ -133,7 +134,7 @@ def known_scan_times(
 
 
 def scan_times(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
-    """Stamps of all scans, increasing, and when each was known: its log time."""
+    """Increasing stamps of all scans, and their log times."""
     stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
     log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])
     order = np.lexsort((log_time_ns, stamp_ns))

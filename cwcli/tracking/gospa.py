@@ -1,4 +1,4 @@
-"""How good a set of tracks is: GOSPA with its parts, id switches, errors of each target.
+"""Scores of a set of tracks: GOSPA with its parts, id switches, errors of each target.
 
 GOSPA: Rahmathullah, Garcia-Fernandez, Svensson, FUSION 2017, eq. 1 with alpha = 2, for which it splits into
 localisation, missed and false targets (prop. 1).
@@ -35,7 +35,7 @@ class Gospa:
 
 
 def gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> Gospa:
-    """GOSPA between true positions (m, 2) and tracks (n, 2). A pair farther apart than `cutoff_m` is no pair."""
+    """Compute GOSPA between true positions (m, 2) and tracks (n, 2); positions beyond `cutoff_m` are not paired."""
     m, n = len(truth_xy), len(track_xy)
     i, j, distance = match(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
     localisation = float((distance**p).sum())
@@ -48,7 +48,7 @@ def gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, 
 def match(
     truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float, p: float = 2.0
 ) -> tuple[Int64Array, Int64Array, FloatArray]:
-    """Best pairs of true positions (m, 2) and tracks (n, 2): their rows, and their distances."""
+    """Pair true positions (m, 2) and tracks (n, 2) best: the rows of the pairs, and their distances."""
     if not len(truth_xy) or not len(track_xy):
         none = np.zeros(0, np.int64)
         return none, none, np.zeros(0)
@@ -59,14 +59,14 @@ def match(
 
 @dataclass(frozen=True)
 class TargetErrors:
-    """One true target over the drive.
+    """Errors of one true target over the drive.
 
     Attributes:
-        id: Its id.
-        n, n_tracked: Moments at which it exists, and at which a track is paired with it.
+        id: Id of the target.
+        n, n_tracked: Number of moments at which it exists, and at which a track is paired with it.
         id_switches: How often the id of its track changed.
-        position_rmse_m, velocity_rmse_mps: Over the tracked moments, NaN when there is none.
-        rmse: The same by component: x, y in m, vx, vy in m/s.
+        position_rmse_m, velocity_rmse_mps: Root mean squares over the tracked moments, NaN when there is none.
+        rmse: Root mean squares by component: x, y in m, vx, vy in m/s.
     """
 
     id: int
@@ -86,8 +86,8 @@ class TrackingScores:
         stamp_ns: Shape (k,): the moments.
         distance, localisation, missed, false: Shape (k,): GOSPA and its parts, see `Gospa`.
         n_missed, n_false: Shape (k,).
-        targets: One entry a true target.
-        id_switches: Over all targets.
+        targets: One entry per true target.
+        id_switches: Number of id switches of all targets.
     """
 
     stamp_ns: Int64Array
@@ -102,7 +102,7 @@ class TrackingScores:
 
 
 class TrackLike(Protocol):
-    """What `TargetMoments.of` needs of a track."""
+    """A track as `TargetMoments.of` reads it."""
 
     @property
     def id(self) -> int: ...
@@ -122,7 +122,7 @@ class TargetMoments:
 
     @classmethod
     def of(cls, tracks: Sequence[TrackLike]) -> TargetMoments:
-        """The rows of `TargetTrack`s; of several rows of a track at one stamp, the last."""
+        """Collect the rows of tracks; of several rows of a track at one stamp, the last."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         for track in tracks:
             last = np.append(np.diff(track.stamp_ns) != 0, True)
@@ -132,7 +132,7 @@ class TargetMoments:
         return cls(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
     def at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
-        """Each id at the stamps that lie within its life, linear between its rows, never across a longer gap."""
+        """Interpolate each id at the stamps within its life, linearly between its rows, not across longer gaps."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         wanted = np.unique(stamp_ns)
         for k in np.unique(self.id).tolist():
@@ -153,10 +153,10 @@ class TargetMoments:
 
 
 def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
-    """Compare tracks with the truth at every moment of the truth. Track rows at other moments are left out.
+    """Score tracks against the truth at every moment of the truth. Track rows at other moments are left out.
 
-    A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than at
-    the last moment at which it was paired.
+    A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than when
+    it was last paired.
     """
     moments = np.unique(truth.stamp_ns)
     parts = np.zeros((len(moments), 4))
@@ -185,6 +185,7 @@ def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0,
 
 
 def _target(truth: TargetMoments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
+    """Errors of one target from its rows of differences (4,): x, y, vx, vy."""
     square = np.mean(np.square(rows), axis=0) if rows else np.full(4, np.nan)
     n = int((truth.id == target).sum())
     position, velocity = float(np.sqrt(square[:2].sum())), float(np.sqrt(square[2:].sum()))
@@ -192,7 +193,7 @@ def _target(truth: TargetMoments, target: int, rows: list[FloatArray], switches:
 
 
 def _by_stamp(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:
-    """Rows at each moment."""
+    """Row indices of the stamps at each moment."""
     order = np.argsort(stamp_ns, kind="stable")
     ordered = stamp_ns[order]
     first = np.searchsorted(ordered, moments, side="left")

@@ -1,4 +1,4 @@
-"""Many targets: which detections belong together, with clutter densities that are known or found."""
+"""Associate detections with tracks of many targets, with given or estimated clutter densities."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ from cwcli.tracking.detections import DetectionKind, SensorModel
 from cwcli.tracking.prepare import PreparedDetections
 from cwcli.tracking.scan_loop import Association, ScanLoop
 
-# A sensor watches at least this much, however little it saw: m; m, rad, m/s.
 _LEAST_EXTENT = {
     RowKind.POSITION: (20.0, 20.0),
     RowKind.RADAR_WITHOUT_RATE: (20.0, 1.0),
     RowKind.RADAR: (20.0, 1.0, 10.0),
 }
-
+"""Least extent of each value over which a sensor measures, however little it saw: m; m, rad, m/s. Chosen by hand."""
 
 _USUAL_EXTENT = {
     RowKind.POSITION: (100.0, 100.0),
     RowKind.RADAR_WITHOUT_RATE: (100.0, 1.0),
     RowKind.RADAR: (100.0, 1.0, 20.0),
 }
+"""Assumed extent of each value of an unknown sensor: m; m, rad, m/s. Chosen by hand; not fitted."""
 
 
 def usual_density(kind: DetectionKind, model: SensorModel) -> float:
-    """The clutter density of a sensor of which nothing is known: one false detection in a scan."""
+    """The clutter density of an unknown sensor: one false detection per scan over its assumed extent."""
     if kind == DetectionKind.POSITION:
         return float(1.0 / np.prod(_USUAL_EXTENT[RowKind.POSITION]))
     return float(1.0 / np.prod(_USUAL_EXTENT[RowKind.RADAR if model.use_range_rate else RowKind.RADAR_WITHOUT_RATE]))
 
 
 def volume(prepared: PreparedDetections, source: int) -> float:
-    """Size of the part of the measurement space in which a source's detections lie: 2.5 to 97.5 % of each value.
+    """Volume of the measurement space in which a source's detections lie: 2.5 to 97.5 % of each value.
 
-    Positions count from the sensor, so that a drive through the map does not widen it.
+    Positions are relative to the sensor, so that the car's motion does not enlarge it.
     """
     rows = prepared.rows
     mine = rows.source == source
@@ -55,16 +55,16 @@ def volume(prepared: PreparedDetections, source: int) -> float:
 
 
 def associate(prepared: PreparedDetections, config: TrackerConfig) -> Association:
-    """Give every detection to a track.
+    """Associate every detection with a track or with none.
 
-    Clutter densities that the sensor models leave open are estimated: a first pass counts every detection as possible
-    clutter, a second one only those that no confirmed track took.
+    Clutter densities that the sensor models do not give are estimated: the first pass counts every detection as
+    clutter, the second one only those without a confirmed track.
     """
     names, models = prepared.rows.sources, prepared.models
     n_scans = np.bincount(prepared.scans.source, minlength=len(names)).clip(1)
     volumes = [volume(prepared, k) for k in range(len(names))]
     n_rows = np.bincount(prepared.rows.source, minlength=len(names))
-    # at least one false detection in all scans together: a density of 0 would take anything for a target
+    # at least one false detection in all scans together: with a density of 0 every detection would be a target
     density = np.array(
         [
             m.clutter_density if m.clutter_density is not None else max(n / s, 1.0 / s) / v

@@ -1,4 +1,4 @@
-"""From detections of several sensors to one sorted, checked set of rows in the tracking frame."""
+"""Check the detections of several sensors, transform them to the tracking frame and sort them by time."""
 
 from __future__ import annotations
 
@@ -25,8 +25,11 @@ from cwcli.tracking.detections import (
 Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
 MAX_RATE_MPS = 200.0
+"""Larger range rates count as impossible and are left out. Chosen by hand."""
 MAX_LATENESS_S = 1.0
+"""A detection may arrive this much later than a newer one, s. Chosen by hand; not fitted."""
 MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
+"""Stated variances outside of these limits are absurd, and the sensor model's are used. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +60,11 @@ class Rows:
         return len(self.stamp_ns)
 
     def for_kernel(self) -> kernel.Rows:
-        """What the kernel reads."""
+        """Convert them to the kernel's rows."""
         return kernel.Rows(kind=self.kind, z=self.z, r=self.r, origin=self.origin)
 
     def take(self, which: Int64Array | Mask | slice) -> Rows:
-        """The rows `which`, in that order."""
+        """Select the rows `which`, in that order."""
         return Rows(
             self.stamp_ns[which],
             self.source[which],
@@ -105,10 +108,10 @@ class PreparedDetections:
 
 
 def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
-    """True for the rows whose stamps fit the order of arrival, up to `max_lateness_s`.
+    """Whether each row's stamp fits the order of arrival, up to `max_lateness_s`.
 
-    The fewest rows are given up: the longest non-decreasing run of stamps stays (patience sorting), and with it every
-    row that is late by no more than the limit. One stamp from the future costs one row, not the rest of the log.
+    As few rows as possible are rejected: the longest non-decreasing run of stamps stays (patience sorting), and with it
+    every row that is late by no more than the limit. One stamp from the future costs one row, not the rest of the log.
     """
     n = len(stamp_ns)
     stamp_s = stamp_ns * 1e-9  # a fraction of a microsecond is enough here, and absurd stamps can't overflow
@@ -138,7 +141,7 @@ def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
 
 
 def ego_at(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
-    """Ego x, y, heading, vx, vy, yaw rate at the stamps, (n, 6), and where it is known.
+    """Interpolate the ego's x, y, heading, vx, vy, yaw rate at the stamps, (n, 6), and where they are known.
 
     Between states the position and the unwrapped heading are linear; nothing is interpolated across a long gap.
     """
@@ -184,7 +187,7 @@ def sensor_pose(model: SensorModel, ego: EgoStates | None, stamp_ns: Int64Array)
 
 
 def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
-    """Covariance of every row, (n, k, k): the message's, else the model's."""
+    """Covariance of every row, (n, k, k): the message's if it is valid, else the sensor model's."""
     n, width = data.values.shape
     sigma = model.sigma or DEFAULT_SIGMA[data.kind]
     if len(sigma) < width:
@@ -205,7 +208,7 @@ def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
 
 
 def _keep(data: Detections, model: SensorModel, counts: Counts, max_scan: int, lateness_s: float) -> Mask:
-    """Rows that are good in themselves; the others are counted under the first reason that fits."""
+    """Which rows are valid by themselves; the others are counted as rejected under the first reason that fits."""
     values = data.values
     radar = data.kind == DetectionKind.RADAR
     with np.errstate(invalid="ignore", over="ignore"):
@@ -239,7 +242,7 @@ def _keep(data: Detections, model: SensorModel, counts: Counts, max_scan: int, l
 
 def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask, r: FloatArray, counts: Counts,
          source: int, sources: tuple[str, ...]) -> Rows:  # fmt: skip
-    """The kept rows of one sensor in the tracking frame."""
+    """Transform the kept rows of one sensor to the tracking frame."""
     index = np.flatnonzero(kept)
     stamps = data.stamp_ns[index]
     pose, velocity, known = sensor_pose(model, ego, stamps)
@@ -274,7 +277,7 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
 
 def _scans(rows: Rows, extra: Sequence[tuple[int, Int64Array]], models: Sequence[SensorModel],
            ego: EgoStates | None) -> Scans:  # fmt: skip
-    """The scans behind the rows, and the empty ones."""
+    """Collect the scans of the rows, and the empty ones."""
     n = len(rows)
     new = np.ones(n, bool)
     new[1:] = (np.diff(rows.stamp_ns) != 0) | (np.diff(rows.source) != 0)
@@ -311,11 +314,11 @@ def prepare(
     """Check the detections, bring them into the tracking frame and put them in the order of time.
 
     Args:
-        detections: One entry a sensor. Nothing in them is changed.
-        sensors: Source -> model; a source that is not in it gets the default model.
+        detections: One entry per sensor. They are not changed.
+        sensors: Source -> model; a source without one gets the default model.
         ego: The car's states; with them the tracking frame is the map, without them the body frame.
         max_scan: Detections of one scan beyond this number are rejected.
-        max_lateness_s: A detection may arrive so much later than a newer one; it is put in its place.
+        max_lateness_s: A detection may arrive this much later than a newer one; it is sorted in.
 
     Returns:
         The rows, the scans and the counts: every rejection has a reason.

@@ -22,11 +22,12 @@ from cwcli.tracking.prepare import PreparedDetections
 
 Mask = npt.NDArray[np.bool_]
 _MAX_LOG_ODDS = 30.0
+"""Largest log odds of a track's existence, so that a lost track can still end. Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Association:
-    """The result of the pass.
+    """Which track each detection belongs to, and the life of the tracks.
 
     Attributes:
         row_track: Shape (n rows,): id of the track that took the row, 0 = none.
@@ -59,7 +60,7 @@ class _Living:
         self.last_hit_ns = np.zeros(capacity, np.int64)
 
     def keep(self, which: Mask) -> None:
-        """Drop all but `which`, a mask over the living."""
+        """Drop all tracks but those in the mask `which`."""
         at = np.flatnonzero(which)
         for column in (self.x, self.p, self.log_odds, self.key, self.is_confirmed, self.misses, self.last_hit_ns):
             column[: len(at)] = column[at]
@@ -67,11 +68,12 @@ class _Living:
 
 
 def _log_odds(probability: float) -> float:
+    """The log odds of a probability."""
     return float(np.log(probability / (1.0 - probability)))
 
 
 def in_view(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
-    """True for the states whose position the sensor at `pose` (x, y, yaw) can see."""
+    """Whether the sensor at `pose` (x, y, yaw) can see the position of each state."""
     dx, dy = x[:, 0] - pose[0], x[:, 1] - pose[1]
     seen: Mask = dx * dx + dy * dy <= model.max_range_m**2
     if model.field_of_view_rad < 2.0 * np.pi:
@@ -83,7 +85,7 @@ def in_view(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
 
 
 class ScanLoop:
-    """The state of the pass; `run` does it."""
+    """The state of the pass over the scans; `run` makes the pass."""
 
     def __init__(self, prepared: PreparedDetections, config: TrackerConfig, density: FloatArray) -> None:
         self.prepared, self.config, self.density = prepared, config, density
@@ -97,7 +99,7 @@ class ScanLoop:
         self.now = 0
 
     def run(self) -> Association:
-        """All scans in the order of time."""
+        """Associate the detections of all scans in the order of time."""
         scans = self.prepared.scans
         for k in range(len(scans)):
             stamp, first, last = int(scans.stamp_ns[k]), int(scans.first[k]), int(scans.first[k + 1])
@@ -109,13 +111,14 @@ class ScanLoop:
         return self._result()
 
     def _forget(self, stamp: int) -> None:
-        """End the tracks that nothing was seen of for too long, before they can claim anything."""
+        """End the tracks without a detection for too long, before detections are assigned."""
         living = self.living
         waited_s = stamp * 1e-9 - living.last_hit_ns[: living.n] * 1e-9  # floats: absurd stamps can't overflow
         if (waited_s > self.config.max_coast_s).any():
             living.keep(waited_s <= self.config.max_coast_s)
 
     def _predict(self, stamp: int) -> None:
+        """Predict states and existence of all tracks to a stamp."""
         living, dt = self.living, (stamp - self.now) * 1e-9
         self.now = stamp
         if not living.n:
@@ -125,7 +128,7 @@ class ScanLoop:
         odds[:] = -np.log(np.expm1(np.logaddexp(0.0, -odds) + dt / self.config.mean_life_s))
 
     def _update(self, stamp: int, first: int, last: int, source: int, pose: FloatArray) -> Int64Array:
-        """Assign the rows from `first` to before `last` and update. Returns the rows that were taken."""
+        """Assign the rows from `first` to before `last`, and update the tracks; returns the assigned rows."""
         living, model = self.living, self.prepared.models[source]
         n = living.n
         x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
@@ -148,7 +151,7 @@ class ScanLoop:
         return first + row
 
     def _assign(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
-        """Confirmed tracks choose first; tentative ones share what they leave."""
+        """Assign rows by their gains (tracks, rows): to confirmed tracks first, the rest to tentative ones."""
         confirmed = self.living.is_confirmed[: len(worth)]
         old, new = np.flatnonzero(confirmed), np.flatnonzero(~confirmed)
         a, row = assign(worth[old])
@@ -157,7 +160,7 @@ class ScanLoop:
         return np.concatenate([old[a], new[b]]), np.concatenate([row, free[rest]])
 
     def _end(self, stamp: int) -> None:
-        """Confirm what is likely, end what is not."""
+        """Confirm the tracks that are likely to exist, and end those that are not."""
         living, config, n = self.living, self.config, self.living.n
         odds, confirmed = living.log_odds[:n], living.is_confirmed[:n]
         for i in np.flatnonzero((odds > _log_odds(config.confirm_probability)) & ~confirmed):
@@ -171,7 +174,7 @@ class ScanLoop:
             living.keep(~dead)
 
     def _begin(self, stamp: int, free: Int64Array) -> None:
-        """A tentative track from each of the rows `free`, as far as there is room."""
+        """Begin a tentative track at each of the rows `free`, up to the largest number of tracks."""
         living = self.living
         room = self.config.max_tracks - living.n
         self.n_refused += max(0, len(free) - room)
@@ -190,6 +193,7 @@ class ScanLoop:
         living.n += len(free)
 
     def _result(self) -> Association:
+        """Build the result, with ids in the order of confirmation."""
         keys = sorted(self.confirmed, key=lambda key: (self.confirmed[key], key))
         lookup = np.zeros(len(self.born) + 1, np.int64)
         lookup[keys] = np.arange(1, len(keys) + 1)

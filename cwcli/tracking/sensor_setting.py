@@ -1,4 +1,4 @@
-"""What the user says of a sensor, `--sensor TOPIC:KEY=VALUE,..`: how it is mounted and how well it measures."""
+"""The user's settings of sensors, `--sensor TOPIC:KEY=VALUE,..`: their mounting and their accuracy."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from cwcli.errors import UsageError
 from cwcli.tracking.detections import Axes
 
 MAX_SIGMAS = 3
+"""Number of sigmas of a setting: range, azimuth and range rate."""
 EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
+"""Hint of errors in the option."""
 
 
 @dataclass(frozen=True)
 class SensorSetting:
-    """What the user says of one sensor; None leaves it to the log or to the default.
+    """The user's settings of one sensor; None: the log or the default decides.
 
     Attributes:
         x_m, y_m, yaw_rad: Mounting in the body frame, or in the map for one that stands still.
@@ -24,7 +26,7 @@ class SensorSetting:
         carrier: `body` or `map`; None: `map` where the messages' frame says so.
         frame: Frame id that is accepted; None: the most frequent one.
         sigma: 1-sigma noise of each value where the message gives none.
-        max_range_m, field_of_view_rad: What it can see.
+        max_range_m, field_of_view_rad: Its range, and the full width of its field of view.
         detection_probability: Chance that a scan sees a target in view.
         use_range_rate: False leaves the range rate out.
         is_rate_towards: The range rate is positive for what comes nearer.
@@ -45,11 +47,12 @@ class SensorSetting:
 
     @property
     def is_mounted(self) -> bool:
-        """Whether the user said where the sensor is."""
+        """Whether the user gave the mounting."""
         return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
 
 
 def _number(text: str) -> float:
+    """Parse a finite number; a `ValueError` if it is none."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(text)
@@ -57,6 +60,7 @@ def _number(text: str) -> float:
 
 
 def _positive(text: str) -> float:
+    """Parse a positive number; a `ValueError` if it is none."""
     value = _number(text)
     if value <= 0.0:
         raise ValueError(text)
@@ -64,6 +68,7 @@ def _positive(text: str) -> float:
 
 
 def _probability(text: str) -> float:
+    """Parse a number between 0 and 1; a `ValueError` if it is none."""
     value = _number(text)
     if not 0.0 < value < 1.0:
         raise ValueError(text)
@@ -71,6 +76,7 @@ def _probability(text: str) -> float:
 
 
 def _sigmas(text: str) -> tuple[float, ...]:
+    """Parse up to three positive numbers `A/B/C`; a single one stands for all three."""
     values = tuple(_positive(part) for part in text.split("/"))
     if len(values) > MAX_SIGMAS:
         raise ValueError(text)
@@ -78,6 +84,8 @@ def _sigmas(text: str) -> tuple[float, ...]:
 
 
 def _one_of(*names: str) -> Callable[[str], str]:
+    """Make a parser that accepts these names only."""
+
     def choose(text: str) -> str:
         if text not in names:
             raise ValueError(text)
@@ -91,6 +99,7 @@ _RATES: dict[str, dict[str, bool]] = {
     "toward": {"is_rate_towards": True},
     "off": {"use_range_rate": False},
 }
+"""Value of the key `rate` -> fields of the setting."""
 _KEYS: dict[str, Callable[[str], dict[str, Any]]] = {
     "x": lambda text: {"x_m": _number(text)},
     "y": lambda text: {"y_m": _number(text)},
@@ -104,10 +113,11 @@ _KEYS: dict[str, Callable[[str], dict[str, Any]]] = {
     "detection": lambda text: {"detection_probability": _probability(text)},
     "rate": lambda text: dict(_RATES[_one_of(*_RATES)(text)]),
 }
+"""Key of the option -> parser of its value to fields of the setting."""
 
 
 def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
-    """Topic -> setting, from `TOPIC:KEY=VALUE,..` entries.
+    """Parse `TOPIC:KEY=VALUE,..` entries: topic -> setting.
 
     Raises:
         UsageError: An entry is malformed, or a topic or a key comes twice.
@@ -124,6 +134,7 @@ def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
 
 
 def _values(entry: str, text: str) -> dict[str, Any]:
+    """Parse the `KEY=VALUE,..` part of an entry to fields of the setting."""
     values: dict[str, Any] = {}
     seen: set[str] = set()
     for part in text.split(","):

@@ -1,4 +1,4 @@
-"""One target: filter, smooth, consistency. The loop is a kernel."""
+"""Filter and smooth the detections of one target, and check the innovations. The loop is a kernel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Int8Array = npt.NDArray[np.int8]
 
 @dataclass(frozen=True)
 class Consistency:
-    """Innovations of one source: do their sizes fit the filter's own covariance?
+    """Mean NIS of one source: whether its innovations fit the filter's own covariance.
 
     Attributes:
         n_used, n_gated: Detections that updated the filter, and those outside the gate.
@@ -43,7 +43,7 @@ class Consistency:
 
 @dataclass(frozen=True)
 class FilterOutput:
-    """What the kernel leaves, one row per row of the input.
+    """Output of the filter, one row per row of the input.
 
     Attributes:
         state: Shape (n, d), SI units, tracking frame; NaN before the start. d and the order: `MODELS[model].states`.
@@ -52,7 +52,7 @@ class FilterOutput:
         nis: Shape (n,), NaN where there was no update.
         n_values: Shape (n,), int8: values in the innovation.
         status: Shape (n,), int8: a `RowStatus`.
-        log_likelihood: Sum over the updates.
+        log_likelihood: Log-likelihood of all updates.
     """
 
     state: FloatArray
@@ -65,6 +65,7 @@ class FilterOutput:
 
 
 def _elapsed_s(stamp_ns: Int64Array) -> FloatArray:
+    """Time since the row before, s, (n,); 0 at the first row."""
     out = np.zeros(len(stamp_ns))
     np.subtract(stamp_ns[1:], stamp_ns[:-1], out=out[1:], casting="unsafe")
     out *= 1e-9
@@ -75,7 +76,7 @@ def _elapsed_s(stamp_ns: Int64Array) -> FloatArray:
 def run_filter(rows: Rows, config: FilterConfig, *, smooth: bool | None = None) -> FilterOutput:
     """Filter rows that all belong to one target, and smooth them when `smooth` (default: `config.smooth`).
 
-    The state at a row is after its update: with `smooth=False` nothing later than the row went into it.
+    The state at a row is after its update; with `smooth=False` it uses nothing later than the row.
     """
     smooth = config.smooth if smooth is None else smooth
     out = kernel.run(config.kernel_filter(), _elapsed_s(rows.stamp_ns), rows.for_kernel(), smooth=smooth)
@@ -96,7 +97,7 @@ def consistency(
     n_values: Int8Array,
     status: Int8Array,
 ) -> dict[str, Consistency]:
-    """Mean NIS of each source with its 95 % bounds (Bar-Shalom et al., Estimation with Applications, 5.4.2).
+    """The mean NIS of each source with its 95 % bounds (Bar-Shalom et al., Estimation with Applications, 5.4.2).
 
     Args:
         sources: Names.

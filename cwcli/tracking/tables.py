@@ -16,10 +16,11 @@ VALUES: dict[DetectionKind, tuple[tuple[str, str], ...]] = {
     DetectionKind.POSITION: (("position", "m"),),
     DetectionKind.RADAR: (("range", "m"), ("azimuth", "rad"), ("range rate", "m/s")),
 }
+"""Names and units of a detection's values, by kind."""
 
 
 def track_tables(result: TrackResult, single: FilterConfig, kinds: Mapping[str, DetectionKind]) -> dict[str, Table]:
-    """One table; its vehicle is the id of a target, or "" for all, its source a sensor."""
+    """The table `track` of metrics: `vehicle` is the id of a target, or "" for all, `source` a sensor."""
     rows: list[MetricRow] = []
     for source, count in result.counts.items():
         rows.extend(_sensor_rows(source, count, result, kinds[source]))
@@ -36,6 +37,7 @@ def track_tables(result: TrackResult, single: FilterConfig, kinds: Mapping[str, 
 
 
 def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: DetectionKind) -> list[MetricRow]:
+    """The metrics of one sensor: counts, NIS, noise factors and clutter density."""
     quantity = "position" if kind == DetectionKind.POSITION else "radar"
     rows: list[MetricRow] = [("", source, quantity, "read_count", float(count.read), "")]
     rows.append(("", source, quantity, "used_count", float(count.used), ""))
@@ -65,20 +67,20 @@ def _sensor_rows(source: str, count: Counts, result: TrackResult, kind: Detectio
 
 
 def noise_of(config: FilterConfig) -> float:
-    """Of the acceleration or the jerk: as given, else the motion model's."""
+    """Process noise density of the acceleration or the jerk: the configured one, else the motion model's."""
     return config.motion.noise if config.noise is None else config.noise
 
 
 def turn_noise_of(config: FilterConfig) -> float:
-    """Of the turn rate, likewise."""
+    """Process noise density of the turn rate, rad/s^1.5: the configured one, else the motion model's."""
     return config.motion.turn_noise if config.turn_noise is None else config.turn_noise
 
 
 def noise_unit(config: FilterConfig) -> str:
-    """Of `noise_of`."""
+    """Unit of the process noise density of the model."""
     return "m/s^2.5" if "ax_mps2" in config.motion.states else "m/s^1.5"
 
 
 def median_sigma_m(track: TargetTrack) -> float:
-    """Median of the horizontal one-sigma per axis."""
+    """Median over the track of the position's sigma per axis, m."""
     return float(np.median(np.sqrt(0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1]))))

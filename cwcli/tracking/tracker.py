@@ -1,4 +1,4 @@
-"""Tracks of one or many targets from the detections of several sensors."""
+"""Track one or many targets from the detections of several sensors."""
 
 from __future__ import annotations
 
@@ -19,17 +19,19 @@ from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_fi
 from cwcli.tracking.tune import TunedFilter, rescale, tune
 
 Targets = Literal["auto", "one", "many"]
+"""Number of targets as the user gives it."""
 NO_SCALE: Mapping[str, tuple[float, ...]] = {}
+"""Factors on sigmas where none are known."""
 MAX_GATED_SHARE = 0.1
-"""Of the detections: with more outside the gate, one target is not all that there is."""
+"""A larger share of detections outside the gate means more than one target. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class TargetTrack:
-    """One target.
+    """The track of one target.
 
     Attributes:
-        id: From 1, in the order of confirmation; it never changes and is never used again.
+        id: Number from 1 in the order of confirmation; it never changes and is never used again.
         stamp_ns: Shape (n,), int64, non-decreasing: the times of the scans.
         state: Shape (n, d): x_m, y_m, vx_mps, vy_mps and the model's own, in the tracking frame.
         covariance: Shape (n, d, d).
@@ -53,7 +55,7 @@ class TrackResult:
     """All tracks of a drive.
 
     Attributes:
-        tracks: In the order of their ids.
+        tracks: The tracks in the order of their ids.
         frame: `map` when the ego states were given, else `body`.
         sources: Names of the sensors.
         counts: Source -> read, used, rejected by reason, repaired.
@@ -61,7 +63,7 @@ class TrackResult:
         state_names: Columns of `state`.
         tuned: What `tune` found, or None.
         clutter_density: Source -> density used; empty for one target.
-        notes: Things the user should know.
+        notes: Notes for the user.
     """
 
     tracks: tuple[TargetTrack, ...]
@@ -82,14 +84,14 @@ def track_one(
     ego: EgoStates | None = None,
     scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
 ) -> TrackResult:
-    """One target that every detection belongs to (xiang2019): the filter starts at the first detection.
+    """Track one target that every detection belongs to (xiang2019); the filter starts at the first detection.
 
     Args:
-        detections: One entry a sensor.
+        detections: One entry per sensor.
         sensors: Source -> model.
         config: Only `single` and `max_scan` are used.
         ego: The car's states, or None.
-        scale: Source -> factors on its sigmas that are known already (`TunedFilter.scale`).
+        scale: Source -> known factors on its sigmas (`TunedFilter.scale`).
     """
     config = config or TrackerConfig()
     prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
@@ -124,17 +126,17 @@ def track_many(
     ego: EgoStates | None = None,
     scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
 ) -> TrackResult:
-    """Any number of targets: gating, global nearest neighbour, births and deaths, then each track on its own.
+    """Track any number of targets: gating, global nearest neighbour, births and deaths, then each track by itself.
 
     With `config.single.smooth` a track runs from its first to its last detection, smoothed. Without, it runs from its
-    confirmation to its end, and nothing later than a row went into it.
+    confirmation to its end, and a row uses nothing later.
 
     Args:
-        detections: One entry a sensor.
+        detections: One entry per sensor.
         sensors: Source -> model.
         config: Tracker and filter settings.
         ego: The car's states, or None.
-        scale: As of `track_one`.
+        scale: As for `track_one`.
     """
     config = config or TrackerConfig()
     prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
@@ -206,7 +208,7 @@ def _follow(
 
 
 def _pooled(sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOutput]]) -> dict[str, Consistency]:
-    """Consistency of each source over all tracks."""
+    """NIS consistency of each source over all tracks."""
     if not pool:
         return {}
     return consistency(
@@ -225,11 +227,11 @@ def track_targets(
     config: TrackerConfig,
     ego: EgoStates | None = None,
 ) -> tuple[TrackResult, str]:
-    """The tracks, and whether they were made for `one` target or `many`.
+    """Track `one` target or `many`: the tracks, and which of both was chosen.
 
     Args:
-        targets: `one`, `many`, or `auto`: one where no scan holds two detections and a single track takes nine in ten
-            of them, else many.
+        targets: `one`, `many`, or `auto`: one if no scan has two detections and a single track uses nine in ten of
+            them, else many.
         detections, models, config, ego: As for `track_one` and `track_many`.
     """
     one_a_scan = all(_most_in_a_scan(data) <= 1 for data in detections)
@@ -250,12 +252,12 @@ def track_online(
     config: TrackerConfig,
     ego: EgoStates | None = None,
 ) -> TrackResult:
-    """The tracks of the filter alone, with the noise, the clutter and the number of targets of another result.
+    """Track without smoothing, with the noise, the clutter and the number of targets of another result.
 
     Args:
-        result, how: Of `track_targets`.
-        detections, models, config: As it had them.
-        ego: The car's states as they could have been known.
+        result, how: Results of `track_targets`.
+        detections, models, config: Its arguments.
+        ego: The car's states as they could have been known online.
     """
     tuned = result.tuned
     single = replace(config.single if tuned is None else tuned.config, tune=False, smooth=False)

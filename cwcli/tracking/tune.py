@@ -1,6 +1,6 @@
-"""Process and measurement noise from the detections alone, by maximum likelihood.
+"""Fit process and measurement noise to the detections alone, by maximum likelihood.
 
-The likelihood of the innovations measures how well the filter's covariance fits what came in; no truth is seen. The
+The likelihood of the innovations measures how well the filter's covariance fits the detections; no truth is used. The
 search is Nelder and Mead's (Computer J. 7, 1965), in logarithms, so that every parameter stays positive.
 """
 
@@ -18,7 +18,9 @@ from cwcli.tracking.prepare import Rows
 from cwcli.tracking.single import log_likelihood
 
 MAX_FACTOR = 300.0
+"""Largest factor on a noise, and the inverse of the smallest. Chosen by hand."""
 MAX_ROWS = 20_000
+"""Largest number of rows that the noise is fitted to: more rows take longer and hardly improve it. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class TunedFilter:
         scale: Source -> factors on the sigma of each value: one for x and y together (POSITION), or range, azimuth
             and range rate (RADAR).
         log_likelihood_before, log_likelihood: At the given and at the found noise.
-        n_evaluations: Runs of the filter.
+        n_evaluations: Number of runs of the filter.
     """
 
     config: FilterConfig
@@ -41,7 +43,7 @@ class TunedFilter:
 
 
 def rescale(rows: Rows, scale: Mapping[str, tuple[float, ...]]) -> Rows:
-    """The rows with every sigma multiplied by its source's factors."""
+    """Multiply every sigma of the rows by its source's factors."""
     if not scale:
         return rows
     r = rows.r.copy()
@@ -59,7 +61,7 @@ def minimise(
     cost: Callable[[FloatArray], float], start: FloatArray, *, step: float = 0.5, tolerance: float = 1e-3,
     max_evaluations: int = 1500,
 ) -> tuple[FloatArray, float, int]:  # fmt: skip
-    """Nelder-Mead with the usual factors 1, 2, 1/2, 1/2 and one restart. Returns the point, its cost and the calls."""
+    """Minimise a cost by Nelder and Mead with one restart: the best point, its cost and the number of calls."""
     n, calls = len(start), 0
     best, best_cost = np.asarray(start, float), math.inf
     for size in (step, 0.5 * step):
@@ -98,7 +100,7 @@ def minimise(
 
 
 def _enough(targets: Sequence[Rows]) -> list[Rows]:
-    """The longest targets, `MAX_ROWS` rows in all: more would not make the noise better known, only later."""
+    """Select the longest targets, with `MAX_ROWS` rows in all."""
     out, left = [], MAX_ROWS
     for target in sorted(targets, key=len, reverse=True):
         if left <= 0:
@@ -111,7 +113,7 @@ def _enough(targets: Sequence[Rows]) -> list[Rows]:
 def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
     """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
 
-    The rows are not gated: what is an outlier is not known before the noise is known.
+    The rows are not gated: outliers are not known before the noise is.
 
     Args:
         targets: The rows of each target, in the order of time. They share `sources`.

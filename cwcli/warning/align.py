@@ -1,8 +1,8 @@
-"""Which remote state the host has at a moment, and where that remote vehicle's path then is.
+"""Pair each host state with the newest remote state, and interpolate the remote vehicle's path to that moment.
 
-A V2X state is old when it is used: by the link and by the message period. Its predicted path is therefore read at
-`age + tau`, which is the motion model's own way of bringing the state forward. Paths of remote vehicles should
-reach `horizon + max age`; beyond their end they go on straight at their last speed, and that is counted.
+A V2X state is old when it is used, because of the link and the message period. Its predicted path is therefore read at
+`age + tau`: the motion model brings the state forward. Paths of remote vehicles should reach `horizon + max age`; after
+their end they go on straight at their last speed, and that is counted.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class Pairing:
     Attributes:
         host_row, other_row: Shape (m,): rows of the two tracks.
         age_s: Shape (m,): host stamp minus remote stamp, >= 0.
-        n_unheard: Host stamps at which no remote state had come yet.
+        n_unheard: Host stamps before the first message with a remote state.
         n_stale: Host stamps at which the newest remote state was too old.
     """
 
@@ -36,10 +36,9 @@ class Pairing:
 
 
 def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float) -> Pairing:
-    """For every host stamp the newest remote state that may be used.
+    """Pair every host stamp with the newest remote state that may be used.
 
-    "received": its log time is not after the host's (it had come), and its stamp isn't either. "stamp": its stamp is
-    not after the host's.
+    With "received" neither its log time nor its stamp is after the host's; with "stamp" its stamp is not.
     """
     n, m = len(host.stamp_ns), len(other.stamp_ns)
     usable_from = np.searchsorted(host.stamp_ns, other.stamp_ns, side="left")
@@ -65,7 +64,7 @@ def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float)
 
 @dataclass(frozen=True)
 class Points:
-    """Points read from paths, all (m, q); `beyond` (m,): read past a path's end."""
+    """Points of m paths at q times, (m, q); `beyond` (m,) is true where a time is after the path's end."""
 
     x_m: FloatArray
     y_m: FloatArray
@@ -74,16 +73,16 @@ class Points:
     beyond: npt.NDArray[np.bool_]
 
     def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Points:
-        """Some rows at some of the times."""
+        """The points of some rows at some of the times."""
         flat = rows[:, None] * self.x_m.shape[1] + columns
         x, y, heading, speed = (values.take(flat) for values in (self.x_m, self.y_m, self.heading_rad, self.speed_mps))
         return Points(x, y, heading, speed, self.beyond[rows])
 
 
 def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
-    """Paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, linear between the points.
+    """Interpolate the paths `rows` (m,) linearly at the times `offset_s[i] + time_s[j]`.
 
-    `time_s` may be (q,) or (m, q). Past the end: straight on at the last speed and heading.
+    `time_s` may be (q,) or (m, q). After its end a path goes straight on at its last speed and heading.
     """
     step_s = float(paths.time_s[1] - paths.time_s[0])
     last = len(paths.time_s) - 1
@@ -114,9 +113,9 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
 def read_covariances(
     paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
 ) -> FloatArray:
-    """Position covariances of paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, (m, q, 3).
+    """Interpolate the position covariances of the paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, (m, q, 3).
 
-    Past the end that of the end. `time_s` may be (q,) or (m, q).
+    After its end a path keeps its last covariance. `time_s` may be (q,) or (m, q).
     """
     step_s = float(paths.time_s[1] - paths.time_s[0])
     last = len(paths.time_s) - 1

@@ -1,4 +1,4 @@
-"""How probable it is that the outlines of a pair touch: on the paths as they are predicted, and if the host brakes."""
+"""The probability that the outlines of a pair touch: on the predicted paths, and if the host brakes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from cwcli.warning.types import PathArrays
 Rows = npt.NDArray[np.intp]
 
 STEP_S = 0.1
-"""Paths are compared at least so often: no car turns by a tenth of a radian in it."""
+"""Largest step between compared points, s. Chosen: no car turns by a tenth of a radian in it."""
 N_BRAKING = 60
-"""Steps from the begin of the braking to standstill."""
+"""Number of steps from the begin of the braking to standstill. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class PathPairs:
     """m pairs of predicted paths.
 
     Attributes:
-        host, other: Paths.
-        host_row, other_row, age_s: Shape (m,): which of them, and where the other's begin to count.
-        host_size, other_size: Outlines.
+        host, other: Paths of the host and of the other.
+        host_row, other_row, age_s: Shape (m,): rows of both, and the age at which the other's path begins to count.
+        host_size, other_size: Length and width of the outlines.
     """
 
     host: PathArrays
@@ -45,10 +45,10 @@ class PathPairs:
         return PathPairs(self.host, self.other, *at, self.host_size, self.other_size)
 
     def within(self, min_distance_m: FloatArray, time_s: FloatArray, ends_s: tuple[float, ...]) -> FloatArray:
-        """The probability of contact by each of the times, (m, e).
+        """Compute the probability of contact by each of the times, (m, e).
 
         Args:
-            min_distance_m: Shape (m,): the least distance of the centres, NaN where a path is none.
+            min_distance_m: Shape (m,): the least distance of the centres, NaN where a path is not finite.
             time_s: Shape (q,): the paths' times, from 0 to the last of the ends, and with all of them.
             ends_s: Increasing.
         """
@@ -66,10 +66,10 @@ class PathPairs:
         return out
 
     def braked(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:
-        """The probability of contact if the host brakes from now on, on its path, (m,): by standstill or the horizon.
+        """Compute the probability of contact by standstill or the horizon if the host brakes on its path, (m,).
 
-        A host that is predicted to brake harder does that. Beyond the end of its path the other goes straight on; while
-        the host stands the covariances grow no more.
+        A host that is predicted to brake harder does that. After the end of its path the other goes straight on; while
+        the host stands the covariances do not grow.
         """
         speed = np.abs(self.host.speed_mps[self.host_row, 0, None])
         stop_s = speed / deceleration_mps2
@@ -80,7 +80,7 @@ class PathPairs:
         return self._touching(at_s, time_s, (np.minimum(at_s, braking_s), braking_s))[:, 0]
 
     def _when_host_is_at(self, way_m: FloatArray) -> FloatArray:
-        """When the host's path has gone so far, (m, q)."""
+        """The times at which the host's path has covered the distances `way_m`, s, (m, q)."""
         time_s, rows = self.host.time_s, self.host_row
         gone = np.hypot(np.diff(self.host.x_m[rows], axis=1), np.diff(self.host.y_m[rows], axis=1))
         gone_m = np.concatenate([np.zeros((len(rows), 1)), np.cumsum(gone, axis=1)], axis=1)
@@ -97,7 +97,7 @@ class PathPairs:
         covariances_s: tuple[FloatArray, FloatArray],
         ends: Rows | None = None,
     ) -> FloatArray:
-        """The probability of contact, (m, e), of paths and covariances at times of their own, (q,) or (m, q)."""
+        """The probability of contact, (m, e); paths and covariances have times of their own, (q,) or (m, q)."""
         none = np.zeros(len(self.host_row))
         own: Points = read_paths(self.host, self.host_row, none, host_s)
         theirs: Points = read_paths(self.other, self.other_row, self.age_s, other_s)
@@ -115,6 +115,6 @@ class PathPairs:
 
 
 def _largest_m2(paths: PathArrays, rows: Rows) -> FloatArray:
-    """The variances along x and y together, (m,): at the path's begin or end, whichever is more."""
+    """Sum of the variances along x and y, (m,), at the path's begin or end, whichever is larger."""
     ends = paths.position_covariance_m2[:, [0, -1]]
     return np.asarray((ends[..., 0] + ends[..., 2]).max(axis=1)[rows])

@@ -1,4 +1,4 @@
-"""What counts as a conflict when warnings are scored: a measure beyond a threshold, as the user says it."""
+"""The user's definition of a conflict, with which warnings are scored: a measure beyond a threshold."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 OLD_NAMES = {"outline": "gap"}
-"""Of measures, as earlier versions spelled them in a definition."""
+"""Names of measures in definitions of earlier versions -> present names."""
 
 _DEFINITION = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
+"""The syntax of a definition: a name, and optionally a comparison and a number."""
 
 
 @dataclass(frozen=True)
@@ -28,62 +29,64 @@ class ConflictDefinition:
 
     @property
     def words(self) -> str:
-        """What held at a conflict: `the two touched`."""
+        """The text of what held at a conflict: `the two touched`."""
         return self.measure.words(self.threshold)
 
     def margin(self, pair: Pair) -> FloatArray:
-        """A function of time that is negative during a conflict, (n,)."""
+        """The distance of the measure from its threshold at each stamp, (n,), negative during a conflict."""
         values = pair.value(self.measure)
         return values - self.threshold if self.measure.critical == "low" else self.threshold - values
 
 
 def conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
-    """What counts as a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`.
+    """Parse a definition of a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`.
 
     Args:
-        text: As above.
-        distance_m: From where on `distance` alone is one.
+        text: The definition.
+        distance_m: Threshold of `distance` without a number.
 
     Raises:
-        UsageError: There is no such measure, or it is not one of each moment, or it lacks a threshold.
+        UsageError: There is no such measure, or it has no value of each moment, or it lacks a threshold.
     """
     parts = _DEFINITION.fullmatch(text)
     if parts is None:
-        raise UsageError(f"'{text}' is no definition of a conflict", hint=f"for example {example('ttc')}")
+        raise UsageError(f"'{text}' is not a definition of a conflict", hint=f"for example {example('ttc')}")
     name, sign, number = parts.groups()
     name = OLD_NAMES.get(name, name)
     measure = MEASURES.require(name)
     if not measure.is_series:
-        raise UsageError(f"{name} is one number for two vehicles: no conflict begins or ends by it")
+        raise UsageError(f"{name} is one number for the whole drive, so it cannot say when a conflict begins")
     if measure.needs_covariance:
-        raise UsageError(f"{name} takes covariances: what happened has none", hint=f"for example {example('ttc')}")
+        raise UsageError(f"{name} needs covariances, and actual motion has none", hint=f"for example {example('ttc')}")
     threshold = distance_m if name == "distance" else measure.threshold
     if number is not None:
         threshold = _number(number)
     if threshold is None or not np.isfinite(threshold) or (sign and sign != SIGNS[measure.critical]):
         raise UsageError(
-            f"'{text}' does not say from where on two vehicles are in conflict", hint=f"for example {example(name)}"
+            f"'{text}' does not say beyond which value it is a conflict",
+            hint=f"for example {example(name)}",
         )
     return ConflictDefinition(measure, threshold)
 
 
 def definitions() -> str:
-    """The definitions of a conflict with the measures' own thresholds: `distance < 2.5 m, ttc < 1 s`."""
+    """Format the definitions of a conflict with the measures' own thresholds: `distance < 2.5 m, ttc < 1 s`."""
 
-    def beyond(measure: Measure) -> str:
+    def threshold_text(measure: Measure) -> str:
         if not measure.is_series or measure.threshold is None:
             return ""
         return f"{SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
 
-    return ", ".join(f"{name} {words}" for name, words in MEASURES.describe(beyond).items() if words)
+    return ", ".join(f"{name} {words}" for name, words in MEASURES.describe(threshold_text).items() if words)
 
 
 def example(name: str) -> str:
-    """A definition by this measure."""
+    """Format an example of the option with this measure."""
     return f"--conflict '{name} {SIGNS[MEASURES[name].critical]} 1.5'"
 
 
 def _number(text: str) -> float:
+    """The number that the text spells; NaN if it is none."""
     try:
         return float(text)
     except ValueError:

@@ -19,7 +19,9 @@ from cwcli.warning.rules.base import Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
 MAX_DISTANCE_M = 1e4
+"""Largest permitted collision distance, m. Chosen by hand."""
 MAX_PERSISTENCE_S = 60.0
+"""Longest permitted persistence, s. Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +29,10 @@ class FoundWarnings:
     """Warnings of one host against all others.
 
     Attributes:
-        host, config: What they were found of.
+        host, config: The warned vehicle and the options.
         pairs: The evaluations, one for each of the others.
         ids: (pair, event) -> event id.
-        rows: The life of the warnings.
+        rows: The warnings' states over time, as messages.
     """
 
     host: VehicleTrack
@@ -41,30 +43,30 @@ class FoundWarnings:
 
     @property
     def events(self) -> Table:
-        """One row an event (warning)."""
+        """The table with one row per event (warning)."""
         return events_table(self.pairs, self.ids, rule=self.config.rule, clock=self.host)
 
     @property
     def series(self) -> Table:
-        """One row an evaluation of a pair that came within reach."""
+        """The table with one row per evaluation of a pair within reach."""
         return series_table(self.pairs, host_id=self.host.id)
 
     @property
     def counts(self) -> dict[str, int]:
-        """What was done with the evaluations, by name: totals over the pairs."""
+        """Number of evaluations over all pairs, by what became of them."""
         return {
             "evaluated": sum(own.n_evaluated for own in self.pairs),
             "out_of_reach": sum(own.n_out_of_reach for own in self.pairs),
-            "nothing_heard_yet": sum(own.n_unheard for own in self.pairs),
+            "no_message_received_yet": sum(own.n_unheard for own in self.pairs),
             "stale": sum(own.n_stale for own in self.pairs),
-            "read_past_path_end": sum(own.n_beyond for own in self.pairs),
+            "beyond_the_predicted_path": sum(own.n_beyond for own in self.pairs),
             "not_finite": sum(own.n_not_finite for own in self.pairs),
             "withheld": sum(int(own.is_withheld.sum()) for own in self.pairs),
         }
 
     @property
     def n_withheld(self) -> int:
-        """Warnings that would have been raised of states that are starting, after a reset or in a gap."""
+        """Number of warnings that were not raised because a state was starting, after a reset or in a gap."""
         return sum(own.n_withheld for own in self.pairs)
 
 
@@ -78,7 +80,7 @@ def find_warnings(
 
     Args:
         host: The vehicle that is warned.
-        others: The vehicles it hears of. Their paths should reach `horizon_s + max_age_s`.
+        others: The remote vehicles and targets. Their paths should reach `horizon_s + max_age_s`.
         config: Options; None: the defaults.
 
     Raises:
@@ -94,7 +96,7 @@ def find_warnings(
 
 
 def check_config(config: WarningConfig) -> None:
-    """Check what can be checked without a log.
+    """Check the options as far as that needs no log.
 
     Raises:
         UsageError: An unknown rule, or a value out of its range.
@@ -121,6 +123,7 @@ def check_config(config: WarningConfig) -> None:
 
 
 def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
+    """The rule of the options, which are checked; a `UsageError` if the host's paths are shorter than the horizon."""
     check_config(config)
     reach = float(host.paths.time_s[-1])
     if reach < config.horizon_s - 1e-9:
@@ -132,7 +135,7 @@ def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
 
 
 def _times(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
-    """The host's path steps, the horizon itself, and on to the end of the persistence time, (q,)."""
+    """The times along the paths, (q,): the host's steps to the horizon plus the persistence time, and both ends."""
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     step_s = float(host.paths.time_s[1])
     end_s = config.horizon_s + persistence_s

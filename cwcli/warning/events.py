@@ -1,4 +1,4 @@
-"""From masks over evaluations to events: one conflict, one warning."""
+"""Find events in masks over evaluations, so that one conflict gives one warning."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
-TOLERANCE_NS = 1_000_000  # a stamp that is a rounding error short of the persistence time counts
+TOLERANCE_NS = 1_000_000
+"""A condition that has held for this much less than the persistence time counts: stamps are rounded."""
 
 
 @dataclass(frozen=True)
@@ -19,9 +20,9 @@ class Span:
     """One event as evaluation indices.
 
     Attributes:
-        raised: Where it was raised.
+        raised: Evaluation at which it was raised.
         last: Last evaluation that held it.
-        cleared: Index in `clock_ns` at which it was over; None: still up at the end of the log.
+        cleared: Index in `clock_ns` at which it was cleared; None: it was active at the end of the log.
     """
 
     raised: int
@@ -40,7 +41,7 @@ def find_events(
     persistence_s: float,
     hold_off_s: float,
 ) -> list[Span]:
-    """Events of one pair.
+    """Find the events of one pair.
 
     An event begins where `raised` holds and `armed` has held without a break for the persistence time (a break of data
     longer than the hold-off is a break). It lasts while `held` or `raised` does. Once both have been false, or nothing
@@ -76,7 +77,7 @@ def find_events(
 
 
 def _armed_for_ns(stamp_ns: Int64Array, armed: BoolArray, max_break_ns: int) -> Int64Array:
-    """For how long `armed` has held without a break, shape (m,); 0 where it has just begun or doesn't hold."""
+    """For how long `armed` has held without a break, ns, (m,); 0 where it has just begun or does not hold."""
     if not len(stamp_ns):
         return np.zeros(0, dtype=np.int64)
     begins = armed.copy()

@@ -1,9 +1,9 @@
-"""Frames that a lane departure may be raised from: their boundary has been seen for a while, has not jumped, and comes.
+"""Find the frames whose boundaries may raise a lane departure: seen for a while, without a jump, and coming nearer.
 
-A lane method that takes another line for the boundary moves it by decimetres at once: to a rule that looks where the
-tyre will be, that is a departure. A car can't do it, so a boundary counts once it has agreed with itself for some time.
-Where a lane goes far ahead is less sure than where it is beside the car, and a path is made of both: so a boundary that
-a path crosses must have come nearer to the car, too.
+A lane method that mistakes another line for the boundary moves it by decimetres at once, which a rule that predicts
+the tyre's place takes for a departure. A car cannot move like that, so a boundary counts once it has agreed with itself
+for some time. A lane is known less well far ahead than beside the car, and a predicted crossing depends on both: so a
+boundary that a path crosses must have come nearer to the car, too.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ from cwcli.signals.units import NS_PER_S
 BoolArray = npt.NDArray[np.bool_]
 
 STEP_M, STEP_MPS = 0.1, 1.5
-"""Between two frames a boundary beside the camera moves by at most this, and this times the time between them."""
+"""A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.
+Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
-"""Frames farther apart say nothing of each other."""
+"""Frames farther apart than this, s, are not compared. Chosen by hand; not fitted."""
 APPROACH_S = 0.5
-"""How fast a boundary comes nearer is measured over this time: at 10 frames a second 1 cm of noise is 0.02 m/s."""
+"""The approach of a boundary is measured over this time, s. Chosen: 1 cm of noise at 10 frames a second is 0.02 m/s."""
 LEAST_FRAMES, LEAST_SPREAD_S2, NOISE_SIGMAS = 3, 1e-6, 2.0
+"""An approach needs 3 frames and this spread of their times (s^2); its bound is 2 sigmas off. Chosen by hand."""
 
 
 def firm_sides(
@@ -32,12 +34,12 @@ def firm_sides(
     steady_s: FloatArray | None,
     agree_s: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """For how long the left and the right boundary have agreed, where they may be warned from; elsewhere -1; (n,) each.
+    """For how long the left and the right boundary have agreed, s, (n,) each; -1 where they may not raise a warning.
 
     Args:
         stamp_ns: Shape (n,), increasing.
         lines: Left and right, shape (n, 3); the first column is the place beside the camera.
-        is_seen, steady_s: As the lane method tells them, see `lane_departure.Boundaries`.
+        is_seen, steady_s: From the lane method, see `lane_departure.Boundaries`.
         agree_s: For how long a boundary must have been seen without a jump.
     """
     n, least_s = len(stamp_ns), agree_s - 1e-9
@@ -55,7 +57,7 @@ def agreed_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: BoolArray) -> F
     Args:
         stamp_ns: Shape (n,), increasing.
         place_m: Shape (n,): of the boundary beside the camera; NaN where it is not found.
-        is_seen: Shape (n,): False where it is only carried on.
+        is_seen: Shape (n,): False where it is only extrapolated from earlier frames.
 
     Returns:
         Shape (n,), seconds; -1 where it is not seen.
@@ -72,7 +74,7 @@ def agreed_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: BoolArray) -> F
 
 
 def approach_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) -> FloatArray:
-    """The fastest at which each frame's gap may have been shrinking: a slope of least squares and two of its sigmas.
+    """An upper bound of how fast each frame's gap shrinks, m/s: the slope of least squares and two of its sigmas.
 
     Args:
         stamp_ns: Shape (n,), increasing.
@@ -80,7 +82,7 @@ def approach_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) 
         agreed_s: Shape (n,): for how long the boundary has agreed; of that the last `APPROACH_S` count.
 
     Returns:
-        Shape (n,); infinite where two frames or fewer tell of it.
+        Shape (n,); infinite with two frames or fewer.
     """
     n = len(stamp_ns)
     now = np.arange(n)

@@ -41,14 +41,22 @@ from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, w
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 
 RULE = "lane-departure"
+"""Name of the rule in warnings and tables."""
 SIDES = ("left", "right")
+"""Names of the sides, in the order of the evaluation."""
 
 EARLIEST_SLOW_M = 0.75
+"""Earliest warning line inside the boundary at rates of departure up to 0.5 m/s (ISO 17361)."""
 EARLIEST_S = 1.5
+"""Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
 EARLIEST_FAST_M = 1.5
+"""Earliest warning line inside the boundary at higher rates of departure (ISO 17361)."""
 LATEST_CAR_M = -0.3
+"""Latest warning line of passenger cars; negative: outside the boundary (ISO 17361)."""
 CLASS_II_MPS = 17.0
+"""Speed from which a system of class II must work (ISO 17361)."""
 USUAL_RELEASE_S = 1.5
+"""A warning is held until the time to line crossing is longer than this. Chosen by hand; not fitted."""
 
 
 def earliest_line_m(rate_mps: FloatArray) -> FloatArray:
@@ -58,7 +66,7 @@ def earliest_line_m(rate_mps: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class LaneDepartureConfig:
-    """Options.
+    """Options of the lane-departure rule.
 
     Attributes:
         warn_s: Warn when the time to line crossing falls to this.
@@ -120,10 +128,10 @@ class Boundaries:
 
     Attributes:
         left, right: Shape (n, 3): y0 (m), s, k (1/m); NaN where not found.
-        camera_forward_m: Of the camera ahead of the centre of gravity.
-        is_seen: Shape (n,): False in frames whose lane is only carried on from those before; None: not told.
-        steady_s: Shape (n,): since the lane's last jump, as its method tells it; NaN where it does not; None: not told.
-        curvature_change_1pm2: Shape (n,): of the spirals, left positive; None: circles.
+        camera_forward_m: Distance of the camera ahead of the centre of gravity.
+        is_seen: Shape (n,): False in frames whose lane is only extrapolated from those before; None: not known.
+        steady_s: Shape (n,): time since the lane's last jump by its method; NaN or None: not known.
+        curvature_change_1pm2: Shape (n,): change of curvature of the spirals, left positive; None: circles.
     """
 
     left: FloatArray
@@ -139,10 +147,10 @@ class LaneDepartureResult:
     """Warnings of leaving the lane.
 
     Attributes:
-        rows: The life of the warnings; `other_id` is "left boundary" or "right boundary".
-        events: One row an event.
-        series: One row a frame.
-        counts: What was done with the frames of each side, by name.
+        rows: The warnings' states over time; `other_id` is "left boundary" or "right boundary".
+        events: One row per event.
+        series: One row per frame.
+        counts: Number of frames of each side, by what became of them.
     """
 
     rows: WarningRows
@@ -175,17 +183,17 @@ def evaluate_lane_departure(
     front_axle_m: float = 1.2,
     host_id: str = "ego",
 ) -> LaneDepartureResult:
-    """Judge the boundaries at every frame.
+    """Evaluate the rule for both boundaries at every frame.
 
     Args:
         stamp_ns: Shape (n,), strictly increasing.
         log_time_ns: Shape (n,), non-decreasing.
         paths: n paths of the centre of gravity in each frame's body frame, at least `warn_s` long.
-        boundaries: Of the same frames.
+        boundaries: Both boundaries in the same frames.
         speed_mps: Shape (n,).
         config: Options; None: the defaults.
-        width_m: Outside of the front tyres.
-        front_axle_m: Ahead of the centre of gravity.
+        width_m: Width over the outsides of the front tyres.
+        front_axle_m: Distance of the front axle ahead of the centre of gravity.
         host_id: The warned vehicle.
 
     Raises:
@@ -197,10 +205,10 @@ def evaluate_lane_departure(
             f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
         )
     lines = _plausible(boundaries, config)
-    told = (boundaries.is_seen, boundaries.steady_s)
-    agreed = firm_sides(stamp_ns, (boundaries.left, boundaries.right), *told, config.agree_s)
-    forward_m, told_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
-    change_1pm2 = np.zeros(len(stamp_ns)) if told_1pm2 is None else told_1pm2
+    both = (boundaries.left, boundaries.right)
+    agreed = firm_sides(stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s)
+    forward_m, change_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
+    change_1pm2 = np.zeros(len(stamp_ns)) if change_1pm2 is None else change_1pm2
     sides = [
         _side(stamp_ns, paths, line, change_1pm2, sign, agreed_s, forward_m, speed_mps, config, width_m, front_axle_m)
         for line, sign, agreed_s in zip(lines, (1.0, -1.0), agreed, strict=True)
@@ -217,7 +225,7 @@ def evaluate_lane_departure(
 
 
 def _plausible(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[FloatArray, FloatArray]:
-    """Both sides; NaN in frames whose boundaries cross or are too far from each other."""
+    """Both boundaries, (n, 3) each; NaN in frames in which they cross or are too far apart."""
     with np.errstate(invalid="ignore"):
         width = boundaries.left[:, 0] - boundaries.right[:, 0]
         wrong = (width < config.min_width_m) | (width > config.max_width_m)
@@ -238,6 +246,7 @@ def _side(
     width_m: float,
     front_axle_m: float,
 ) -> _Side:
+    """Evaluate one boundary at every frame; `sign` is 1 for the left one and -1 for the right one."""
     t = paths.time_s
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
     x = paths.x_m + front_axle_m * cos - sign * 0.5 * width_m * sin
@@ -280,11 +289,12 @@ def _rows(
     known_ns: Int64Array,
     host_id: str,
 ) -> WarningRows:
+    """The warnings' states over time: raised, held and cleared."""
     rows: list[WarningRow] = []
 
-    def add(i: int, number: int, state: int, name: str, text: str, *said: float) -> None:
+    def append_row(i: int, number: int, state: int, name: str, text: str, *numbers: float) -> None:
         times = (int(log_time_ns[i]), int(stamp_ns[i]), int(known_ns[i]))
-        rows.append(WarningRow(*times, number, state, f"{name} boundary", text, *said))
+        rows.append(WarningRow(*times, number, state, f"{name} boundary", text, *numbers))
 
     for number, at, span in events:
         side, name = sides[at], SIDES[at]
@@ -294,9 +304,9 @@ def _rows(
             text = f"leaving the lane to the {name} {when}: {gap:.2f} m to the line, {rate:.2f} m/s"
             distance = 0.0 if math.isfinite(time) else float(side.end_gap_m[i])
             state = RAISED if i == span.raised else HELD
-            add(i, number, state, name, text, time, distance, math.nan, float(side.probability[i]))
+            append_row(i, number, state, name, text, time, distance, math.nan, float(side.probability[i]))
         if span.cleared is not None:
-            add(span.cleared, number, CLEARED, name, f"warning {number} of the {name} boundary is over")
+            append_row(span.cleared, number, CLEARED, name, f"warning {number} of the {name} boundary is over")
     return warning_rows(rows, rule=RULE, host_id=host_id)
 
 
@@ -307,6 +317,8 @@ def _events(
     known_ns: Int64Array,
     host_id: str,
 ) -> Table:
+    """The table with one row per event."""
+
     def at_raise(name: str) -> FloatArray:
         return np.array([float(getattr(sides[at], name)[span.raised]) for _, at, span in events], dtype=np.float64)
 
@@ -342,8 +354,8 @@ def _events(
     }
     docs = {
         "raised_ns": ColumnDoc(doc="when the warning could be given"),
-        "cleared_ns": ColumnDoc(doc="-1: still up at the end of the log"),
-        "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
+        "cleared_ns": ColumnDoc(doc="-1: still active at the end of the log"),
+        "cleared_stamp_ns": ColumnDoc(doc="-1: still active at the end of the log"),
         "gap_m": ColumnDoc(doc="outside of the front tyre to the boundary when the warning was raised"),
         "earliest_line_m": ColumnDoc(doc="ISO 17361's earliest warning line at that rate, inside the boundary"),
         "latest_line_m": ColumnDoc(doc="ISO 17361's latest warning line for passenger cars; negative: outside"),
@@ -352,6 +364,7 @@ def _events(
 
 
 def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
+    """The table with one row per frame."""
     columns: dict[str, Any] = {"stamp_ns": stamp_ns}
     for name, side in zip(SIDES, sides, strict=True):
         active = np.zeros(len(stamp_ns), dtype=np.bool_)
@@ -373,6 +386,8 @@ def _counts(
     speed_mps: FloatArray,
     config: LaneDepartureConfig,
 ) -> dict[str, int]:
+    """Number of frames, by what became of them."""
+
     def missing(line: FloatArray) -> BoolArray:
         return np.asarray(np.isnan(line).any(axis=1), dtype=np.bool_)
 
@@ -384,9 +399,9 @@ def _counts(
         "right_evaluated": int(np.count_nonzero(fast & ~missing(lines[1]))),
         "left_not_found": int(np.count_nonzero(missing(boundaries.left))),
         "right_not_found": int(np.count_nonzero(missing(boundaries.right))),
-        "left_not_agreed": int(np.count_nonzero(fast & ~missing(lines[0]) & (agreed_s[0] < 0.0))),
-        "right_not_agreed": int(np.count_nonzero(fast & ~missing(lines[1]) & (agreed_s[1] < 0.0))),
-        "width_not_believed": int(np.count_nonzero(wrong)),
+        "left_too_new_or_jumped": int(np.count_nonzero(fast & ~missing(lines[0]) & (agreed_s[0] < 0.0))),
+        "right_too_new_or_jumped": int(np.count_nonzero(fast & ~missing(lines[1]) & (agreed_s[1] < 0.0))),
+        "implausible_width": int(np.count_nonzero(wrong)),
         "too_slow": int(np.count_nonzero(speed_mps < config.min_speed_mps)),
         "speed_not_known": int(np.count_nonzero(~np.isfinite(speed_mps))),
     }

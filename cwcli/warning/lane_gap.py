@@ -1,4 +1,4 @@
-"""Where the boundaries of a lane are along a path, and when a tyre comes to one of them."""
+"""The boundaries of a lane along a path, and the time at which a tyre reaches one of them."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ def line_at(line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray) -> t
 
 
 def last_told(gap: FloatArray) -> FloatArray:
-    """The last gap of each path that is a number, shape (n,): tight bends end before long paths do."""
+    """The last finite gap of each path, m, (n,): boundaries of tight bends end before long paths do."""
     last = gap.shape[1] - 1 - np.argmax(np.isfinite(gap[:, ::-1]), axis=1)
     return np.asarray(gap[np.arange(len(gap)), last])
 
 
 def first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
-    """When the gap first becomes zero, shape (n,); inf: not within the path, NaN: not known.
+    """Time (s) at which the gap first becomes zero, (n,), linear between points; inf: never, NaN: not known.
 
-    Linear between points; where the gap before is not known, it is at the point itself.
+    Where the gap at the point before is not known, it is the time of the point itself.
     """
     over = gap <= 0.0
     at = np.argmax(over, axis=1)

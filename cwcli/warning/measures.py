@@ -1,4 +1,4 @@
-"""What the two predicted paths of a pair say at one moment: distances, times and the probability of a collision.
+"""Measures of the two predicted paths of a pair at one moment: distances, times and the probability of a collision.
 
 Positions are relative, other minus host; r(tau) is linear between the path points.
 """
@@ -22,8 +22,8 @@ class MomentStates:
     """The states of a pair at m moments.
 
     Attributes:
-        host, other: Shape (m, 8), as in `cwcli.v1.VehicleState`; the other's is brought forward by its age.
-        says_hard_braking: Shape (m,): the other has said that it brakes hard (`VehicleTrack.says_hard_braking`).
+        host, other: Shapes (m, 8) and (m, 7), columns as in `STATE_NAMES`; the other's is brought forward by its age.
+        says_hard_braking: Shape (m,): the other has sent that it brakes hard (`VehicleTrack.says_hard_braking`).
         sizes: Length and width of each, m.
     """
 
@@ -44,13 +44,13 @@ class Measures:
         min_distance_m, min_time_s: Smallest predicted centre distance, and when.
         entry_s: When the predicted centre distance falls below the collision distance; infinity if it doesn't.
         overlap_s: When the outlines first overlap along the paths; infinity if they don't.
-        probability: That the outlines touch within the horizon.
-        late_probability: That they touch by the end of what was looked at, which is later by the rule's persistence.
-        braked_probability: That they touch though the host brakes from now on (`warning.braking`); NaN where it was
-            not asked for.
-        by_name: What the rule asks for beside these: name of a measure of docs/measures.md -> (m,), NaN where it has no
-            value; of the states at the moment, so empty under the onset hypothesis (`warning.rule_inputs`).
-        states: The states at the moment, for a rule that uses them; likewise.
+        probability: Probability that the outlines touch within the horizon.
+        late_probability: Probability that they touch within the horizon plus the rule's persistence.
+        braked_probability: Probability that they touch although the host brakes from now on (`warning.collision`); NaN
+            where it was not computed.
+        by_name: Further measures that the rule names: name of a measure of docs/measures.md -> (m,), NaN where it has
+            no value. They follow from the present states, so there are none under the onset hypothesis.
+        states: The present states, for a rule that uses them; None under the onset hypothesis.
     """
 
     distance_m: FloatArray
@@ -69,8 +69,9 @@ class Measures:
 
 
 ARRAYS = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
+"""Names of the fields of `Measures` that are arrays (m,)."""
 ONSET_MATTERS_M = 0.25
-"""An onset is of interest where its path is at the horizon so much nearer than the mean path."""
+"""The onset hypothesis counts where its path is nearer than the mean path at the horizon by this, m. Chosen by hand."""
 
 
 def measure(
@@ -83,9 +84,9 @@ def measure(
     host_size: Size,
     other_size: Size,
 ) -> Measures:
-    """Measures from the points of both paths at the same times `time_s` (q,), which begin at 0 and hold `horizon_s`.
+    """Compute the measures from points of both paths at the times `time_s` (q,), which begin at 0 and hold `horizon_s`.
 
-    The probabilities are not in it yet (`with_probabilities`).
+    The probabilities are still NaN (`with_probabilities`).
     """
     x, y = other.x_m - host.x_m, other.y_m - host.y_m
     distance, closing = _now(host, other, x[:, 0], y[:, 0])
@@ -122,16 +123,16 @@ def with_probabilities(
     deceleration_mps2: float,
     wanted: npt.NDArray[np.bool_] | None = None,
 ) -> Measures:
-    """The measures with the probabilities of contact.
+    """Add the probabilities of contact to the measures.
 
     Args:
-        measures: Without them.
+        measures: Measures without probabilities.
         pairs: The paths that were measured.
-        time_s: Shape (q,): all their times; the last is as late as is looked.
+        time_s: Shape (q,): the times of the paths; the last is the horizon plus the persistence.
         horizon_s: One of the times.
-        threshold: Where contact is as probable as this, it is asked what braking would change.
-        deceleration_mps2: How hard; 0: it is not asked.
-        wanted: Shape (m,): rows in which they are wanted; None: all.
+        threshold: Where contact is at least this probable, the probability under braking is computed.
+        deceleration_mps2: Deceleration of that braking; 0: it is not computed.
+        wanted: Shape (m,): rows in which probabilities are computed; None: all.
     """
     distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)
     in_time, late = pairs.within(distance, time_s, (horizon_s, float(time_s[-1]))).T
@@ -143,7 +144,7 @@ def with_probabilities(
 
 
 def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centre distance and closing speed at tau = 0."""
+    """Centre distance (m) and closing speed (m/s) at tau = 0, (m,) each."""
     own_v, their_v = host.speed_mps[:, 0], other.speed_mps[:, 0]
     own_heading, their_heading = host.heading_rad[:, 0], other.heading_rad[:, 0]
     dvx = their_v * np.cos(their_heading) - own_v * np.cos(own_heading)
@@ -166,10 +167,11 @@ class _Segments:
 
     @staticmethod
     def of(x: FloatArray, y: FloatArray, time_s: FloatArray) -> _Segments:
+        """The segments between relative positions (m, q) at the times (q,)."""
         return _Segments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
 
     def closest(self) -> tuple[FloatArray, FloatArray]:
-        """Where on each segment the distance is smallest (0 to 1), and that distance; (m, q - 1)."""
+        """The share (0 to 1) of each segment at which the distance is smallest, and that distance, (m, q - 1)."""
         length2 = self.ex**2 + self.ey**2
         with np.errstate(divide="ignore", invalid="ignore"):
             share = -(self.x * self.ex + self.y * self.ey) / length2
@@ -177,7 +179,7 @@ class _Segments:
         return share, np.hypot(self.x + share * self.ex, self.y + share * self.ey)
 
     def nearest(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
-        """Segment of the closest approach, the share of it, and the distance there; (m,)."""
+        """The segment of the closest approach, the share of it, and the distance there, (m,) each."""
         share, distance = self.closest()
         filled = np.where(np.isnan(distance), np.inf, distance)
         index = filled.argmin(axis=1)
@@ -211,7 +213,7 @@ def _first_overlap(
     host_size: Size,
     other_size: Size,
 ) -> FloatArray:
-    """When the outlines first overlap, (m,), linear between the points; only the rows `near` can."""
+    """Time (s) of the first overlap of the outlines, (m,), linear between points; infinity outside the rows `near`."""
     out = np.full(len(x), np.inf)
     rows = np.flatnonzero(near)
     if not len(rows):

@@ -1,4 +1,4 @@
-"""Evaluated pairs as rows of warnings and as tables."""
+"""Build warning rows and tables from evaluated pairs."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, w
 from cwcli.warning.types import VehicleTrack
 
 UNKNOWN_NS = -1
+"""Time of clearing of a warning that was still active at the end of the log."""
 
 
 def number_events(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]:
-    """(pair, event) -> event id: 1, 2, ... in order of time, then of the other's id."""
+    """Assign event ids 1, 2, ... in order of time, then of the other's id: (pair, event) -> id."""
     found = [
         (int(pair.stamp_ns[span.raised]), pair.other.id, at, which)
         for at, pair in enumerate(pairs)
@@ -35,7 +36,7 @@ def rows_of(
     clock: VehicleTrack,
     words: str,
 ) -> WarningRows:
-    """The life of the warnings: raised, held evaluations, cleared; `words` as of a `Rule`."""
+    """The warnings' states over time: raised, held and cleared; `words` are those of the `Rule`."""
     rows: list[WarningRow] = []
     for at, own in enumerate(pairs):
         for which, span in enumerate(own.spans):
@@ -51,6 +52,7 @@ def rows_of(
 
 
 def _row(own: PairEvaluation, index: int, number: int, state: int, words: str) -> WarningRow:
+    """The row of a warning at one evaluation, with its text for the driver."""
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
     ahead = f"in {time:.1f} s" if np.isfinite(time) else "near"
@@ -77,7 +79,7 @@ def events_table(
     rule: str,
     clock: VehicleTrack,
 ) -> Table:
-    """One row an event, in order of its id."""
+    """The table with one row per event, in order of its id."""
     rows: list[dict[str, Any]] = []
     for at, own in enumerate(pairs):
         for which, span in enumerate(own.spans):
@@ -111,7 +113,7 @@ def events_table(
 
 
 def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
-    """One row an evaluation of a pair within reach."""
+    """The table with one row per evaluation of a pair within reach."""
     names = (
         "distance_m",
         "closing_mps",
@@ -126,26 +128,27 @@ def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
     rename = {"min_distance_m": "min_predicted_distance_m", "horizon_distance_m": "predicted_distance_m"}
     total = sum(len(own.stamp_ns) for own in pairs)
 
-    def joined(parts: list[Any], dtype: Any) -> Any:
+    def concatenate(parts: list[Any], dtype: Any) -> Any:
         return np.concatenate(parts) if parts else np.zeros(0, dtype)
 
     columns: dict[str, Any] = {
-        "stamp_ns": joined([own.stamp_ns for own in pairs], np.int64),
+        "stamp_ns": concatenate([own.stamp_ns for own in pairs], np.int64),
         "host_id": constant_strings(host_id, total),
         "other_id": Strings(
-            joined([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(pairs)], np.int32),
+            concatenate([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(pairs)], np.int32),
             tuple(own.other.id for own in pairs),
         ),
-        "age_s": joined([own.age_s for own in pairs], np.float64),
+        "age_s": concatenate([own.age_s for own in pairs], np.float64),
     }
     for name in names:
-        columns[rename.get(name, name)] = joined([getattr(own.measures, name) for own in pairs], np.float64)
-    columns["is_withheld"] = joined([own.is_withheld for own in pairs], np.bool_)
-    columns["is_active"] = joined([_active(own) for own in pairs], np.bool_)
+        columns[rename.get(name, name)] = concatenate([getattr(own.measures, name) for own in pairs], np.float64)
+    columns["is_withheld"] = concatenate([own.is_withheld for own in pairs], np.bool_)
+    columns["is_active"] = concatenate([_active(own) for own in pairs], np.bool_)
     return Table("series", columns)
 
 
 def _active(own: PairEvaluation) -> Any:
+    """Whether a warning is active at each evaluation, (m,)."""
     active = np.zeros(len(own.stamp_ns), dtype=bool)
     for span in own.spans:
         active[span.raised : span.last + 1] = True
@@ -173,14 +176,16 @@ _EVENT_TYPES: dict[str, type] = {
     "max_probability": float,
     "age_s": float,
 }
+"""Types of the columns of the table of events, in order."""
 _EVENT_DOCS = {
-    "raised_ns": ColumnDoc(doc="when the warning could be given; of states in hindsight their stamp"),
-    "cleared_ns": ColumnDoc(doc="-1: still up at the end of the log"),
-    "raised_stamp_ns": ColumnDoc(doc="of the host's state that it was raised of"),
-    "cleared_stamp_ns": ColumnDoc(doc="-1: still up at the end of the log"),
-    "probability": ColumnDoc(doc="of a collision within the horizon, as the warning said when it was raised"),
+    "raised_ns": ColumnDoc(doc="when the warning could be given; for states in hindsight their stamp"),
+    "cleared_ns": ColumnDoc(doc="-1: still active at the end of the log"),
+    "raised_stamp_ns": ColumnDoc(doc="stamp of the host's state at which it was raised"),
+    "cleared_stamp_ns": ColumnDoc(doc="-1: still active at the end of the log"),
+    "probability": ColumnDoc(doc="of a collision within the horizon, as stated when the warning was raised"),
     "alert_probability": ColumnDoc(
         doc="what the rule compared with its threshold when the warning was raised; NaN: it has no threshold"
     ),
     "age_s": ColumnDoc(doc="age of the remote state when the warning was raised"),
 }
+"""Explanations of columns of the table of events."""

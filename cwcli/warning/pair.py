@@ -1,4 +1,4 @@
-"""Pairs of cars from paths to events."""
+"""Evaluate pairs of vehicles: from their predicted paths to warning events."""
 
 from __future__ import annotations
 
@@ -23,15 +23,19 @@ from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
-REACH_M = 15.0  # beyond the collision distance: what can't come this near is not evaluated
-NEAR_M = 6.0  # beyond the collision distance: such rows get every path point, others every fifth
+REACH_M = 15.0
+"""Pairs that cannot come within the collision distance plus this, m, are not evaluated. Chosen by hand."""
+NEAR_M = 6.0
+"""Pairs within the collision distance plus this, m, are measured at every path point. Chosen by hand."""
 COARSE = 5
-STANDING_MPS = 0.5  # who is slower has begun no manoeuvre: what looks like one is the noise of standing
+"""Other pairs are measured at every fifth path point. Chosen by hand."""
+STANDING_MPS = 0.5
+"""A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class PairEvaluation:
-    """Everything about one pair.
+    """All evaluations of one pair, and the warnings that follow from them.
 
     Attributes:
         other: The other vehicle.
@@ -41,7 +45,7 @@ class PairEvaluation:
         spans: Events, indices into the evaluations.
         is_withheld: Shape (m,): one of the states is starting, after a reset or in a gap, so nothing is raised.
         n_evaluated, n_out_of_reach, n_unheard, n_stale, n_beyond, n_not_finite: Counts of host stamps.
-        n_withheld: Warnings that would have been raised of such states.
+        n_withheld: Number of warnings that were not raised because of such states.
     """
 
     other: VehicleTrack
@@ -63,19 +67,19 @@ class PairEvaluation:
 
     @property
     def probability(self) -> FloatArray:
-        """Of a collision within the horizon, by the hypothesis that the decision shows, shape (m,)."""
+        """Probability of a collision within the horizon, by the hypothesis that the warning states, (m,)."""
         shown = self.decision.probability
         return self.measures.probability if shown is None else shown
 
     @property
     def alert_probability(self) -> FloatArray:
-        """What the rule compares with its threshold, shape (m,); NaN: it has none."""
+        """The probability that the rule compares with its threshold, (m,); NaN for a rule without one."""
         compared = self.decision.alert_probability
         return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
 
 
 WINDOW_ROWS = 512
-"""Host stamps whose paths, and those of the others then, are in memory at a time; the result does not depend on it."""
+"""Number of host stamps whose paths are in memory at a time; the result does not depend on it. Chosen by hand."""
 
 
 def evaluate_pairs(
@@ -90,8 +94,8 @@ def evaluate_pairs(
     """Evaluate the host with each of the others at the host's stamps, some stamps at a time.
 
     Args:
-        time_s: Shape (q,): times along the paths, from 0 past the horizon by the rule's persistence.
-        window_rows: How many stamps.
+        time_s: Shape (q,): times along the paths, from 0 to the horizon plus the rule's persistence.
+        window_rows: Number of stamps at a time.
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     pairings = [pair_up(host, other, config.use, config.max_age_s) for other in others]
@@ -125,7 +129,7 @@ class _Window:
 
 @dataclass(frozen=True)
 class _Part:
-    """The evaluations within reach in one window: rows of the whole tracks, and what is found."""
+    """The evaluations within reach in one window: rows of the whole tracks, measures and decisions."""
 
     host_row: Rows
     other_row: Rows
@@ -143,7 +147,7 @@ def _evaluated(
     persistence_s: float,
     time_s: FloatArray,
 ) -> _Part:
-    """Evaluate some rows: of the window, of the other's track, and the age of the latter."""
+    """Evaluate one window; `at` holds rows of the window, rows of the other's track, and the age of its states."""
     host, other = window.host, window.other
     chosen, place = np.unique(at[1], return_inverse=True)
     theirs = other.paths.take(chosen)
@@ -183,7 +187,7 @@ def _joined(
     config: WarningConfig,
     persistence_s: float,
 ) -> PairEvaluation:
-    """The evaluations of all windows, and the events in them."""
+    """Join the evaluations of all windows, and find the events in them."""
     host_row, other_row = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("host_row", "other_row")
     )
@@ -191,7 +195,7 @@ def _joined(
     stamp_ns = host.stamp_ns[host_row]
     is_withheld = _flagged(host, host_row) | _flagged(other, other_row)
     trusted = withheld(decision, is_withheld)
-    spans, untold = (
+    spans, spans_of_all = (
         find_events(
             stamp_ns,
             each.armed,
@@ -220,7 +224,7 @@ def _joined(
         n_stale=pairing.n_stale,
         n_beyond=sum(part.n_beyond for part in parts),
         n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
-        n_withheld=sum(bool(is_withheld[span.raised]) for span in untold),
+        n_withheld=sum(bool(is_withheld[span.raised]) for span in spans_of_all),
     )
 
 
@@ -228,7 +232,7 @@ Stacked = TypeVar("Stacked", Measures, Decision)
 
 
 def _stacked(parts: Sequence[Stacked]) -> Stacked:
-    """The rows of all parts, one below the other; what is no array in one part is none in all."""
+    """Concatenate the rows of all parts; a field that is no array is taken from the first part."""
     values: dict[str, Any] = {}
     for name in (entry.name for entry in fields(parts[0])):
         each = [getattr(part, name) for part in parts]
@@ -237,14 +241,14 @@ def _stacked(parts: Sequence[Stacked]) -> Stacked:
 
 
 def _flagged(track: VehicleTrack, rows: Rows) -> BoolArray:
-    """Whether the states of the rows (m,) are to be trusted less, for whatever reason."""
+    """Whether the states of the rows are starting, after a reset or in a gap, (m,)."""
     return np.zeros(len(rows), dtype=bool) if track.flags is None else np.asarray(track.flags[rows] > 0)
 
 
 def _within_reach(
     own: PathArrays, theirs: PathArrays, host_row: Rows, other_row: Rows, span_s: float, config: WarningConfig
 ) -> BoolArray:
-    """Rows whose paths could come near each other: neither car can get farther than its top speed allows."""
+    """Whether the paths of each row could come near each other, by the top speeds of both, (m,)."""
     top_own = np.abs(own.speed_mps).max(axis=1, initial=0.0)
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
     apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
@@ -260,7 +264,7 @@ def _measures(
     config: WarningConfig,
     sizes: tuple[Size, Size],
 ) -> tuple[Measures, BoolArray]:
-    """Measures of all rows from every fifth point; of those that come near, from every point."""
+    """Measure all rows at every fifth point, near ones at every point; also find paths that end too early, (m,)."""
     thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
     coarse, beyond = _read_and_measure(host_points, paths, at, time_s, thinned, config, sizes)
     near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
@@ -273,6 +277,7 @@ def _measures(
 
 
 def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
+    """Index of the horizon in the times."""
     return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
 
 
@@ -285,7 +290,7 @@ def _read_and_measure(
     config: WarningConfig,
     sizes: tuple[Size, Size],
 ) -> tuple[Measures, BoolArray]:
-    """Measures of the rows from the chosen times, and which were read past their path's end."""
+    """Measure the rows at the chosen times, and find those whose paths end too early, (m,)."""
     host_row, other_row, age_s = at
     theirs = read_paths(paths, other_row, age_s, time_s[chosen])
     measures = measure(

@@ -1,4 +1,4 @@
-"""The life of warnings as rows: each is raised, held at every evaluation at which it stands, and cleared."""
+"""Warnings as rows over time: each is raised, held at every evaluation while it is active, and cleared."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import numpy.typing as npt
 from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings, strings_from
 
 RAISED, HELD, CLEARED = 1, 2, 3
+"""States of a warning, as in `cwcli.v1.Warning`."""
 
 
 class WarningRow(NamedTuple):
-    """One step in the life of a warning; what is not known is NaN."""
+    """The state of a warning at one moment; numbers that are not known are NaN."""
 
     log_time_ns: int
     stamp_ns: int
@@ -34,18 +35,18 @@ class WarningRow(NamedTuple):
 
 @dataclass(frozen=True)
 class WarningRows:
-    """w rows, by log time, event and state.
+    """Rows of w states of warnings, by log time, event and state.
 
     Attributes:
         log_time_ns, stamp_ns: Shape (w,).
-        known_ns: Shape (w,): when each could be given, on the clock of the stamps.
+        known_ns: Shape (w,): when each could be known, on the clock of the stamps.
         rule: The rule that warned.
         event_id: Shape (w,): number of the warning.
         state: Shape (w,): `RAISED`, `HELD` or `CLEARED`.
         host_id, other_id: Who is warned, and of whom or what.
         time_to_event_s, predicted_distance_m, ttc_s: Shape (w,); NaN where not known.
-        probability, alert_probability: Shape (w,): of a collision, and what the rule compared with its threshold.
-        message: In words.
+        probability, alert_probability: Shape (w,): of a collision, and that which the rule compared with its threshold.
+        message: Text for the driver.
     """
 
     log_time_ns: Int64Array
@@ -68,7 +69,7 @@ class WarningRows:
 
 
 def warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> WarningRows:
-    """The rows of one rule, in order."""
+    """Build the rows of one rule, in order."""
     ordered = sorted(rows, key=lambda row: (row.log_time_ns, row.event_id, row.state))
     columns = dict(zip(WarningRow._fields, zip(*ordered, strict=True), strict=True)) if ordered else {}
 

@@ -1,7 +1,7 @@
-"""The measures that a rule asks for by name, of the two states that the host has at a moment.
+"""Evaluate measures that a rule names for the two states that the host has at a moment.
 
-The other's newest state is brought forward along its predicted path by its age, as for everything that a rule is given;
-its acceleration, yaw rate and jerk are those it had. Nothing later is in what a measure sees.
+The other's newest state is brought forward along its predicted path by its age, as for all inputs of a rule; its
+acceleration, yaw rate and jerk stay as they were. A measure sees nothing later.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ from cwcli.warning.types import PathArrays, VehicleTrack
 
 Rows = npt.NDArray[np.intp]
 MOTION = slice(ACCEL, JERK + 1)
+"""Columns of a state that hold acceleration, yaw rate and jerk."""
 
 
 def problem_of(names: object) -> str:
-    """What is wrong with the measures that a rule asks for; "": nothing is."""
+    """Describe what is wrong with the measures that a rule names; "" if nothing is."""
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
-        return f"has measures = {names!r}, which is no tuple of names"
+        return f"has measures = {names!r}, which is not a tuple of names"
     for name in names:
         if name not in MEASURES:
-            return f"asks for the measure '{name}', which there is not (docs/measures.md has them)"
+            return f"asks for the measure '{name}', which does not exist (docs/measures.md lists them)"
         if not MEASURES[name].is_pointwise:
-            return f"asks for the measure '{name}', which takes more than the two states of a moment"
+            return f"asks for the measure '{name}', which needs more than the two states of a moment"
         if MEASURES[name].needs_covariance:
-            return f"asks for the measure '{name}', which takes covariances; along the paths there is `probability`"
+            return f"asks for the measure '{name}', which needs covariances; use `probability` of the paths instead"
     return ""
 
 
@@ -45,14 +46,14 @@ def asked_for(
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
 ) -> dict[str, FloatArray]:
-    """Measure -> its value at each of m moments, (m,); NaN where it has none.
+    """Evaluate named measures at m moments: name -> values (m,), NaN where it has none.
 
     Args:
-        names: Of measures.
-        host, other: The two.
-        host_rows: Shape (m,): the host's states.
+        names: Names of measures.
+        host, other: The two vehicles.
+        host_rows: Shape (m,): rows of the host's states.
         paths: Some of the other's paths.
-        at: Shape (m,) each: the other's states, which of the paths are theirs, and how old they are.
+        at: Shape (m,) each: rows of the other's states, rows of their paths, and ages of the states.
     """
     if not names:
         return {}
@@ -71,7 +72,7 @@ def states_then(
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
 ) -> MomentStates:
-    """The states at each of m moments; the arguments are those of `asked_for`."""
+    """The states of both at each of m moments; the arguments are those of `asked_for`."""
     theirs = np.concatenate(_moved(other, paths, at), axis=1)
     said = other.says_hard_braking
     says = np.zeros(len(host_rows), np.bool_) if said is None else said[at[0]]
@@ -79,7 +80,7 @@ def states_then(
 
 
 def _moved(other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """The other's place, speed and heading (m, 4) then, and the derivatives (m, 4) that it had."""
+    """Bring the other's position, speed and heading forward, (m, 4); and its unchanged derivatives, (m, 3)."""
     other_rows, place, age_s = at
     now = read_paths(paths, place, age_s, np.zeros(1))
     theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)

@@ -1,4 +1,4 @@
-"""What the rules of warnings are given: vehicles with their predicted paths, and options."""
+"""Inputs of the warning rules: vehicles with their predicted paths, and options."""
 
 from __future__ import annotations
 
@@ -15,13 +15,16 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.warning.conflict_definition import ConflictDefinition, conflict_definition, definitions
 
 DEFAULT_LENGTH_M = 4.5
+"""Length of a vehicle that reports none. Chosen: a passenger car's."""
 DEFAULT_WIDTH_M = 1.8
+"""Width of a vehicle that reports none. Chosen: a passenger car's."""
 
 Use = Literal["received", "stamp"]
+"""Which remote states count: those received by then, or all whose stamp has passed."""
 
 
 class PathArrays(Protocol):
-    """Predicted paths as plain arrays; `cwcli.prediction` makes them.
+    """Predicted paths as plain arrays; `cwcli.prediction` computes them.
 
     `time_s` (k,) from 0 with a common step; the others (n, k), `position_covariance_m2` (n, k, 3): xx, xy, yy.
     """
@@ -41,7 +44,7 @@ class PathArrays(Protocol):
 
 
 class PathSource(Protocol):
-    """Predicted paths that may be made only when they are asked for; arrays are their own source."""
+    """Predicted paths that may be computed on demand; plain arrays are a source of themselves."""
 
     @property
     def time_s(self) -> FloatArray: ...
@@ -60,9 +63,9 @@ class VehicleTrack:
         paths: n predicted paths.
         length_m, width_m: Outline; NaN or None: 4.5 m and 1.8 m.
         flags: Shape (n,): `StateFlag`s; None: no state has one. A state that has one raises no warning.
-        says_hard_braking: Shape (n,): it has said that it brakes hard (a BSM's flag, a DENM); None: it says nothing.
+        says_hard_braking: Shape (n,): it has sent that it brakes hard (a BSM's flag, a DENM); None: it sends nothing.
         onset_paths: n more paths: a manoeuvre that has begun goes on to the car's limits (`prediction`'s hypothesis
-            "onset"), for the default rule; None: it does without.
+            "onset"), for the default rule; None: the rule works without them.
     """
 
     id: str
@@ -78,33 +81,36 @@ class VehicleTrack:
 
     @cached_property
     def known_ns(self) -> Int64Array:
-        """When what is said at each state could have been known, on the clock of the stamps, (n,).
+        """When the results at each state could have been known, on the clock of the stamps, (n,).
 
-        That holds for what is said of others too: the host uses of them what had come by then (`align`).
+        That holds for results about others too: the host uses only their states that it had received (`align`).
         """
         return knowable_ns(self.stamp_ns, self.log_time_ns)
 
     @property
     def outline_m(self) -> tuple[float, float]:
-        """Length and width, the defaults where they are not reported."""
+        """Length and width in metres; the defaults where they are not reported."""
         return _or(self.length_m, DEFAULT_LENGTH_M), _or(self.width_m, DEFAULT_WIDTH_M)
 
 
 def outline_of(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
-    """Length and width of a vehicle from what it said of them, each of shape (n,): the medians, else the defaults."""
+    """Median length and width (m) of what a vehicle reported, (n,) each; the defaults where it reported none."""
     return _median(lengths_m, DEFAULT_LENGTH_M), _median(widths_m, DEFAULT_WIDTH_M)
 
 
 def _median(values_m: FloatArray, default_m: float) -> float:
+    """Median of the finite values; the default without any."""
     given = values_m[np.isfinite(values_m)]
     return _or(float(np.median(given)) if len(given) else None, default_m)
 
 
 def _or(value: float | None, default: float) -> float:
+    """The value if it is positive, else the default."""
     return float(value) if value is not None and value > 0.0 else default
 
 
 def _conflict_help() -> str:
+    """The help text of `--conflict`."""
     return (
         f"What counts as a conflict when warnings are scored: a measure beyond its threshold ({definitions()}), or "
         "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
@@ -113,7 +119,7 @@ def _conflict_help() -> str:
 
 @dataclass(frozen=True)
 class WarningConfig:
-    """Options of the evaluation.
+    """Options of the warnings and of their scores.
 
     Attributes:
         rule: A key of `RULES`.
@@ -173,9 +179,9 @@ class WarningConfig:
 
     @property
     def definition(self) -> ConflictDefinition:
-        """What counts as a conflict.
+        """The parsed definition of a conflict.
 
         Raises:
-            UsageError: It is none.
+            UsageError: `conflict` is not a definition.
         """
         return conflict_definition(self.conflict, distance_m=self.distance_m)

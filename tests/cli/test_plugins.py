@@ -194,10 +194,15 @@ def broken(folder: Path, module: str, old: str, new: str) -> dict[str, str]:
     [
         ("rule", "import numpy as np", "import nothing_like_it", "can't be imported: ModuleNotFoundError: No module"),
         ("rule", "RULE = Rule(", "RULE = dict(", "is no Rule but a dict"),
-        ("rule", "RULE = Rule(", "RULE = Rule(measures=('pet',), ", "'pet', which takes more than the two states"),
+        ("rule", "RULE = Rule(", "RULE = Rule(measures=('pet',), ", "'pet', which needs more than the two states"),
         ("rule", "RULE = Rule(", "RULE = Rule(words='danger {x}', ", "where {other} alone may stand in braces"),
         ("rule", "RULE = Rule(", "RULE = Rule(words='{', ", "where {other} alone may stand in braces"),
-        ("rule", "RULE = Rule(", "RULE = Rule(measures=('tttc',), ", "asks for the measure 'tttc', which there is not"),
+        (
+            "rule",
+            "RULE = Rule(",
+            "RULE = Rule(measures=('tttc',), ",
+            "'tttc', which does not exist",
+        ),
         (
             "rule",
             "near = ",

@@ -9,7 +9,7 @@ from cwcli.registry import Registry, plugin_entry
 HYPOTHESES: dict[str, Model] = {
     "onset": onset.MODEL,
 }
-"""What may be, rather than what is likeliest: rolled out like a model, but not compared with what then happened."""
+"""Models of what may happen rather than of what is likeliest; they are not compared with the actual positions."""
 
 MODELS: Registry[Model] = Registry(
     "motion model",
@@ -26,3 +26,4 @@ MODELS: Registry[Model] = Registry(
     taken=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"
+"""Name of the model that is used where the user names none."""

@@ -1,14 +1,14 @@
-"""Derivatives as far as their gain was measured: the default.
+"""The default model: acceleration and yaw rate act as far as their gain was measured.
 
-How much of an acceleration or a yaw rate follows is not what its covariance says, but what followed before: by the
-vehicle's own record, that of the log's other vehicles and the fleet's prior (`prediction.record`). Each acts for
-the time A(t) that its gain at each horizon asks for (`prediction.fleet.acted_s`):
+How much of an acceleration or a yaw rate follows is measured, not taken from its covariance: by the outcomes of the
+vehicle's own states, of the log's other vehicles and of the fleet (`prediction.record`). Each acts for the time A(t)
+that its gain at each horizon needs (`prediction.fleet.acted_s`):
 
     v(t) = v0 + a0 A(t),    phi(t) = phi0 + w0 W(t).
 
-Where derivatives carry nothing, A = W = 0: constant velocity. The responses here are those without a record: the
-fleet's gain of what lasts, trusted as far as the derivative stands out of its noise. Jerk and yaw acceleration are
-left out: measured in the same way they had no gain on any drive.
+Where the gains are 0, A = W = 0: constant velocity. The responses here are those without a history: the fleet's gain of
+the lasting part, trusted as far as the derivative stands out of its noise. Jerk and yaw acceleration are left out:
+measured in the same way they had no gain on any drive.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from cwcli.signals.columns import FloatArray
 
 
 def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
-    """A, J, W, D without a record, each of the shape of `time_s`."""
+    """The responses A, J, W, D of a vehicle without a history, each of the shape of `time_s`."""
     along, across = acted_s(fleet_prior().gain[:, :, PARTS.index("lasting")])
     none = np.zeros_like(time_s)
     return Responses(acted_at(along, time_s), none, acted_at(across, time_s), none)

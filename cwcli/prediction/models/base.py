@@ -1,4 +1,4 @@
-"""What a motion model is.
+"""The interface of a motion model.
 
 Every model here moves a car along its heading with a speed and a heading that respond linearly to the four
 derivatives of its state:
@@ -36,7 +36,9 @@ class Responses(NamedTuple):
 
 
 Hold = Callable[[FloatArray, DriverPrior], FloatArray]
+"""The type of `Model.hold`."""
 Trust = Callable[[FloatArray, FloatArray | None, DriverPrior], FloatArray]
+"""The type of `Model.trust`."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Model:
 
 
 def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
-    """The derivatives as the filter gives them, shape (n, 4) of ones."""
+    """Trust in the derivatives as the filter gives them, shape (n, 4) of ones."""
     return np.ones((len(state), 4))
 
 
@@ -89,10 +91,10 @@ def polynomial(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
 
 
 def check_responses(responses: Responses, time_s: FloatArray, *others: object) -> Responses:
-    """A plug-in's responses, checked against the times that they are for.
+    """Check a plug-in's responses against the times that they are for, and return them.
 
     Raises:
-        TypeError: They are none.
+        TypeError: They are no `Responses`.
         ValueError: One has another shape.
     """
     if not isinstance(responses, Responses):
@@ -104,7 +106,7 @@ def check_responses(responses: Responses, time_s: FloatArray, *others: object) -
 
 
 def check_trust(trust: FloatArray, state: FloatArray, *others: object) -> FloatArray:
-    """A plug-in's trust, checked against the states that it is for.
+    """Check a plug-in's trust against the states that it is for, and return it.
 
     Raises:
         ValueError: It has not the shape (n, 4), or is not between 0 and 1.

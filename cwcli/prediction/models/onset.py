@@ -1,4 +1,4 @@
-"""A manoeuvre that has begun goes on: the hypothesis to warn by, not the likeliest path.
+"""The hypothesis that a manoeuvre that has begun goes on: warnings use it, it is not the likeliest path.
 
 A driver who has just begun to brake hard or to turn in mostly means it, but on average over all driving neither
 lasts: a predictor that always used it would be worse than constant velocity. So this model is not a predictor of
@@ -21,21 +21,26 @@ from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
-ACCEL_LIMIT_MPS2 = 5.0  # where UN Regulation 157 lets emergency braking begin; a dry road carries 8
-LATERAL_LIMIT_MPS2 = 4.0  # of a brisk turn; normal drivers stay below it
+ACCEL_LIMIT_MPS2 = 5.0
+"""Acceleration or braking at which a manoeuvre stops growing: UN Regulation 157 lets emergency braking begin there."""
+LATERAL_LIMIT_MPS2 = 4.0
+"""Lateral acceleration at which a turn stops growing: that of a brisk turn. Chosen by hand; not fitted."""
 MIN_SPEED_MPS = 1.0
+"""The yaw rate's limit of slower cars is that at this speed. Chosen by hand; not fitted."""
 JERK_SIGMAS = 1.0
+"""A jerk within this many of its sigmas counts as 0; the module's text says why."""
 YAW_ACCEL_SIGMAS = 2.0
+"""A yaw acceleration within this many of its sigmas counts as 0; the module's text says why."""
 
 
 def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
-    """Constant jerk and yaw acceleration; `hold` ends them."""
+    """The responses to constant jerk and yaw acceleration; `hold` limits how long they act."""
     half_square = 0.5 * time_s**2
     return Responses(time_s, half_square, time_s, half_square)
 
 
 def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
-    """Acceleration and yaw rate as in `auto`; their rates only where they stand out of the noise. Shape (n, 4)."""
+    """Trust in acceleration and yaw rate by the prior, in their rates where they exceed their noise, (n, 4)."""
     out = prior.trust(state, covariance)
     if covariance is None:
         return out
@@ -47,7 +52,7 @@ def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) 
 
 
 def hold(state: FloatArray, prior: DriverPrior) -> FloatArray:
-    """Until when jerk and yaw acceleration act, shape (n, 2): when acceleration and yaw rate reach their limits."""
+    """Times at which acceleration and yaw rate reach their limits, s, shape (n, 2); their rates act until then."""
     yaw_rate_limit = LATERAL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
     limits = (np.full(len(state), ACCEL_LIMIT_MPS2), yaw_rate_limit)
     out = np.empty((len(state), 2))

@@ -8,7 +8,7 @@ from cwcli.warning.rules.base import Rule, check_decision
 
 
 def _accept(entry: object, plugin: Plugin) -> Rule:
-    """A plug-in's rule, with its function guarded, measures that there are, and words that fit."""
+    """Check a plug-in's rule, its measures and its words, guard its function, and return it."""
     rule = plugin_entry(Rule, {"decide": check_decision})(entry, plugin)
     problem = problem_of(rule.measures)
     if problem:
@@ -34,3 +34,4 @@ RULES: Registry[Rule] = Registry(
     taken=("lane-departure",),
 )
 DEFAULT_RULE = "cwcli"
+"""Name of the rule that is used where the user names none."""

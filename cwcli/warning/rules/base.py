@@ -1,4 +1,4 @@
-"""What a warning rule is: masks over the evaluations of one pair."""
+"""The interface of a warning rule: it returns masks over the evaluations of one pair."""
 
 from __future__ import annotations
 
@@ -17,16 +17,17 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Decision:
-    """A rule's view of m evaluations. Where it raises, it is armed and held too.
+    """A rule's decision on m evaluations. Where it raises, it is armed and held too.
 
     Attributes:
         armed: Shape (m,): the condition whose persistence counts.
         raised: Shape (m,): the condition for the warning itself.
         at_once: Shape (m,): raises without persistence; None: nothing does.
-        held: Shape (m,): the weaker condition that keeps a warning up.
-        time_to_event_s, predicted_distance_m: Shape (m,): what the warning says.
-        probability: Shape (m,), likewise: of a collision within the horizon; None: that of the mean paths.
-        alert_probability: Shape (m,): what the rule compares with its threshold; None: it has none.
+        held: Shape (m,): the weaker condition that keeps a warning active.
+        time_to_event_s, predicted_distance_m: Shape (m,): numbers that the warning states.
+        probability: Shape (m,): probability of a collision within the horizon that the warning states; None: that of
+            the mean paths.
+        alert_probability: Shape (m,): the probability that the rule compares with its threshold; None: it has none.
     """
 
     armed: BoolArray
@@ -47,13 +48,13 @@ class Rule:
         summary: One line for `--help`.
         persistence_s: How long `armed` must have held before a warning, unless the user says otherwise.
         decide: Measures, those under the onset hypothesis (or None), options, persistence -> `Decision`.
-        words: What a warning says is coming, with the other's id in it.
-        measures: Names of measures of docs/measures.md, each of a moment: `Measures.by_name` then has them.
-        uses_states: Whether it looks at the two states themselves: `Measures.states` then has them.
-        uses_onset: Whether it looks at the onset hypothesis.
-        uses_braking: Whether it asks what braking would change.
-        is_symmetric: Whether it judges a pair alike whichever of the two is the host.
-        is_of_collisions: Whether it warns of every collision that comes, and not of some other danger.
+        words: Text of the warning, with `{other}` for the other's id.
+        measures: Names of pointwise measures of docs/measures.md; `Measures.by_name` then has them.
+        uses_states: Whether it uses the two states themselves; `Measures.states` then has them.
+        uses_onset: Whether it uses the onset hypothesis.
+        uses_braking: Whether it uses the probability of contact under braking.
+        is_symmetric: Whether its decision is the same whichever of the two is the host.
+        is_of_collisions: Whether it warns of every collision, and not of some other danger.
     """
 
     summary: str
@@ -69,7 +70,7 @@ class Rule:
 
 
 def withheld(decision: Decision, rows: BoolArray) -> Decision:
-    """The decision with nothing raised, and nothing confirmed, in some rows (m,); what stands may go on there."""
+    """The decision with no warning raised or confirmed in the masked rows (m,); active warnings may go on there."""
     if not rows.any():
         return decision
     at_once = None if decision.at_once is None else decision.at_once & ~rows
@@ -77,11 +78,11 @@ def withheld(decision: Decision, rows: BoolArray) -> Decision:
 
 
 def check_decision(decision: Decision, measures: Measures, *others: object) -> Decision:
-    """A plug-in's decision, checked against the evaluations that it is about.
+    """Check a plug-in's decision against the evaluations that it is about, and return it.
 
     Raises:
-        TypeError: It is none.
-        ValueError: One of its arrays has another shape, or a mask is none.
+        TypeError: It is no `Decision`.
+        ValueError: One of its arrays has another shape, or a mask is not boolean.
     """
     if not isinstance(decision, Decision):
         raise TypeError(f"a {type(decision).__name__}, no Decision")

@@ -29,13 +29,13 @@ from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 RELEASE = 0.5
-"""Share of the threshold below which a warning is over."""
+"""A warning ends below this share of the threshold. Chosen by hand; not fitted."""
 AVOIDED = 0.01
-"""Contact less probable than this is avoided."""
+"""Contact that is less probable than this counts as avoided. Chosen by hand; not fitted."""
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """Probable, serious, persistent."""
+    """Decide by the probability of contact: it must be probable, serious and persistent."""
     armed = _is_probable(measures.late_probability, config)
     raised = armed & _is_conflict(measures, config)
     held = measures.late_probability > RELEASE * config.probability
@@ -57,17 +57,17 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 
 def _is_probable(probability: FloatArray, config: WarningConfig) -> BoolArray:
-    """Contact is possible, and as probable as the threshold."""
+    """Whether contact is possible and at least as probable as the threshold, (m,)."""
     return np.asarray((probability > 0.0) & (probability >= config.probability))
 
 
 def _is_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
-    """Contact within the horizon is probable, and gentle braking does not make it improbable."""
+    """Whether contact within the horizon is probable, and gentle braking does not avoid it, (m,)."""
     return np.asarray(_is_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED))
 
 
 def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
-    """Row by row one or the other."""
+    """Select the rows of one where `chosen` (m,) is true, else those of the other."""
     return Measures(**{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in ARRAYS})
 
 

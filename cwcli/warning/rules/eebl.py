@@ -26,18 +26,21 @@ from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 HARD_MPS2 = 4.0
+"""Hard braking begins here: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
 RELEASE = 0.5
-"""Share of it below which a warning is over."""
+"""A warning ends when the other brakes with less than this share of hard braking. Chosen by hand; not fitted."""
 LANE_M = 3.6
+"""Assumed width of a lane, m: 12 feet, as on US highways."""
 BESIDE_M = 1.5 * LANE_M
-"""Whose centre is within this of the host's way is in its lane or in one beside it."""
+"""A vehicle within this distance of the host's path is in its lane or in an adjacent one, m."""
 SAME_WAY_RAD = np.deg2rad(45.0)
+"""Largest angle between directions of vehicles that drive the same way. Chosen by hand; not fitted."""
 MOVING_MPS = 2.0
-"""A host that is slower has no way to speak of."""
+"""A slower host has no usable path. Chosen by hand; not fitted."""
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """Ahead, the same way, braking hard, and it matters."""
+    """Decide by hard braking of a vehicle ahead in the same direction to which the host would have to react."""
     states = measures.states
     assert states is not None  # RULE asks for them
     gap_m, follows = _ahead(states)
@@ -60,7 +63,7 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 
 
 def _ahead(states: MomentStates) -> tuple[FloatArray, BoolArray]:
-    """The gap between the outlines along the host's way (m,), and whether the other is ahead on it, the same way."""
+    """Gap of the outlines along the host's arc (m), and whether the other is ahead in the same direction, (m,) each."""
     host, other = states.host, states.other
     dx, dy = other[:, X] - host[:, X], other[:, Y] - host[:, Y]
     cos, sin = np.cos(host[:, HEADING]), np.sin(host[:, HEADING])
@@ -84,10 +87,10 @@ def _ahead(states: MomentStates) -> tuple[FloatArray, BoolArray]:
 def _needed(
     states: MomentStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The deceleration that the host needs after a wait to stop behind the other, infinity where none would do.
+    """The deceleration that the host needs after a wait to stop behind the other; infinity where none is enough.
 
     Returns:
-        That, m/s^2, and the way that is left for it, m, both (m,).
+        The deceleration, m/s^2, and the distance that is left for it, m, both (m,).
     """
     speed = states.host[:, SPEED]
     left_m = gap_m + states.other[:, SPEED] ** 2 / (2.0 * braking_mps2) - speed * wait_s

@@ -15,7 +15,7 @@ from cwcli.warning.types import WarningConfig
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """Overlap within the horizon."""
+    """Decide by the first overlap of the outlines within the horizon."""
     raised = measures.overlap_s <= config.horizon_s
     return Decision(
         armed=raised,

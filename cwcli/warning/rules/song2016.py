@@ -15,7 +15,7 @@ from cwcli.warning.types import WarningConfig
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """The rule as printed."""
+    """Decide by the predicted distance at the horizon, as printed in the paper."""
     raised = measures.horizon_distance_m < config.distance_m
     return Decision(
         armed=raised,

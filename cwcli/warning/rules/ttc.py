@@ -11,10 +11,11 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 HYSTERESIS = 1.2
+"""A warning ends when the time to collision exceeds this many horizons. Chosen by hand; not fitted."""
 
 
 def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
-    """TTC below the horizon."""
+    """Decide by the time to collision: it must be below the horizon."""
     raised = measures.ttc_s < config.horizon_s
     return Decision(
         armed=raised,

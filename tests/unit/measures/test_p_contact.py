@@ -148,5 +148,5 @@ def test_without_covariances_there_is_no_value() -> None:
 
 
 def test_it_defines_no_conflict() -> None:
-    with pytest.raises(UsageError, match="p-contact takes covariances"):
+    with pytest.raises(UsageError, match="p-contact needs covariances"):
         conflict_definition("p-contact > 0.5", distance_m=2.5)

@@ -4,7 +4,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.horizon import compare_models, horizon_errors, horizon_table
+from cwcli.prediction.horizon import compare_models, horizon_table
+from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import rollout
 

@@ -11,7 +11,8 @@ from cwcli.errors import UsageError
 from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
 from cwcli.prediction.fleet import KNOTS_S
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import Paths, rollout, time_grid
+from cwcli.prediction.paths import Paths
+from cwcli.prediction.rollout import rollout, time_grid
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
@@ -226,7 +227,7 @@ def test_bad_horizon_or_step_is_a_usage_error(horizon: float, step: float) -> No
 
 def test_unknown_model_is_a_usage_error_that_names_the_models() -> None:
     with pytest.raises(UsageError) as error:
-        rollout("cvt", one(), None)
+        rollout("walking", one(), None)
     assert "cj-cya" in error.value.hint
 
 

@@ -129,8 +129,8 @@ def test_link_delay_is_made_up_for_by_the_path() -> None:
     result = evaluate(host, [late], WarningConfig(rule="song2016"))
     assert raised_s(result) == [2.45]
     assert column(result, "events", "age_s") == [pytest.approx(0.3)]
-    assert result.counts["nothing_heard_yet"] == 6
-    assert result.counts["read_past_path_end"] == 0
+    assert result.counts["no_message_received_yet"] == 6
+    assert result.counts["beyond_the_predicted_path"] == 0
 
 
 def braking_at_three(delay_s: float) -> VehicleTrack:

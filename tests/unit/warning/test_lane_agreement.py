@@ -67,7 +67,7 @@ def test_a_lane_that_is_only_carried_on_is_silent() -> None:
     seen[20:30] = False
     result = judged(left, seen=seen)
     assert len(result.events) == 0
-    assert result.counts["left_not_agreed"] >= 10
+    assert result.counts["left_too_new_or_jumped"] >= 10
 
 
 def test_a_lane_whose_method_tells_of_a_jump_is_silent_for_as_long() -> None:

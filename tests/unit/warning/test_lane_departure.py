@@ -135,7 +135,7 @@ def test_boundaries_that_cross_are_not_believed() -> None:
     swapped = Boundaries(np.tile([-1.8, 0, 0], (5, 1)), np.tile([1.8, 0, 0], (5, 1)))
     result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, swapped, np.full(5, V))
     assert len(result.events) == 0
-    assert result.counts["width_not_believed"] == 5
+    assert result.counts["implausible_width"] == 5
 
 
 def test_one_bad_frame_does_not_warn() -> None:

@@ -91,11 +91,11 @@ def test_nothing_that_came_later_counts() -> None:
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (("ttc", "nothing"), "asks for the measure 'nothing', which there is not (docs/measures.md has them)"),
-        (("pet",), "asks for the measure 'pet', which takes more than the two states of a moment"),
-        (("tet",), "asks for the measure 'tet', which takes more than the two states of a moment"),
-        ("ttc", "has measures = 'ttc', which is no tuple of names"),
-        ((1,), "has measures = (1,), which is no tuple of names"),
+        (("ttc", "nothing"), "asks for the measure 'nothing', which does not exist (docs/measures.md lists them)"),
+        (("pet",), "asks for the measure 'pet', which needs more than the two states of a moment"),
+        (("tet",), "asks for the measure 'tet', which needs more than the two states of a moment"),
+        ("ttc", "has measures = 'ttc', which is not a tuple of names"),
+        ((1,), "has measures = (1,), which is not a tuple of names"),
         (("ttc", "drac"), ""),
         ((), ""),
     ],
