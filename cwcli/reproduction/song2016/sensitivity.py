@@ -23,7 +23,8 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.scenario import HOST, Scenario, load_scenario
 
 MAX_SEEDS = 10
-BRAKES, STOPS = "lead.longitudinal.2", "lead.longitudinal.3"
+BRAKES = "lead.longitudinal.2"
+STOPS = "lead.longitudinal.3"
 SOONER = (f"{BRAKES}.to_s=6.2", f"{STOPS}.from_s=6.2")
 """A lead that brakes earlier or harder is slow earlier, after the collision: its last segment begins then."""
 TURN_S = (4.4, 4.6)

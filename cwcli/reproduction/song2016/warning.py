@@ -34,7 +34,8 @@ COLLISION_M = 2.5
 FINE_STEP_S = 0.001
 FIGURES = {"rear-end": "fig 9", "intersection": "fig 11"}
 DRAWINGS = {"rear-end": "fig 8", "intersection": "fig 10"}
-OURS, OURS_ON_LINK = "cwcli", "cwcli-v2x"
+OURS = "cwcli"
+OURS_ON_LINK = "cwcli-v2x"
 TRAPS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
 
 
