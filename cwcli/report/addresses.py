@@ -1,4 +1,4 @@
-"""Where a run's warnings and conflicts stand in its page: links for what other commands write."""
+"""Links from what other commands write to a run's warnings and conflicts in its page."""
 
 from __future__ import annotations
 
@@ -17,18 +17,19 @@ from cwcli.report.story import name_of, verdict_badge
 from cwcli.report.tables import MAX_ROWS
 
 MAX_LINKS = 20
-"""Of one check."""
+"""The greatest number of links that are given for one check. Chosen by hand; not fitted."""
 MAX_LOGS = 20
-"""That are read for links; each takes about as long as it takes to judge its warnings."""
+"""The greatest number of logs that are read for links, as judging the warnings of each takes time.
+Chosen by hand; not fitted."""
 KEPT = "/:?=&%~.-_+@,;"
-"""What stands in an address as it is; the rest, brackets and spaces among it, is escaped."""
+"""Characters that stay as they are in an address; all others, such as brackets and spaces, are escaped."""
 ABOUT = "warnings."
-"""What the names of metrics of warnings and conflicts begin with."""
+"""The beginning of the names of all metrics of warnings and conflicts."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """A warning or a conflict: in words, and its address in the page."""
+    """A link to a warning or a conflict: its description and its address in the page."""
 
     words: str
     address: str
@@ -36,7 +37,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Difference:
-    """A warning or a conflict that is not in two runs as it was.
+    """A warning or conflict that two runs do not have alike.
 
     Attributes:
         change: `new`, `gone`, or `other`: with another verdict.
@@ -51,7 +52,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Differing:
-    """What differs between two runs.
+    """The warnings and conflicts by which two runs differ.
 
     Attributes:
         listed: At most MAX_LINKS, what is new first.
@@ -70,7 +71,7 @@ class Differing:
 
 @dataclass(frozen=True)
 class Marked:
-    """What has an anchor in a page: its name there, in words, and the kind of its verdict."""
+    """A warning or conflict that has an anchor in a page: the anchor's name, a description, and the verdict."""
 
     mark: str
     words: str
@@ -101,7 +102,7 @@ class Addresses:
         self._known: dict[str, list[Link]] = {}
 
     def of_check(self, gate: str, check: Check) -> list[Link]:
-        """The warnings and conflicts that a gate on warnings asked about: those of its log, or of all logs."""
+        """Return links to the warnings and conflicts that a gate asks about, of its log or of all logs."""
         if ABOUT not in gate and ABOUT not in check.detail:
             return []
         is_any = not check.log or not self._run.is_folder
@@ -114,17 +115,19 @@ class Addresses:
         return found[:MAX_LINKS]
 
     def _of_log(self, entry: Entry) -> list[Link]:
+        """Return the links of a log, which is read once; none of more than `MAX_LOGS` logs."""
         if entry.id not in self._known:
             is_unread = entry.log is None or entry.has_failed or len(self._known) >= MAX_LOGS
             self._known[entry.id] = [] if is_unread else self._read(entry)
         return self._known[entry.id]
 
     def _read(self, entry: Entry) -> list[Link]:
+        """Read a log's warnings and conflicts as links."""
         whose = f"{entry.id}: " if len(self.entries) > 1 else ""
         return [Link(f"{whose}{each.words}", self.address(each.mark)) for each in self.marked(entry) or ()]
 
     def marked(self, entry: Entry, name: str = "") -> list[Marked] | None:
-        """What has an anchor of one log; None of one that has failed or can't be read.
+        """Read which warnings and conflicts of a log have an anchor; None if the log failed or can't be read.
 
         Args:
             entry: The log.
@@ -139,7 +142,7 @@ class Addresses:
             return None
 
     def name_of(self, entry: Entry) -> str:
-        """What the anchors of a log are made of.
+        """Return the log's name that its anchors are derived from.
 
         Raises:
             InputError: The log can't be read.
@@ -150,22 +153,22 @@ class Addresses:
             return log.name.rpartition("/")[2]
 
     def address(self, mark: str) -> str:
-        """Of an anchor."""
+        """Return the address of an anchor in the page."""
         return f"{self._page}#{mark}"
 
     @property
     def entries(self) -> tuple[Entry, ...]:
-        """The logs."""
+        """The logs of the run."""
         return self._run.entries
 
     @property
     def is_folder(self) -> bool:
-        """The run is the output of `cwcli run -d`."""
+        """Whether the run is the output of `cwcli run -d`."""
         return self._run.is_folder
 
 
 def differences(early: Addresses, late: Addresses) -> Differing:
-    """The warnings and missed conflicts by which two runs differ; logs are paired by their ids, two single logs always.
+    """Compare the warnings and missed conflicts of two runs; logs are paired by id, two single logs always.
 
     A warning is the same one where its name is (`cwcli.report.marks`): whom it was of, by which rule, and how many such
     came before it.
@@ -203,15 +206,17 @@ def differences(early: Addresses, late: Addresses) -> Differing:
 
 
 def _marked(log: Log, name: str) -> list[Marked]:
-    """Name and words of what has an anchor in the page: what went wrong first, then the warnings that came true."""
-    meetings = find_meetings(read_drive(log))
+    """Find what has an anchor in a log's page: false and missed warnings first, then those that came true."""
+    drive_encounters = find_meetings(read_drive(log))
     right: list[Marked] = []
     wrong: list[Marked] = []
-    named = zip(warning_marks(name, meetings), meetings.encounters, strict=True)
+    named = zip(warning_marks(name, drive_encounters), drive_encounters.encounters, strict=True)
     for mark, encounter in list(named)[:MAX_ROWS]:
         badge = verdict_badge(encounter)
-        told = right if badge.tone == "alert" else wrong
+        targets = right if badge.tone == "alert" else wrong
         words = f"warning {encounter.event_id}, {name_of(encounter)}: {badge.text}"
-        told.append(Marked(mark, words, badge.text.partition(",")[0]))
-    missed = [Marked(mark, f"{words}: not warned of", "not warned of") for mark, words in link_texts(meetings, name)]
+        targets.append(Marked(mark, words, badge.text.partition(",")[0]))
+    missed = [
+        Marked(mark, f"{words}: not warned of", "not warned of") for mark, words in link_texts(drive_encounters, name)
+    ]
     return [*wrong, *missed, *right]

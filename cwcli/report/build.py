@@ -1,4 +1,4 @@
-"""From a run to its page: which logs get how much of it, and what is left out."""
+"""Builds the page of a run: how much of it each log gets, and what is left out."""
 
 from __future__ import annotations
 
@@ -35,17 +35,26 @@ from cwcli.report.views import LogView
 from cwcli.warning.rows import RAISED
 
 OPEN_LOGS = 3
-"""In a run of no more logs than this, all are shown unfolded; in larger ones the first."""
+"""Runs of at most this many logs are shown with every log unfolded; in larger ones only the first is.
+Chosen by hand; not fitted."""
 FEW_LOGS = 5
+"""Runs of at most this many logs are first tried with full detail of each log. Chosen by hand; not fitted."""
 PER_ROW_BYTES = 900
+"""Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
 MAX_PATHS = 20_000
+"""Metrics that no gate needs are not computed for logs of more predicted paths, as it takes longer than the page.
+Chosen by hand; not fitted."""
 MAX_MISFITS = 5
-"""After so many logs that do not fit any more, the others are not tried."""
+"""After this many logs whose section exceeds the remaining bytes, no further log is tried.
+Chosen by hand; not fitted."""
 MAX_STORY = 400
+"""The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
 FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
+"""The detail of logs in runs of more than `FEW_LOGS` logs. Chosen by hand; not fitted."""
 TIGHT = Detail(
     n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, n_moments=0, has_all_metrics=False, has_residuals=False
 )
+"""The least detail that is tried before a log is left without figures. Chosen by hand; not fitted."""
 Progress = Callable[[str], None]
 
 
@@ -58,7 +67,7 @@ def build_report(
     recover: bool = False,
     progress: Progress | None = None,
 ) -> Report:
-    """Make the page.
+    """Build the HTML page of a run or of one annotated log.
 
     Args:
         source: An output folder of `cwcli run -d`, or one annotated log.
@@ -117,7 +126,7 @@ def _of_one_log(
     system: System | None,
     recover: bool,
 ) -> Report:
-    """The page of one annotated log."""
+    """Build the page of one annotated log."""
     say(run.name)
     entry = run.entries[0]
     with Log.open(source, recover=recover) as log:
@@ -153,7 +162,7 @@ def _of_one_log(
 
 
 def _scored_again(run: Run, source: str, system: System, say: Progress) -> Run:
-    """The run with the metrics of another system among those of each log."""
+    """Return the run with the metrics of another system added to those of each log."""
     found = {log.id: log for log in read_metrics(source, system=system, step=say).logs}
     known = {entry.id: found[entry.id].rows for entry in run.entries if entry.id in found}
     return replace(
@@ -162,7 +171,7 @@ def _scored_again(run: Run, source: str, system: System, say: Progress) -> Run:
 
 
 def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str, MetricRow]:
-    """The headline metrics of a log that is not part of a run; none where they can't be computed.
+    """Compute the headline metrics of a log that is not part of a run; {} where they can't be computed.
 
     Args:
         is_needed: For a gate. Else they are left out where so many paths would have to be read that it takes longer
@@ -182,7 +191,7 @@ def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str,
 
 
 def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
-    """What the run tells of a log, and how many warnings its channel holds."""
+    """Collect what the run says of a log, and count the warnings of its channel."""
     badges: list[Badge] = []
     n_warnings, rank = 0, 3
     if entry.has_failed:
@@ -212,6 +221,7 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
 
 
 def _count_warnings(log: Log) -> int:
+    """Count the warnings that the log's channel raises."""
     if WARNINGS.topic not in {channel.topic for channel in log.channels}:
         return 0
     warnings = read_warnings(log.columns(WARNINGS.topic, ["state"]))
@@ -219,7 +229,7 @@ def _count_warnings(log: Log) -> int:
 
 
 def _order(candidate: Candidate) -> tuple[Any, ...]:
-    """What went wrong comes first, then what was warned of, then the rest."""
+    """Sort key: failed logs come first, then those with warnings, then the rest."""
     return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
 
 
@@ -233,7 +243,7 @@ def _section(
     is_few: bool,
     is_open: bool,
 ) -> str | None:
-    """The log's part of the page, in as much detail as the budget allows; None where even the least is too much."""
+    """Render a log's section in as much detail as the budget of bytes allows; None if the least is too much."""
     assert candidate.entry.log is not None
     details = (Detail(), FOLDED, TIGHT) if is_few else (FOLDED, TIGHT)
     try:
@@ -264,15 +274,16 @@ def _view(
     is_alone: bool,
     is_open: bool,
 ) -> LogView:
+    """Read an annotated log and collect everything that its section shows."""
     drive = replace(read_drive(log), system=judged_system(log, system))
-    meetings = find_meetings(drive)
-    story: Story = tell(drive, meetings, entry.left_out.get("warn", ""), doubts(drive))
+    drive_encounters = find_meetings(drive)
+    story: Story = tell(drive, drive_encounters, entry.left_out.get("warn", ""), doubts(drive))
     story = replace(story, more=(*story.more, *filter(None, (first_remark(drive),)), *system_sentences(drive)))
     return log_view(
         log,
         entry,
         drive,
-        meetings,
+        drive_encounters,
         story,
         anchor=anchor,
         badges=[*badges, *story.badges],

@@ -42,7 +42,7 @@ def envelope_rows(values: FloatArray, n_pieces: int) -> Rows:
 
 
 def band(lower: FloatArray, upper: FloatArray, n_pieces: int) -> tuple[Rows, FloatArray, FloatArray]:
-    """A band with one pair of values a piece, that covers every sample's band.
+    """Reduce a band to one pair of values per piece that covers every sample's band.
 
     Args:
         lower, upper: Shape (n,).

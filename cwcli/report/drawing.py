@@ -18,55 +18,63 @@ Figure = dict[str, Any]
 Trace = dict[str, Any]
 
 EGO = "#0072B2"
+"""Colour of the ego vehicle. From Okabe and Ito's palette."""
 ALERT = "#D55E00"
+"""Colour of warnings and gated measurements. From Okabe and Ito's palette."""
 SYSTEM = "#5B3A8C"
-"""Another system's warnings."""
+"""Colour of another system's warnings. Chosen by hand; not fitted."""
 RAW = "#767676"
+"""Colour of raw measurements, a grey. Chosen by hand; not fitted."""
 TRUTH = "#000000"
+"""Colour of the truth, black. Chosen by hand; not fitted."""
 OTHERS = ("#CC79A7", "#009E73", "#8A6D00", "#56B4E9", "#5B3A8C", "#A6611A")
+"""Colours of the other vehicles, in order; the first two and the fourth are Okabe and Ito's.
+Chosen by hand; not fitted."""
 TITLE = {"font": {"size": 13}}
+"""Font size of axis titles in pixels, as Plotly's settings. Chosen by hand; not fitted."""
 MAX_NAME = 40
+"""The greatest length of a name in a figure, in characters; longer ones are cut. Chosen by hand; not fitted."""
 
 
 def rgba(colour: str, alpha: float) -> str:
-    """`#0072B2` as `rgba(0,114,178,0.2)`."""
+    """Convert a colour such as `#0072B2` to `rgba(0,114,178,0.2)`."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return f"rgba({red},{green},{blue},{alpha:g})"
 
 
 def words(text: str) -> str:
-    """Text from a log for a figure. Plotly takes `<` for the start of a tag and `%{` for a variable."""
+    """Escape text from a log for a figure: Plotly takes `<` for the start of a tag and `%{` for a variable."""
     shown = printable(text)
     shown = shown if len(shown) <= MAX_NAME else shown[: MAX_NAME - 1] + "…"
     return shown.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("%{", "%&#8203;{")
 
 
 def rounded(values: FloatArray, decimals: int) -> list[float | None]:
-    """Numbers for JSON: rounded, whole ones without a fraction, None where not finite."""
+    """Round numbers for JSON: whole ones without a fraction, None where not finite."""
     listed = np.round(np.asarray(values, np.float64), decimals).tolist()
     return [None if not np.isfinite(value) else int(value) if value == int(value) else value for value in listed]
 
 
 def axis(title: str, **more: Any) -> dict[str, Any]:
-    """An axis with its title, unit included."""
+    """Return Plotly's settings of an axis with its title, which includes the unit."""
     return {"title": {"text": title, **TITLE}, **more}
 
 
 def line(x: Sequence[Any], y: Sequence[Any], name: str, colour: str, **more: Any) -> Trace:
-    """A line. `name` is shown as it is: pass text from a log through `words`."""
+    """Return a line trace. `name` is shown as it is: pass text from a log through `words`."""
     style = {"color": colour, "width": more.pop("width", 2), "dash": more.pop("dash", "solid")}
     return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": style, **more}
 
 
 def dots(x: Sequence[Any], y: Sequence[Any], name: str, colour: str, **more: Any) -> Trace:
-    """Markers; as `line`."""
+    """Return a trace of markers; `name` is shown as it is."""
     style = {"color": colour, "size": more.pop("size", 4), "symbol": more.pop("symbol", "circle")}
     style |= {key: more.pop(key) for key in ("opacity", "line") if key in more}
     return {"type": "scatter", "mode": "markers", "x": x, "y": y, "name": name, "marker": style, **more}
 
 
 def polygon(x: Sequence[Any], y: Sequence[Any], name: str, colour: str, **more: Any) -> Trace:
-    """A filled outline without an edge."""
+    """Return the trace of a filled outline without an edge."""
     return {
         "type": "scatter",
         "mode": "lines",
@@ -82,7 +90,7 @@ def polygon(x: Sequence[Any], y: Sequence[Any], name: str, colour: str, **more: 
 
 
 def upright(at: float, text: str, colour: str, *, dash: str = "dash") -> tuple[dict[str, Any], dict[str, Any]]:
-    """A vertical line over the whole height, and its label beside it, at the top."""
+    """Return a vertical line over the whole height at x = `at`, and its label at the top."""
     shape = {
         "type": "line",
         "xref": "x",
@@ -110,6 +118,6 @@ def upright(at: float, text: str, colour: str, *, dash: str = "dash") -> tuple[d
 
 
 def equal_axes(layout: dict[str, Any]) -> dict[str, Any]:
-    """One metre is as long on the one axis as on the other."""
+    """Set one metre to be as long on the y axis as on the x axis, and return the layout."""
     layout["yaxis"] = {**layout["yaxis"], "scaleanchor": "x", "scaleratio": 1}
     return layout

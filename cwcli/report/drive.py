@@ -42,12 +42,13 @@ from cwcli.warning.rows import WarningRows
 from cwcli.warning.types import WarningConfig, outline_of
 
 EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+"""Roles of the ego's sensors whose raw measurements the report draws."""
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
 @dataclass(frozen=True)
 class OtherTrack:
-    """What is known of another vehicle.
+    """The track of another vehicle.
 
     Attributes:
         id: As in the channel.
@@ -64,7 +65,7 @@ class OtherTrack:
 
 @dataclass(frozen=True)
 class JudgedSystem:
-    """Another system's warnings: their topic, what became of them, and what is to be said of them."""
+    """Another system's warnings: their topic, their verdicts, and notes for the reader."""
 
     topic: str
     found: FlagScores
@@ -73,7 +74,7 @@ class JudgedSystem:
 
 @dataclass(frozen=True)
 class Drive:
-    """One annotated log.
+    """One annotated log as the report needs it.
 
     Attributes:
         name: Of the log.
@@ -88,7 +89,7 @@ class Drive:
         camera: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.
-        gated: The ego's measurements that were not believed.
+        gated: The ego's measurements that the estimator gated.
         system: Another system's warnings, None where none are judged.
     """
 
@@ -113,7 +114,7 @@ class Drive:
         return np.asarray((stamp_ns - self.start_ns) / NS_PER_S, dtype=np.float64)
 
     def inputs(self, stage: str) -> list[dict[str, Any]]:
-        """What became of the stage's input messages, as its record tells; [] where it does not."""
+        """Return what a stage's record says of its input messages; [] where it says nothing."""
         return inputs_of(self.records.get(stage, {}))
 
 
@@ -129,7 +130,7 @@ TOPICS: Mapping[str, tuple[str, ...] | None] = {
 
 
 def require_results(log: Log) -> None:
-    """Refuse a log of which there is nothing to show.
+    """Check that a stage of cwcli has run on the log.
 
     Raises:
         MissingSignalError: No stage of cwcli has run on it.
@@ -183,6 +184,7 @@ def read_drive(log: Log) -> Drive:
 
 
 def _targets(columns: Columns, notes: list[str]) -> list[OtherTrack]:
+    """Read the tracked targets; a note is added if they can't be read."""
     try:
         return _tracks(read_targets(columns), "target")
     except DataError as error:
@@ -191,6 +193,7 @@ def _targets(columns: Columns, notes: list[str]) -> list[OtherTrack]:
 
 
 def _tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
+    """Split states into one track per vehicle."""
     found = []
     for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
         size = outline_of(states.length_m[rows], states.width_m[rows])
@@ -199,12 +202,12 @@ def _tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
 
 
 def ego_size(ego: VehicleStates) -> tuple[float, float]:
-    """Length and width of the ego, the warnings' defaults where they are not told."""
+    """Return length and width of the ego in m; the warnings' defaults where the states have none."""
     return outline_of(ego.length_m, ego.width_m)
 
 
 def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]) -> tuple[Measurements, ...]:
-    """The ego's sensors as the estimator read them: same topics, same clock, same span."""
+    """Read the ego's measurements as the estimator did: same topics, same clock, same time span."""
     record = records.get("estimate", {})
     try:
         sources = read_sources(log, sources_of(record), command="report", required=(), optional=EGO_ROLES)
@@ -222,7 +225,7 @@ def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[st
 
 
 def _truth(log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleStates, notes: list[str]) -> EgoTruth | None:
-    """The ego's truth, chosen as the estimator did."""
+    """Read the ego's truth from the topic that the estimator chose; a note is added if it can't be read."""
     try:
         return read_ego_truth(log, records.get("estimate", {}), ego.by_stamp())
     except CwcliError as error:
@@ -231,7 +234,7 @@ def _truth(log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleState
 
 
 def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
-    """The camera's topic: the one of the lanes, else the first channel of frames."""
+    """Find the camera's topic: the one that the lanes used, else the first channel of frames, else ""."""
     from cwcli.logs.read.frames import is_camera
 
     topics = [channel.topic for channel in log.channels if is_camera(channel)]

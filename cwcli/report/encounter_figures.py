@@ -36,27 +36,41 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
 OTHER = OTHERS[0]
-BEFORE_S, AFTER_S = 4.0, 5.0
+"""Colour of the other vehicle."""
+BEFORE_S = 4.0
+"""Time before a warning that the distance figure shows, in s. Chosen by hand; not fitted."""
+AFTER_S = 5.0
+"""Time after a warning that the distance figure shows at least, in s. Chosen by hand; not fitted."""
 MAX_SHOWN_M = 30.0
-FAN_BEFORE_S, FAN_AFTER_S = 1.0, 4.0
+"""Upper end of the distance axis at first, in m, unless the vehicles stayed farther apart.
+Chosen by hand; not fitted."""
+FAN_BEFORE_S = 1.0
+"""Time before a warning of which the driven path is drawn, in s. Chosen by hand; not fitted."""
+FAN_AFTER_S = 4.0
+"""Time after a warning of which the driven path is drawn at most, in s. Chosen by hand; not fitted."""
 ELLIPSE_EVERY_S = 0.5
+"""Time between the ellipses along a predicted path, in s, at least. Chosen by hand; not fitted."""
 MAX_ELLIPSES = 12
+"""The greatest number of ellipses along a predicted path. Chosen by hand; not fitted."""
 N_PIECES = 250
+"""Number of pieces whose smallest and largest value is drawn of a curve. Chosen by hand; not fitted."""
 MAX_TTC_S = 10.0
+"""Larger times to collision are not drawn, in s. Chosen by hand; not fitted."""
 MAX_DRAC_MPS2 = 10.0
+"""Larger decelerations are drawn at this value, in m/s^2. Chosen by hand; not fitted."""
 STRIPS = (
     (TTC, "time to collision (TTC)", "TTC [s]", "s", MAX_TTC_S, OTHERS[4]),
     (DRAC, "deceleration that avoids it (DRAC)", "DRAC<br>[m/s²]", "m/s²", MAX_DRAC_MPS2, OTHERS[2]),
 )
-"""Measures below the distance: each with its words, unit, top of the axis and colour; its own threshold is drawn."""
+"""Measures below the distance: measure, description, axis title, unit, top of the axis, colour."""
 DISTANCE_SHARE = (1.0, 0.6, 0.44)
-"""Of the height, for the distance above no strip, one or two."""
+"""Share of the figure's height for the distance when no, one or two strips lie below it. Chosen by hand; not fitted."""
 STRIP_FILL = 0.74
-"""Of a strip's share of the height; the rest keeps the strips apart."""
+"""Share of a strip's height that is drawn; the rest separates the strips. Chosen by hand; not fitted."""
 
 
 def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Paths | None, Paths | None]) -> Figure | None:
-    """Both predicted paths at the moment of the warning, with 1-sigma ellipses, and what both really did.
+    """Draw both predicted paths at the moment of a warning, with 1-sigma ellipses, and the driven paths.
 
     Seen from above, turned so that the car drives upwards. None where the ego's place is not known.
 
@@ -91,7 +105,7 @@ def fan_figure(drive: Drive, encounter: Encounter, paths: tuple[Paths | None, Pa
 
 
 class _View:
-    """From the map into what the driver sees: x to the right, y ahead."""
+    """Transforms points of the map into the driver's view: x to the right, y ahead."""
 
     def __init__(self, own: FloatArray) -> None:
         self._origin = own[:2]
@@ -99,16 +113,17 @@ class _View:
         self._right_ahead = np.array([[forward[1], forward[0]], [-forward[0], forward[1]]])
 
     def points(self, xy: FloatArray) -> FloatArray:
-        """Points of the map, shape (n, 2)."""
+        """Transform points of the map, shape (n, 2), in m."""
         return np.asarray((xy - self._origin) @ self._right_ahead, np.float64)
 
     def xy(self, xy: FloatArray) -> tuple[list[float | None], list[float | None]]:
-        """The points as Plotly's two lists."""
+        """Transform points of the map, shape (n, 2), into Plotly's lists of x and y."""
         seen = self.points(xy)
         return rounded(seen[:, 0], 2), rounded(seen[:, 1], 2)
 
 
 def _fan(view: _View, path: Paths, colour: str, name: str, horizon_s: float) -> list[Trace]:
+    """Return the traces of a predicted path and of its ellipses."""
     keep = path.time_s <= horizon_s + 1e-6
     xy_m = np.stack([path.x_m[0], path.y_m[0]], axis=1)
     x, y = view.xy(xy_m[keep])
@@ -137,7 +152,7 @@ def _fan(view: _View, path: Paths, colour: str, name: str, horizon_s: float) -> 
 
 
 def _ellipse(centre: FloatArray, packed: FloatArray) -> FloatArray | None:
-    """Points of the 1-sigma ellipse, shape (n, 2), or None where the covariance is none."""
+    """Return points of the 1-sigma ellipse, shape (n, 2), or None if the covariance is not finite."""
     xx, xy, yy = packed.tolist()
     covariance = np.array([[xx, xy], [xy, yy]])
     if not np.isfinite(covariance).all():
@@ -157,7 +172,7 @@ def _driven(
     name: str,
     size_m: tuple[float, float],
 ) -> list[Trace]:
-    """The outline at the warning, the way that was really driven, and the outline at the nearest approach."""
+    """Return the traces of the driven path and of the outlines at the warning and at the nearest approach."""
     first = np.searchsorted(track.stamp_ns, encounter.raised_ns - round(FAN_BEFORE_S * NS_PER_S))
     last = np.searchsorted(track.stamp_ns, _fan_end_ns(encounter), side="right")
     stamps, states = with_breaks(track.stamp_ns[first:last], track.state[first:last, :2])
@@ -179,6 +194,7 @@ def _driven(
 
 
 def _fan_end_ns(encounter: Encounter) -> int:
+    """Return the stamp at which the driven path ends."""
     end_ns = encounter.raised_ns + round(FAN_AFTER_S * NS_PER_S)
     if encounter.verdict is not None and encounter.verdict.closest_ns >= 0:
         end_ns = min(end_ns, encounter.verdict.closest_ns + NS_PER_S // 2)
@@ -186,7 +202,7 @@ def _fan_end_ns(encounter: Encounter) -> int:
 
 
 def _outline(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
-    """The corners of a vehicle's outline in the map, closed, shape (5, 2)."""
+    """Return the corners of a vehicle's outline in the map, closed, shape (5, 2)."""
     length, width = size_m
     corners = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) * np.array([length, width]) / 2.0
     cos, sin = math.cos(state[3]), math.sin(state[3])
@@ -194,7 +210,7 @@ def _outline(state: FloatArray, size_m: tuple[float, float]) -> FloatArray:
 
 
 def distance_figure(drive: Drive, encounter: Encounter) -> Figure | None:
-    """Distance and time to collision around a warning; None where the tracks do not tell."""
+    """Draw distance and time to collision around a warning; None where the tracks have no common time."""
     if encounter.pair is None or drive.warnings is None:
         return None
     until_ns = max(encounter.last_ns, encounter.raised_ns + round(AFTER_S * NS_PER_S))
@@ -206,7 +222,7 @@ def distance_figure(drive: Drive, encounter: Encounter) -> Figure | None:
 
 
 def nearest_figure(drive: Drive, nearest: Nearest) -> Figure | None:
-    """Distance and time to collision around the nearest approach of a drive without warnings."""
+    """Draw distance and time to collision around the nearest approach of a drive without warnings."""
     apart_ns = round(2.0 * AFTER_S * NS_PER_S)
     span = (nearest.stamp_ns - apart_ns, nearest.stamp_ns + apart_ns)
     return _nearness(drive, nearest.pair, span, [(nearest.stamp_ns, "nearest", "#000000")], [])
@@ -215,6 +231,7 @@ def nearest_figure(drive: Drive, nearest: Nearest) -> Figure | None:
 def _nearness(
     drive: Drive, pair: Pair, span_ns: tuple[int, int], marks: list[tuple[int, str, str]], more: list[Trace]
 ) -> Figure | None:
+    """Draw distance, gap and criticality of a pair over a time span; None of fewer than two rows."""
     first = int(np.searchsorted(pair.stamp_ns, span_ns[0]))
     last = int(np.searchsorted(pair.stamp_ns, span_ns[1], side="right"))
     if last - first < 2:
@@ -226,14 +243,14 @@ def _nearness(
     stamps, columns = with_breaks(pair.stamp_ns[part], columns, drive.rule.max_gap_s)
     seconds = drive.seconds(stamps)
 
-    def curve(column: int, name: str, colour: str, unit: str, **style: Any) -> Trace:
+    def trace_column(column: int, name: str, colour: str, unit: str, **style: Any) -> Trace:
         rows = envelope_rows(columns[:, column], N_PIECES)
         x, y = rounded(seconds[rows], 3), rounded(columns[rows, column], 2)
         return line(x, y, name, colour, hovertemplate=f"%{{x}} s: %{{y}} {unit}", **style)
 
     data = [
-        curve(0, "distance, centre to centre", EGO, "m"),
-        curve(1, "gap between the outlines", OTHERS[1], "m", dash="dash"),
+        trace_column(0, "distance, centre to centre", EGO, "m"),
+        trace_column(1, "gap between the outlines", OTHERS[1], "m", dash="dash"),
         *more,
     ]
     limit_m = drive.rule.distance_m
@@ -245,7 +262,7 @@ def _nearness(
         "yaxis": axis("distance [m]", domain=[1.0 - DISTANCE_SHARE[len(strips)], 1.0], range=_distances(columns)),
     }
     for place, (k, measure, name, title, unit, most, colour) in enumerate(strips):
-        data.append(curve(k, name, colour, unit, yaxis=f"y{place + 2}"))
+        data.append(trace_column(k, name, colour, unit, yaxis=f"y{place + 2}"))
         domain = [round(place * height, 3), round(place * height + STRIP_FILL * height, 3)]
         layout[f"yaxis{place + 2}"] = axis(title, domain=domain, range=[0.0, most])
         if measure.threshold is not None:
@@ -259,7 +276,7 @@ def _nearness(
 
 
 def _distances(columns: FloatArray) -> list[float]:
-    """What the axis of distances shows at first: the near part, where it matters."""
+    """Return the initial range of the distance axis, which shows the small distances."""
     known = columns[:, :2][np.isfinite(columns[:, :2])]
     if not len(known):
         return [0.0, MAX_SHOWN_M]
@@ -269,7 +286,7 @@ def _distances(columns: FloatArray) -> list[float]:
 
 
 def _level(yaxis: str, value: float, text: str) -> tuple[dict[str, Any], dict[str, Any]]:
-    """A threshold across the whole width, and what it is."""
+    """Return a horizontal line at a threshold, and its label."""
     across = {"xref": "paper", "x0": 0, "x1": 1, "yref": yaxis, "y0": value, "y1": value}
     shape = {"type": "line", **across, "line": {"color": "#000000", "width": 1, "dash": "dot"}}
     place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": yaxis, "y": value, "yanchor": "bottom"}
@@ -277,7 +294,7 @@ def _level(yaxis: str, value: float, text: str) -> tuple[dict[str, Any], dict[st
 
 
 def _predictions(drive: Drive, encounter: Encounter) -> Trace:
-    """What the warning said while it stood: the distance that both would have at the event."""
+    """Return the trace of the distance that the warning predicted at each evaluation."""
     assert drive.warnings is not None
     distance_m = drive.warnings.predicted_distance_m[encounter.rows]
     known_ns = drive.warnings.known_ns[encounter.rows]

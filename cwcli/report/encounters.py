@@ -23,14 +23,19 @@ from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
 from cwcli.warning.pair import STANDING_MPS
 
 MAX_DETAILED_OTHERS = 400
-"""Other vehicles whose distance to the ego is computed: those that are warned of, then the longest heard."""
+"""The distance to the ego is computed for this many others: those warned of, then the longest tracks.
+Chosen by hand; not fitted."""
 AHEAD_RAD = math.radians(45.0)
+"""Headings that differ less, in rad, are the same direction; those within it of pi are opposite.
+Chosen by hand; not fitted."""
 BESIDE_RAD = math.radians(60.0)
+"""Bearings below it, in rad, are ahead; those within it of pi are behind; others are beside.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Encounter:
-    """One warning.
+    """One warning, its vehicles and its verdict.
 
     Attributes:
         event_id: Its number in the log.
@@ -67,13 +72,13 @@ class Encounter:
 
     @property
     def is_lane_departure(self) -> bool:
-        """It is about the car's own lane, not about another vehicle."""
+        """Whether the warning is about the car's own lane, not about another vehicle."""
         return self.rule == LANE_DEPARTURE
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """What really happened: with whom, what, and the numbers of the warnings that are about it."""
+    """A conflict that really happened, with whom, and the numbers of the warnings about it."""
 
     other: OtherTrack
     conflict: RealConflict
@@ -82,7 +87,7 @@ class Conflict:
 
 @dataclass(frozen=True)
 class Nearest:
-    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair.
+    """The nearest approach of a drive: the other vehicle, the distance of the centres, the time, and the pair.
 
     Attributes:
         is_parked: The two stood whenever both were known: how near they came is where they were parked.
@@ -97,7 +102,7 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Meetings:
-    """All that happened between the ego and the others.
+    """All warnings, conflicts and approaches between the ego and the others.
 
     Attributes:
         encounters: The warnings, in order of time.
@@ -117,7 +122,7 @@ class Meetings:
 
 
 def find_meetings(drive: Drive) -> Meetings:
-    """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
+    """Match the warnings with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
     alerts = [] if drive.warnings is None else warning_events(drive.warnings)
     if drive.ego is None:
         return Meetings(tuple(_without_motion(drive, alert) for alert in alerts), (), None, 0)
@@ -161,7 +166,7 @@ def find_meetings(drive: Drive) -> Meetings:
 
 
 def _pair(drive: Drive, host: ActualTrack, other: OtherTrack) -> Pair:
-    """The pair at those of the host's stamps at which the other is known."""
+    """Pair the ego with another vehicle at those of the ego's stamps at which the other is known."""
     assert drive.ego is not None
     margin_ns = round(drive.rule.max_gap_s * NS_PER_S)
     first = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[0] - margin_ns))
@@ -178,6 +183,7 @@ def _encounter(
     pairs: dict[int, Pair],
     conflicts: dict[int, list[RealConflict]],
 ) -> Encounter:
+    """Build the encounter of a warning, with its verdict where both tracks are known."""
     pair = pairs.get(id(other)) if other is not None else None
     verdict, conflict, gap, direction = None, None, math.nan, ""
     if other is not None and pair is not None and len(pair.stamp_ns):
@@ -192,7 +198,7 @@ def _encounter(
 
 
 def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
-    """The warning as its channel tells it."""
+    """Build the encounter of a warning from its channel alone."""
     assert drive.warnings is not None
     said, row = drive.warnings, alert.rows[0]
     return Encounter(
@@ -216,13 +222,14 @@ def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
 
 
 def _least_gap(pair: Pair, begin_ns: int, end_ns: int) -> float:
+    """Return the least distance of the outlines between two stamps, in m; NaN if it is not known."""
     inside = pair.value(GAP)[(pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns)]
     known = inside[np.isfinite(inside)]
     return float(known.min()) if len(known) else math.nan
 
 
 def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
-    """Where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
+    """Describe where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
     stamps = np.array([at_ns], np.int64)
     own = interpolate(host, stamps, max_gap_s)[0]
     theirs = interpolate(other.track, stamps, max_gap_s)[0]
@@ -241,7 +248,7 @@ def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: floa
 
 
 def met_rows(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
-    """The moments at which both are known and one of the two moves; of two that only ever stood all, and True."""
+    """Return the rows at which both are known and one moves; all known rows and True if both always stood."""
     is_known = np.isfinite(pair.distance_m)
     moves = np.abs(pair.host.state[:, SPEED]) > STANDING_MPS
     moves |= np.abs(pair.others[:, SPEED]) > STANDING_MPS
@@ -250,7 +257,7 @@ def met_rows(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
 
 
 def _nearest(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> Nearest | None:
-    """The nearest approach while one of the two moved; of two that only ever stood, where nobody else was near."""
+    """Find the nearest approach; pairs that always stood count only if there is no other pair."""
     found = []
     for other in others:
         pair = pairs[id(other)]

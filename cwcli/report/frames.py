@@ -23,14 +23,16 @@ from cwcli.vision.video import VIDEO_FORMATS
 T = TypeVar("T")
 
 WIDTH_PX = 320
+"""Width of a thumbnail in pixels. Chosen by hand; not fitted."""
 JPEG_QUALITY = 60
+"""Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
 MAX_APART_NS = 500_000_000
-"""A frame further from the wanted time than this is not shown."""
+"""A frame farther from the wanted time than this is not shown, in ns. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """A small picture.
+    """A small picture of a camera frame.
 
     Attributes:
         stamp_ns: Of the frame.
@@ -47,7 +49,7 @@ class Thumbnail:
 
 
 def thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
-    """The frames nearest to the wanted times.
+    """Make thumbnails of the frames that are nearest to the wanted times.
 
     Returns:
         Wanted time -> picture, for the times that have one; and why some have none, or "".
@@ -68,7 +70,7 @@ def thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[i
 
 
 def _nearest(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
-    """Each wanted time with the frame nearest to it, decoded. One pass; a video is decoded along the way."""
+    """Yield each wanted time with its nearest frame, decoded, in one pass; a video is decoded along the way."""
     frames = log.frames(topic)
     first = next(frames, None)
     if first is None:
@@ -84,12 +86,13 @@ def _nearest(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, 
 
 
 def _chained(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+    """Yield the first frame, then the rest."""
     yield first
     yield from rest
 
 
 def _pick(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
-    """Each wanted time with the item whose stamp is nearest, if it is near enough; items come in time order."""
+    """Yield each wanted time with the item of the nearest stamp, if near enough; items come in order of time."""
     waiting = list(wanted_ns)
     before: tuple[int, T] | None = None
     for item in items:
@@ -107,11 +110,12 @@ def _pick(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tupl
 
 
 def _stamp_ns(frame: Frame) -> int:
+    """Return the frame's stamp, its log time if it has none."""
     return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
 
 
 def _lines(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list[FloatArray] | None:
-    """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
+    """Return the left and the right boundary in the pixels of an image; None if the frame was not searched."""
     if lanes is None:
         return None
     rows = np.flatnonzero(lanes.stamp_ns == stamp_ns)[:1].tolist()
@@ -119,6 +123,7 @@ def _lines(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list
 
 
 def _thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thumbnail:
+    """Shrink an image, draw its lane boundaries, and encode it as JPEG."""
     import cv2
 
     height_px = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))

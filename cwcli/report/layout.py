@@ -36,7 +36,7 @@ from cwcli.signals.vehicle_state import BODY_FRAME, MAP_FRAME
 FIX_SCHEMAS = frozenset(
     {"sensor_msgs/NavSatFix", "sensor_msgs/msg/NavSatFix", "foxglove.LocationFix", "foxglove.LocationFixes"}
 )
-"""What the viewer's map draws."""
+"""Schemas of positions that the viewer's map panel draws (documentation of Foxglove's Map panel)."""
 DRAWN_SCHEMAS = frozenset(
     {
         "foxglove.SceneUpdate",
@@ -49,20 +49,29 @@ DRAWN_SCHEMAS = frozenset(
         "visualization_msgs/msg/MarkerArray",
     }
 )
-"""What its 3D panel draws, of what drives hold."""
+"""Schemas that the viewer's 3D panel draws and that drive logs hold (Foxglove's 3D panel)."""
 MEASURED_SPEED = ("longitudinal_velocity", "twist.twist.linear.x", "twist.linear.x", "data")
+"""Fields in which messages hold a measured speed; the first that a topic has is plotted."""
 MEASURED_YAW_RATE = ("angular_velocity.z",)
+"""Fields in which messages hold a measured yaw rate."""
 MAX_CAMERAS = 4
+"""The greatest number of cameras that the layout shows. Chosen by hand; not fitted."""
 
-RAW_COLOR, ESTIMATED_COLOR = "#ff8c00", "#2680ff"
+RAW_COLOR = "#ff8c00"
+"""Colour of measured fixes on the viewer's map. Chosen by hand; not fitted."""
+ESTIMATED_COLOR = "#2680ff"
+"""Colour of estimated fixes on the viewer's map. Chosen by hand; not fitted."""
 VIEW_HEIGHT_M = 120.0
+"""Distance of the 3D panel's view from above, in m. Chosen by hand; not fitted."""
 GRID_M = 1000.0
+"""Size of the 3D panel's grid, in m. Chosen by hand; not fitted."""
 STAGE_TABS = ("Drive", "Signals", "Warnings", "Lanes", "Targets", "Control", "Messages")
+"""Titles of the layout's tabs, in order."""
 
 
 @dataclass(frozen=True)
 class CameraTopics:
-    """A camera of a log: its images, and its calibration or None."""
+    """The topics of a camera: its images, and its calibration or None."""
 
     images: str
     calibration: str | None
@@ -70,7 +79,7 @@ class CameraTopics:
 
 @dataclass(frozen=True)
 class LogTopics:
-    """A log's own topics that the layout shows beside cwcli's; without a log there are none.
+    """A log's own topics that the layout shows besides cwcli's; all empty without a log.
 
     Attributes:
         fixes: Positions on the globe.
@@ -89,7 +98,7 @@ class LogTopics:
 
 
 def log_topics(log: Log) -> LogTopics:
-    """Which of a log's channels the layout shows; the channels that cwcli itself publishes are not repeated."""
+    """Find the channels of a log that the layout shows; those that cwcli publishes are not repeated."""
     published = topics()
     others = [channel for channel in log.channels if channel.topic not in published]
     infos = _named(others, lambda channel: input_for(Role.CAMERA_INFO, channel.schema_name) is not None)
@@ -106,7 +115,7 @@ def log_topics(log: Log) -> LogTopics:
 
 
 def layout(log: LogTopics | None = None) -> Settings:
-    """The layout as a JSON-ready document in the form that Foxglove exports.
+    """Build the layout as a JSON-ready document in the form that Foxglove exports.
 
     Args:
         log: The topics of the log that it is for; None: of any log.
@@ -126,13 +135,13 @@ def layout(log: LogTopics | None = None) -> Settings:
 
 @dataclass
 class _Layout:
-    """One method a tab."""
+    """Builds the layout; each public method builds one tab."""
 
     log: LogTopics
     panels: Panels = field(default_factory=Panels)
 
     def drive(self) -> Mosaic:
-        """Where everybody is: from above, on the globe, in the camera; and what was warned of."""
+        """Build the tab of all vehicles from above, on the map and in the camera, and of the warnings."""
         below = row(
             self.panels.log("log", "Warnings", WARNING_LOG.topic),
             self.panels.states("drive", "Warnings", [_of(WARNINGS, "state")]),
@@ -141,7 +150,7 @@ class _Layout:
         return split("column", split("row", self._scene(), beside, 55.0), below, 75.0)
 
     def signals(self) -> Mosaic:
-        """The states over time, estimated, true and measured."""
+        """Build the tab of the states over time: estimated, true and measured."""
         speed = [*self._of_states("speed_mps"), *((measured, "measured") for measured in self.log.speed)]
         yaw_rate = [*self._of_states("yaw_rate_radps"), *((measured, "measured") for measured in self.log.yaw_rate)]
         return column(
@@ -152,7 +161,7 @@ class _Layout:
         )
 
     def warnings(self) -> Mosaic:
-        """Each event, its numbers, and the paths that it was computed from."""
+        """Build the tab of the warnings, their numbers, and the paths that they were computed from."""
         return row(
             column(
                 self.panels.states(
@@ -171,7 +180,7 @@ class _Layout:
         )
 
     def lanes(self) -> Mosaic:
-        """The camera with the boundaries, and what they and the observer say."""
+        """Build the tab of the camera with the boundaries, the lane's geometry and the observer."""
         n = max(len(self.log.cameras), 1)
         images = [self._image(f"lanes-{k}", self.log.cameras[k : k + 1]) for k in range(n)]
         found = ("left.probability", "right.probability")
@@ -195,7 +204,7 @@ class _Layout:
         )
 
     def targets(self) -> Mosaic:
-        """The tracked targets; they are in the 3D panel of the first tab too."""
+        """Build the tab of the tracked targets, which the first tab's 3D panel shows too."""
         return row(
             column(
                 self.panels.plot("target-position", "Position [m]", _each(TARGETS, "x_m", "y_m"), points=True),
@@ -205,9 +214,9 @@ class _Layout:
         )
 
     def control(self) -> Mosaic:
-        """What each policy would have made of a warning."""
+        """Build the tab of what each control policy makes of a warning."""
 
-        def of_policies(kind: Channel, *names: str) -> list[Series]:
+        def series_of_policies(kind: Channel, *names: str) -> list[Series]:
             return [
                 (path(kind.of(policy).topic, name), f"{policy} {name}" if names[1:] else policy)
                 for policy in POLICIES
@@ -215,13 +224,15 @@ class _Layout:
             ]
 
         return column(
-            self.panels.plot("control-speed", "Speed [m/s]", of_policies(CONTROL_STATE, "speed_mps")),
-            self.panels.plot("control-gap", "Gap between the outlines [m]", of_policies(CONTROL_STEP, "gap_m")),
-            self.panels.plot("control-pedals", "Pedals", of_policies(CONTROL_STEP, "throttle", "brake_pressure_mpa")),
+            self.panels.plot("control-speed", "Speed [m/s]", series_of_policies(CONTROL_STATE, "speed_mps")),
+            self.panels.plot("control-gap", "Gap between the outlines [m]", series_of_policies(CONTROL_STEP, "gap_m")),
+            self.panels.plot(
+                "control-pedals", "Pedals", series_of_policies(CONTROL_STEP, "throttle", "brake_pressure_mpa")
+            ),
         )
 
     def messages(self) -> Mosaic:
-        """What is in the file; as they are the ego's states, and the messages of channels that no other panel shows."""
+        """Build the tab of raw messages: the ego's states and the channels that no other panel shows."""
         shown = json.dumps(self.panels.settings)
         others = [topic for topic in topics() if not re.search(rf'"{re.escape(topic)}[".]', shown)]
         return row(
@@ -233,6 +244,7 @@ class _Layout:
         )
 
     def _scene(self) -> str:
+        """Add the 3D panel."""
         shown = [topic for topic, schema in topics().items() if schema in DRAWN_SCHEMAS]
         return self.panels.add(
             "3D",
@@ -249,6 +261,7 @@ class _Layout:
         )
 
     def _map(self) -> str:
+        """Add the map panel."""
         colors = {EGO_FIX.topic: ESTIMATED_COLOR, **dict.fromkeys(self.log.fixes, RAW_COLOR)}
         return self.panels.add(
             "map",
@@ -262,6 +275,7 @@ class _Layout:
         )
 
     def _image(self, name: str, cameras: Sequence[CameraTopics]) -> str:
+        """Add an image panel."""
         annotations = {topic: {"visible": True} for topic, schema in topics().items() if schema.endswith("Annotations")}
         mode: Settings = {"annotations": annotations}
         title = "Camera with lanes"
@@ -273,32 +287,38 @@ class _Layout:
         return self.panels.add("Image", name, title, imageMode=mode)
 
     def _path(self, name: str, title: str, topic: str) -> str:
+        """Add the plot of a path's y over its x."""
         return self.panels.map_plot(name, title, path(topic, "x_m[:]"), (path(topic, "y_m[:]"), "path"))
 
     def _of_states(self, name: str) -> list[Series]:
+        """Return the series of a state's field: of the ego, the others and the truth."""
         sources = [(EGO_STATE.topic, "ego"), (REMOTE_STATE.topic, "others")]
         sources += [(topic, topic) for topic in self.log.truth]
         return [(path(topic, name), label) for topic, label in sources]
 
 
 def _of(channel: Channel, name: str) -> Series:
+    """Return the series of a channel's field."""
     return path(channel.topic, name), name
 
 
 def _each(channel: Channel, *names: str) -> list[Series]:
+    """Return the series of several fields of a channel."""
     return [_of(channel, name) for name in names]
 
 
 def _named(channels: Sequence[ChannelLike], is_one: Callable[[ChannelLike], bool]) -> tuple[str, ...]:
+    """Return the topics of the channels that a condition accepts."""
     return tuple(dict.fromkeys(channel.topic for channel in channels if is_one(channel)))
 
 
 def _calibration(topic: str, infos: Sequence[str]) -> str | None:
-    """The calibration in the camera's namespace, else the only one."""
+    """Return the calibration topic in the camera's namespace, else the only one, else None."""
     beside = [info for info in infos if info.rpartition("/")[0] == topic.rpartition("/")[0]]
     return beside[0] if beside else infos[0] if len(infos) == 1 else None
 
 
 def _measured(channels: Sequence[ChannelLike], role: Role, names: Sequence[str]) -> tuple[str, ...]:
+    """Return the message path of the first measured value of a role, or ()."""
     bound = bind(channels, {}, required=(), optional=(role,)).of(role)
     return tuple(path(one.topic, name) for one in bound for name in names if name in one.fields)[:1]

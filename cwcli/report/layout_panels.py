@@ -21,7 +21,9 @@ Series = tuple[str, str]
 """A message path and its label."""
 
 _PLAIN_TOPIC = re.compile(r"[A-Za-z0-9_/-]+")
+"""Topics that message paths name without quotes."""
 LOG_LEVEL_INFO = 2
+"""Number of the level INFO in the viewer's log panel."""
 
 
 @dataclass
@@ -43,11 +45,11 @@ class Panels:
         return panel
 
     def plot(self, name: str, title: str, series: Sequence[Series], *, points: bool = False) -> str:
-        """Values over time, as lines or as points."""
+        """Add a plot of values over time, as lines or as points."""
         return self.add("Plot", name, title, paths=_paths(series, points=points), xAxisVal="timestamp", **_PLOT)
 
     def map_plot(self, name: str, title: str, x_path: str, y_path: Series) -> str:
-        """The y of the latest message over its x, arrays both, on equal scales."""
+        """Add a plot of the latest message's array y over its array x, on equal scales."""
         return self.add(
             "Plot",
             name,
@@ -60,24 +62,24 @@ class Panels:
         )
 
     def states(self, name: str, title: str, series: Sequence[Series]) -> str:
-        """When values changed."""
+        """Add a panel that shows when values changed."""
         return self.add("StateTransitions", name, title, paths=_paths(series), isSynced=True)
 
     def raw(self, name: str, topic: str) -> str:
-        """A topic's messages as they are."""
+        """Add a panel of a topic's messages as they are."""
         return self.add("RawMessages", name, topic, topicPath=quoted(topic), diffEnabled=False)
 
     def log(self, name: str, title: str, topic: str) -> str:
-        """Lines of a log, from level INFO on."""
+        """Add a panel of log lines from level INFO on."""
         return self.add("RosOut", name, title, topicToRender=topic, minLogLevel=LOG_LEVEL_INFO, searchTerms=[])
 
     def tabs(self, name: str, tabs: Mapping[str, Mosaic]) -> str:
-        """Layouts behind tabs, the first one on top."""
+        """Add a panel of layouts behind tabs, the first one on top."""
         entries = [{"title": title, "layout": layout} for title, layout in tabs.items()]
         return self.add("Tab", name, "cwcli", activeTabIdx=0, tabs=entries)
 
     def layout(self, mosaic: Mosaic) -> Settings:
-        """The whole document."""
+        """Return the whole layout document."""
         return {
             "configById": self.settings,
             "globalVariables": {},
@@ -96,9 +98,11 @@ _PLOT: Settings = {
     "showPlotValuesInLegend": True,
     "sidebarDimension": 240,
 }
+"""Settings that all plot panels share."""
 
 
 def _paths(series: Sequence[Series], *, points: bool = False) -> list[Settings]:
+    """Return the plot settings of message paths."""
     more = {"showLine": False} if points else {}
     return [
         {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime", **more}
@@ -107,30 +111,31 @@ def _paths(series: Sequence[Series], *, points: bool = False) -> list[Settings]:
 
 
 def row(*parts: Mosaic) -> Mosaic:
-    """Parts beside one another, equally wide."""
+    """Place parts side by side, equally wide."""
     return _split("row", parts)
 
 
 def column(*parts: Mosaic) -> Mosaic:
-    """Parts above one another, equally high."""
+    """Stack parts, equally high."""
     return _split("column", parts)
 
 
 def split(direction: str, first: Mosaic, second: Mosaic, percent: float) -> Mosaic:
-    """Two parts; the first takes `percent` of the room."""
+    """Split the space in two; the first part takes `percent` of it."""
     return {"direction": direction, "first": first, "second": second, "splitPercentage": percent}
 
 
 def _split(direction: str, parts: Sequence[Mosaic]) -> Mosaic:
+    """Split the space evenly in a direction."""
     first, *rest = parts
     return split(direction, first, _split(direction, rest), 100.0 / len(parts)) if rest else first
 
 
 def path(topic: str, field_path: str) -> str:
-    """A message path: the topic, quoted if it has characters of the path syntax, and the field."""
+    """Return the message path of a topic's field; the topic is quoted if it needs to be."""
     return f"{quoted(topic)}.{field_path}"
 
 
 def quoted(topic: str) -> str:
-    """A topic as message paths name it."""
+    """Quote a topic as message paths name it, if it needs to be."""
     return topic if _PLAIN_TOPIC.fullmatch(topic) else json.dumps(topic, ensure_ascii=False)

@@ -29,24 +29,39 @@ from cwcli.report.encounters import Meetings
 from cwcli.signals.columns import FloatArray, Int64Array
 
 MAX_OTHERS = 12
+"""The greatest number of other vehicles on the map. Chosen by hand; not fitted."""
 MAX_NAMED = 4
+"""The greatest number of other vehicles that the legend names. Chosen by hand; not fitted."""
 MAX_WORDED = 4
+"""The labels of at most this many warnings say `warning 1`, else only `1`. Chosen by hand; not fitted."""
 MAX_MARKED = 30
+"""The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
 SPOTS = 500
+"""Cells of the grid along each axis; of fixes in one cell the first is drawn. Chosen by hand; not fitted."""
 TRACK_PARTS = 4000.0
+"""The track's extent divided by this is the tolerance of its simplification. Chosen by hand; not fitted."""
 MIN_TOLERANCE_M = 0.02
+"""The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
 BREAK_S = 2.0
+"""No line is drawn across longer gaps, in s. Chosen by hand; not fitted."""
 SLANTED = 0.7
-MARGIN, LEAST_MARGIN_M = 0.04, 1.0
+"""Labels stand above the car where the cosine of its heading is larger, else to its left.
+Chosen by hand; not fitted."""
+MARGIN = 0.04
+"""Margin at each end of an axis, as a share of what is drawn. Chosen by hand; not fitted."""
+LEAST_MARGIN_M = 1.0
+"""The least margin at each end of an axis, in m. Chosen by hand; not fitted."""
 OTHERS_WIDTH = 1.3
+"""Line width of the other vehicles' tracks, in pixels. Chosen by hand; not fitted."""
 SYMBOLS = ("square", "diamond", "triangle-down", "pentagon", "hexagon", "star")
+"""Plotly symbols at the ends of the others' tracks, in order."""
 
 
-def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
-    """The map and what was left out of it; None without any track, and where no position is a number."""
+def map_figure(drive: Drive, drive_encounters: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
+    """Build the map and the notes on what it leaves out; None if there is no position to draw."""
     if drive.ego is None and not drive.others:
         return None
-    shown = shown_others(drive, meetings)
+    shown = shown_others(drive, drive_encounters)
     data, own = [{**trace, "legendrank": 1} for trace in _fixes(drive)], list[Trace]()
     tolerance = MIN_TOLERANCE_M
     if drive.ego is not None:
@@ -65,7 +80,7 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
     if drive.ego is not None:
         x, y = (rounded(drive.ego.state[:1, column], 2) for column in (0, 1))
         data.append(dots(x, y, "start", EGO, symbol="circle-open", size=11))
-        data += _marks(drive, meetings, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
+        data += _marks(drive, drive_encounters, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
     across, up = _span(data, "x"), _span(data, "y")
     if across is None or up is None:
         return None
@@ -77,20 +92,20 @@ def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...
         left_out.append(f"the map's legend names {MAX_NAMED} of the {len(shown)} others; pointing at a line names it")
     if len(drive.others) > len(shown):
         left_out.append(f"{len(drive.others) - len(shown)} of {len(drive.others)} other vehicles are not on the map")
-    if meetings.n_not_compared:
-        left_out.append(f"the distance of {meetings.n_not_compared} others was not computed")
-    if len(meetings.encounters) > MAX_MARKED:
-        left_out.append(f"the map marks the first {MAX_MARKED} of {len(meetings.encounters)} warnings")
+    if drive_encounters.n_not_compared:
+        left_out.append(f"the distance of {drive_encounters.n_not_compared} others was not computed")
+    if len(drive_encounters.encounters) > MAX_MARKED:
+        left_out.append(f"the map marks the first {MAX_MARKED} of {len(drive_encounters.encounters)} warnings")
     return {"data": data, "layout": layout}, tuple(left_out)
 
 
-def shown_others(drive: Drive, meetings: Meetings) -> list[OtherTrack]:
-    """The others on the map: those that were warned of, missed or nearest, then the longest heard."""
+def shown_others(drive: Drive, drive_encounters: Meetings) -> list[OtherTrack]:
+    """Return the others on the map: those warned of, missed or nearest, then the longest tracks."""
     first: dict[int, OtherTrack] = {}
     for other in (
-        *(encounter.other for encounter in meetings.encounters),
-        *(missed.other for missed in meetings.missed),
-        meetings.nearest.other if meetings.nearest else None,
+        *(encounter.other for encounter in drive_encounters.encounters),
+        *(missed.other for missed in drive_encounters.missed),
+        drive_encounters.nearest.other if drive_encounters.nearest else None,
         *sorted(drive.others, key=lambda other: -len(other.track.stamp_ns)),
     ):
         if other is not None:
@@ -99,12 +114,12 @@ def shown_others(drive: Drive, meetings: Meetings) -> list[OtherTrack]:
 
 
 def other_name(other: OtherTrack) -> str:
-    """`vehicle 17`, safe for a figure."""
+    """Return a name such as `vehicle 17`, escaped for a figure."""
     return f"{other.kind} {words(other.id)}"
 
 
 def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK_S) -> tuple[Int64Array, FloatArray]:
-    """The rows with one of NaN wherever nothing is known for longer than `break_s`, so that no line is drawn there."""
+    """Insert a row of NaN in each gap longer than `break_s`, so that no line is drawn there."""
     after = np.flatnonzero(np.diff(stamp_ns) > break_s * 1e9) + 1
     if not len(after):
         return stamp_ns, values
@@ -112,16 +127,16 @@ def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK
 
 
 def _span(data: list[Trace], name: str) -> list[float | None] | None:
-    """What an axis covers: all that is drawn, and a margin, so that no line ends on the frame; None of nothing."""
-    told = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
-    if not len(told):
+    """Return the range of an axis: all that is drawn and a margin; None if nothing is drawn."""
+    numbers = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
+    if not len(numbers):
         return None
-    margin = max(MARGIN * float(np.ptp(told)), LEAST_MARGIN_M)
-    return rounded(np.array([told.min() - margin, told.max() + margin]), 2)
+    margin = max(MARGIN * float(np.ptp(numbers)), LEAST_MARGIN_M)
+    return rounded(np.array([numbers.min() - margin, numbers.max() + margin]), 2)
 
 
 def _end(other: OtherTrack, index: int) -> Trace:
-    """Where a track ends: a symbol of its own, and the name of those in the legend, as tracks on one road overlap."""
+    """Return the marker at the end of a track, with the vehicle's name if the legend has it."""
     colour = OTHERS[index % len(OTHERS)]
     known = np.flatnonzero(np.isfinite(other.track.state[:, :2]).all(axis=1))[-1:]
     x, y = (rounded(other.track.state[known, column], 2) for column in (0, 1))
@@ -143,6 +158,7 @@ def _track(
     dash: str,
     width: float = 2.0,
 ) -> Trace:
+    """Return the simplified line of a track."""
     stamp_ns, xy = with_breaks(stamp_ns, xy)
     rows = track_rows(xy, tolerance)
     return line(
@@ -158,7 +174,7 @@ def _track(
 
 
 def _fixes(drive: Drive) -> list[Trace]:
-    """The raw positions; those that would fall onto the same spot are drawn once."""
+    """Return the trace of the raw positions; those in one grid cell are drawn once."""
     found = [measured for measured in drive.measured if measured.kind is Kind.POSITION]
     traces = []
     for measured in found[:1]:
@@ -179,10 +195,10 @@ def _fixes(drive: Drive) -> list[Trace]:
     return traces
 
 
-def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
-    """Where the car was when it was warned, where the other was, and where they came nearest."""
+def _marks(drive: Drive, drive_encounters: Meetings, ego: ActualTrack) -> list[Trace]:
+    """Return the markers of the warnings: the ego, the other, and the nearest approach."""
     gap_s = drive.rule.max_gap_s
-    shown = meetings.encounters[:MAX_MARKED]
+    shown = drive_encounters.encounters[:MAX_MARKED]
     if not shown:
         return []
     word = "warning " if len(shown) <= MAX_WORDED else ""

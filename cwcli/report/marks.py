@@ -7,10 +7,11 @@ from collections import Counter
 from collections.abc import Iterable
 
 DIGITS = 4
+"""The least number of hexadecimal digits in an anchor's name. Chosen by hand; not fitted."""
 
 
 def marks(log: str, kind: str, what: Iterable[tuple[str, ...]]) -> list[str]:
-    """One name each: `warning-3f2a`.
+    """Return a name such as `warning-3f2a` for each item that a rerun keeps.
 
     It is made of the log's name, of whom and by which rule, and of how many such came before it in the log: not of
     times, which another version or option moves by some milliseconds. Names that agree by chance get more digits.

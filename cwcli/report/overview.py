@@ -20,7 +20,7 @@ from cwcli.report.tiles import Tiles
 from cwcli.text import count, printable
 
 MAX_BYTES = 5_900_000
-"""Of the page."""
+"""The size of a page that sections are fitted into, in bytes; docs/report.md promises less than 6 MB."""
 COLUMNS = (
     ("data.duration_s", "duration [s]"),
     ("warnings.count", "warnings"),
@@ -31,6 +31,7 @@ COLUMNS = (
     ("lanes.found_share", "lanes found [share]"),
     ("data.rejected_count", "messages rejected"),
 )
+"""Metrics that the overview table shows, with their headings. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Report:
 
 @dataclass
 class Candidate:
-    """A log, as far as it is known before its figures are made; rank: 0 comes first."""
+    """A log, as far as it is known before its figures are made; those of the lowest rank come first."""
 
     entry: Entry
     badges: list[Badge]
@@ -67,7 +68,7 @@ class Candidate:
 
 
 def log_metrics(entry: Entry) -> LogMetrics:
-    """The log for gates and pooling."""
+    """Convert a log of the run to the form that gates and pooling take."""
     error = entry.error.get("what", "it failed") if entry.has_failed else ""
     return LogMetrics(entry.id, entry.metrics, error)
 
@@ -75,7 +76,7 @@ def log_metrics(entry: Entry) -> LogMetrics:
 def assemble(
     run: Run, candidates: list[Candidate], results: Sequence[GateResult], sections: list[str], renderer: Renderer
 ) -> Report:
-    """The page of a run.
+    """Assemble the report of a run.
 
     Args:
         candidates: Its logs, in the order of the table.
@@ -116,7 +117,7 @@ def assemble(
 
 
 def _headline(candidates: Sequence[Candidate]) -> str:
-    """What happened in the run, in a sentence or two."""
+    """Say in one or two sentences what happened in the run."""
     n = len(candidates)
     warned = [each for each in candidates if each.n_warnings]
     n_warnings = sum(each.n_warnings for each in warned)
@@ -133,6 +134,7 @@ def _headline(candidates: Sequence[Candidate]) -> str:
 
 
 def _sentences(left_out: Sequence[str], n: int) -> list[str]:
+    """Say which logs are in the table only."""
     if not left_out:
         return []
     names = ", ".join(printable(name) for name in left_out[:10])
@@ -145,6 +147,7 @@ def _sentences(left_out: Sequence[str], n: int) -> list[str]:
 
 
 def _run_badges(candidates: Sequence[Candidate], results: Sequence[GateResult]) -> list[Badge]:
+    """Return the badges of the run: its failures and its gates."""
     badges = []
     n_failed = sum(each.entry.has_failed for each in candidates)
     if n_failed:
@@ -155,7 +158,7 @@ def _run_badges(candidates: Sequence[Candidate], results: Sequence[GateResult]) 
 
 
 def footer(tiles: Tiles | None) -> tuple[str, ...]:
-    """What stands below every page."""
+    """Return the sentences below every page."""
     network = "This page needs no network."
     if tiles is not None:
         network = (

@@ -28,11 +28,12 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 GZIP_LEVEL = 9
+"""The compression level of what the page embeds, the highest."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One log of the overview; `anchor` is "" where it has no details. links: anchor and words of each part of it."""
+    """One log of the overview; `anchor` is "" without details; `links` are anchors and descriptions of its parts."""
 
     anchor: str
     name: str
@@ -44,7 +45,7 @@ class Row:
 
 @dataclass(frozen=True)
 class GateView:
-    """One gate of the run."""
+    """One gate of the run, as the page shows it."""
 
     expression: str
     badge: Badge
@@ -53,7 +54,7 @@ class GateView:
 
 @dataclass(frozen=True)
 class Page:
-    """What stands around the logs."""
+    """The content of the page around the sections of the logs."""
 
     title: str
     headline: str
@@ -69,7 +70,7 @@ class Page:
 
 
 class Renderer:
-    """The templates and what the page embeds.
+    """Renders the templates and holds what every page embeds.
 
     Raises:
         UsageError: The extra `report` is not installed.
@@ -100,15 +101,15 @@ class Renderer:
 
     @property
     def fixed_bytes(self) -> int:
-        """Size of what every page holds."""
+        """Size of what every page holds, in bytes."""
         return len(self._library) + len(self._css) + len(self._script) + 2000
 
     def log(self, view: LogView) -> str:
-        """One log's part of the page."""
+        """Render one log's section as HTML."""
         return self._render("log.html", log=view)
 
     def page(self, page: Page, sections: Sequence[str]) -> str:
-        """The page.
+        """Render the whole page as HTML.
 
         Args:
             sections: What `log` returned.
@@ -127,11 +128,12 @@ class Renderer:
         )
 
     def _render(self, name: str, **values: Any) -> str:
+        """Render a template."""
         return self._environment.get_template(name).render(**values)
 
 
 def _environment() -> Environment:
-    """Templates in which every value is escaped, and shown with its invisible characters spelled out."""
+    """Load the templates; every value is escaped, and its invisible characters are spelled out."""
     try:
         from jinja2 import Environment, FunctionLoader, StrictUndefined
     except ModuleNotFoundError as error:
@@ -140,20 +142,20 @@ def _environment() -> Environment:
 
     macros = _asset("macros.html")
 
-    def load(name: str) -> str:
+    def load_template(name: str) -> str:
         imports = (
             "{% from 'macros.html' import badge, badge_list, plot, frames, player, table, odd_logs, gate_table %}\n"
         )
         return macros if name == "macros.html" else imports + _asset(name)
 
-    def visible(value: Any) -> Any:
+    def spell_out_invisible(value: Any) -> Any:
         return printable(value) if type(value) is str else value
 
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
-        loader=FunctionLoader(load),
-        finalize=visible,
+        loader=FunctionLoader(load_template),
+        finalize=spell_out_invisible,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
@@ -164,19 +166,22 @@ def _environment() -> Environment:
 
 
 def packed_json(value: Any) -> str:
-    """JSON for a script element, compressed and in base64: a quarter of the size, and nothing that HTML could read."""
+    """Encode a value as compressed JSON in base64, which HTML can't misread."""
     return _packed(json.dumps(value, separators=(",", ":"), allow_nan=False))
 
 
 def _packed(text: str) -> str:
+    """Compress a text and encode it in base64."""
     return base64.b64encode(gzip.compress(text.encode(), GZIP_LEVEL, mtime=0)).decode("ascii")
 
 
 def _asset(name: str) -> str:
+    """Read a template, style sheet or script of the package."""
     return (resources.files("cwcli.report") / "assets" / name).read_text(encoding="utf-8")
 
 
 def _plotly() -> str:
+    """Return the source of the plotting library."""
     try:
         from plotly.offline import get_plotlyjs
     except ModuleNotFoundError as error:
@@ -186,8 +191,10 @@ def _plotly() -> str:
 
 
 def _missing(package: str) -> UsageError:
+    """Return the error for a package that is not installed."""
     return UsageError(f"the report needs the package {package}", hint=install_hint("report"))
 
 
 def _hash(script: str) -> str:
+    """Return the hash by which a content security policy allows a script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

@@ -14,15 +14,19 @@ from typing import IO
 from cwcli.errors import OutputError, UsageError
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-TIMEOUT_S, TIMEOUT_A_FIGURE_S = 120.0, 2.0
-"""What a browser may take to start and to print, and more for each figure that it draws."""
+"""Programs that can print a page, in the order in which they are looked for."""
+TIMEOUT_S = 120.0
+"""Time that the browser may take to start and to print, in s. Chosen by hand; not fitted."""
+TIMEOUT_A_FIGURE_S = 2.0
+"""Time that the browser may take in addition for each figure, in s. Chosen by hand; not fitted."""
 FIGURE = b'<script type="text/plain" id="log-'
+"""The tag by which the page's figures are counted."""
 DRAWING_MS = 60_000
-"""Of the page's own time, which runs as fast as the figures are drawn."""
+"""Virtual time that the browser gives the page to draw its figures, in ms. Chosen by hand; not fitted."""
 
 
 def find_browser() -> str:
-    """The browser's program.
+    """Find a browser that can print the page.
 
     Raises:
         UsageError: There is none.
@@ -37,7 +41,7 @@ def find_browser() -> str:
 
 
 def printed(html: bytes, browser: str) -> bytes:
-    """The page as a PDF, every log unfolded.
+    """Print the page as a PDF, every log unfolded.
 
     Raises:
         OutputError: The browser did not print it.
@@ -53,6 +57,7 @@ def printed(html: bytes, browser: str) -> bytes:
 
 
 def _printed_in(folder: Path, html: bytes, browser: str, limit_s: float) -> bytes:
+    """Print the page inside a temporary folder."""
     page, target, talk = folder / "report.html", folder / "report.pdf", folder / "talk.txt"
     page.write_bytes(html.replace(b'<details class="log"', b'<details open class="log"'))
     command = [
@@ -77,7 +82,7 @@ def _printed_in(folder: Path, html: bytes, browser: str, limit_s: float) -> byte
 
 
 def _run_with_children(command: list[str], said: IO[bytes], limit_s: float) -> int:
-    """Exit code of a program; its children end with it, as they would go on to write into its folder."""
+    """Run a program and return its exit code; its children are ended with it, as they write into its folder."""
     process = subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
     )

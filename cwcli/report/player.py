@@ -10,11 +10,11 @@ from cwcli.report.views import Player
 from cwcli.signals.units import NS_PER_S
 
 MAX_BYTES = 1_300_000
-"""Of a log's frames, as text; more are thinned out."""
+"""The greatest size of a log's frames as text, in bytes; more are thinned out. Chosen by hand; not fitted."""
 
 
 def moments(drive: Drive, n: int) -> list[int]:
-    """Stamps, evenly over the log, at which frames are wanted; none without a camera."""
+    """Return n stamps, evenly over the log, at which frames are wanted; [] without a camera."""
     if not drive.camera or n < 1:
         return []
     span = drive.end_ns - drive.start_ns
@@ -22,7 +22,7 @@ def moments(drive: Drive, n: int) -> list[int]:
 
 
 def player_of(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
-    """The frames in the order of their stamps, thinned out to fit; None of fewer than two."""
+    """Build the player of the frames in order of time, thinned out to fit; None of fewer than two."""
     unique = {picture.stamp_ns: picture for picture in pictures}
     shown = [unique[stamp] for stamp in sorted(unique)]
     while len(shown) > 2 and sum(len(each.data_uri) for each in shown) > MAX_BYTES:
@@ -40,4 +40,5 @@ def player_of(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
 
 
 def _seconds(drive: Drive, stamp_ns: int) -> float:
+    """Return the seconds since the log began."""
     return (stamp_ns - drive.start_ns) / NS_PER_S

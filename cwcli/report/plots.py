@@ -22,11 +22,31 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 
 FORMATS = ("png", "svg")
+"""File formats of the plots."""
 RELATIVE_S = 1.0
-"""Span of a relative error."""
-WIDTH_IN, ROW_IN, MAP_IN, DPI = 9.0, 2.1, 6.5, 110
-INK, BAND, RAW, GATED, TRUTH, WARNED = "#0072b2", "#0072b2", "0.65", "#d55e00", "black", "#d55e00"
+"""Time span of a relative position error, in s. Chosen by hand; not fitted."""
+WIDTH_IN = 9.0
+"""Width of a plot, in inches. Chosen by hand; not fitted."""
+ROW_IN = 2.1
+"""Height of a panel over time, in inches. Chosen by hand; not fitted."""
+MAP_IN = 6.5
+"""Height of a map, in inches. Chosen by hand; not fitted."""
+DPI = 110
+"""Resolution of PNG files, in dots per inch. Chosen by hand; not fitted."""
+INK = "#0072b2"
+"""Colour of estimates. From Okabe and Ito's palette."""
+BAND = "#0072b2"
+"""Colour of the bands around estimates and of errors. From Okabe and Ito's palette."""
+RAW = "0.65"
+"""Colour of raw measurements, as matplotlib's grey level. Chosen by hand; not fitted."""
+GATED = "#d55e00"
+"""Colour of gated measurements. From Okabe and Ito's palette."""
+TRUTH = "black"
+"""Colour of the truth. Chosen by hand; not fitted."""
+WARNED = "#d55e00"
+"""Colour of warnings. From Okabe and Ito's palette."""
 OTHERS = ("#cc79a7", "#009e73", "#56b4e9", "#e69f00", "#5b3f8c")
+"""Colours of the other vehicles, in order. From Okabe and Ito's palette but for the last."""
 
 
 @dataclass(frozen=True)
@@ -45,18 +65,18 @@ class Panel:
 
 
 def motion(drive: Drive) -> list[Panel]:
-    """Speed, heading, yaw rate and acceleration."""
+    """Make the panels of speed, heading, yaw rate and acceleration."""
     return [Panel(curve) for curve in motion_curves(drive)]
 
 
 def error(drive: Drive) -> list[Panel]:
-    """Errors of position, speed and heading against the truth."""
+    """Make the panels of the errors of position, speed and heading against the truth."""
     panels = [Panel(curve, is_error=True) for curve in error_curves(drive, _truth(drive))]
     return panels or _never_meet()
 
 
 def lane(drive: Drive) -> list[Panel]:
-    """The place in the lane."""
+    """Make the panels of the place in the lane."""
     panels = [Panel(curve) for curve in lane_curves(drive)]
     if not panels:
         raise MissingSignalError("the log holds no lanes", where=drive.name, hint="run `cwcli lanes` first")
@@ -64,13 +84,13 @@ def lane(drive: Drive) -> list[Panel]:
 
 
 def absolute(drive: Drive) -> list[Panel]:
-    """Absolute position error (APE, translation part), nothing aligned: both are in the same map."""
+    """Make the panel of the absolute position error (APE, translation part), without alignment."""
     truth = _truth(drive)
     return [_statistics("APE, translation", truth.stamp_ns, np.hypot(*(_states(drive, truth)[:, :2] - truth.xy).T))]
 
 
 def relative(drive: Drive) -> list[Panel]:
-    """Relative position error (RPE, translation part) over a second: how wrong the way was, seen from its beginning.
+    """Make the panel of the relative position error (RPE, translation part) over `RELATIVE_S`.
 
     The ways are those in the frames of the two poses at the beginning; in the map where the truth has no heading.
     """
@@ -79,7 +99,7 @@ def relative(drive: Drive) -> list[Panel]:
 
 
 def relative_error(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, FloatArray]:
-    """Errors of the ways over `RELATIVE_S` from each of the truth's stamps that has another that much later.
+    """Compute the errors of the displacements over `RELATIVE_S` from each of the truth's stamps.
 
     Args:
         state: The estimated states at the truth's stamps, (n, 8), NaN where not known.
@@ -100,11 +120,13 @@ def relative_error(state: FloatArray, truth: EgoTruth) -> tuple[Int64Array, Floa
 
 
 def _turned(xy: FloatArray, angle: FloatArray) -> FloatArray:
+    """Rotate vectors (n, 2) by angles (n,), rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.column_stack([c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]])
 
 
 def _statistics(title: str, stamp_ns: Int64Array, values: FloatArray) -> Panel:
+    """Make the panel of an error, with its statistics in the title."""
     known = values[np.isfinite(values)]
     if not len(known):
         _never_meet()
@@ -114,6 +136,7 @@ def _statistics(title: str, stamp_ns: Int64Array, values: FloatArray) -> Panel:
 
 
 def _truth(drive: Drive) -> EgoTruth:
+    """Return the truth, or raise MissingSignalError."""
     if drive.truth is None:
         raise MissingSignalError(
             "the log holds no truth of the ego that was used",
@@ -124,12 +147,14 @@ def _truth(drive: Drive) -> EgoTruth:
 
 
 def _states(drive: Drive, truth: EgoTruth) -> FloatArray:
+    """Interpolate the ego's states at the truth's stamps, (n, 8)."""
     assert drive.ego is not None  # who has a truth has states
     states = drive.ego.by_stamp()
     return resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
 
 
 def _never_meet() -> list[Panel]:
+    """Raise that states and truth have no common time."""
     raise MissingSignalError("the states and the truth have no time in common")
 
 
@@ -140,19 +165,22 @@ PANELS: Mapping[str, Callable[[Drive], list[Panel]]] = {
     "rpe": relative,
     "lane": lane,
 }
+"""Plot name -> the function that makes its panels."""
 SIGNALS: Mapping[str, str] = {
     "speed": "speed",
     "heading": "heading",
     "yaw-rate": "yaw rate",
     "acceleration": "acceleration",
 }
-"""One panel of `motion` each: its title there."""
+"""Plot name -> title of the one panel of `motion` that it shows."""
 MAP = "map"
+"""Plot name of the map."""
 WHAT = (*PANELS, *SIGNALS, MAP)
+"""All names of plots, for the option that chooses one."""
 
 
 def draw(drive: Drive, what: str, file_format: str) -> bytes:
-    """One plot as a file; the same log gives the same bytes.
+    """Draw one plot as a file; the same log gives the same bytes.
 
     Args:
         drive: The log.
@@ -190,6 +218,7 @@ def draw(drive: Drive, what: str, file_format: str) -> bytes:
 
 
 def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
+    """Draw panels over a common time axis."""
     all_axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     handles: dict[str, Any] = {}
     for axes, panel in zip(all_axes, panels, strict=True):
@@ -222,6 +251,7 @@ def _draw_panels(figure: Any, drive: Drive, panels: Sequence[Panel]) -> None:
 
 
 def _warned_s(drive: Drive) -> FloatArray:
+    """Return the times of the warnings, in s since the log began."""
     from cwcli.channels.warning import warning_events
 
     if drive.warnings is None:
@@ -230,6 +260,7 @@ def _warned_s(drive: Drive) -> FloatArray:
 
 
 def _draw_map(figure: Any, drive: Drive) -> None:
+    """Draw the tracks from above."""
     axes = figure.add_subplot()
     assert drive.ego is not None
     states = drive.ego.by_stamp()

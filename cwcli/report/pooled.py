@@ -29,29 +29,40 @@ MORE = (
     "warnings.raised_per_hour",
     "warnings.raised_per_100km",
 )
-"""What is shown beside the metrics that runs are compared by."""
+"""Metrics that are shown besides those that runs are compared by. Chosen by hand; not fitted."""
 EXTENT = ("data.duration_s", "ego.distance_km")
-"""A long drive is no odd one."""
+"""Metrics of a drive's length, in which no log counts as an outlier."""
 MAX_ODD = 3
+"""The greatest number of outlier logs that are named for a metric. Chosen by hand; not fitted."""
 MAX_SOURCES = 20
+"""The greatest number of sources in the table of all logs. Chosen by hand; not fitted."""
 N_BINS = 24
-WIDTH_PX, HEIGHT_PX = 192, 26
+"""Number of bins of a histogram. Chosen by hand; not fitted."""
+WIDTH_PX = 192
+"""Width of a histogram in pixels. Chosen by hand; not fitted."""
+HEIGHT_PX = 26
+"""Height of a histogram in pixels. Chosen by hand; not fitted."""
 FAR_MADS = 5.0
-"""A log stands out that is so many sigmas (by the median deviation) from the median: one in 1.7 million by chance."""
+"""A log this many sigmas (by the median deviation) from the median is an outlier: one in 1.7 million by chance."""
 MAD_TO_SIGMA = 1.4826
+"""The sigma of a normal distribution divided by its median absolute deviation."""
 LEAST_SPREAD = 0.05
-"""Of the median: values that nearly agree have no outliers."""
-LEAST_COUNT, LEAST_S = 1.0, 0.005
-"""Likewise of counts and of times: one more or less is nothing odd where most logs have none."""
+"""The least sigma as a share of the median, so that values that nearly agree have no outliers.
+Chosen by hand; not fitted."""
+LEAST_COUNT = 1.0
+"""The least sigma of counts, as one more or less is ordinary where most logs have none. Chosen by hand; not fitted."""
+LEAST_S = 0.005
+"""The least sigma of times, in s. Chosen by hand; not fitted."""
 LARGEST = 1e300
-"""Larger values are drawn there: their differences would overflow."""
+"""Larger magnitudes are drawn at this value, as their differences would overflow."""
 REACH = 3.0
-"""The axis goes so many interquartile ranges beyond the quartiles; what is farther stands at its ends."""
+"""The axis reaches this many interquartile ranges beyond the quartiles; values beyond are drawn at its ends.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class OddLog:
-    """A log that stands out: its name, its anchor ("" where it has no figures), its value, and where it is drawn."""
+    """An outlier log: its name, its anchor ("" without figures), its value, and where it is drawn."""
 
     name: str
     anchor: str
@@ -61,7 +72,7 @@ class OddLog:
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar of a histogram, in pixels, and how many logs it stands for."""
+    """A bar of a histogram, in pixels, and the number of its logs."""
 
     x_px: float
     height_px: float
@@ -70,7 +81,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Spread:
-    """How the logs' values lie: bars of a histogram from `low` to `high`."""
+    """The histogram of the logs' values: its bars from `low` to `high`, and a description."""
 
     bars: tuple[Bar, ...]
     low: str
@@ -105,7 +116,7 @@ class PooledMetric:
 
 @dataclass(frozen=True)
 class FoundSource:
-    """What the estimator found of a source in one log; NaN where nothing is told."""
+    """What the estimator found of a source in one log; NaN where the record has no value."""
 
     log: str
     source: str
@@ -119,7 +130,7 @@ class FoundSource:
 
 @dataclass(frozen=True)
 class PooledSource:
-    """A source over all logs, in words and numbers as they are shown."""
+    """A source over all logs, as text for the page."""
 
     source: str
     quantity: str
@@ -133,7 +144,7 @@ class PooledSource:
 
 
 def pooled_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tuple[PooledMetric, ...]:
-    """The metrics over all logs that have them; none of fewer than two logs.
+    """Pool the metrics over all logs that have them; () of fewer than two logs.
 
     Args:
         logs: Of the run.
@@ -154,14 +165,16 @@ def pooled_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tu
 
 
 def _is_shown(name: str) -> bool:
+    """Whether the page shows a metric over all logs."""
     metric = metric_of(name)
     return metric is not None and (metric.is_compared or name in MORE)
 
 
 def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
+    """Build the row of a metric over all logs."""
     metric = metric_of(row.metric)
-    told = _bounded(values.values())
-    spread, low, high = spread_of(told, row.metric)
+    drawable = _bounded(values.values())
+    spread, low, high = spread_of(drawable, row.metric)
     return PooledMetric(
         name=row.metric,
         unit=row.unit,
@@ -170,7 +183,7 @@ def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, s
         between=interval(row.low, row.high),
         n_logs=len(values),
         n_samples=row.n,
-        median=shown(float(np.median(told))),
+        median=shown(float(np.median(drawable))),
         spread=spread,
         odd=()
         if row.metric in EXTENT
@@ -179,11 +192,12 @@ def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, s
 
 
 def _bounded(values: Iterable[float]) -> FloatArray:
+    """Clip values to what can be drawn."""
     return np.clip(np.array(list(values), np.float64), -LARGEST, LARGEST)
 
 
 def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
-    """The histogram of at least one finite value (n,), and the span that it covers."""
+    """Build the histogram of at least one finite value (n,), and return it with the ends of its axis."""
     ends = value_text(name, float(values.min())), value_text(name, float(values.max()))
     values = _bounded(values)
     first, third = np.quantile(values, [0.25, 0.75])
@@ -204,7 +218,7 @@ def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
 
 
 def least_spread(name: str, unit: str) -> float:
-    """The sigma that a metric has at least when logs are looked for that stand out, in its unit."""
+    """Return the least sigma of a metric in the search for outlier logs, in its unit."""
     if name.endswith(("_count", ".count")):
         return LEAST_COUNT
     return LEAST_S if unit == "s" else 0.0
@@ -213,7 +227,7 @@ def least_spread(name: str, unit: str) -> float:
 def odd_logs(
     name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float, least: float
 ) -> tuple[OddLog, ...]:
-    """The logs whose value is far from the others', the farthest first; none of fewer than four.
+    """Find the logs whose value is far from the others', the farthest first; () of fewer than four logs.
 
     Where more than half of the logs agree exactly, these tell nothing of how far apart ordinary logs lie: then one
     log alone stands out, and several don't.
@@ -227,13 +241,13 @@ def odd_logs(
     """
     if len(values) < 4:
         return ()
-    told = dict(zip(values, _bounded(values.values()).tolist(), strict=True))
-    median = float(np.median(list(told.values())))
-    spread = MAD_TO_SIGMA * float(np.median([abs(value - median) for value in told.values()]))
+    drawable = dict(zip(values, _bounded(values.values()).tolist(), strict=True))
+    median = float(np.median(list(drawable.values())))
+    spread = MAD_TO_SIGMA * float(np.median([abs(value - median) for value in drawable.values()]))
     reach = FAR_MADS * max(spread, LEAST_SPREAD * abs(median), least, 1e-9)
     far = sorted(
-        (log for log, value in told.items() if abs(value - median) > reach),
-        key=lambda log: (-abs(told[log] - median), log),
+        (log for log, value in drawable.items() if abs(value - median) > reach),
+        key=lambda log: (-abs(drawable[log] - median), log),
     )
     if spread == 0.0 and len(far) > 1:
         return ()
@@ -242,14 +256,14 @@ def odd_logs(
             log,
             anchors.get(log, ""),
             value_text(name, values[log]),
-            round(float(np.clip((told[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
+            round(float(np.clip((drawable[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
         )
         for log in far[:MAX_ODD]
     )
 
 
 def sources_in(log: str, record: Record) -> list[FoundSource]:
-    """What a record of `estimate` tells of the ego's sources; what does not fit is left out."""
+    """Read the ego's sources from a record of `estimate`; entries of another form are left out."""
     found = []
     for entry in json_entry(record, "sources", list):
         if isinstance(entry, dict) and entry.get("vehicle") == EGO_ID:
@@ -270,7 +284,7 @@ def sources_in(log: str, record: Record) -> list[FoundSource]:
 
 
 def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
-    """Each source and quantity over the logs that have it, the most frequent first; none that only one log has.
+    """Pool each source and quantity that at least two logs have, the most frequent first.
 
     Returns:
         At most MAX_SOURCES, and how many there are.
@@ -283,18 +297,19 @@ def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> 
 
 
 def _source(group: Sequence[FoundSource], anchors: Mapping[str, str]) -> PooledSource:
+    """Pool one source and quantity."""
     latencies = {each.log: 1e3 * each.latency_s for each in group if math.isfinite(each.latency_s)}
     nis = [each.nis for each in group if math.isfinite(each.nis)]
     judged = [each.is_inside for each in group if each.is_inside is not None]
     gated = sum(each.gated for each in group if each.gated >= 0.0)
     used = sum(each.used for each in group if each.used >= 0.0)
-    told = np.array(list(latencies.values()))
+    drawable = np.array(list(latencies.values()))
     return PooledSource(
         source=group[0].source,
         quantity=group[0].quantity,
         n_logs=len(group),
-        latency=f"{np.median(told):.0f}" if len(told) else "-",
-        latency_between=f"{told.min():.0f} to {told.max():.0f}" if len(told) else "",
+        latency=f"{np.median(drawable):.0f}" if len(drawable) else "-",
+        latency_between=f"{drawable.min():.0f} to {drawable.max():.0f}" if len(drawable) else "",
         nis=f"{np.median(nis):.2f}" if nis else "-",
         outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
         gated=f"{shown(100.0 * gated / (gated + used), 3)} %" if 0.0 < gated + used < math.inf else "-",

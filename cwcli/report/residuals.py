@@ -28,12 +28,20 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 
 MAX_SOURCES = 8
+"""The greatest number of residual figures. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
+"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
 MAX_LINES = 60
-ROW_PX, AROUND_PX = 130, 110
+"""Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
+ROW_PX = 130
+"""Height of one component's panel, in pixels. Chosen by hand; not fitted."""
+AROUND_PX = 110
+"""Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
 SHOWN_SIGMAS = 2.2
-"""The axis covers so many sigmas of the noise at least, and all but one residual in 500 that was believed."""
+"""The axis covers this many sigmas of the noise at least, and 99.8 % of the residuals that were not gated.
+Chosen by hand; not fitted."""
 DEG = math.degrees(1.0)
+"""The factor from radians to degrees."""
 PARTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {
     Kind.POSITION: (("ahead", "m", 1.0), ("left", "m", 1.0)),
     Kind.VELOCITY: (("ahead", "m/s", 1.0), ("left", "m/s", 1.0)),
@@ -42,19 +50,19 @@ PARTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {
     Kind.ACCEL: (("acceleration", "m/s²", 1.0),),
     Kind.YAW_RATE: (("yaw rate", "deg/s", DEG),),
 }
-"""What is drawn of a quantity: name, unit, and the factor that makes it."""
+"""The components of each quantity's residuals: name, unit, and factor from SI units."""
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Of one source and quantity.
+    """The residuals of one source and quantity.
 
     Attributes:
         source, kind: Whose they are.
         stamp_ns: Shape (n,): as measured.
         values: Shape (n, d), one column for each of `PARTS`, in its unit; NaN where nothing was estimated.
         is_gated: Shape (n,): which the estimator did not believe.
-        sigma: One sigma of the white noise that the filter took, in the same unit; NaN where it is not told.
+        sigma: One sigma of the white noise that the filter took, in the same unit; NaN where the record has none.
         hint: What was found of the source, in words.
     """
 
@@ -68,7 +76,7 @@ class Residuals:
 
 
 def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot], int]:
-    """A figure for each source and quantity of the ego; none from records that do not tell of the sources.
+    """Build a figure for each source and quantity of the ego; none if the record names no sources.
 
     Returns:
         At most MAX_SOURCES, and how many there could be.
@@ -86,7 +94,7 @@ def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot]
 
 
 def residuals(drive: Drive) -> Iterator[Residuals]:
-    """The residuals of each of the ego's sources, in the order of the record's table.
+    """Yield the residuals of each of the ego's sources, in the order of the record's table.
 
     They are taken against the estimate by hindsight at the corrected time: stamps less the latency, speeds by their
     scale, biases off. Slow errors, and what a lever arm or a road's grade does to a source, stay in them.
@@ -108,20 +116,24 @@ def residuals(drive: Drive) -> Iterator[Residuals]:
             continue
         rows = measured[source, kind]
         own = (source, kind.name.lower().replace("_", " "))
-        told = [row for row in of_parameters if row[:2] == own]
+        parameters = [row for row in of_parameters if row[:2] == own]
         noise = next((row for row in of_noise if row[:2] == own), None)
         scale = PARTS[kind][0][2]
         estimated = resample(states.stamp_ns, states.state, _corrected(rows.stamp_ns, report), max_gap_s=MAX_GAP_S)
-        values = _differences(rows, estimated, bias=_found(told, "bias", 0.0), factor=_found(told, "scale", 1.0))
+        values = _differences(
+            rows, estimated, bias=_found(parameters, "bias", 0.0), factor=_found(parameters, "scale", 1.0)
+        )
         if not np.isfinite(values).any():
             continue
         sigma = math.nan if noise is None else leading_number(noise[2])
         gated = is_gated(source, kind.name.lower(), rows.stamp_ns, drive.gated)
-        yield Residuals(source, kind, rows.stamp_ns, values * scale, gated, sigma * scale, _hint(report, told, noise))
+        yield Residuals(
+            source, kind, rows.stamp_ns, values * scale, gated, sigma * scale, _hint(report, parameters, noise)
+        )
 
 
 def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
-    """The measurements in the order of their stamps; an IMU as the acceleration and the yaw rate that it gives."""
+    """Sort measurements by stamp; an IMU becomes levelled acceleration and yaw rate."""
     order = np.argsort(measured.stamp_ns, kind="stable")
     stamp_ns, values = measured.stamp_ns[order], np.asarray(measured.values, np.float64)[order]
     if values.ndim == 1:
@@ -143,7 +155,7 @@ def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
 
 
 def _corrected(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
-    """The stamps without the latency that was taken off them."""
+    """Subtract the latency that the estimator applied from the stamps."""
     latency_s, drift = latency_of(report, "latency_s"), number(report, "latency_drift")
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
     if 0.0 < abs(drift) <= 1.0 and len(stamp_ns):
@@ -153,7 +165,7 @@ def _corrected(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
 
 
 def _differences(measured: Measurements, estimated: FloatArray, *, bias: float, factor: float) -> FloatArray:
-    """Measured minus estimated, shape (n, d): of vectors the parts along the estimated heading and to its left."""
+    """Subtract the estimates from the measurements, shape (n, d); vectors along the heading and to its left."""
     values, heading = measured.values, estimated[:, HEADING]
     along, left = (
         np.column_stack([np.cos(heading), np.sin(heading)]),
@@ -172,9 +184,9 @@ def _differences(measured: Measurements, estimated: FloatArray, *, bias: float, 
     return np.column_stack([np.einsum("ni,ni->n", off, along), np.einsum("ni,ni->n", off, left)])
 
 
-def _found(told: list[tuple[Any, ...]], parameter: str, otherwise: float) -> float:
-    """A parameter that the estimator used."""
-    for _, _, name, value, _, status in told:
+def _found(parameters: list[tuple[Any, ...]], parameter: str, otherwise: float) -> float:
+    """Return the value of a parameter that the estimator used, else the default."""
+    for _, _, name, value, _, status in parameters:
         if (
             name == parameter
             and (status in (ParameterStatus.USED, ParameterStatus.GIVEN) or name == "bias")  # which is always a state
@@ -184,8 +196,8 @@ def _found(told: list[tuple[Any, ...]], parameter: str, otherwise: float) -> flo
     return otherwise
 
 
-def _hint(report: Mapping[str, Any], told: list[tuple[Any, ...]], noise: tuple[Any, ...] | None) -> str:
-    """`latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); white noise 0.2 m; 75 of 2117 gated`."""
+def _hint(report: Mapping[str, Any], parameters: list[tuple[Any, ...]], noise: tuple[Any, ...] | None) -> str:
+    """Format the findings: `latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); 75 of 2117 gated`."""
     said = []
     status, found = report.get("latency_status"), 1e3 * number(report, "latency_found_s")
     if math.isfinite(found):
@@ -194,7 +206,9 @@ def _hint(report: Mapping[str, Any], told: list[tuple[Any, ...]], noise: tuple[A
     elif status:
         said.append(f"latency: {status}")
     said += [
-        f"{name} {_with_unit(str(value), str(unit))} ({status})" for _, _, name, value, unit, status in told if value
+        f"{name} {_with_unit(str(value), str(unit))} ({status})"
+        for _, _, name, value, unit, status in parameters
+        if value
     ]
     if noise is not None:
         said.append(f"white noise {noise[2]}")
@@ -209,7 +223,7 @@ def _hint(report: Mapping[str, Any], told: list[tuple[Any, ...]], noise: tuple[A
 
 
 def _with_unit(value: str, unit: str) -> str:
-    """`2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
+    """Insert the unit: `2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
     first, parts, rest = value.partition(" for ")
     return f"{first} {unit}".rstrip() + parts + rest
 
@@ -247,7 +261,7 @@ def residual_figure(drive: Drive, found: Residuals, n_pieces: int) -> Figure:
 
 
 def _limit(believed: FloatArray, sigma: float) -> float:
-    """Half the height of the axis."""
+    """Return half the height of the axis, in the component's unit."""
     known = np.abs(believed[np.isfinite(believed)])
     most = float(np.quantile(known, 0.998)) if len(known) else 0.0
     return 1.1 * max(most, SHOWN_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
@@ -257,6 +271,7 @@ def _dots(
     at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, colour: str, style: dict[str, Any],
     unit: str,
 ) -> list[Trace]:  # fmt: skip
+    """Return the dots of residuals; those beyond the axis are drawn at its edge."""
     shown = np.clip(values, -limit, limit)
     rows = spot_rows(at, shown, n_pieces, MAX_LINES)
     if not len(rows):

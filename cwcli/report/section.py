@@ -41,13 +41,14 @@ from cwcli.signals.row_order import rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
+"""Times of the camera frames around a warning, in s. Chosen by hand; not fitted."""
 MAX_LINKS = 5
-"""To conflicts without a warning, in the table of all logs."""
+"""The greatest number of links to conflicts without a warning in a row of the overview. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Detail:
-    """How much of a log is shown.
+    """The level of detail of a log's section.
 
     Attributes:
         n_pieces: Of a signal's line.
@@ -72,7 +73,7 @@ def log_view(
     log: Log,
     entry: Entry,
     drive: Drive,
-    meetings: Meetings,
+    drive_encounters: Meetings,
     story: Story,
     *,
     anchor: str,
@@ -81,24 +82,26 @@ def log_view(
     is_alone: bool,
     is_open: bool,
 ) -> LogView:
-    """Everything that is shown of a log."""
+    """Collect everything that the page shows of a log."""
     notes = [*drive.notes, *(drive.system.notes if drive.system is not None else ())]
-    chosen = sorted(most_critical(meetings)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id))
+    chosen = sorted(
+        most_critical(drive_encounters)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id)
+    )
     pictures, over_all, why = _pictures(log, drive, chosen[: detail.n_frame_events], detail)
     if why:
         notes.append(why)
     first: list[Plot] = []
-    drawn = map_figure(drive, meetings)
+    drawn = map_figure(drive, drive_encounters)
     if drawn is not None:
         figure, left_out = drawn
         plot = _plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure)
         first.append(replace(plot, origin=_origin(drive)))
         notes += left_out
-    named = warning_marks(entry.name, meetings)
-    mark = dict(zip((each.event_id for each in meetings.encounters), named, strict=True))
+    named = warning_marks(entry.name, drive_encounters)
+    mark = dict(zip((each.event_id for each in drive_encounters.encounters), named, strict=True))
     with_figures = {each.event_id for each in chosen}
     events = []
-    worst = most_critical(meetings)[0] if chosen else None
+    worst = most_critical(drive_encounters)[0] if chosen else None
     for encounter in chosen:
         shown = _event(log, drive, encounter, anchor, pictures, notes, is_told=len(chosen) == 1)
         shown = replace(shown, mark=mark[encounter.event_id])
@@ -106,12 +109,17 @@ def log_view(
             first.append(shown.plots[0])
             shown = replace(shown, plots=shown.plots[1:])
         events.append(shown)
-    if not chosen and len(first) == 1 and meetings.nearest is not None and not meetings.nearest.is_parked:
-        near = nearest_figure(drive, meetings.nearest)
+    if (
+        not chosen
+        and len(first) == 1
+        and drive_encounters.nearest is not None
+        and not drive_encounters.nearest.is_parked
+    ):
+        near = nearest_figure(drive, drive_encounters.nearest)
         if near is not None:
-            title = f"How near {meetings.nearest.other.kind} {meetings.nearest.other.id} came"
+            title = f"How near {drive_encounters.nearest.other.kind} {drive_encounters.nearest.other.id} came"
             first.append(_plot(anchor, "distance", title, "from the estimated tracks", near))
-    signals = _signals(drive, meetings, anchor, detail, with_first=first)
+    signals = _signals(drive, drive_encounters, anchor, detail, with_first=first)
     sensors = sensors_view(drive)
     if sensors is not None and detail.has_residuals:
         plots, n_residuals = residual_plots(drive, anchor, detail.n_pieces)
@@ -125,10 +133,14 @@ def log_view(
         is_open=is_open,
         first=tuple(first),
         events=tuple(events),
-        event_table=all_warnings(drive, meetings, {key: name for key, name in mark.items() if key not in with_figures})
-        if len(meetings.encounters) > len(chosen)
+        event_table=all_warnings(
+            drive, drive_encounters, {key: name for key, name in mark.items() if key not in with_figures}
+        )
+        if len(drive_encounters.encounters) > len(chosen)
         else None,
-        others=tuple(filter(None, (pairs_table(drive, meetings), conflicts_table(drive, meetings, entry.name)))),
+        others=tuple(
+            filter(None, (pairs_table(drive, drive_encounters), conflicts_table(drive, drive_encounters, entry.name)))
+        ),
         signals=tuple(signals),
         system=tuple(system_tables(drive, entry.metrics)),
         frames=tuple(_evenly(drive, pictures)) if not chosen else (),
@@ -137,17 +149,19 @@ def log_view(
         tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         links=(
             *((event.mark, f"warning {event.number}") for event in events),
-            *link_texts(meetings, entry.name)[:MAX_LINKS],
+            *link_texts(drive_encounters, entry.name)[:MAX_LINKS],
         ),
         notes=tuple(dict.fromkeys(notes)),
     )
 
 
 def _plot(anchor: str, kind: str, title: str, hint: str, figure: Figure, suffix: str = "") -> Plot:
+    """Make a plot whose id follows from the anchor and the kind."""
     return Plot(f"{anchor}-{kind}{suffix}", kind, title, hint, figure)
 
 
 def _origin(drive: Drive) -> str:
+    """Format the map's origin as latitude, longitude and altitude; "" if it is not known."""
     local_map = map_of(drive.records.get("estimate", {}))
     if local_map is None:
         return ""
@@ -164,6 +178,7 @@ def _event(
     *,
     is_told: bool,
 ) -> EventView:
+    """Build a warning's part of the section."""
     suffix = f"-{encounter.event_id}"
     plots = []
     has_paths = drive.ego is not None and not encounter.is_lane_departure
@@ -197,7 +212,7 @@ def _event(
 
 
 def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tuple[Paths | None, Paths | None]:
-    """The paths of both cars, as known at the warning; targets have no published ones."""
+    """Return the predicted paths of both vehicles as known at the warning; targets have none."""
     topics = {channel.topic for channel in log.channels}
     assert drive.warnings is not None
     logged_ns = int(drive.warnings.log_time_ns[encounter.rows[0]])
@@ -214,7 +229,7 @@ def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tu
 
 
 def _known_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float) -> Paths | None:
-    """The newest path of a vehicle that had been logged at a time, or None.
+    """Return the newest path of a vehicle that had been logged at a time, or None.
 
     The paths are by far the largest channels of an annotated log: loaded whole, twenty vehicles over ten minutes fill a
     gigabyte. So only what was logged shortly before is read.
@@ -230,30 +245,34 @@ def _known_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float
 
 
 def _ego_id(drive: Drive) -> str:
+    """Return the ego's id in the channel of states."""
     assert drive.ego is not None
     return drive.ego.ids.values[int(drive.ego.ids.codes[0])]
 
 
-def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, with_first: list[Plot]) -> list[Plot]:
+def _signals(
+    drive: Drive, drive_encounters: Meetings, anchor: str, detail: Detail, *, with_first: list[Plot]
+) -> list[Plot]:
+    """Build the plots over time; without a map the lane's plot goes to `with_first`."""
     plots = []
-    motion = motion_figure(drive, meetings, detail.n_pieces)
+    motion = motion_figure(drive, drive_encounters, detail.n_pieces)
     if motion is not None:
         n = len(drive.ego) if drive.ego is not None else 0
         hint = "blue: estimated, with its 1-sigma band; grey: measured"
         if len(drive.gated):
-            hint += "; red crosses: not believed"
+            hint += "; red crosses: gated"
         if n > 2 * detail.n_pieces:
             hint += (
                 f". {n} states are drawn as the least and the largest value of each of {detail.n_pieces} pieces, "
                 "the band around all of them; measurements on the same spot once"
             )
         plots.append(_plot(anchor, "motion", "How the car moved", hint, motion))
-    errors = None if drive.truth is None else error_figure(drive, drive.truth, meetings, detail.n_pieces)
+    errors = None if drive.truth is None else error_figure(drive, drive.truth, drive_encounters, detail.n_pieces)
     if errors is not None:
         assert drive.truth is not None
         hint = f"estimated minus {drive.truth.topic}; the band is what the covariance says, 95 % should lie in it"
         plots.append(_plot(anchor, "errors", "How wrong the estimate is", hint, errors))
-    lane = lane_figure(drive, meetings, detail.n_pieces)
+    lane = lane_figure(drive, drive_encounters, detail.n_pieces)
     if lane is not None:
         hint = (
             "at the preview point, with 1-sigma bands; offset: the lane's centre, right positive; heading: of the car "
@@ -270,7 +289,7 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
 def _pictures(
     log: Log, drive: Drive, chosen: Sequence[Encounter], detail: Detail
 ) -> tuple[dict[int, Thumbnail], list[Thumbnail], str]:
-    """Pictures by the times that are shown beside each other, those over the whole log, and why some are missing."""
+    """Return thumbnails by the times that are shown, those of the player, and why some are missing."""
     if not drive.camera:
         return {}, [], ""
     wanted = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
@@ -283,11 +302,13 @@ def _pictures(
 
 
 def _evenly(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:
+    """Return the pictures in order of time, each once."""
     unique: dict[int, Thumbnail] = {picture.stamp_ns: picture for _, picture in sorted(pictures.items())}
     return [_picture(drive, picture, "") for picture in unique.values()]
 
 
 def _picture(drive: Drive, picture: Thumbnail, what: str) -> Picture:
+    """Build a picture with its caption."""
     at_s = (picture.stamp_ns - drive.start_ns) / NS_PER_S
     caption = f"{at_s:.2f} s: {what}" if what else f"{at_s:.2f} s"
     if picture.n_lines is not None:

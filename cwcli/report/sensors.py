@@ -24,29 +24,33 @@ from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 from cwcli.text import join_names, number
 
 SHOWN = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
-"""Tables of `estimate` that are about the sensors, in this order."""
+"""Keys of the tables of `estimate` about the sensors, in the order of the page."""
 MAX_ROWS = 60
+"""The greatest number of rows of a table. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
+"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
 ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
-"""Of a two-dimensional error, in standard deviations along its direction."""
+"""Half axis of the 95 % ellipse in standard deviations (Rayleigh distribution)."""
 INTERVAL_95 = 1.96
+"""Half width of the 95 % interval in standard deviations (normal distribution)."""
 MOST_KMH = 200.0
-"""No public road but some motorways allows more than 130; trucks and cars on test tracks stay below 200."""
+"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
 MOST_NEES = 2.0
-"""Per degree of freedom, as in the estimator's own verdict."""
+"""Larger NEES per degree of freedom are doubted, as in the estimator's own verdict."""
 MOST_ACCEL_MPS2 = 12.0
-"""Tyres on a dry road hold about 1.2 g at the most."""
+"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
 
 
 LATE_MS = 100.0
-"""A latency that shows in the figures is put into words."""
+"""Smaller corrected latencies, in ms, are not remarked, as the figures do not show them. Chosen by hand; not fitted."""
 TILTED_DEG = 3.0
-"""Likewise a bias of the accelerometer, as the pitch that would give it; roads seldom are steeper for long."""
+"""Smaller pitch angles, in deg, are not remarked, as road grades reach them. Chosen by hand; not fitted."""
 GRAVITY_MPS2 = 9.80665
+"""Standard gravity, in m/s^2."""
 
 
 def sensors_view(drive: Drive) -> SensorsView | None:
-    """What the records tell of the sensors; None where they tell nothing."""
+    """Collect what the records say of the sensors; None where they say nothing."""
     estimate = told_by(drive.records.get("estimate", {}))
     found = {section.key: section for section in estimate.sections}
     tables = tuple(_table(found[key]) for key in SHOWN if key in found and found[key].rows)
@@ -56,15 +60,15 @@ def sensors_view(drive: Drive) -> SensorsView | None:
     return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_remarks(estimate)))
 
 
-def _remarks(told: Told) -> Iterator[str]:
-    """What explains the figures: why blue lies beside grey, and a bias that is a pitch."""
-    for source, quantity, late_s in _late(told):
+def _remarks(results: Told) -> Iterator[str]:
+    """Yield sentences that explain the figures: applied latencies and pitched IMUs."""
+    for source, quantity, late_s in _late(results):
         word, side = ("late", "ahead of") if late_s > 0.0 else ("early", "behind")
         yield (
             f"The {quantity} of {source} came {abs(late_s):.2f} s {word} by its stamps; that is corrected, so the "
             f"estimate (blue) lies as far {side} what was measured (grey)."
         )
-    for source, bias_mps2, pitch_deg in _pitched(told):
+    for source, bias_mps2, pitch_deg in _pitched(results):
         yield (
             f"The acceleration of {source} is off by {bias_mps2:.2f} m/s²: that of an IMU pitched by "
             f"{pitch_deg:.0f} degrees."
@@ -72,19 +76,19 @@ def _remarks(told: Told) -> Iterator[str]:
 
 
 def first_remark(drive: Drive) -> str:
-    """The same in a sentence for the top of the page; "" where nothing is odd."""
-    told = told_by(drive.records.get("estimate", {}))
+    """Summarise the remarks on the sensors in a sentence; "" if there are none."""
+    results = told_by(drive.records.get("estimate", {}))
     said = [
         f"the {quantity} of {source} came {abs(late_s):.2f} s {'late' if late_s > 0.0 else 'early'} (corrected)"
-        for source, quantity, late_s in _late(told)
+        for source, quantity, late_s in _late(results)
     ]
-    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(told)]
+    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(results)]
     return f"Of the sensors {join_names(said)}." if said else ""
 
 
-def _late(told: Told) -> Iterator[tuple[str, str, float]]:
-    """Source, quantity and latency [s] of those whose corrected latency shows in the figures."""
-    for source, quantity, found, status in told.cells(
+def _late(results: Told) -> Iterator[tuple[str, str, float]]:
+    """Yield source, quantity and latency [s] of each source whose applied latency shows in the figures."""
+    for source, quantity, found, status in results.cells(
         "sources", "source", "quantity", "latency [ms]", "latency status"
     ):
         latency_ms = leading_number(found)
@@ -92,9 +96,9 @@ def _late(told: Told) -> Iterator[tuple[str, str, float]]:
             yield str(source), str(quantity), latency_ms / 1000.0
 
 
-def _pitched(told: Told) -> Iterator[tuple[str, float, float]]:
-    """Source, bias of the acceleration [m/s^2] and the pitch that would give it [deg], where that is no road's."""
-    for source, quantity, parameter, value in told.cells("parameters", "source", "quantity", "parameter", "value"):
+def _pitched(results: Told) -> Iterator[tuple[str, float, float]]:
+    """Yield source, acceleration bias [m/s^2] and pitch [deg] of each IMU that is pitched more than a road."""
+    for source, quantity, parameter, value in results.cells("parameters", "source", "quantity", "parameter", "value"):
         bias = leading_number(value)
         if (quantity, parameter) == ("accel", "bias") and abs(bias) < GRAVITY_MPS2:
             pitch_deg = math.degrees(math.asin(abs(bias) / GRAVITY_MPS2))
@@ -103,7 +107,7 @@ def _pitched(told: Told) -> Iterator[tuple[str, float, float]]:
 
 
 def leading_number(cell: Cell) -> float:
-    """The number at the beginning of `1013 +- 88`; NaN where there is none."""
+    """Parse the number at the beginning of `1013 +- 88`; NaN if there is none."""
     try:
         return float(str(cell).partition(" ")[0])
     except ValueError:
@@ -111,28 +115,31 @@ def leading_number(cell: Cell) -> float:
 
 
 def _table(section: Section) -> TableView:
+    """Convert a summary's table to the page's form."""
     numeric = [any(_is_number(row[k]) for row in section.rows) for k in range(len(section.columns))]
     rows = tuple(tuple(map(_text, row)) for row in section.rows[:MAX_ROWS])
     return TableView(section.title, tuple(zip(map(_heading, section.columns), numeric, strict=True)), rows)
 
 
 def _heading(column: str) -> str:
-    """`loss_share` as `loss share`."""
+    """Format a column name such as `loss_share` as `loss share`."""
     return column.replace("_", " ")
 
 
 def _is_number(cell: Cell) -> TypeGuard[int | float]:
+    """Whether a cell is a number and no truth value."""
     return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
 def _text(cell: Cell) -> str:
+    """Format a cell as text."""
     if cell is None:
         return "-"
     return number(cell) if isinstance(cell, float) else str(cell)
 
 
 def doubts(drive: Drive) -> list[str]:
-    """What must be known first: values that no car has on a road, and covariances that the truth contradicts.
+    """Return reasons to doubt the estimate: implausible values, and covariances that the truth contradicts.
 
     Returns:
         In words: `a speed of 211 km/h`, `a covariance of the heading that is too small by a factor of 16.8`.
@@ -156,19 +163,19 @@ def doubts(drive: Drive) -> list[str]:
     return found
 
 
-def error_figure(drive: Drive, truth: EgoTruth, meetings: Meetings, n_pieces: int) -> Figure | None:
-    """The errors over time as a figure; None where states and truth never meet."""
+def error_figure(drive: Drive, truth: EgoTruth, drive_encounters: Meetings, n_pieces: int) -> Figure | None:
+    """Draw the errors against the truth over time; None if states and truth have no common time."""
     curves = error_curves(drive, truth)
     if not curves or drive.ego is None:
         return None
-    figure = stacked(drive, curves, meetings, n_pieces, around_zero=True)
+    figure = stacked(drive, curves, drive_encounters, n_pieces, around_zero=True)
     span = drive.seconds(drive.ego.by_stamp().stamp_ns[[0, -1]])
     figure["layout"]["xaxis"]["range"] = rounded(span, 2)
     return figure
 
 
 def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
-    """Errors of position, speed and heading over time with their 95 % bands; empty where the two never meet.
+    """Compute the errors of position, speed and heading with 95 % bands; [] without a common time.
 
     The position's band is the extent of its 95 % ellipse in the direction of the error: the line leaves the band where
     the truth leaves the ellipse.
@@ -201,7 +208,7 @@ def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
 
 
 def along_error(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """One standard deviation in the direction of each error.
+    """Compute one standard deviation in the direction of each error.
 
     Args:
         error: Shape (n, 2).

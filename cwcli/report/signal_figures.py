@@ -33,12 +33,14 @@ from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
 MAX_MARKED = 30
+"""The greatest number of warnings that a figure marks. Chosen by hand; not fitted."""
 GAP = 0.035
+"""Gap between panels, as a share of the figure's height. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One signal: stamps, values and standard deviations (n,), what was measured of it, and which of that was gated."""
+    """One signal: stamps, values and standard deviations (n,), its raw measurements, and which were gated."""
 
     title: str
     unit: str
@@ -50,14 +52,14 @@ class Curve:
     gated: BoolArray | None = None
 
 
-def motion_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
-    """Speed, heading, yaw rate and acceleration of the car; None without its states."""
+def motion_figure(drive: Drive, drive_encounters: Meetings, n_pieces: int) -> Figure | None:
+    """Draw speed, heading, yaw rate and acceleration of the car; None without its states."""
     curves = motion_curves(drive)
-    return stacked(drive, curves, meetings, n_pieces) if curves else None
+    return stacked(drive, curves, drive_encounters, n_pieces) if curves else None
 
 
 def motion_curves(drive: Drive) -> list[Curve]:
-    """What `motion_figure` shows; empty without the car's states."""
+    """Return the curves of the car's motion; [] without its states."""
     ego = drive.ego
     if ego is None:
         return []
@@ -80,14 +82,14 @@ def motion_curves(drive: Drive) -> list[Curve]:
     return curves
 
 
-def lane_figure(drive: Drive, meetings: Meetings, n_pieces: int) -> Figure | None:
-    """The car's place in the lane at the preview point; None without lanes."""
+def lane_figure(drive: Drive, drive_encounters: Meetings, n_pieces: int) -> Figure | None:
+    """Draw the car's place in the lane at the preview point; None without lanes."""
     curves = lane_curves(drive)
-    return stacked(drive, curves, meetings, n_pieces) if curves else None
+    return stacked(drive, curves, drive_encounters, n_pieces) if curves else None
 
 
 def lane_curves(drive: Drive) -> list[Curve]:
-    """What `lane_figure` shows; empty without lanes."""
+    """Return the curves of the place in the lane; [] without lanes."""
     lanes = drive.lanes
     if lanes is None or not len(lanes):
         return []
@@ -102,7 +104,7 @@ def lane_curves(drive: Drive) -> list[Curve]:
 
 @dataclass(frozen=True)
 class _Raw:
-    """What a source measured of a quantity: stamps and values (n,)."""
+    """Measurements of one quantity from one source: stamps and values (n,)."""
 
     topic: str
     quantity: Kind
@@ -111,7 +113,7 @@ class _Raw:
 
 
 def _raw(measured: tuple[Measurements, ...], kind: Kind) -> _Raw | None:
-    """The first source of a quantity, as measured: a velocity serves for the speed, an IMU for the last two."""
+    """Return the first source that measures a quantity; a velocity gives a speed, an IMU yaw rate and acceleration."""
     for source in measured:
         if source.kind is kind:
             return _Raw(source.source, kind, source.stamp_ns, source.values[:, 0])
@@ -125,7 +127,7 @@ def _raw(measured: tuple[Measurements, ...], kind: Kind) -> _Raw | None:
 
 
 def is_gated(topic: str, quantity: str, stamp_ns: Int64Array, gated: Gated) -> BoolArray:
-    """Which of a source's measurements, by their stamps (n,), the estimator did not believe, (n,)."""
+    """Return which of a source's measurements the estimator gated, by their stamps (n,), shape (n,)."""
     is_own = np.zeros(len(gated), bool)
     if topic in gated.topic.values and quantity in gated.quantity.values:
         topics = [name == topic for name in gated.topic.values]
@@ -135,15 +137,15 @@ def is_gated(topic: str, quantity: str, stamp_ns: Int64Array, gated: Gated) -> B
 
 
 def _near(stamp_ns: Int64Array, heading: FloatArray, track_ns: Int64Array, track: FloatArray) -> FloatArray:
-    """Headings moved by whole turns to where the estimate is, which is not wrapped."""
+    """Shift headings by whole turns to the track's heading, which is not wrapped."""
     at = np.clip(np.searchsorted(track_ns, stamp_ns), 0, len(track_ns) - 1)
     return np.asarray(heading + 2.0 * np.pi * np.round((track[at] - heading) / (2.0 * np.pi)), np.float64)
 
 
 def stacked(
-    drive: Drive, curves: list[Curve], meetings: Meetings, n_pieces: int, *, around_zero: bool = False
+    drive: Drive, curves: list[Curve], drive_encounters: Meetings, n_pieces: int, *, around_zero: bool = False
 ) -> Figure:
-    """The curves one above the other over one time axis.
+    """Draw curves one above the other over a common time axis.
 
     Args:
         around_zero: The bands lie around zero, not around the curves: what is drawn are errors.
@@ -166,7 +168,7 @@ def stacked(
         layout["xaxis"]["range"] = rounded(
             np.array([min(first for first, _ in ends), max(last for _, last in ends)]), 2
         )
-    for encounter in meetings.encounters[:MAX_MARKED]:
+    for encounter in drive_encounters.encounters[:MAX_MARKED]:
         at = round((encounter.raised_ns - drive.start_ns) / NS_PER_S, 3)
         shape, label = upright(at, f"warning {encounter.event_id}", ALERT)
         layout["shapes"].append(shape)
@@ -178,7 +180,7 @@ def stacked(
 
 
 def system_marks(drive: Drive, span_ns: tuple[int, int] | None = None) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Upright lines where another system warned, the first `MAX_MARKED`; their words stand at the bottom."""
+    """Return vertical lines where another system warned, at most `MAX_MARKED`, labelled at the bottom."""
     judged = () if drive.system is None else drive.system.found.judged
     raised = [each.raised_ns for each in judged if span_ns is None or span_ns[0] <= each.raised_ns <= span_ns[1]]
     marks = [upright(round((at - drive.start_ns) / NS_PER_S, 3), "other system", SYSTEM) for at in raised[:MAX_MARKED]]
@@ -188,6 +190,7 @@ def system_marks(drive: Drive, span_ns: tuple[int, int] | None = None) -> list[t
 def _curve(
     drive: Drive, curve: Curve, name: str, n_pieces: int, *, is_first: bool, around_zero: bool, with_gated: bool
 ) -> list[Trace]:
+    """Return the traces of one curve: measurements, gated ones, band and line."""
     both = np.column_stack([curve.values, curve.sigma])
     stamp_ns, both = with_breaks(curve.stamp_ns, both)
     values, sigma = both.T
@@ -220,7 +223,7 @@ def _curve(
 def _band(
     seconds: FloatArray, lower: FloatArray, upper: FloatArray, decimals: int, n_pieces: int
 ) -> tuple[list[float | None], list[float | None]]:
-    """The band as closed outlines, one for each stretch without a gap."""
+    """Return the band as closed outlines, one for each stretch without a gap."""
     rows, lower, upper = band(lower, upper, n_pieces)
     known = np.isfinite(lower) & np.isfinite(upper)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(np.int8)))

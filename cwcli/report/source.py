@@ -41,7 +41,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Run:
-    """What the report is about.
+    """The run that the report is about.
 
     Attributes:
         name: Of the folder or the log.
@@ -57,7 +57,7 @@ class Run:
 
 
 def read_run(source: str) -> Run:
-    """Find out what to report on.
+    """Read the run to report on.
 
     Args:
         source: An output folder of `cwcli run -d`, an annotated log, or `-` for one on standard input.
@@ -88,7 +88,7 @@ def read_run(source: str) -> Run:
 
 
 def _entry(log: RecordedLog) -> Entry:
-    """One log of the folder. If its metrics are damaged, that is its error."""
+    """Build the entry of one log of the folder; damaged metrics count as its failure."""
     annotated = None if log.folder is None else log.folder.annotated
     has_failed = log.entry.get("status") != "done"
     error, left_out = log.entry.get("error"), log.entry.get("left_out")
@@ -115,7 +115,7 @@ def _entry(log: RecordedLog) -> Entry:
 
 
 def _metrics(file: Path) -> dict[str, MetricRow]:
-    """The log's rows of the metrics dataset; none where there is no file.
+    """Read the log's rows of the metrics dataset; {} if there is no file.
 
     Raises:
         InputError: The file is damaged.

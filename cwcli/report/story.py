@@ -24,7 +24,9 @@ from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
 MAX_ID = 40
+"""The greatest length of a vehicle's id in a sentence, in characters. Chosen by hand; not fitted."""
 LANE = "lane"
+"""The kind under which lane departures are counted."""
 SAID = {
     TRUE: "came true",
     LATE: "came late",
@@ -32,7 +34,7 @@ SAID = {
     UNDECIDED: "not decided",
     LANE: "of lane departure",
 }
-"""What became of a warning, in a list."""
+"""Verdict on a warning -> the phrase in a list of counts, in the order of the list."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Badge:
 
     @property
     def symbol(self) -> str:
-        """For readers without colours."""
+        """A symbol for readers who do not see the colours."""
         return {"good": "✓", "bad": "✗", "alert": "⚠", "plain": "•"}[self.tone]
 
 
@@ -63,14 +65,14 @@ class Story:
     badges: tuple[Badge, ...]
 
 
-def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[str] = ()) -> Story:
-    """The story of a drive.
+def tell(drive: Drive, drive_encounters: Meetings, left_out: str = "", doubts: Sequence[str] = ()) -> Story:
+    """Build the story of a drive.
 
     Args:
         left_out: Why the warnings were not computed, where they were not.
         doubts: What makes the estimate hard to believe; it is said first.
     """
-    story = _story(drive, meetings, left_out)
+    story = _story(drive, drive_encounters, left_out)
     if knowledge := _knowledge(drive):
         story = replace(story, more=(knowledge, *story.more))
     if not doubts:
@@ -80,34 +82,35 @@ def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[
     return replace(story, headline=f"{first} {story.headline}", badges=badges)
 
 
-def _story(drive: Drive, meetings: Meetings, left_out: str) -> Story:
+def _story(drive: Drive, drive_encounters: Meetings, left_out: str) -> Story:
+    """Build the story without the reasons to doubt the estimate."""
     more = [_length(drive)]
     if drive.warnings is None:
         return _without_warnings(drive, left_out, more)
-    if not meetings.encounters:
-        more += _missed(drive, meetings)
+    if not drive_encounters.encounters:
+        more += _missed(drive, drive_encounters)
         badges = [Badge("no warning", "plain")]
-        if meetings.missed:
-            badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
-        return Story(_nobody_near(drive, meetings), tuple(more), tuple(badges))
-    if len(meetings.encounters) == 1:
-        headline = encounter_sentence(drive, meetings.encounters[0])
-        verdict = verdict_sentence(drive.rule, meetings.encounters[0])
-        careful = careful_sentence(drive, meetings.encounters[0])
+        if drive_encounters.missed:
+            badges.append(Badge(f"{count(len(drive_encounters.missed), 'conflict')} without a warning", "bad"))
+        return Story(_nobody_near(drive, drive_encounters), tuple(more), tuple(badges))
+    if len(drive_encounters.encounters) == 1:
+        headline = encounter_sentence(drive, drive_encounters.encounters[0])
+        verdict = verdict_sentence(drive.rule, drive_encounters.encounters[0])
+        careful = careful_sentence(drive, drive_encounters.encounters[0])
         more = [*filter(None, (verdict, careful)), *more]
     else:
-        worst = min(meetings.encounters, key=_urgency)
-        headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. "
+        worst = min(drive_encounters.encounters, key=_urgency)
+        headline = f"cwcli gave {len(drive_encounters.encounters)} warnings: {_tally(drive_encounters)}. "
         sentence = encounter_sentence(drive, worst)
         if worst.is_lane_departure:
             headline += f"The first: {sentence[0].lower()}{sentence[1:]}"
         else:
             headline += f"The most critical: {sentence[0].lower()}{sentence[1:]}"
-    return Story(headline, (*more, *_missed(drive, meetings)), tuple(_badges(meetings)))
+    return Story(headline, (*more, *_missed(drive, drive_encounters)), tuple(_badges(drive_encounters)))
 
 
 def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
-    """`At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`"""
+    """Format `At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`."""
     if encounter.is_lane_departure:
         side = encounter.other_id.removesuffix(" boundary")
         where = f" over its {side} boundary" if side in {"left", "right"} else ""
@@ -128,7 +131,7 @@ def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
 
 
 def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
-    """Whether the warning was right."""
+    """Say whether the warning was right."""
     verdict = encounter.verdict
     if encounter.is_lane_departure:
         return ""
@@ -145,7 +148,7 @@ def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
 
 
 def careful_sentence(drive: Drive, encounter: Encounter) -> str:
-    """`A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
+    """Format `A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
     if encounter.pair is None or encounter.conflict is None:
         return ""
     found = careful_driver(encounter.pair, encounter.conflict)
@@ -160,7 +163,7 @@ def careful_sentence(drive: Drive, encounter: Encounter) -> str:
 
 
 def verdict_badge(encounter: Encounter) -> Badge:
-    """The verdict on one warning."""
+    """Return the badge of the verdict on one warning."""
     if encounter.is_lane_departure:
         return Badge("lane departure", "alert")
     kind = encounter.verdict.kind if encounter.verdict is not None else UNDECIDED
@@ -173,43 +176,47 @@ def verdict_badge(encounter: Encounter) -> Badge:
 
 
 def name_of(encounter: Encounter) -> str:
-    """`vehicle 17`."""
+    """Return a name such as `vehicle 17` of whom the warning is about."""
     if encounter.is_lane_departure:
         return printable(encounter.other_id)[:MAX_ID]
     return short_name(encounter.other.kind if encounter.other is not None else "vehicle", encounter.other_id)
 
 
 def short_name(kind: str, other_id: str) -> str:
-    """`vehicle 17`, cut where the id is long."""
+    """Return a name such as `vehicle 17`, cut where the id is long."""
     shown = printable(other_id)
     return f"{kind} {shown if len(shown) <= MAX_ID else shown[: MAX_ID - 1] + '…'}"
 
 
 def _urgency(encounter: Encounter) -> tuple[float, float, int]:
+    """Sort key: the least gap first, then the least distance, then the earliest."""
     verdict = encounter.verdict
     nearest = verdict.closest_m if verdict is not None and math.isfinite(verdict.closest_m) else math.inf
     gap = encounter.least_gap_m if math.isfinite(encounter.least_gap_m) else math.inf
     return gap, nearest, encounter.raised_ns
 
 
-def most_critical(meetings: Meetings) -> list[Encounter]:
-    """The warnings, the one with the least distance first."""
-    return sorted(meetings.encounters, key=_urgency)
+def most_critical(drive_encounters: Meetings) -> list[Encounter]:
+    """Sort the warnings, the one with the least distance first."""
+    return sorted(drive_encounters.encounters, key=_urgency)
 
 
 def _at(drive: Drive, stamp_ns: int) -> str:
+    """Format a stamp as seconds since the log began."""
     return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.1f} s"
 
 
-def _kinds(meetings: Meetings) -> Counter[str]:
+def _kinds(drive_encounters: Meetings) -> Counter[str]:
+    """Count the warnings by verdict."""
     return Counter(
         LANE if each.is_lane_departure else each.verdict.kind if each.verdict is not None else UNDECIDED
-        for each in meetings.encounters
+        for each in drive_encounters.encounters
     )
 
 
-def _tally(meetings: Meetings) -> str:
-    kinds = _kinds(meetings)
+def _tally(drive_encounters: Meetings) -> str:
+    """Format the numbers of warnings by verdict."""
+    kinds = _kinds(drive_encounters)
     parts = []
     for kind, said in SAID.items():
         if kinds[kind]:
@@ -217,48 +224,51 @@ def _tally(meetings: Meetings) -> str:
     return join_names(parts)
 
 
-def _badges(meetings: Meetings) -> list[Badge]:
-    if len(meetings.encounters) == 1:
-        badges = [Badge(f"1 warning: {verdict_badge(meetings.encounters[0]).text}", "alert")]
-        kind = _kinds(meetings)
+def _badges(drive_encounters: Meetings) -> list[Badge]:
+    """Return the badges of the warnings and of the missed conflicts."""
+    if len(drive_encounters.encounters) == 1:
+        badges = [Badge(f"1 warning: {verdict_badge(drive_encounters.encounters[0]).text}", "alert")]
+        kind = _kinds(drive_encounters)
         if kind[LATE] or kind[FALSE]:
             badges = [Badge(badges[0].text, "bad")]
     else:
-        kinds = _kinds(meetings)
+        kinds = _kinds(drive_encounters)
         tone: Tone = "bad" if kinds[FALSE] or kinds[LATE] else "alert"
-        badges = [Badge(f"{len(meetings.encounters)} warnings: {_tally(meetings)}", tone)]
-    if meetings.missed:
-        badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
+        badges = [Badge(f"{len(drive_encounters.encounters)} warnings: {_tally(drive_encounters)}", tone)]
+    if drive_encounters.missed:
+        badges.append(Badge(f"{count(len(drive_encounters.missed), 'conflict')} without a warning", "bad"))
     return badges
 
 
-def _missed(drive: Drive, meetings: Meetings) -> list[str]:
-    told = []
+def _missed(drive: Drive, drive_encounters: Meetings) -> list[str]:
+    """Return sentences on the first conflicts without a warning."""
+    sentences = []
     conflict = drive.rule.definition.words
-    for missed in meetings.missed[:3]:
-        told.append(
+    for missed in drive_encounters.missed[:3]:
+        sentences.append(
             f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict} "
             f"({missed.other.kind} {printable(missed.other.id)[:MAX_ID]}, nearest {missed.conflict.closest_m:.1f} m)."
         )
-    if len(meetings.missed) > len(told):
-        told.append(f"{len(meetings.missed) - len(told)} more conflicts had no warning either.")
-    return told
+    if len(drive_encounters.missed) > len(sentences):
+        sentences.append(f"{len(drive_encounters.missed) - len(sentences)} more conflicts had no warning either.")
+    return sentences
 
 
-def _nobody_near(drive: Drive, meetings: Meetings) -> str:
+def _nobody_near(drive: Drive, drive_encounters: Meetings) -> str:
+    """Return the headline of a drive without a warning."""
     text = f"In this drive of {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
     if drive.ego is None:  # the lane alone was watched
         return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
-    if meetings.nearest is None:
+    if drive_encounters.nearest is None:
         return f"{text}; no other vehicle was heard while the car's place was known."
-    nearest = meetings.nearest
+    nearest = drive_encounters.nearest
     name = f"{nearest.other.kind} {printable(nearest.other.id)[:MAX_ID]}"
     at = _at(drive, nearest.stamp_ns)
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away (centre to centre) at {at}."
 
 
 def _knowledge(drive: Drive) -> str:
-    """Which states the warnings started from; "" where there are none, or an older version made them."""
+    """Say which states the warnings started from; "" if there are none or the record does not say."""
     record, _ = warn_record(drive.records)
     states = configuration_of(record).get("states")
     if drive.warnings is None or states is None:
@@ -270,11 +280,11 @@ def _knowledge(drive: Drive) -> str:
         )
     used = drive.records.get("estimate", {}).get("online_parameters", "")
     but = ", but with noise and latencies from the whole log" if used == THIS_LOG else ""
-    return f"Warnings are told when the car could have known{but}; what happened is told in hindsight."
+    return f"Warnings are given when the car could have known{but}; what happened is judged in hindsight."
 
 
 def _length(drive: Drive) -> str:
-    """How long the drive was, in time and way."""
+    """Say how long and how far the drive was, and how many others were known."""
     text = f"The log is {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
     if drive.ego is not None and len(drive.ego) > 1:
         top = float(np.nanmax(np.abs(drive.ego.state[:, 2])))
@@ -289,6 +299,7 @@ def _length(drive: Drive) -> str:
 
 
 def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
+    """Build the story of a drive for which no warnings were computed."""
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
     reason = f": {printable(why)}" if drive.ego is not None or left_out else ""
     sentences = []

@@ -22,7 +22,7 @@ from cwcli.text import count, join_names, printable
 
 
 def judged_system(log: Log, system: System | None) -> JudgedSystem | None:
-    """Another system's warnings with their verdicts; None where none are named, or nothing judges them.
+    """Judge another system's warnings; None if none are named or nothing can judge them.
 
     Raises:
         UsageError: Its topic or its field is not there.
@@ -40,7 +40,7 @@ def judged_system(log: Log, system: System | None) -> JudgedSystem | None:
 
 
 def system_sentences(drive: Drive) -> list[str]:
-    """`/adas/fcw warned 3 times: 2 came true and 1 false. It warned of 2 of 2 conflicts, ...`"""
+    """Format `The other system (/adas/fcw) gave 3 warnings: ... It warned of 2 of 2 conflicts, ...`."""
     if drive.system is None:
         return []
     topic, scores = printable(drive.system.topic), drive.system.found.scores
@@ -60,7 +60,7 @@ def system_sentences(drive: Drive) -> list[str]:
 
 
 def system_tables(drive: Drive, metrics: Mapping[str, MetricRow]) -> list[TableView]:
-    """Its warnings, and its metrics beside cwcli's own."""
+    """Build the tables of another system: its metrics next to cwcli's, and its warnings."""
     tables = []
     rows = [
         (
@@ -81,6 +81,7 @@ def system_tables(drive: Drive, metrics: Mapping[str, MetricRow]) -> list[TableV
 
 
 def _warnings(drive: Drive, system: JudgedSystem) -> TableView:
+    """Build the table of another system's warnings."""
     judged = system.found.judged
     rows = []
     for k, each in enumerate(judged[:MAX_ROWS], start=1):

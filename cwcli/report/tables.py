@@ -17,16 +17,18 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.text import interval, number
 
 LEAD_IN = "the log began"
+"""The phrase that says what times in the tables count from."""
 MAX_ROWS = 200
+"""The greatest number of rows of a table. Chosen by hand; not fitted."""
 
 
 def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
-    """What was predicted and what happened, side by side."""
+    """Build the table of what a warning predicted and what happened."""
 
-    def seconds(stamp_ns: int) -> str:
+    def seconds_text(stamp_ns: int) -> str:
         return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f} s after {LEAD_IN}"
 
-    def metres(value: float) -> str:
+    def metres_text(value: float) -> str:
         return f"{value:.2f} m" if math.isfinite(value) else "-"
 
     verdict = encounter.verdict
@@ -34,16 +36,16 @@ def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
         ("warned of", name_of(encounter)),
         *([("where it was", encounter.direction)] if encounter.direction else []),
         ("rule", encounter.rule or "-"),
-        ("warning given", seconds(encounter.raised_ns)),
-        ("warning stood until", seconds(encounter.last_ns)),
+        ("warning given", seconds_text(encounter.raised_ns)),
+        ("warning stood until", seconds_text(encounter.last_ns)),
     ]
     rows += _predicted(drive, encounter)
     if verdict is not None:
         if verdict.closest_ns >= 0:
-            rows.append(("really nearest", seconds(verdict.closest_ns)))
-        rows.append(("really: centres apart by", metres(verdict.closest_m)))
+            rows.append(("really nearest", seconds_text(verdict.closest_ns)))
+        rows.append(("really: centres apart by", metres_text(verdict.closest_m)))
         gap = encounter.least_gap_m
-        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres(gap)
+        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres_text(gap)
         rows.append(("really: gap between outlines", overlap))
         if math.isfinite(verdict.lead_time_s):
             rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
@@ -51,7 +53,7 @@ def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
 
 
 def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
-    """What the warning said at the moment when it was given."""
+    """Return the rows of what the warning predicted when it was given."""
     lane, rule = encounter.is_lane_departure, drive.rule
     within = "probability of the crossing" if lane else f"probability within {rule.horizon_s:g} s"
     compared = f"probability, which the rule compares with {rule.probability:g}"
@@ -68,10 +70,10 @@ def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
     ]
 
 
-def all_warnings(drive: Drive, meetings: Meetings, marks: Mapping[int, str]) -> TableView:
-    """All warnings, where not all have figures; marks: names for links to those without, by their numbers."""
+def all_warnings(drive: Drive, drive_encounters: Meetings, marks: Mapping[int, str]) -> TableView:
+    """Build the table of all warnings; `marks`: warning number -> anchor name, of those without figures."""
     rows = []
-    for each in meetings.encounters:
+    for each in drive_encounters.encounters:
         verdict = each.verdict
         nearest = f"{verdict.closest_m:.2f}" if verdict is not None and math.isfinite(verdict.closest_m) else "-"
         lead = f"{verdict.lead_time_s:.2f}" if verdict is not None and math.isfinite(verdict.lead_time_s) else "-"
@@ -89,11 +91,12 @@ def all_warnings(drive: Drive, meetings: Meetings, marks: Mapping[int, str]) -> 
     hint = "the most critical ones have figures above"
     if len(rows) > len(kept):
         hint += f"; the first {MAX_ROWS} of {len(rows)} are listed"
-    names = tuple(marks.get(each.event_id, "") for each in meetings.encounters[: len(kept)])
+    names = tuple(marks.get(each.event_id, "") for each in drive_encounters.encounters[: len(kept)])
     return TableView("All warnings", columns, tuple(kept), hint, row_marks=names)
 
 
 def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[TableView]:
+    """Build the tables of a log: its input messages and its metrics."""
     tables = []
     rows: list[tuple[str, ...]] = []
     for stage in drive.records:
@@ -127,7 +130,7 @@ def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[Tab
 
 
 def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
-    """The metrics that runs are compared by, and behind them, folded, the rest."""
+    """Build the table of the metrics that runs are compared by, and a folded one of the rest."""
     main: list[tuple[str, ...]] = []
     rest: list[tuple[str, ...]] = []
     for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
@@ -147,19 +150,20 @@ def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
 
 
 def without_empty(table: TableView) -> TableView:
-    """The table without columns in which no row holds anything."""
+    """Drop the columns in which every row is empty."""
     kept = [k for k in range(len(table.columns)) if any(row[k] not in ("", "-") for row in table.rows)]
     rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
     return replace(table, columns=tuple(table.columns[k] for k in kept), rows=rows)
 
 
 def value_text(name: str, value: float) -> str:
-    """A metric's value; a count without decimals."""
+    """Format a metric's value; counts have no decimals."""
     is_count = name.endswith(("_count", ".count")) and math.isfinite(value)
     return f"{value:.0f}" if is_count else number(value)
 
 
 def _counts(value: Any) -> dict[str, int]:
+    """Return the positive counts by reason; {} if the value is no mapping."""
     if not isinstance(value, dict):
         return {}
     return {str(reason): n for reason, n in value.items() if isinstance(n, int) and n}

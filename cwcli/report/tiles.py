@@ -8,11 +8,16 @@ from urllib.parse import urlsplit
 
 from cwcli.errors import UsageError
 
-MAX_TEMPLATE, MAX_ATTRIBUTION = 500, 200
+MAX_TEMPLATE = 500
+"""The greatest length of the address template, in characters. Chosen by hand; not fitted."""
+MAX_ATTRIBUTION = 200
+"""The greatest length of the attribution, in characters. Chosen by hand; not fitted."""
 HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
+"""Pattern of a host name or an address in brackets."""
 ALLOWED = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
-"""What an address is made of, without quotes, semicolons and spaces."""
+"""Pattern of an address template: the characters of an address without quotes, semicolons and spaces."""
 EXAMPLE = "e.g. --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© the makers of the map'"
+"""Example of both options, for hints of errors."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +36,7 @@ class Tiles:
 
 
 def parse_tiles(template: str | None, attribution: str | None) -> Tiles | None:
-    """The tiles that the options name; None where there are none.
+    """Parse the server of map tiles that the options name; None if they name none.
 
     Raises:
         UsageError: An option is missing or empty, or the template is no address of tiles.
@@ -69,4 +74,5 @@ def parse_tiles(template: str | None, attribution: str | None) -> Tiles | None:
 
 
 def _wrong(why: str) -> UsageError:
+    """Return the error for an unusable template."""
     return UsageError(f"--tiles is no address of map tiles: {why}", hint=EXAMPLE)

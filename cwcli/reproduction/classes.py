@@ -1,4 +1,4 @@
-"""The classes of a compared number, and which of them a number gets by itself and its expectation."""
+"""The classes of a number compared with a paper's, and how a number gets its class from its expectation."""
 
 from __future__ import annotations
 
@@ -6,11 +6,17 @@ import math
 from dataclasses import dataclass
 
 REPRODUCED = "reproduced"
+"""The class of the paper's number within the tolerance, on inputs that were not fitted to it."""
 FITTED = "fitted"
+"""The class of what holds on inputs that were chosen so that it holds."""
 WITHIN = "within own bound"
+"""The class of a number within a bound of our own, where the paper prints none."""
 BETTER = "better"
+"""The class of a number that is better than the paper's by more than the tolerance."""
 DIFFERS = "differs"
+"""The class of another number than the paper's, or one outside our own bound."""
 OPEN = "not determinable"
+"""The class of a number that nothing can be compared with."""
 CLASSES: dict[str, str] = {
     REPRODUCED: "the paper's number, within the tolerance, on inputs that were not fitted to it",
     FITTED: "it holds on inputs that were chosen so that it holds",
@@ -19,15 +25,16 @@ CLASSES: dict[str, str] = {
     DIFFERS: "another number than the paper's, or outside our own bound",
     OPEN: "there is nothing to compare with",
 }
-"""Class -> what it says, in the order of the tables."""
+"""Class -> its meaning, in the order of the tables."""
 BINDING = frozenset({REPRODUCED, FITTED, WITHIN, BETTER})
-"""Who claims one of these must reach it, or the exit code is 1."""
+"""Classes that must be reached where they are claimed, or the exit code is 1."""
 ROUNDING = 1e-9
+"""Numbers may exceed a bound by this much through rounding. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Measured:
-    """One number of ours.
+    """One number of ours, with its 95 % interval.
 
     Attributes:
         figure: Where it stands in the paper: `table 1`, `fig 9`.
@@ -83,14 +90,14 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Finding:
-    """A number beside what is expected of it."""
+    """A number together with what is expected of it."""
 
     expected: Expectation
     measured: Measured
 
     @property
     def reached(self) -> str:
-        """The class that the number has, a key of `CLASSES`."""
+        """The class that the number reaches, a key of `CLASSES`."""
         row, ours = self.expected, self.measured.ours
         if math.isnan(ours):
             return OPEN
@@ -104,7 +111,7 @@ class Finding:
 
     @property
     def has_failed(self) -> bool:
-        """Whether a class is claimed that is not reached, or our own bound is not kept."""
+        """Whether a claimed class is not reached, or our own bound is violated."""
         claim, reached = self.expected.claim, self.reached
         if not self._keeps_bound:
             return claim != DIFFERS
@@ -113,11 +120,12 @@ class Finding:
 
     @property
     def is_stale(self) -> bool:
-        """Whether the class is another one than is claimed, without being a failure."""
+        """Whether the class differs from the claimed one without being a failure."""
         return not self.has_failed and self.reached != self.expected.claim
 
     @property
     def _keeps_bound(self) -> bool:
+        """Whether the number is within our own bound; true without one."""
         row, ours = self.expected, self.measured.ours
         if not row.is_bounded:
             return True
@@ -125,6 +133,7 @@ class Finding:
 
     @property
     def _is_near(self) -> bool:
+        """Whether the number is within the tolerance around the paper's."""
         row, ours = self.expected, self.measured.ours
         if row.paper is None:
             return False
@@ -132,7 +141,7 @@ class Finding:
 
     @property
     def _is_better(self) -> bool:
-        """Better with the whole of its interval."""
+        """Whether the whole interval is better than the paper's number."""
         row, measured = self.expected, self.measured
         if row.paper is None or not row.is_comparable:
             return False

@@ -15,13 +15,14 @@ from cwcli.reproduction.classes import BETTER, CLASSES, DIFFERS, FITTED, OPEN, R
 ROW_KEYS = {
     "what", "unit", "class", "paper", "says", "tolerance", "better", "at_least", "at_most", "fit", "why", "comparable",
 }  # fmt: skip
+"""The keys that a row of an expectations file may have."""
 BEYOND = "beyond"
-"""The reason of a row that has no expectation, in a part that goes beyond the paper."""
+"""Key of the reason of rows without an expectation, in parts that go beyond the paper."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A numbered figure or table of the paper, or a part of ours that has none there.
+    """A numbered figure or table of the paper, or a part of ours that is not in it.
 
     Attributes:
         name: `fig 9`.
@@ -50,7 +51,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Expectations:
-    """One paper's.
+    """The expectations of one paper.
 
     Attributes:
         paper: Its key.
@@ -68,7 +69,7 @@ class Expectations:
     notes: tuple[str, ...] = ()
 
     def row(self, figure: str, what: str) -> Expectation:
-        """The expectation of a number.
+        """Return the expectation of a number.
 
         Raises:
             KeyError: There is none, and the figure is in the paper.
@@ -91,7 +92,7 @@ def load_expectations(paper: str) -> Expectations:
 
 
 def expectations_of(document: Mapping[str, Any]) -> Expectations:
-    """A document as expectations.
+    """Parse a document of expectations and check it.
 
     Raises:
         ValueError: A row claims a class that it has no right to; a key is unknown, missing or not used.
@@ -123,6 +124,7 @@ def expectations_of(document: Mapping[str, Any]) -> Expectations:
 
 
 def _row(figure: str, fields: Mapping[str, Any]) -> Expectation:
+    """Parse one row and check its claim."""
     where = f"{figure}, {fields.get('what')}"
     if unknown := set(fields) - ROW_KEYS:
         raise ValueError(f"{where}: unknown keys {sorted(unknown)}")
@@ -152,7 +154,7 @@ def _row(figure: str, fields: Mapping[str, Any]) -> Expectation:
 
 
 def fault_of(row: Expectation, *, has_tolerance: bool) -> str:
-    """What is wrong with a row's claim, "" if nothing is."""
+    """Describe what is wrong with a row's claim; "" if nothing is."""
     has_number = row.paper is not None and row.is_comparable
     faults = {
         f"there is no class '{row.claim}'": row.claim not in CLASSES,
@@ -173,6 +175,7 @@ def fault_of(row: Expectation, *, has_tolerance: bool) -> str:
 
 
 def _check_keys(kind: str, used: set[str], defined: Mapping[str, object]) -> None:
+    """Check that every used key is defined and every defined one is used."""
     if missing := sorted(used - set(defined)):
         raise ValueError(f"there is no {kind} '{missing[0]}'")
     if idle := sorted(set(defined) - used - {BEYOND}):

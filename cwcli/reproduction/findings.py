@@ -1,4 +1,4 @@
-"""What a part of a reproduction makes: numbers, and the figures of the paper redrawn."""
+"""The results of a part of a reproduction: numbers, and the figures of the paper redrawn."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from cwcli.reproduction.classes import Measured
 from cwcli.signals.columns import FloatArray
 
 BOOTSTRAP_SEED = 2016
+"""Seed of the bootstrap intervals, the year of song2016; any seed would do."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot: shape (k,) each; a dot at `dot_x` if there is one (a warning)."""
+    """One line of a plot, x and y of shape (k,); a dot at `dot_x` if that is finite (a warning)."""
 
     label: str
     x: FloatArray
@@ -65,7 +66,7 @@ class Part:
 
 
 def median_interval(values: FloatArray) -> tuple[float, float, float]:
-    """Median and its 95 % bootstrap interval; all NaN without values."""
+    """Return the median and its 95 % bootstrap interval; all NaN without values."""
     known = values[np.isfinite(values)]
     if not len(known):
         return math.nan, math.nan, math.nan

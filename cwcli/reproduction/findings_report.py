@@ -1,4 +1,4 @@
-"""The findings of a reproduction as a table and as a summary: every sentence follows from the numbers."""
+"""Builds the table and the summary of a reproduction's findings; every sentence follows from the numbers."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ from cwcli.reproduction.expectations import Expectations, load_expectations
 from cwcli.reproduction.findings import Part, Plot
 
 COLUMNS = ("what", "paper", "ours", "tolerance", "class", "why")
+"""Headings of the table of findings."""
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came out.
+    """The result of reproducing a paper.
 
     Attributes:
         expectations: Of the paper.
@@ -51,7 +52,7 @@ def reproduction(
     notes: Sequence[str] = (),
     only: Collection[str] = (),
 ) -> Reproduction:
-    """Put the parts together, in the order of the expectations.
+    """Assemble the parts of a reproduction, in the order of the expectations.
 
     Args:
         paper: Key of the paper.
@@ -88,7 +89,7 @@ def reproduction(
 
 
 def exit_note(findings: Sequence[Finding]) -> str:
-    """What the exit code is, and why."""
+    """Return the sentence that says which exit code follows, and why."""
     n_binding = sum(finding.expected.claim in BINDING or finding.expected.is_bounded for finding in findings)
     failed = [
         f"{f.expected.figure}, {f.expected.what}: {f.reached} instead of {f.expected.claim}"
@@ -101,7 +102,7 @@ def exit_note(findings: Sequence[Finding]) -> str:
 
 
 def claims(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """A note for each number that is in another class than claimed, and no failure."""
+    """Return a note for each number whose class differs from the claimed one without being a failure."""
     return tuple(
         f"{f.expected.figure}, {f.expected.what}: {f.reached}, and {f.expected.claim} was expected"
         for f in findings
@@ -110,14 +111,14 @@ def claims(findings: Sequence[Finding]) -> tuple[str, ...]:
 
 
 def counts(findings: Sequence[Finding]) -> Section:
-    """How many findings are of each class."""
+    """Count the findings of each class."""
     found = Counter(finding.reached for finding in findings)
     rows: tuple[tuple[Cell, ...], ...] = tuple((name, found[name], meaning) for name, meaning in CLASSES.items())
     return Section("classes", "How many numbers are of each class", ("class", "numbers", "meaning"), rows)
 
 
 def findings_table(name: str, expected: Expectations, findings: Sequence[Finding]) -> Table:
-    """One row a finding."""
+    """Build the table of findings as columns, one row a finding."""
     rows = [(f.expected, f.measured) for f in findings]
     printed = [row.paper or (math.nan, math.nan) for row, _ in rows]
     return Table(
@@ -151,7 +152,7 @@ def findings_table(name: str, expected: Expectations, findings: Sequence[Finding
 
 
 def row_cells(finding: Finding) -> tuple[Cell, ...]:
-    """A finding under the headings of `COLUMNS`."""
+    """Return a finding's cells under the headings of `COLUMNS`."""
     row, measured = finding.expected, finding.measured
     printed = row.says
     if row.paper is not None:
@@ -167,7 +168,7 @@ def row_cells(finding: Finding) -> tuple[Cell, ...]:
 
 
 def tolerance_text(row: Expectation) -> str:
-    """The tolerance around the paper's number, or our own bound."""
+    """Format the tolerance around the paper's number, or our own bound."""
     texts = [f"+-{row.tolerance:g}"] if row.paper is not None and row.is_comparable else []
     texts += [f"at least {row.at_least:g}"] if math.isfinite(row.at_least) else []
     texts += [f"at most {row.at_most:g}"] if math.isfinite(row.at_most) else []
@@ -175,6 +176,7 @@ def tolerance_text(row: Expectation) -> str:
 
 
 def _section(expected: Expectations, name: str, findings: Sequence[Finding]) -> Section:
+    """Build the section of one figure."""
     figure = expected.figures[name]
     key = name.replace(" ", "_")
     if not findings:
@@ -184,7 +186,7 @@ def _section(expected: Expectations, name: str, findings: Sequence[Finding]) -> 
 
 
 def _keys(expected: Expectations, findings: Sequence[Finding]) -> tuple[Section, ...]:
-    """What the keys in the column "why" stand for: those that occur."""
+    """Build the sections that explain the keys of the column "why"."""
     rows = [finding.expected for finding in findings]
     fits = {row.fit for row in rows}
     whys = {row.why for row in rows}
@@ -205,4 +207,5 @@ def _keys(expected: Expectations, findings: Sequence[Finding]) -> tuple[Section,
 
 
 def _fit_text(expected: Expectations, row: Expectation) -> str:
+    """Describe which inputs were fitted; "" if none were."""
     return f"{expected.fits[row.fit].what} ({expected.fits[row.fit].width})" if row.fit else ""

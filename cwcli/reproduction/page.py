@@ -1,4 +1,4 @@
-"""A reproduction as a page in Markdown: every figure and table beside ours, nothing written by hand."""
+"""Formats a reproduction as a page in Markdown: every figure and table next to ours, nothing written by hand."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from cwcli.reproduction.expectations import Figure
 from cwcli.reproduction.findings_report import COLUMNS, Reproduction, counts, row_cells
 
 PICTURES = "figures"
-"""Folder beside the page."""
+"""Name of the folder of pictures next to the page."""
 
 
 def picture_folder(paper: str) -> str:
-    """Where a page's pictures are, from the page."""
+    """Return the path of a page's pictures, relative to the page."""
     return f"{PICTURES}/{paper}"
 
 
 def page(made: Reproduction) -> str:
-    """The page of a whole reproduction."""
+    """Format a whole reproduction as a page in Markdown."""
     expected = made.expectations
     ours = {section.key: section for section in made.summary.sections}
     parts = [
@@ -47,6 +47,7 @@ def page(made: Reproduction) -> str:
 
 
 def _figure(name: str, figure: Figure, findings: Sequence[Finding], made: Reproduction) -> list[str]:
+    """Format the part of one figure."""
     lines = [f"\n### {name}\n", f"In the paper: {figure.prints}." if not figure.is_beyond else f"{figure.prints}."]
     if figure.why_none:
         lines.append(f"Ours: none, {figure.why_none}.")
@@ -66,16 +67,19 @@ def _figure(name: str, figure: Figure, findings: Sequence[Finding], made: Reprod
 
 
 def _table(section: Section) -> str:
+    """Format a section's table."""
     lines = [_row(section.columns), _row(["---"] * len(section.columns))]
     lines += [_row([_text(cell) for cell in row]) for row in section.rows]
     return "\n".join(lines)
 
 
 def _row(cells: Sequence[str]) -> str:
+    """Format one row of a table."""
     return f"| {' | '.join(cells)} |"
 
 
 def _text(cell: Cell) -> str:
+    """Format one cell."""
     if cell is None:
         return ""
     text = f"{cell:.4g}" if isinstance(cell, float) else str(cell)

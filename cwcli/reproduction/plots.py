@@ -1,4 +1,4 @@
-"""The redrawn figures as files."""
+"""Writes the redrawn figures as files."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from cwcli.output import Together, write_file
 from cwcli.reproduction.findings import Plot
 
 FORMATS = ("png", "svg")
+"""File formats of the plots."""
 
 
 def check_format(file_format: str) -> None:
-    """Refuse a format that there is not.
+    """Check that a format of plots exists.
 
     Raises:
         UsageError: As it says.
@@ -24,7 +25,7 @@ def check_format(file_format: str) -> None:
 
 
 def check_matplotlib() -> None:
-    """Refuse to begin where nothing can be drawn.
+    """Check that matplotlib is installed.
 
     Raises:
         UsageError: matplotlib is not installed.
@@ -72,16 +73,19 @@ STYLES: dict[str, dict[str, Any]] = {
     "constant jerk": {"color": "tab:green"},
     "our default": {"color": "tab:red", "linestyle": "--"},
 }
-"""A method looks the same in every figure; ours is dashed where it may lie on the paper's."""
+"""Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's."""
 LONG_LABEL = 15
-"""Letters; of longer ones five do not stand side by side."""
+"""Labels from this length on, in characters, leave room for three columns in the legend instead of five.
+Chosen by hand; not fitted."""
 LEAST_MAP_HEIGHT = 0.15
-"""Of a map, by its width."""
+"""The least height of a map, as a share of its width. Chosen by hand; not fitted."""
 PALETTE = 200
-"""Colours of a PNG: half the bytes of true colour, and no visible difference."""
+"""Number of colours of a PNG: half the bytes of true colour, without a visible difference.
+Chosen by hand; not fitted."""
 
 
 def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format: str, force: bool) -> str:
+    """Draw a plot and write it as a file."""
     import io
 
     import numpy as np
@@ -132,7 +136,7 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
 
 
 def _reduced(png: bytes) -> bytes:
-    """The image with a palette; Pillow comes with matplotlib."""
+    """Reduce the colours of a PNG to a palette; Pillow comes with matplotlib."""
     import io
 
     from PIL import Image

@@ -12,18 +12,22 @@ from cwcli.reproduction.song2016.warning import OURS, Moments, typical_seed
 from cwcli.simulation.scenario import HOST, Scenario
 
 GRID_S = 0.01
+"""Time step of the replayed motion, in s. Chosen by hand; not fitted."""
 EXTRA_S = 6.0
-"""The scenario ends with the collision; the car needs some seconds more to come to rest."""
+"""Time after the scenario's end, the collision, in which the car comes to rest, in s. Chosen by hand; not fitted."""
 FIGURES = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
+"""Scenario -> the paper's figures of its distance and of its speed."""
 LARGEST = {
     "rear-end": "the jerk model leaves a larger gap than acceleration",
     "intersection": "the yaw-acceleration model keeps the largest distance",
 }
+"""Scenario -> what the paper says of the largest distance (figures 12 and 14)."""
 LABELS = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
+"""Method -> its label in plots."""
 
 
 def control_part(name: str, moments: Moments) -> Part:
-    """The replay of one scenario under control, for each family's warning moments over all seeds."""
+    """Replay one scenario under control, for each family's warning moments over all seeds."""
     host = true_motion(moments.scenario, HOST)
     other = true_motion(moments.scenario, moments.other)
     outcomes = {
@@ -58,7 +62,7 @@ def control_part(name: str, moments: Moments) -> Part:
 
 
 def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
-    """The vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for `EXTRA_S`."""
+    """Return a vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for `EXTRA_S`."""
     time_s = np.arange(round((scenario.duration_s + EXTRA_S) / GRID_S) + 1, dtype=np.float64) * GRID_S
     state = scenario.vehicles[vehicle].motion.at(np.minimum(time_s, scenario.duration_s))
     beyond_s = np.maximum(time_s - scenario.duration_s, 0.0)
@@ -75,7 +79,7 @@ def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
 
 
 def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Plot, ...]:
-    """Distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
+    """Plot distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
     distance, speed = FIGURES[name]
     when = np.column_stack([moments.by_method[method] for method in outcomes])
     seed = typical_seed(when)

@@ -25,20 +25,22 @@ QUANTITIES = {
     "accel": "acceleration",
     "yaw_rate": "yaw rate",
 }
-"""Rows of table 1: name in `error_rows` -> printed name."""
+"""Name of a quantity in `error_rows` -> its printed name in table 1."""
 PAPERS_FILTER = "song2016"
+"""Key of the paper's filter in `LABELS`."""
 PERCENT_OF_G = 100.0 / 9.81
-"""The table has the acceleration in per cent, read as of g."""
+"""Per cent of g in 1 m/s^2: table 1 gives the acceleration in per cent, read as of g."""
 LABELS = {
     "smoothed": "our smoother",
     "default": "our smoother as on the command line, latencies searched",
     "causal": "our filter",
     "song2016": "the paper's filter",
 }
+"""Key of an estimator -> its label in tables and plots."""
 
 
 def estimates_of(run: Run) -> dict[str, FloatArray]:
-    """Key of `LABELS` -> states, shape (n, 8), from the same measurements."""
+    """Estimate states (n, 8) from the same measurements by every estimator: key of `LABELS` -> states."""
     return {
         "smoothed": our_track(run, causal=False).state,
         "default": our_track(run, causal=False, latency="auto").state,
@@ -48,12 +50,12 @@ def estimates_of(run: Run) -> dict[str, FloatArray]:
 
 
 def table1_rows(run: Run, state: FloatArray) -> list[ErrorRow]:
-    """Table 1 of one run: the errors of the measurements and of an estimate, shape (n, >= 6)."""
+    """Compute table 1 of one run: the errors of the measurements and of an estimate, shape (n, >= 6)."""
     return error_rows(_quantities(run.truth), _quantities(run.vectors), _quantities(state))
 
 
 def table1_part(name: str, n_seeds: int, tick: Callable[[], None]) -> Part:
-    """Table 1 on one scenario: the errors measured and by the paper's filter, and the change by each estimator."""
+    """Compute table 1 on one scenario: errors measured and filtered, and the change by each estimator."""
     scenario = load_scenario(name)
     changes: dict[tuple[str, str], list[float]] = {(m, q): [] for q in QUANTITIES for m in LABELS}
     levels: dict[tuple[str, str], list[float]] = {(k, q): [] for k in ("measured", "estimated") for q in QUANTITIES}
@@ -86,18 +88,19 @@ def table1_part(name: str, n_seeds: int, tick: Callable[[], None]) -> Part:
 
 
 def _mean(what: str, values: list[float]) -> Measured:
+    """Return the mean of values over the seeds, with its interval, as a number of table 1."""
     low, high = normal_interval(np.array(values))
     return Measured("table 1", what, float(np.mean(values)), low, high)
 
 
 def _quantities(state: FloatArray) -> dict[str, FloatArray]:
-    """The rows of table 1 from columns x, y, v, heading, a, yaw rate, in the units of `error_rows`."""
+    """Split columns x, y, v, heading, a, yaw rate into the rows of table 1, in the units of `error_rows`."""
     singles = {name: state[:, column] for column, name in enumerate(("speed", "heading", "accel", "yaw_rate"), start=2)}
     return {"position": state[:, :2], **singles}
 
 
 def _traces(run: Run, estimates: dict[str, FloatArray]) -> tuple[Plot, ...]:
-    """Figures 1 and 2: error over time, position (its east part) and speed."""
+    """Plot figures 1 and 2: error over time of the position (its east part) and of the speed."""
     plots = []
     for figure, what, unit, column in (("fig 1", "east position", "m", 0), ("fig 2", "speed", "m/s", 2)):
         curves = [

@@ -25,9 +25,11 @@ from cwcli.stages.inputs.vehicles import ONSET
 from cwcli.warning.types import VehicleTrack
 
 STEP_NS = 50_000_000
-HORIZON_S = 2.5  # song2016, section 4
+"""Period of the sensors, in ns: 20 Hz."""
+HORIZON_S = 2.5
+"""How far ahead the paper predicts, in s (song2016, section 4)."""
 FAMILIES = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
-"""The paper's three families (eq. 9, 2, 10) and our names of the models."""
+"""The paper's three families of models (eq. 9, 2, 10) -> our names of these models."""
 
 
 VECTOR = {
@@ -37,7 +39,7 @@ VECTOR = {
     Kind.ACCEL: [4],
     Kind.YAW_RATE: [5],
 }
-"""Which columns of Z (eq. 1) each kind of measurement is."""
+"""Kind of measurement -> its columns of the measurement vector Z (eq. 1)."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class Run:
 
 
 def sense(scenario: Scenario, vehicle: str, seed: int) -> Run:
-    """The paper's synchronous measurement vector of one vehicle (eq. 1), from the scenario's sensors."""
+    """Measure the paper's synchronous vector (eq. 1) of one vehicle with the scenario's sensors."""
     motion = scenario.vehicles[vehicle].motion
     data = {
         name: measure(name, motion, settings, start_ns=0, end_s=scenario.duration_s, seed=seed, vehicle=vehicle)
@@ -73,13 +75,13 @@ def sense(scenario: Scenario, vehicle: str, seed: int) -> Run:
 
 
 def paper_states(run: Run) -> FloatArray:
-    """song2016's filter (eq. 8) and the derivatives that its prediction needs, shape (n, 8)."""
+    """Run song2016's filter (eq. 8) and add the derivatives that its prediction needs, shape (n, 8)."""
     states, _ = filter_vectors(run.vectors, tuple(run.sigma))
     return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
 
 
 def our_track(run: Run, *, causal: bool = True, latency: LatencyOption = "none") -> Track:
-    """Our default estimator on the same measurements, told the same noise.
+    """Run our default estimator on the same measurements, with the same noise given.
 
     Args:
         run: The measurements; their stamps are right.
@@ -93,7 +95,7 @@ def our_track(run: Run, *, causal: bool = True, latency: LatencyOption = "none")
 
 @dataclass(frozen=True)
 class Known:
-    """One vehicle as our default chain knows it on line, from the past alone.
+    """One vehicle as our default chain knows it online, from the past alone.
 
     Attributes:
         name: `host` or the station id.
@@ -111,7 +113,7 @@ class Known:
     width_m: float
 
     def predicted(self, model: str, *, with_onset: bool = False) -> VehicleTrack:
-        """With a path from every state by a key of `prediction.models.MODELS`, and the onset hypothesis if asked."""
+        """Predict a path from every state by a key of `MODELS`, and the onset hypothesis if asked."""
         return VehicleTrack(
             self.name,
             self.track.stamp_ns,
@@ -125,25 +127,26 @@ class Known:
         )
 
     def _paths(self, model: str) -> Paths:
+        """Predict a path from every state."""
         acted = acted_online(self.track, self.log_time_ns) if model == DEFAULT_MODEL else None
         state, covariance = self.track.state, self.track.covariance
         return rollout(model, state, covariance, horizon_s=self.horizon_s, step_s=STEP_S, acted=acted)
 
 
 def acted_online(track: Track, log_time_ns: Int64Array | None = None) -> FloatArray:
-    """For how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
+    """Return for how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
     vehicle = np.zeros(len(track.state), np.int64)
     return measured_acted(vehicle, track.stamp_ns, log_time_ns, track.state, track.covariance)
 
 
 def known_exactly(run: Run, name: str) -> Known:
-    """One vehicle as the paper has it: its own filter's state is known to the host at once, here from our filter."""
+    """Return a vehicle whose filtered state the host knows at once, as the paper assumes; the filter is ours."""
     track = our_track(run)
     return Known(name, track, track.stamp_ns, HORIZON_S + MAX_MESSAGE_AGE_S, math.nan, math.nan)
 
 
 def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
-    """The host from its sensors and the others from the messages that it received of them.
+    """Estimate the host from its sensors, and the others from the messages that it received of them.
 
     Args:
         drive: A simulated drive with at least one other vehicle on V2X.
@@ -175,6 +178,7 @@ def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
 
 
 def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
+    """Return the measurements of the host's sensors."""
     sensors = drive.sensors
     gnss, imu = sensors["gnss"], sensors["imu"]
     return [
@@ -191,10 +195,11 @@ def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
 
 
 def _measured(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
+    """Return values as measurements of a kind."""
     return Measurements(kind.name.lower(), kind, stamp_ns, values, np.tile(np.square(sigma), (len(values), 1)))
 
 
 def paper_points(states: FloatArray, family: str, horizon_s: float) -> FloatArray:
-    """Where the paper's recursion (eq. 9, 2 or 10) puts the vehicle `horizon_s` later, shape (n, 2)."""
+    """Predict positions `horizon_s` ahead by the paper's recursion (eq. 9, 2 or 10), shape (n, 2), m."""
     paths = rollout(FAMILIES[family], states, None, horizon_s=horizon_s, step_s=STEP_S, discretisation="paper")
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

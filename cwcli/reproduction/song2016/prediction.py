@@ -26,10 +26,13 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.scenario import HOST, load_scenario
 
 HORIZONS_S = (2.1, 2.5, 2.9)
+"""The horizons that figure 7 compares, in s (song2016, figure 7)."""
 FIGURES = {"straight": "fig 3", "curve": "fig 5"}
+"""Scenario -> the paper's figure."""
 OURS = "cwcli"
+"""Key of our default model among the methods."""
 WARM_UP_S = 2.0
-"""Earlier starts are left out: the filters have not settled, and no car is switched on just when it matters."""
+"""Earlier starts are left out, in s, because the filters have not settled. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ def prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> Erro
 
 
 def prediction_part(name: str, errors: Errors) -> Part:
-    """Figure 3 or 5: the order of the families, in the mean and in the maximum; our default beside them."""
+    """Compute figure 3 or 5: the order of the families, in the mean and in the maximum, and our default."""
     figure = FIGURES[name]
     measured: list[Measured] = []
     medians: dict[str, list[float]] = {"mean": [], "largest": []}
@@ -118,7 +121,7 @@ def prediction_part(name: str, errors: Errors) -> Part:
 
 
 def horizon_part(errors: Errors) -> Part:
-    """Figure 7: the jerk model at three horizons, straight scenario."""
+    """Compute figure 7: the jerk model at three horizons on the straight scenario."""
     measured = [
         Measured("fig 7", f"straight: largest error of constant jerk, {horizon:g} s ahead", *median_interval(values))
         for horizon, values in errors.horizon_max_m.items()
@@ -137,7 +140,7 @@ def horizon_part(errors: Errors) -> Part:
 
 
 def path_part() -> Part:
-    """Figure 4: the way of the car in the curve, true, measured and filtered (seed 0)."""
+    """Plot figure 4: the path of the car in the curve, true, measured and filtered (seed 0)."""
     run = sense(load_scenario("curve"), HOST, 0)
     states = paper_states(run)
     curves = [
@@ -160,13 +163,14 @@ def path_part() -> Part:
 def _errors_at(
     time_s: FloatArray, end_s: float, horizon_s: float, true_state: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-    """The starts whose outcome is known, and a function from predicted points (n, 2) of all starts to their errors."""
+    """Return the starts whose outcome is known, and a function from points (n, 2) of all starts to errors."""
     rows = np.flatnonzero((time_s >= WARM_UP_S) & (time_s + horizon_s <= end_s + 1e-9))
     actual = true_state(time_s[rows] + horizon_s)[:, :2]
     return time_s[rows], lambda points: np.asarray(np.hypot(*(points[rows] - actual).T))
 
 
 def _default_points(track: Track) -> FloatArray:
+    """Predict positions (n, 2) in m by our default model."""
     acted = acted_online(track)
     paths = rollout(DEFAULT_MODEL, track.state, track.covariance, horizon_s=HORIZON_S, step_s=STEP_S, acted=acted)
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

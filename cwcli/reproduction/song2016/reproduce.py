@@ -21,7 +21,7 @@ Tick = Callable[[str], None]
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Settings.
+    """Settings of the study.
 
     Attributes:
         seeds: Seeds per scenario of the warnings, of the control and of the traps. Table 1 and the prediction figures
@@ -36,7 +36,7 @@ class ReproduceConfig:
 
 
 MAX_SEEDS_OF_FIGURES = 20
-"""Largest number of seeds of table 1 and of the prediction figures, whose intervals are narrow with so few."""
+"""The greatest number of seeds of table 1 and the prediction figures, whose intervals are narrow with so few."""
 MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
     ("traps", ""): ("traps",),
     ("warnings", "rear-end"): ("fig 8", "fig 9", "fig 12", "fig 13"),
@@ -48,13 +48,13 @@ MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
     ("prediction", "straight"): ("fig 3", "fig 7"),
     ("prediction", "curve"): ("fig 4", "fig 5"),
 }
-"""Task -> the figures and tables that it makes."""
+"""Kind of task and scenario -> the figures and tables that it makes."""
 MAX_SEEDS_OF = {
     "table 1": MAX_SEEDS_OF_FIGURES,
     "prediction": MAX_SEEDS_OF_FIGURES,
     "sensitivity": MAX_SEEDS_OF_CHOICES,
 }
-"""Kind of task -> the largest number of seeds that it takes, where there is one."""
+"""Kind of task -> the greatest number of seeds that it takes, where there is one."""
 WORDS_OF = {
     "warnings": "warnings and control",
     "traps": "traps",
@@ -62,7 +62,7 @@ WORDS_OF = {
     "prediction": "predicted paths",
     "sensitivity": "moved choices",
 }
-"""Kind of task -> what it is called in notes, in the order of the notes."""
+"""Kind of task -> its name in notes, in the order of the notes."""
 
 
 def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) -> Reproduction:
@@ -90,7 +90,7 @@ def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) 
 
 
 def seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
-    """How many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1, predicted paths".
+    """Format how many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1".
 
     Args:
         tasks: Kind, scenario and number of seeds.
@@ -104,22 +104,22 @@ def seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
 
 
 def _run(kind: str, name: str, n_seeds: int) -> tuple[list[Part], list[Section]]:
-    """One task of the study, in a process of its own."""
+    """Run one task of the study, in a process of its own."""
 
-    def nothing() -> None:
+    def ignore_tick() -> None:
         return None
 
     match kind:
         case "table 1":
-            return [table1_part(name, n_seeds, nothing)], []
+            return [table1_part(name, n_seeds, ignore_tick)], []
         case "prediction":
-            errors = prediction_errors(name, n_seeds, nothing)
+            errors = prediction_errors(name, n_seeds, ignore_tick)
             return [prediction_part(name, errors), horizon_part(errors) if name == "straight" else path_part()], []
         case "warnings":
-            moments = warning_moments(name, n_seeds, nothing)
+            moments = warning_moments(name, n_seeds, ignore_tick)
             return [figure_part(name, moments), control_part(name, moments)], []
         case "sensitivity":
             part, section = sensitivity_part(name, n_seeds)
             return [part], [section]
         case _:
-            return [trap_part(name, false_warnings(name, n_seeds, nothing), n_seeds)], []
+            return [trap_part(name, false_warnings(name, n_seeds, ignore_tick), n_seeds)], []

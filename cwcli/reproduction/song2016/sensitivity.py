@@ -23,20 +23,30 @@ from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.scenario import HOST, Scenario, load_scenario
 
 MAX_SEEDS = 10
-BRAKES, STOPS = "lead.longitudinal.2", "lead.longitudinal.3"
+"""The greatest number of seeds of each variant. Chosen by hand; not fitted."""
+BRAKES = "lead.longitudinal.2"
+"""Key of the scenario's segment in which the lead brakes."""
+STOPS = "lead.longitudinal.3"
+"""Key of the scenario's segment in which the lead comes to rest."""
 SOONER = (f"{BRAKES}.to_s=6.2", f"{STOPS}.from_s=6.2")
-"""A lead that brakes earlier or harder is slow earlier, after the collision: its last segment begins then."""
+"""Overrides that begin the lead's last segment earlier, as a lead that brakes earlier or harder is slow earlier."""
 TURN_S = (4.4, 4.6)
+"""Moved starts of the turn at the intersection, in s. Chosen by hand; not fitted."""
 BRAKING_S = (3.35, 3.55)
+"""Moved starts of the braking, in s. Chosen by hand; not fitted."""
 JERKS_MPS3 = (2.5, 3.5)
+"""Moved jerks at the beginning of the braking, in m/s^3. Chosen by hand; not fitted."""
 FRICTIONS = (0.7, 0.8, 0.9)
+"""Moved friction coefficients, around the 0.8 and 0.9 of docs/papers/song2016-choices.md."""
 DECELERATION_MPS2 = 8.0
+"""The lead's deceleration where the friction allows it, in m/s^2, as in the scenario."""
 MOMENTS = ("ideal", "jerk", "acceleration", "speed")
+"""Names of the compared moments: the ideal one and the warnings of the three families."""
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One choice moved.
+    """One variant of the study, in which one choice is moved.
 
     Attributes:
         name: What is moved, and where to.
@@ -50,23 +60,27 @@ class Variant:
 
 
 def _braking(at_s: float) -> Variant:
+    """Return the variant in which the lead begins to brake at another time."""
     sooner = SOONER if at_s < max(BRAKING_S) else ()
     overrides = (f"lead.longitudinal.1.to_s={at_s}", f"{BRAKES}.from_s={at_s}", *sooner)
     return Variant(f"braking begins at {at_s:g} s", overrides)
 
 
 def _jerk(jerk_mps3: float) -> Variant:
+    """Return the variant in which the lead's braking grows with another jerk."""
     sooner = SOONER if jerk_mps3 > min(JERKS_MPS3) else ()
     return Variant(f"braking grows by {jerk_mps3:g} m/s^3", (f"{BRAKES}.jerk_mps3={jerk_mps3}", *sooner))
 
 
 def _friction(friction: float) -> Variant:
+    """Return the variant with another friction."""
     braking_mps2 = min(DECELERATION_MPS2, friction * STANDARD_GRAVITY_MPS2)
     overrides = (f"{BRAKES}.accel_mps2={-braking_mps2}", f"{STOPS}.limit_mps2={braking_mps2}")
     return Variant(f"friction {friction:g}", overrides, friction)
 
 
 def _turn(at_s: float) -> Variant:
+    """Return the variant in which the turn begins at another time."""
     overrides = (f"other.lateral.0.to_s={at_s}", f"other.lateral.1.from_s={at_s}")
     return Variant(f"the turn begins at {at_s:g} s", overrides)
 
@@ -80,10 +94,11 @@ VARIANTS: dict[str, tuple[Variant, ...]] = {
     ),
     "intersection": (Variant("as chosen"), *map(_turn, TURN_S)),
 }
+"""Scenario -> the variants of its choices, the chosen one first."""
 
 
 def sensitivity_part(name: str, n_seeds: int) -> tuple[Part, Section]:
-    """The bands of the moments of a scenario, and what makes them, one row a variant."""
+    """Compute the bands of a scenario's moments over the variants, and their table, one row a variant."""
     figure = FIGURES[name]
     rows = [_moments(name, variant, min(n_seeds, MAX_SEEDS)) for variant in VARIANTS[name]]
     moments = np.array([[row[key] for key in MOMENTS] for row, _ in rows])
@@ -119,7 +134,7 @@ def sensitivity_part(name: str, n_seeds: int) -> tuple[Part, Section]:
 
 
 def _moments(name: str, variant: Variant, n_seeds: int) -> tuple[dict[str, float], float]:
-    """The ideal moment and the medians of the warnings; the runs in which constant speed collides, per cent."""
+    """Return the ideal moment and the warnings' medians, and the per cent of runs in which constant speed collides."""
     scenario = load_scenario(name, variant.overrides)
     other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST)
     found: dict[str, list[float]] = {family: [] for family in FAMILIES}
@@ -136,7 +151,7 @@ def _moments(name: str, variant: Variant, n_seeds: int) -> tuple[dict[str, float
 
 
 def paper_warnings(scenario: Scenario, other: str, seed: int) -> dict[str, float]:
-    """Family -> when it first predicts a collision, NaN if it never does."""
+    """Return when each family first predicts a collision, in s, NaN if it never does."""
     runs = [sense(scenario, vehicle, seed) for vehicle in (HOST, other)]
     states = [paper_states(run) for run in runs]
     found = {}
@@ -147,7 +162,7 @@ def paper_warnings(scenario: Scenario, other: str, seed: int) -> dict[str, float
 
 
 def _n_near(name: str, moments_s: FloatArray) -> int:
-    """How many of the four moments are the paper's within its tolerance."""
+    """Count the moments that are within the tolerance around the paper's."""
     figure = load_expectations("song2016").figures[FIGURES[name]]
     labels = ("ideal moment", *(f"{name}: warning, constant {family}, median" for family in MOMENTS[1:]))
     near = 0

@@ -31,16 +31,24 @@ from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
 
 COLLISION_M = 2.5
+"""Centres nearer than this count as a collision, in m: the threshold of the paper's rule (figures 9 and 11)."""
 FINE_STEP_S = 0.001
+"""Time step of the search for the true collision, in s. Chosen by hand; not fitted."""
 FIGURES = {"rear-end": "fig 9", "intersection": "fig 11"}
+"""Scenario -> the paper's figure of predicted distances."""
 DRAWINGS = {"rear-end": "fig 8", "intersection": "fig 10"}
-OURS, OURS_ON_LINK = "cwcli", "cwcli-v2x"
+"""Scenario -> the paper's figure of the paths from above."""
+OURS = "cwcli"
+"""Key of our default chain with the paper's knowledge among the methods."""
+OURS_ON_LINK = "cwcli-v2x"
+"""Key of our default chain on V2X messages among the methods."""
 TRAPS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
+"""Scenarios without a collision in which our default must not warn."""
 
 
 @dataclass(frozen=True)
 class Moments:
-    """Warning moments of one scenario.
+    """Warning moments of one scenario over all seeds.
 
     Attributes:
         scenario: The scenario.
@@ -61,7 +69,7 @@ class Moments:
 
 
 def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moments:
-    """Run a two-car scenario over seeds 0 to n_seeds - 1; `tick` is called after each seed."""
+    """Simulate a two-car scenario over seeds 0 to n_seeds - 1; `tick` is called after each seed."""
     scenario = load_scenario(name)
     other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST)
     moments: dict[str, list[float]] = {method: [] for method in (*FAMILIES, OURS, OURS_ON_LINK)}
@@ -87,20 +95,20 @@ def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moment
 
 
 def first_below(time_s: FloatArray, distance_m: FloatArray, threshold_m: float) -> float:
-    """The first time at which the distance is below the threshold, NaN if it never is."""
+    """Return the first time at which the distance is below the threshold, NaN if it never is."""
     below = np.flatnonzero(distance_m < threshold_m)
     return float(time_s[below[0]]) if len(below) else math.nan
 
 
 def collision_time_s(scenario: Scenario, other: str) -> float:
-    """When the true centres come nearer than `COLLISION_M`, NaN if they never do."""
+    """Return when the true centres come nearer than `COLLISION_M`, NaN if they never do."""
     time_s = np.arange(int(scenario.duration_s / FINE_STEP_S) + 1, dtype=np.float64) * FINE_STEP_S
     host_state, other_state = (scenario.vehicles[vehicle].motion.at(time_s) for vehicle in (HOST, other))
     return first_below(time_s, np.hypot(*(host_state[:, :2] - other_state[:, :2]).T), COLLISION_M)
 
 
 def false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[str, int]:
-    """Warnings in a trap over all seeds: of our default, and of the paper's rule on the paper's model."""
+    """Count the warnings in a trap over all seeds: of our default, and of the paper's rule and model."""
     scenario = load_scenario(name)
     counts = {OURS: 0, "song2016": 0}
     for seed in range(n_seeds):
@@ -112,7 +120,7 @@ def false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[st
 
 
 def figure_part(name: str, moments: Moments) -> Part:
-    """Figure 9 or 11: the moments, and the predicted distances in a typical seed."""
+    """Compute figure 9 or 11: the moments, and the predicted distances in a typical seed."""
     figure = FIGURES[name]
     measured = [Measured(figure, "ideal moment", moments.ideal_s)]
     medians: dict[str, float] = {}
@@ -149,7 +157,7 @@ def figure_part(name: str, moments: Moments) -> Part:
 
 
 def typical_seed(when_s: FloatArray) -> int:
-    """The seed (row) in which every method (column) warns and the moments are nearest to their medians; else 0."""
+    """Return the seed (row) in which all methods (columns) warn and are nearest to their medians; else 0."""
     everywhere = np.isfinite(when_s).all(axis=1)
     if not everywhere.any():
         return 0
@@ -158,7 +166,7 @@ def typical_seed(when_s: FloatArray) -> int:
 
 
 def _seen_from_above(name: str, moments: Moments) -> Plot:
-    """Figure 8 or 10: the ways of the two cars until they collide; dots where they are at the ideal moment."""
+    """Plot figure 8 or 10: the paths of both cars until they collide, with dots at the ideal moment."""
     time_s = np.arange(0.0, moments.ideal_s + HORIZON_S, STEP_S)
     curves = []
     for vehicle in (HOST, moments.other):
@@ -170,7 +178,7 @@ def _seen_from_above(name: str, moments: Moments) -> Plot:
 
 
 def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> Part:
-    """A trap: our default must stay silent; the warnings of the paper's rule beside it."""
+    """Report the warnings in a trap of our default, which must stay silent, and of the paper's rule."""
     labels = {OURS: "our default", "song2016": "the paper's rule"}
     return Part(
         tuple(
@@ -186,13 +194,13 @@ def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> Part:
 
 
 def _first_default_warning_s(host: Known, others: Sequence[Known], start_ns: int) -> float:
-    """When our default chain warns first, seconds from the start; NaN if it never does."""
+    """Return when our default chain warns first, in s from the start; NaN if it never does."""
     warnings_ns = _warnings_ns(host, others, DEFAULT_MODEL, WarningConfig())
     return (warnings_ns[0] - start_ns) * 1e-9 if warnings_ns else math.nan
 
 
 def _warnings_ns(host: Known, others: Sequence[Known], model: str, config: WarningConfig) -> list[int]:
-    """When the rule raises a warning on what the host knows on line, in order."""
+    """Return the stamps at which the rule raises a warning on what the host knows online, in order."""
     with_onset = RULES[config.rule].uses_onset
     partners = [other.predicted(model, with_onset=with_onset) for other in others]
     result = find_warnings(host.predicted(model), partners, config)

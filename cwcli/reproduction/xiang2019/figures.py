@@ -23,13 +23,15 @@ from cwcli.tracking.config import FILTERS
 from cwcli.tracking.single import run_filter
 
 SENSORS = ("lidar", "radar")
+"""Names of the two sensors in tables."""
 FIGURE_OF = {"ekf": "fig 7", "ukf": "fig 8"}
+"""Filter -> the paper's figure of its tracks."""
 APART_M = 14.0
-"""The segments are drawn beside one another."""
+"""Distance at which the segments are drawn side by side, in m. Chosen by hand; not fitted."""
 
 
 def numbers(tables: Mapping[str, Table]) -> tuple[Measured, ...]:
-    """The numbers of all tables that the paper has something to say of, and the map of where a UKF pays."""
+    """Return the numbers of all tables that the paper has something to say of, and of the radar scenes."""
     measured: list[Measured] = []
     for name, make in MAKERS.items():
         if name in tables:
@@ -38,6 +40,7 @@ def numbers(tables: Mapping[str, Table]) -> tuple[Measured, ...]:
 
 
 def _figure_6(table: Table) -> list[Measured]:
+    """Return the errors and gains of figure 6."""
     measured = []
     for k, range_m in enumerate(_column(table, "range_m")):
         at = f"{range_m:.2f} m"
@@ -53,6 +56,7 @@ def _figure_6(table: Table) -> list[Measured]:
 
 
 def _table_1(table: Table) -> list[Measured]:
+    """Return the mean square errors and gains of table 1."""
     measured = []
     for k, (segment, axis) in enumerate(zip(table["segment"], table["axis"], strict=True)):
         for name in FILTERS:
@@ -71,6 +75,7 @@ def _table_1(table: Table) -> list[Measured]:
 
 
 def _table_2(table: Table) -> list[Measured]:
+    """Return the times of table 2, and whether the UKF is faster."""
     times = dict(zip(map(str, table["filter"]), _column(table, "time_ms"), strict=True))
     measured = [Measured("table 2", f"{name.upper()}: 500 samples", float(times[name])) for name in ("ukf", "ekf")]
     measured.append(Measured("table 2", "the UKF is the faster one", float(times["ukf"] < times["ekf"])))
@@ -78,6 +83,7 @@ def _table_2(table: Table) -> list[Measured]:
 
 
 def _where(table: Table) -> list[Measured]:
+    """Return the gains of the UKF in scenes with radar alone."""
     gain, low, high = (_column(table, f"gain{end}_pct") for end in ("", "_low", "_high"))
     return [
         Measured(
@@ -88,6 +94,7 @@ def _where(table: Table) -> list[Measured]:
 
 
 def _looks(table: Table) -> list[Measured]:
+    """Return the combined error by number of looks."""
     value, low, high = (_column(table, name) for name in ("error_m", "low_m", "high_m"))
     return [
         Measured(
@@ -100,6 +107,7 @@ def _looks(table: Table) -> list[Measured]:
 
 
 def _settings(table: Table) -> list[Measured]:
+    """Return the mean square errors by process noise."""
     return [
         Measured("where", f"process noise {noise:g}, {name.upper()}: mean square error", float(_column(table, name)[k]))
         for k, noise in enumerate(_column(table, "process_noise"))
@@ -115,10 +123,11 @@ MAKERS = {
     "looks": _looks,
     "settings": _settings,
 }
+"""Table -> the function that takes its numbers."""
 
 
 def looks_plot() -> Plot:
-    """Figure 5: the four looks of each sensor at the five ranges (seed 0)."""
+    """Plot figure 5: the four looks of each sensor at the five ranges (seed 0)."""
     at: dict[str, list[float]] = {sensor: [] for sensor in SENSORS}
     for true_m in PAPER_RANGES_M:
         scene = static_target(true_m, 2 * N_LOOKS, NOISE, np.random.default_rng([0, round(100 * true_m)]))
@@ -133,7 +142,7 @@ def looks_plot() -> Plot:
 
 
 def errors_plot(table: Table) -> Plot:
-    """Figure 6: the mean errors over the seeds."""
+    """Plot figure 6: the mean errors over the seeds."""
     labels = {"lidar": "four looks of the lidar", "radar": "four looks of the radar", "combined": "all eight"}
     ranges = _column(table, "range_m")
     curves = [Curve(label, ranges, _column(table, f"{name}_error_m")) for name, label in labels.items()]
@@ -144,7 +153,7 @@ def errors_plot(table: Table) -> Plot:
 
 
 def tracks_part() -> Part:
-    """Figures 7 and 8: the four segments as each filter tracks them (seed 0): true, detected, estimated."""
+    """Plot figures 7 and 8: the four segments as each filter tracks them (seed 0): true, detected, estimated."""
     plots = []
     for name, figure in FIGURE_OF.items():
         lines: dict[str, list[FloatArray]] = {"detected": [], "true": [], "estimated": []}
@@ -166,4 +175,5 @@ def tracks_part() -> Part:
 
 
 def _column(table: Table, name: str) -> FloatArray:
+    """Return a table's column as numbers."""
     return np.array(table[name], np.float64)

@@ -20,6 +20,7 @@ TITLES = {
     "table_2": "Table 2: time of 500 samples, inside the process",
     "where": "EKF and UKF elsewhere: radar alone, near and far, narrow and wide beams",
 }
+"""Table -> its title on the terminal."""
 SHOWN: dict[str, dict[str, str]] = {
     "figure_6": {
         "range_m": "range [m]",
@@ -55,7 +56,7 @@ SHOWN: dict[str, dict[str, str]] = {
         "gain_high_pct": "to",
     },
 }
-"""What the terminal shows, with its headings; of the other tables all columns."""
+"""Table -> the columns that the terminal shows, with their headings; of other tables all columns are shown."""
 
 
 MADE_BY = {
@@ -66,12 +67,12 @@ MADE_BY = {
     "settings": ("where",),
     "where": ("where",),
 }
-"""Table -> what stands in it."""
+"""Table -> the figures and tables of the paper that it holds."""
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Settings.
+    """Settings of the study.
 
     Attributes:
         seeds: Paired seeds.
@@ -83,7 +84,7 @@ class ReproduceConfig:
 
 
 def report_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
-    """Run the study. 1,000 seeds take about half a minute. `tick` is called with the name of each part."""
+    """Run the study; `tick` gets the name of each part. 1,000 seeds take about half a minute."""
 
     def is_wanted(*figures: str) -> bool:
         return not config.only or not set(config.only).isdisjoint(figures)
@@ -105,6 +106,7 @@ def report_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lamb
 
 
 def _section(name: str, table: Table) -> Section:
+    """Convert a table to a section of the summary."""
     shown = SHOWN.get(name, {column: column.replace("_", " ") for column in table})
     rows: list[tuple[Cell, ...]] = [tuple(cells) for cells in zip(*(table[column] for column in shown), strict=True)]
     key = f"ours_{name}" if name.startswith("table") else name

@@ -30,26 +30,33 @@ from cwcli.tracking.prepare import Rows, prepare
 from cwcli.tracking.single import run_filter
 
 NOISE = SensorNoise()
-# The paper's filter: constant velocity, radar update with range and azimuth only (eq. 8), no gate, start from the
-# first lidar point (eq. 5), never a Cartesian form of the radar.
+"""Noise of both sensors, which the paper leaves open (docs/papers/xiang2019-filter.md)."""
 FILTER = FilterConfig(
     model="cv", noise=0.3, start_speed_mps=2.0, cartesian_below=0.0, gate_probability=1.0, smooth=False
 )
+"""The paper's filter: constant velocity, radar update with range and azimuth only (eq. 8), no gate, start at the
+first lidar point (eq. 5), never a Cartesian form of the radar. The paper leaves the noise open."""
 STATIC_NOISE = 0.01
+"""Process noise and start speed for the standing target (docs/papers/xiang2019-filter.md)."""
 N_LOOKS = 4
+"""Looks of each sensor at the standing target (xiang2019, figure 5)."""
 N_SEGMENT = 240
+"""Number of detections along a segment. Chosen by hand; not fitted."""
 N_TIMED = 500
+"""Number of samples that are timed (xiang2019, table 2)."""
 PAPER_TABLE_1: dict[str, dict[str, tuple[float, ...]]] = {
     "ekf": {"x": (3.08, 5.30, 3.29, 5.28), "y": (6.37, 4.72, 6.87, 6.65)},
     "ukf": {"x": (1.91, 3.12, 2.61, 4.33), "y": (5.31, 3.14, 5.14, 5.74)},
 }
+"""Mean square errors of the paper's table 1, in per mille of a square metre: filter -> axis -> segments."""
 PAPER_TABLE_2_MS = {"ukf": 2.1, "ekf": 5.9}
+"""Times of 500 samples in the paper's table 2, in ms."""
 
 Table = dict[str, list[float] | list[str]]
 
 
 def rows_of(scene: DualSensorScene, noise: SensorNoise, *, lidar: bool = True, radar: bool = True) -> Rows:
-    """The scene's detections in the order of time; the range rate is left out (eq. 8)."""
+    """Return the scene's detections in order of time; the range rate is left out (eq. 8)."""
     sensors = {
         "lidar": SensorModel(sigma=(noise.lidar_m, noise.lidar_m)),
         "radar": SensorModel(sigma=(noise.range_m, noise.azimuth_rad, noise.rate_mps), use_range_rate=False),
@@ -63,17 +70,19 @@ def rows_of(scene: DualSensorScene, noise: SensorNoise, *, lidar: bool = True, r
 
 
 def _add(table: Table, **cells: float | str) -> None:
+    """Append a row to a table."""
     for name, value in cells.items():
         table.setdefault(name, []).append(value)  # type: ignore[arg-type]
 
 
 def _mean(values: FloatArray) -> tuple[float, float, float]:
+    """Return the mean of values and its 95 % interval."""
     low, high = normal_interval(values)
     return float(np.mean(values)), low, high
 
 
 def figures_5_and_6(n_seeds: int) -> Table:
-    """Error of the distance at the paper's five ranges: each sensor alone, and both combined by the UKF.
+    """Compute the error of the distance at the paper's five ranges, of each sensor and of both by the UKF.
 
     `*_gain` is the error of the mean of a sensor's four looks over that of the filter after all eight, less 1, in per
     cent: like against like. `*_single_gain` is the mean error of one look over it. The paper has 50-400 % (radar) and
@@ -108,7 +117,7 @@ def figures_5_and_6(n_seeds: int) -> Table:
 
 
 def looks_for_one_centimetre(n_seeds: int) -> Table:
-    """How many looks of each sensor it takes until the combined error at 4.90 m is 0.01 m, the paper's figure."""
+    """Compute the combined error at 4.90 m by number of looks, down to the paper's 0.01 m."""
     config = replace(FILTER, noise=STATIC_NOISE, start_speed_mps=STATIC_NOISE)
     table: Table = {}
     for n_looks in (4, 16, 64, 256):
@@ -130,7 +139,7 @@ def _paired(
     key: int,
     **which: bool,
 ) -> dict[str, FloatArray]:
-    """Squared errors (n_seeds, 2) of x and y, meaned over the track, of both filters on the same detections."""
+    """Compute squared errors (n_seeds, 2) of x and y, means over the track, of both filters on the same detections."""
     out: dict[str, FloatArray] = {name: np.zeros((n_seeds, 2)) for name in FILTERS}
     for seed in range(n_seeds):
         scene = watch(*truth, noise, np.random.default_rng([seed, key]))
@@ -143,11 +152,12 @@ def _paired(
 
 
 def _better(low: float, high: float) -> str:
+    """Return the name of the filter that the interval of EKF minus UKF shows to be better, or `neither`."""
     return "ukf" if low > 0.0 else ("ekf" if high < 0.0 else "neither")
 
 
 def table_1(n_seeds: int) -> Table:
-    """Mean square error of x and y on the four segments, in per mille of a square metre, EKF and UKF.
+    """Compute the mean square errors of x and y on the four segments, in per mille of a square metre.
 
     `difference` is EKF minus UKF, paired; `better` is decided by its 95 % interval.
     """
@@ -168,7 +178,7 @@ def table_1(n_seeds: int) -> Table:
 
 
 def settings(n_seeds: int) -> Table:
-    """Mean square error over the four segments, in per mille, with other process noises: what a setting can do."""
+    """Compute the mean square errors over the four segments, in per mille, with other process noises."""
     table: Table = {}
     for noise in (0.1, 0.3, 1.0, 3.0):
         config = replace(FILTER, noise=noise)
@@ -179,7 +189,7 @@ def settings(n_seeds: int) -> Table:
 
 
 def table_2(repeats: int = 200) -> Table:
-    """Time of 500 samples, best of `repeats`, inside the process."""
+    """Measure the time of 500 samples, the best of `repeats`, inside the process."""
     truth = segment_truth("arc", N_TIMED)
     rows = rows_of(watch(*truth, NOISE, np.random.default_rng(0)), NOISE)
     table: Table = {}
@@ -194,7 +204,7 @@ def table_2(repeats: int = 200) -> Table:
 
 
 def where(n_seeds: int) -> Table:
-    """Radar alone, an arc far and near, with narrow and wide beams: where does the UKF win?
+    """Compare the filters with radar alone: an arc far and near, with narrow and wide beams.
 
     `bend` says why: with the azimuth's sigma a, the arc of points at range r departs from its tangent by r a^2 / 2.
     In units of the range noise that is the nonlinearity that a Jacobian does not see (Lerro, Bar-Shalom, IEEE TAES
@@ -217,6 +227,7 @@ def where(n_seeds: int) -> Table:
 def _add_cell(
     table: Table, n_seeds: int, scene: str, range_m: float, azimuth_deg: float, truth: tuple[FloatArray, FloatArray]
 ) -> None:
+    """Compare both filters in one radar scene and append the row."""
     noise = replace(NOISE, azimuth_rad=float(np.radians(azimuth_deg)))
     errors = _paired(n_seeds, truth, noise, FILTER, round(10 * range_m + azimuth_deg), lidar=False)
     ekf, ukf = (errors[name].sum(axis=1) for name in ("ekf", "ukf"))
@@ -233,7 +244,7 @@ def _add_cell(
 def reproduce(
     n_seeds: int = 1000, *, progress: Callable[[str], None] = lambda name: None, names: Sequence[str] = ()
 ) -> dict[str, Table]:
-    """Tables by name, all or those of `names`; their columns are of equal length. All take about half a minute."""
+    """Compute the tables, all or those of `names`; all take about half a minute."""
     tables: dict[str, Table] = {}
     steps: dict[str, Callable[[], Table]] = {
         "figure_6": lambda: figures_5_and_6(n_seeds),

@@ -33,19 +33,28 @@ from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 
 HORIZON_S = 2.0
+"""How far ahead the paths are judged, in s: that of figures 17 to 19."""
 FRAMES_OF_TRACK = 20
+"""Frames of one track: 2 s at 10 Hz, as in the paper."""
 SETTLED_FRAMES = 20
+"""Earlier frames are not judged, because the observers have not settled. Chosen by hand; not fitted."""
 EXAMPLE_FRAME = 150
+"""The frame at which the plots begin. Chosen by hand; not fitted."""
 MAX_SEEDS = 20
+"""The greatest number of seeds of a figure. Chosen by hand; not fitted."""
 FRAME_HZ = 10.0
-"""The paper's (section 2.1)."""
+"""The paper's frame rate, in Hz (zhang2011, section 2.1)."""
 PLOT_NAMES = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "and gyroscope"}
+"""Method -> its label in plots."""
 RENDERED = "rendered frames, "
+"""The prefix of numbers from rendered frames."""
 
 ROAD = Road(
     np.array([0.0, 200.0, 280.0, 500.0, 580.0, 800.0, 880.0, 1100.0, 1180.0]),
     np.array([0.0, 0.0, 0.002, 0.002, 0.0, 0.0, -0.003, -0.003, 0.0]),
 )
+"""The lane of the drives, with bends of 500 and 330 m. Chosen by hand, as the paper describes none
+(docs/papers/zhang2011-motion.md)."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +72,16 @@ DRIVES: dict[str, Drive] = {
     "fig 18": Drive("half", 80.0, 0.2),
     "fig 19": Drive("full", 70.0, 0.18),
 }
+"""Figure -> the paper's drive."""
 
 TRACK = "track over 2 s, median error"
+"""The name of the track's error among the numbers."""
 BAND_NAME = "share of the truth in the 90 % band at 2 s"
+"""The name of the band's share among the numbers."""
 
 
 def methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
-    """Name -> observer, path model, whether the gyroscope is used.
+    """Return name -> observer, path model, and whether the gyroscope is used.
 
     All are told half load, as the paper's is. The load is not estimated: that takes lanes without errors that last, and
     those of rendered frames have such errors in bends.
@@ -84,7 +96,7 @@ def methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
 def drive_part(
     figure: str, n_seeds: int, tick: Callable[[], None] = lambda: None, *, lane_method: str | None = None
 ) -> Part:
-    """One figure over seeds 0, 1, 2, ...: medians over the seeds.
+    """Compute one figure over seeds 0, 1, 2, ...: medians over the seeds.
 
     Args:
         figure: A key of `DRIVES`.
@@ -133,12 +145,13 @@ def drive_part(
 
 
 def _boundary(abc: FloatArray) -> Boundary:
+    """Return the boundary of three coefficients of a parabola; not found if they are NaN."""
     a, b, c = abc.tolist()
     return Boundary(a, b, c, np.nan, np.nan, True) if np.isfinite(c) else NOT_FOUND
 
 
 def _path_picture(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
-    """Figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
+    """Plot figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
     k = EXAMPLE_FRAME
     camera = rendered.drive.camera
     x_m, y_m = paths.x_m[k] - load_vehicle().camera_forward_m, paths.y_m[k]
@@ -159,7 +172,7 @@ def drive_errors(
     path_xy: tuple[FloatArray, FloatArray],
     covariance: FloatArray,
 ) -> dict[str, float]:
-    """Errors of one run, from `SETTLED_FRAMES` on."""
+    """Compute the errors of one run, from `SETTLED_FRAMES` on."""
     rows = np.arange(SETTLED_FRAMES, len(track))
     index = sensed.index[rows]
     state = track.state[rows]
@@ -183,14 +196,14 @@ def drive_errors(
 def _moved(
     truth: Truth, run: int, index: npt.NDArray[np.intp], later: npt.NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the car is later, in its body frame now."""
+    """Return the car's later position in its body frame of now, forward and left, m."""
     dx, dy = (values[later, run] - values[index, run] for values in (truth.x_m, truth.y_m))
     cos, sin = np.cos(truth.yaw_rad[index, run]), np.sin(truth.yaw_rad[index, run])
     return cos * dx + sin * dy, -sin * dx + cos * dy
 
 
 def _track_error(truth: Truth, run: int, sensed: SensedDrive, track: LateralTrack) -> float:
-    """Median distance between the ends of observed and actual tracks of 20 frames that begin at the same pose."""
+    """Return the median distance, m, between the ends of observed and actual tracks that begin at the same pose."""
     x, y, heading = dead_reckon(track)
     first = np.arange(SETTLED_FRAMES, len(track) - FRAMES_OF_TRACK)
     last = first + FRAMES_OF_TRACK
@@ -201,6 +214,7 @@ def _track_error(truth: Truth, run: int, sensed: SensedDrive, track: LateralTrac
 
 
 def _track_curve(name: str, track: LateralTrack, truth: Truth, sensed: SensedDrive, run: int) -> Curve:
+    """Return the observed track of the example, placed at the true pose."""
     rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_OF_TRACK + 1)
     x, y, heading = (values[rows] for values in dead_reckon(track))
     at = sensed.index[EXAMPLE_FRAME]
@@ -214,6 +228,7 @@ def _track_curve(name: str, track: LateralTrack, truth: Truth, sensed: SensedDri
 
 
 def _road_curves(truth: Truth, sensed: SensedDrive, run: int) -> list[Curve]:
+    """Return the actual track of the example and both boundaries of the lane."""
     index = sensed.index[EXAMPLE_FRAME : EXAMPLE_FRAME + FRAMES_OF_TRACK + 1]
     table, x, y, direction = ROAD.table(float(truth.station_m.max()) + 100.0)
     station = truth.station_m[index, run]

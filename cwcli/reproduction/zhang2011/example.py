@@ -28,21 +28,29 @@ from cwcli.vision import zhang2011 as lanes
 from cwcli.vision.objective import WEIGHTS
 
 STEER_RAD = -0.05
+"""Steering angle of the paper's worked example, in our sign, in rad (section 3.2)."""
 CURVATURE_1PM = 0.001
+"""Curvature of the lane in the paper's worked example, in 1/m (section 3.2)."""
 PERIOD_S = 0.1
+"""Time between frames, in s: the paper's 10 Hz."""
 FRAMES = 20
+"""Frames after which the printed states were taken: 2.0 s, the length of a track; see the module."""
 CAR_KMH = 88.0
+"""Speed of the car in the worked example, in km/h (section 3.2)."""
 OBSERVERS_KMH = (80.0, 90.0)
+"""Speeds of the two observers in the worked example, in km/h (section 3.2)."""
 SIGNS = np.array([-1.0, -1.0, 1.0, 1.0])
-"""Of v_y, gamma, y_L, e_L: from ours to the paper's."""
+"""Factors from our signs of v_y, gamma, y_L and e_L to the paper's."""
 STATES = ("v_y", "gamma", "y_L", "e_L")
+"""Names of the four states, in order."""
 PRINTED = {80.0: (-1.417, 0.4008, -3.498, -0.0582), 90.0: (-1.996, 0.418, -3.524, -0.0658)}
-"""The printed observers, with the labels 80 and 90 exchanged back."""
+"""Speed in km/h -> the printed state of its observer, with the labels 80 and 90 exchanged back."""
 PHASES = {"frame 1": lanes.FIRST, "frames 2-6": lanes.SECOND, "later": lanes.THIRD}
+"""Name -> the search phase of the lane method."""
 
 
 def tables_part() -> Part:
-    """Tables 1 to 5 and the worked examples of section 1.2.2: what the code holds and computes."""
+    """Compute tables 1 to 5 and the worked examples of section 1.2.2 from the code."""
     measured = [
         Measured(
             "table 1",
@@ -92,7 +100,7 @@ def tables_part() -> Part:
 
 
 def example_part() -> Part:
-    """f(v), figure 13, the printed gains, and the worked example of section 3.2."""
+    """Compute f(v), figure 13, the printed gains, and the worked example of section 3.2."""
     car = load_vehicle()
     measured = [
         Measured("eq 13", "f(v) - 1 over v^2, half load", understeer_gradient(car) / car.wheelbase_m),
@@ -110,11 +118,12 @@ def example_part() -> Part:
 
 
 def _n_equal(ours: tuple[int, ...], printed: tuple[int, ...]) -> float:
+    """Count the entries that are the printed ones."""
     return float(sum(a == b for a, b in zip(ours, printed, strict=True)))
 
 
 def _gains() -> list[Measured]:
-    """The gains at rest of eq. 17, in the paper's signs."""
+    """Return the gains at rest of eq. 17, in the paper's signs."""
     bank = observer_bank(load_vehicle(), ObserverConfig("zhang2011"), PERIOD_S)
     return [
         Measured(
@@ -127,11 +136,12 @@ def _gains() -> list[Measured]:
 
 
 def _index(kmh: float) -> int:
+    """Return the index of a speed in the bank of observers, which has one per 10 km/h."""
     return round(kmh / 10.0) - 1
 
 
 def _blend() -> list[Measured]:
-    """Eq. 22 on the printed observers."""
+    """Return the blend (eq. 22) of the printed observers."""
     blended = 0.2 * np.array(PRINTED[80.0]) + 0.8 * np.array(PRINTED[90.0])
     return [
         Measured("eq 22", f"blend of the two printed observers: {state}", float(value))
@@ -140,7 +150,7 @@ def _blend() -> list[Measured]:
 
 
 def _models() -> list[Measured]:
-    """The models of 80, 90 and 88 km/h, two seconds after the angle is applied from straight running."""
+    """Return the states of the models of 80, 90 and 88 km/h, 2 s after the angle is applied from straight running."""
     measured = []
     for kmh, whose in ((80.0, "model of 80 km/h"), (90.0, "model of 90 km/h"), (CAR_KMH, "car at 88 km/h")):
         state = SIGNS * driven(kmh)[-1]
@@ -150,7 +160,7 @@ def _models() -> list[Measured]:
 
 
 def driven(kmh: float) -> FloatArray:
-    """States of the linear model from straight running under the example's angle, shape (21, 4), our signs."""
+    """Simulate the linear model from straight running under the example's angle, shape (21, 4), our signs."""
     phi, gamma = discretise(*preview_matrices(load_vehicle(), kmh * MPS_PER_KMH, ObserverConfig().preview_m), PERIOD_S)
     states = np.zeros((FRAMES + 1, 4))
     for k in range(FRAMES):
@@ -159,7 +169,7 @@ def driven(kmh: float) -> FloatArray:
 
 
 def _real_observers() -> list[Measured]:
-    """The observers of 80 and 90 km/h with the gains of eq. 17 on the car at 88 km/h, each alone, and their blend."""
+    """Return the states of both observers, with the gains of eq. 17, on the car at 88 km/h, and their blend."""
     bank = observer_bank(load_vehicle(), ObserverConfig("zhang2011"), PERIOD_S)
     actual = driven(CAR_KMH)
     found = {}

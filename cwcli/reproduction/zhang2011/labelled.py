@@ -23,14 +23,17 @@ from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.methods import ready_methods
 
 FIGURE = "labelled frames"
+"""The name under which the labelled frames are reported."""
 MATCH_NS = 5_000_000
+"""Labels and frames whose stamps differ by at most this, in ns, belong together. Chosen by hand; not fitted."""
 SEED = 2011
+"""Seed of the random searches, the year of zhang2011; any seed would do."""
 SEARCHED_SHARE = 150.0 / 240.0
-"""The lower part of the image is searched by the paper (section 1.1): only its rows are judged."""
+"""Share of the image's height, from below, that the paper searches (section 1.1); only its rows are judged."""
 
 
 def labelled_part(path: Path) -> Part:
-    """All methods on a labelled log.
+    """Run all methods on a labelled log.
 
     Args:
         path: Of the log.
@@ -45,7 +48,7 @@ def labelled_part(path: Path) -> Part:
 
 
 def labels_of(log: Log) -> str:
-    """The first topic with labels in TuSimple's form.
+    """Find the first topic with labels in TuSimple's form.
 
     Raises:
         MissingSignalError: There is none.
@@ -59,7 +62,7 @@ def labels_of(log: Log) -> str:
 
 
 def _shares(key: str, log: Log, topic: str) -> list[Measured]:
-    """Of one method: the labelled boundaries beside the car that it finds, and the frames with all of them found."""
+    """Measure which labelled boundaries next to the car a method finds, and the frames with all of them found."""
     rows = read_lanes(log.with_channels(lanes(log, LanesConfig(method=key, seed=SEED)).channels).columns(LANES.topic))
     labels = log.columns(topic)
     label_ns, has_stamp = stamps(labels)
@@ -94,5 +97,6 @@ def _shares(key: str, log: Log, topic: str) -> list[Measured]:
 
 
 def _share(what: str, n_right: int, n: int) -> Measured:
+    """Return a share in per cent with its interval."""
     low, high = proportion_interval(n_right, n) if n else (np.nan, np.nan)
     return Measured(FIGURE, what, 100.0 * n_right / n if n else np.nan, 100.0 * low, 100.0 * high)

@@ -27,18 +27,18 @@ from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
 from cwcli.vision.methods import METHODS, ready_methods
 
 FIRST_FRAMES = 6
-"""Of the first two search phases."""
+"""Frames of the first two search phases, which the paper calls not yet stable (section 1.2.2.1)."""
 JUDGED_FRAMES = 10
-"""Of each drive."""
+"""Frames of each drive that are judged. Chosen by hand; not fitted."""
 SEARCHED_ROWS = 150
-"""From the bottom, of 240 (section 1.1): the rows above are not judged."""
+"""Rows from the bottom, of 240, that the paper searches (section 1.1); the rows above are not judged."""
 
 BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class MethodOnDrives:
-    """What one method made of some drives; arrays of shape (drives, frames).
+    """The results of one method on some drives; arrays of shape (drives, frames).
 
     Attributes:
         is_right: Both boundaries within 6 pixels of the painted stripe on 85 % of the visible rows.
@@ -79,6 +79,7 @@ def run_drives(
 
 
 def _run_drive(key: str, drive: RoadDrive, frames: list[RoadFrame], found: MethodOnDrives, row: int, seed: int) -> None:
+    """Run one method on one drive and fill in its row of the results."""
     method = METHODS[key]
     search = method.make(seed)
     yaw_rates = drive.states_at(drive.time_s)[:, YAW_RATE]
@@ -108,13 +109,14 @@ def _run_drive(key: str, drive: RoadDrive, frames: list[RoadFrame], found: Metho
 
 @cache
 def vision_camera(width_px: int, height_px: int) -> Camera:
-    """The renderer's paper camera at rest, as a lane method is told it."""
+    """Return the renderer's paper camera at rest, as lane methods get it."""
     camera = paper_camera(width_px, height_px)
     mounting = Mounting(height_m=camera.height_m, pitch_rad=camera.pitch_rad)
     return Camera(width_px, height_px, camera.fx, camera.fy, camera.cx, camera.cy, mounting=mounting)
 
 
 def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+    """Resize a grey image."""
     if grey.shape[1::-1] == size:
         return grey
     import cv2
@@ -149,7 +151,7 @@ def is_right(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe
 
 
 def columns_px(boundary: Boundary, image: tuple[int, int], search: tuple[int, int]) -> FloatArray:
-    """Shape (image height,): the boundary's column in every row of the image, NaN where it was not found."""
+    """Return the boundary's column in every row of the image, shape (image height,), NaN if it was not found."""
     rows = np.arange(image[1])
     if not boundary.found:
         return np.full(len(rows), np.nan)

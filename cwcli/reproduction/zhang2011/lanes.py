@@ -15,20 +15,24 @@ from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES
 from cwcli.vision.methods import ready_methods
 
 CONCLUSION = "conclusion 1"
+"""The paper's conclusion on the lanes, as the expectations name it."""
 LANE_SETS = ("good", "complex", "hard")
+"""Names of the rendered sets of roads."""
 PAPER_PERCENT = {"good": 100.0, "complex": 90.0}
+"""Set -> per cent of frames whose boundaries are found (zhang2011, conclusion 1)."""
 PHASES = (("frame 1", 0, 1), ("frames 2-6", 1, FIRST_FRAMES), ("later", FIRST_FRAMES, None))
-"""Name, first and last frame (table 4)."""
+"""Name of a search phase, its first frame and the frame after its last (table 4)."""
 HELD_OUT_SEED = 2011
-"""Of the sets: not 0, 1 or 2, with which sets and methods were made. Drawn once."""
+"""Seed of the judged sets, drawn once and held out: sets and methods were made with seeds 0, 1 and 2."""
 DRIVES_PER_TASK = 5
+"""Number of drives that one task of a process runs. Chosen by hand; not fitted."""
 
 Results = Mapping[str, Mapping[str, MethodOnDrives]]
 
 
 @dataclass(frozen=True)
 class LaneStudy:
-    """The lane part's results.
+    """The results of the lane methods.
 
     Attributes:
         part: Shares and plots; the same for the same numbers of frames and drives.
@@ -60,6 +64,7 @@ def lane_study(
 
 
 def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -> Results:
+    """Run all methods on all sets, in processes if wanted."""
     tasks = [
         (name, first, min(first + DRIVES_PER_TASK, n_drives))
         for name in LANE_SETS
@@ -67,7 +72,7 @@ def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -
     ]
     found: dict[str, list[dict[str, MethodOnDrives]]] = {name: [] for name in LANE_SETS}
 
-    def take(task: tuple[str, int, int], made: dict[str, MethodOnDrives]) -> None:
+    def collect_results(task: tuple[str, int, int], made: dict[str, MethodOnDrives]) -> None:
         found[task[0]].append(made)
         if task[2] == n_drives:
             tick(f"lanes: {task[0]}")
@@ -76,16 +81,17 @@ def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -
         with processes(jobs) as pool:
             running = [(task, pool.submit(run_drives, *task, seed=seed)) for task in tasks]
             for task, future in running:
-                take(task, future.result())
+                collect_results(task, future.result())
     else:
         for task in tasks:
-            take(task, run_drives(*task, seed=seed))
+            collect_results(task, run_drives(*task, seed=seed))
     return {
         name: {key: _joined([part[key] for part in parts]) for key in ready_methods()} for name, parts in found.items()
     }
 
 
 def _joined(parts: Sequence[MethodOnDrives]) -> MethodOnDrives:
+    """Concatenate the results of several tasks."""
     return MethodOnDrives(
         is_right=np.concatenate([part.is_right for part in parts]),
         is_right_by_centre=np.concatenate([part.is_right_by_centre for part in parts]),
@@ -95,6 +101,7 @@ def _joined(parts: Sequence[MethodOnDrives]) -> MethodOnDrives:
 
 
 def _shares(name: str, key: str, results: Results) -> list[Measured]:
+    """Return the shares of frames in which a method finds both boundaries."""
     made = results[name][key]
     return [
         _share(f"{key}, {name}: both boundaries right", made.is_right[:, FIRST_FRAMES:]),
@@ -104,13 +111,14 @@ def _shares(name: str, key: str, results: Results) -> list[Measured]:
 
 
 def _share(what: str, is_right: BoolArray) -> Measured:
-    """A share of frames in per cent; the interval knows that the frames of a drive are alike."""
+    """Return a share of frames in per cent; its interval accounts for the likeness of a drive's frames."""
     n_frames = is_right.shape[1]
     low, high = clustered_proportion_interval(is_right.sum(axis=1).tolist(), [n_frames] * len(is_right))
     return Measured(CONCLUSION, what, 100.0 * float(is_right.mean()), 100.0 * low, 100.0 * high)
 
 
 def _plot(name: str, methods: Mapping[str, MethodOnDrives]) -> Plot:
+    """Plot the share of correct frames over the frames of a drive."""
     curves = [
         Curve(key, np.arange(1.0, made.is_right.shape[1] + 1.0), 100.0 * made.is_right.mean(axis=0))
         for key, made in methods.items()
@@ -129,7 +137,7 @@ def _plot(name: str, methods: Mapping[str, MethodOnDrives]) -> Plot:
 
 
 def _times(results: Results) -> Part:
-    """Processor time of a frame, both boundaries: medians over all sets. Nothing is said of their spread."""
+    """Return the processor time of a frame, both boundaries, as medians over all sets, without intervals."""
     measured = []
     for key in ready_methods():
         for phase, first, last in PHASES:

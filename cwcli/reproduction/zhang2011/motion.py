@@ -18,10 +18,11 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
 
 PAPER_BOUND_PERCENT = 10.0
+"""An observer has converged where its error stays below this, in per cent, the paper's bound."""
 STATIC_S = 1.0
-"""The static error is the largest of the last second."""
+"""The static error is the largest of this last part of a run, in s. Chosen by hand; not fitted."""
 EQUAL_PERCENT = 0.05
-"""Static errors below this are equal: both are zero for any purpose."""
+"""Static errors below this, in per cent, count as equal, as both are practically zero. Chosen by hand; not fitted."""
 
 EXACT_SENSORS = FilterNoise(
     lateral_sigma_m=0.01,
@@ -34,14 +35,15 @@ EXACT_SENSORS = FilterNoise(
     camera_yaw_rad=0.0,
     camera_yaw_walk_rad=0.0,
 )
-"""What the default filter is told of the noise-free runs: a centimetre, a milliradian, a camera mounted exactly."""
+"""Noise that the default filter gets for the noise-free runs: 1 cm, 1 mrad, an exactly mounted camera."""
 
 UNITS = {"v_y": "m/s", "gamma": "rad/s"}
+"""Name of a state -> its unit."""
 
 
 @dataclass(frozen=True)
 class RunErrors:
-    """How an observer did in one run; of v_y and gamma, in this order.
+    """Errors of an observer in one run, of v_y and gamma in this order.
 
     Attributes:
         static_percent: Largest error of the last second, of the true value.
@@ -53,7 +55,7 @@ class RunErrors:
 
 
 def run_errors(run: LinearRun, track: LateralTrack) -> RunErrors:
-    """Static error and convergence time; both start from the first frame."""
+    """Compute static error and convergence time; both start from the first frame."""
     percent = 100.0 * np.abs(track.state[:, :2] - run.state[:, :2]) / np.maximum(np.abs(run.state[:, :2]), 1e-9)
     last = run.time_s >= run.time_s[-1] - STATIC_S - 1e-9
     static = percent[last].max(axis=0)
@@ -66,7 +68,7 @@ def run_errors(run: LinearRun, track: LateralTrack) -> RunErrors:
 
 
 def observers(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, ObserverConfig]]:
-    """Name -> car that the observer believes in and its options, for one run."""
+    """Return name -> the car that the observer assumes and its options, for one run."""
     car = vehicle.loaded(run.load)
     ours = ObserverConfig(noise=EXACT_SENSORS)
     chosen = {"zhang2011": (car, ObserverConfig("zhang2011")), "cwcli": (car, ours)}
@@ -83,7 +85,7 @@ def observers(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, Obser
 
 
 def run_part(figure: str, vehicle: Vehicle | None = None) -> Part:
-    """Figure 14, 15 or 16: the observers start at v_y = gamma = 0 while the car is already in its turn."""
+    """Compute figure 14, 15 or 16: observers that start at v_y = gamma = 0 while the car already turns."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
     run = simulate_paper_run(settings, half)
@@ -111,7 +113,7 @@ def run_part(figure: str, vehicle: Vehicle | None = None) -> Part:
 
 
 def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
-    """Figure 14, 15 or 16 as columns: one row a frame, true and observed."""
+    """Return figure 14, 15 or 16 as columns: one row a frame, true and observed."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
     run = simulate_paper_run(settings, half)

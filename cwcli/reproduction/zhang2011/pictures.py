@@ -27,10 +27,13 @@ from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, block_re
 from cwcli.vision.zhang2011 import CROSSOVER_RATE, FIRST, FIRST_LEFT, FIRST_RIGHT, METHOD, MUTATION_RATE, genetic_of
 
 SIZE = (WIDTH_PX, HEIGHT_PX)
+"""Width and height of the paper's image, in pixels."""
 N_FRAMES = 40
+"""Number of first frames over which the rates are compared. Chosen by hand; not fitted."""
 EXAMPLE_SET = "complex"
+"""The set of roads whose frames are searched. Chosen by hand; not fitted."""
 HIGH_MUTATION_RATE = 0.9
-"""The paper shows a rate that is too high without printing it."""
+"""A mutation rate that is too high; the paper shows one without printing it. Chosen by hand; not fitted."""
 RATES: dict[str, tuple[float, float]] = {
     "fig 3": (0.4, MUTATION_RATE),
     "fig 4": (CROSSOVER_RATE, MUTATION_RATE),
@@ -39,24 +42,25 @@ RATES: dict[str, tuple[float, float]] = {
     "fig 7": (CROSSOVER_RATE, HIGH_MUTATION_RATE),
     "fig 8": (CROSSOVER_RATE, MUTATION_RATE),
 }
-"""Figure -> rates of crossover and of mutation."""
+"""Figure -> rates of crossover and of mutation; the paper's but for `HIGH_MUTATION_RATE`."""
 GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
+"""Generations at which the convergence is plotted. Chosen by hand; not fitted."""
 MIN_GAP_PX = 4.0
-"""Both boundaries end where they come nearer."""
+"""Both boundaries end where they come nearer to each other, in pixels. Chosen by hand; not fitted."""
 LOOKED_AT = 20
-"""Drives among which the bend and the straight of figures 9 and 10 are chosen."""
+"""Number of drives among which the bend and the straight of figures 9 and 10 are chosen. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """One frame, ready for the search."""
+    """One frame with its block responses, ready for the search."""
 
     frame: RoadFrame
     both: BlockResponses
 
 
 def rates_part() -> Part:
-    """Figures 3 to 8, and the objective over the generations for all of their rates."""
+    """Compute figures 3 to 8, and plot the objective over the generations for all of their rates."""
     drives = set_drives(EXAMPLE_SET, N_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
     seen = [Seen(frame, block_responses(frame.grey)) for frame in (drive.frame(0) for drive in drives)]
     measured, plots = [], []
@@ -83,7 +87,7 @@ def rates_part() -> Part:
 
 
 def roads_part() -> Part:
-    """Figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
+    """Plot figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
     n_frames = FIRST_FRAMES + 1
     drives = list(set_drives("good", LOOKED_AT, seed=HELD_OUT_SEED, n_frames=n_frames))
     bends = [abs(float(np.interp(0.0, drive.knots_m, drive.curvature_1pm))) for drive in drives]
@@ -92,7 +96,7 @@ def roads_part() -> Part:
 
 
 def picture(figure: str, title: str, frame: RoadFrame, fit: LaneFit, curves: tuple[Curve, ...] = ()) -> Plot:
-    """A frame with the boundaries of a fit and other curves on it, in the paper's axes: x right, y up."""
+    """Plot a frame with the boundaries of a fit and other curves, in the paper's axes: x right, y up."""
     y = np.arange(0.5, 150.0)
     lines = []
     both = [columns_px(boundary, SIZE, SIZE)[::-1][: len(y)] for boundary in (fit.left, fit.right)]
@@ -107,6 +111,7 @@ def picture(figure: str, title: str, frame: RoadFrame, fit: LaneFit, curves: tup
 
 
 def _followed(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
+    """Follow the lane along a drive and plot its last frame."""
     search = METHOD.make(seed)
     fit = LaneFit(NOT_FOUND, NOT_FOUND)
     frame = drive.frame(0)
@@ -118,7 +123,7 @@ def _followed(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
 
 
 def _search(seen: Seen, seed: int, rates: tuple[float, float], generations: int) -> tuple[LaneFit, float]:
-    """Both boundaries of a first frame, and the sum of their objectives, grey levels."""
+    """Search both boundaries in a first frame; return them and the sum of their objectives, grey levels."""
     genetic = genetic_of(FIRST)
     genetic["crossover_rate"], genetic["mutation_rate"] = rates
     genetic["generations"] = generations
@@ -135,7 +140,7 @@ def _search(seen: Seen, seed: int, rates: tuple[float, float], generations: int)
 
 
 def _convergence(name: str, seen: list[Seen], rates: dict[str, tuple[float, float]]) -> Plot:
-    """The best objective over the generations, mean over the frames: the same random numbers, stopped earlier."""
+    """Plot the best objective over the generations, mean over the frames, from the same random numbers."""
     curves = []
     for label, each in rates.items():
         means: FloatArray = np.array(

@@ -27,7 +27,7 @@ from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 
 @dataclass(frozen=True)
 class Look:
-    """What the frames look like.
+    """Settings of the rendered frames.
 
     Attributes:
         road: A key of `simulation.road.sets.SETS`.
@@ -46,7 +46,7 @@ class Look:
 
 @dataclass(frozen=True)
 class RenderedDrive:
-    """One run as its rendered camera and its other sensors saw it.
+    """One run as its rendered camera and its other sensors measured it.
 
     Attributes:
         sensed: As from `sense_lane`.
@@ -113,7 +113,7 @@ def sense_rendered(
 
 
 def told_camera(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
-    """The renderer's camera at rest, as a user would describe it."""
+    """Return the renderer's camera at rest, as a user would describe it."""
     return Camera(
         width_px=camera.width_px,
         height_px=camera.height_px,
@@ -126,7 +126,7 @@ def told_camera(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
 
 
 def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatArray, seed: int = 0) -> FitColumns:
-    """The boundaries in every frame of a drive.
+    """Find the boundaries in every frame of a drive.
 
     Args:
         drive: Renders the frames.
@@ -148,7 +148,7 @@ def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatAr
 
 
 def lane_samples(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -> LaneSamples:
-    """What the observer is given of the lanes, at the stamps of the frames."""
+    """Return the observer's input from the lanes, at the stamps of the frames."""
     is_curve = np.isfinite(fits.roads).all(axis=-1, keepdims=True)
     bodies = np.stack([geometry.left_body, geometry.right_body], axis=1)
     return LaneSamples(
@@ -166,7 +166,7 @@ def lane_samples(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -
 
 
 def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
-    """The picture in the size of the search, as `vision.frames` makes it."""
+    """Resize a picture to the size of the search, as `vision.frames` does."""
     if grey.shape[1::-1] == size:
         return grey
     import cv2

@@ -21,15 +21,16 @@ from cwcli.simulation.single_track import PAPER_RUNS
 from cwcli.vision.methods import DEFAULT_METHOD
 
 FRAMES = 500
-"""Of each set."""
+"""Frames to judge in each set unless an option says otherwise. Chosen by hand; not fitted."""
 FRAMES_PER_DRIVE = 250
-"""Figures 17 to 19 are also rendered: one drive each for so many frames of a set, about as much work."""
+"""Figures 17 to 19 render one drive for this many frames of a set, which is about as much work."""
 LANES = ("conclusion 1", "table 4")
+"""The parts of the paper that the lane study covers."""
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Settings.
+    """Settings of the study.
 
     Attributes:
         seeds: Runs of each of the drives of figures 17 to 19.
@@ -47,7 +48,7 @@ class ReproduceConfig:
 
     @property
     def n_rendered(self) -> int:
-        """Drives of each of figures 17 to 19 that are rendered and seen by the default lane method."""
+        """Number of drives of each of figures 17 to 19 that are rendered for the default lane method."""
         return min(self.frames // FRAMES_PER_DRIVE, self.seeds)
 
 
@@ -68,11 +69,12 @@ def reproduce_zhang2011(config: ReproduceConfig, tick: Callable[[str], None] = l
 
 
 def _is_wanted(config: ReproduceConfig, figures: Collection[str]) -> bool:
+    """Whether any of the figures is wanted."""
     return not config.only or not set(config.only).isdisjoint(figures)
 
 
 def _others(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
-    """All but the shares of frames; what takes longest first."""
+    """Run all parts but the shares of frames, the longest first."""
     tasks: dict[str, tuple[tuple[str, ...], Callable[[], Part]]] = {}
     for figure in DRIVES:
         if config.n_rendered:
@@ -93,5 +95,6 @@ def _others(config: ReproduceConfig, tick: Callable[[str], None]) -> list[Part]:
 
 
 def _done(name: str, part: Part, tick: Callable[[str], None]) -> Part:
+    """Report that a part is done, and return it."""
     tick(name)
     return part

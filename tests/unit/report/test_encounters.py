@@ -174,7 +174,7 @@ def test_standing_car_has_a_way_of_nothing() -> None:
 @pytest.mark.parametrize(
     ("states", "parameters", "words"),
     [
-        ("online", "calibration car.toml", "are told when the car could have known; what happened"),
+        ("online", "calibration car.toml", "are given when the car could have known; what happened"),
         (
             "online",
             "this log",
