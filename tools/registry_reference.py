@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cwcli.cli.markdown import code, filled, table
+from cwcli.cli.markdown import format_code, format_markdown_table, replace_marked_block
 
 MEASURES_PAGE = """# Measures
 
@@ -61,7 +61,7 @@ mean square below 0.01: `tests/unit/measures/test_p_contact.py` asserts it of ei
 ## The careful drivers against the European Commission's
 
 `cwcli measure` drives each conflict again with the driver models of UN R157 and its study
-(`cwcli/control/preventability.py`). Crashes in the grids of JRC-FSM (ec-jrc/JRC-FSM), and in brackets the reference's
+(`cwcli/control/driver_models.py`). Crashes in the grids of JRC-FSM (ec-jrc/JRC-FSM), and in brackets the reference's
 where they are not the same:
 
 | grid | cases | careful human | UN R157 | RSS | fuzzy |
@@ -136,16 +136,29 @@ CRIME_DIFFERENCES = (
 def measures_page() -> str:
     """docs/measures.md."""
     from cwcli.measures import MEASURES
-    from cwcli.measures.base import SIGNS
+    from cwcli.measures.base import COMPARISON_SIGNS
 
     columns = ("measure", "what it is", "symbol", "unit", "critical", "in conflict")
     rows, sections = [], ""
     for name, measure in MEASURES.items():
-        limit = "" if measure.threshold is None else f"{SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}"
-        rows.append((code(name), measure.summary, code(measure.symbol), measure.unit, measure.critical, limit.rstrip()))
-        sections += f"\n## {code(name)}: {measure.summary}\n\n    {measure.symbol} = {measure.formula}\n\n"
+        limit = (
+            ""
+            if measure.threshold is None
+            else f"{COMPARISON_SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}"
+        )
+        rows.append(
+            (
+                format_code(name),
+                measure.summary,
+                format_code(measure.symbol),
+                measure.unit,
+                measure.critical,
+                limit.rstrip(),
+            )
+        )
+        sections += f"\n## {format_code(name)}: {measure.summary}\n\n    {measure.symbol} = {measure.formula}\n\n"
         sections += (
-            f"Column `{measure.extreme_column}`{measure.note and f': {measure.note}'}. Source: {measure.source}.\n"
+            f"Column `{measure.extreme_column_name}`{measure.note and f': {measure.note}'}. Source: {measure.source}.\n"
         )
         said = {
             "No value": measure.undefined,
@@ -156,11 +169,11 @@ def measures_page() -> str:
         }
         sections += "".join(f"{label}: {words}.\n" for label, words in said.items() if words)
     return MEASURES_PAGE.format(
-        table=table(columns, rows),
-        symmetric=", ".join(code(name) for name, measure in MEASURES.items() if measure.is_symmetric),
-        with_warnings=", ".join(code(name) for name, measure in MEASURES.items() if measure.with_warnings),
+        table=format_markdown_table(columns, rows),
+        symmetric=", ".join(format_code(name) for name, measure in MEASURES.items() if measure.is_symmetric),
+        with_warnings=", ".join(format_code(name) for name, measure in MEASURES.items() if measure.with_warnings),
         sections=sections,
-        crime=table(("CriMe's", "difference"), CRIME_DIFFERENCES),
+        crime=format_markdown_table(("CriMe's", "difference"), CRIME_DIFFERENCES),
     )
 
 
@@ -170,9 +183,12 @@ def prediction_page(text: str) -> str:
 
     derivatives = ("acceleration", "jerk", "yaw rate", "yaw acceleration")
     rows = [
-        (code(name), model.summary, *("yes" if used else "" for used in model.uses)) for name, model in MODELS.items()
+        (format_code(name), model.summary, *("yes" if used else "" for used in model.uses))
+        for name, model in MODELS.items()
     ]
-    return filled(text, "models", table(("`--model`", "the car goes on with", *derivatives), rows))
+    return replace_marked_block(
+        text, "models", format_markdown_table(("`--model`", "the car goes on with", *derivatives), rows)
+    )
 
 
 def warning_page(text: str) -> str:
@@ -182,21 +198,24 @@ def warning_page(text: str) -> str:
     from cwcli.warning.types import WarningConfig
 
     names = [name for name, measure in MEASURES.items() if measure.is_series and measure.threshold is not None]
-    rows = [(code(name), f"when {WarningConfig(conflict=name).definition.words}") for name in names]
+    rows = [
+        (format_code(name), f"when {WarningConfig(conflict=name).parsed_conflict_definition.conflict_text}")
+        for name in names
+    ]
     rules = [
-        (code(name), rule.summary, f"{rule.persistence_s:g} s" if rule.persistence_s else "none")
+        (format_code(name), rule.summary, f"{rule.persistence_s:g} s" if rule.persistence_s else "none")
         for name, rule in RULES.items()
     ]
-    text = filled(text, "rules", table(("`--rule`", "warns of", "persistence"), rules))
-    return filled(text, "conflicts", table(("`--conflict`", "a conflict is"), rows))
+    text = replace_marked_block(text, "rules", format_markdown_table(("`--rule`", "warns of", "persistence"), rules))
+    return replace_marked_block(text, "conflicts", format_markdown_table(("`--conflict`", "a conflict is"), rows))
 
 
 def lanes_page(text: str) -> str:
     """docs/lanes.md with its table of methods."""
     from cwcli.vision.methods import METHODS
 
-    rows = [(code(name), summary) for name, summary in METHODS.describe().items()]
-    return filled(text, "methods", table(("`--method`", "what it searches"), rows))
+    rows = [(format_code(name), summary) for name, summary in METHODS.describe().items()]
+    return replace_marked_block(text, "methods", format_markdown_table(("`--method`", "what it searches"), rows))
 
 
 def signals_page(text: str) -> str:
@@ -211,7 +230,7 @@ def signals_page(text: str) -> str:
                 by_role.setdefault(entry.role, {}).setdefault(entry.rank, []).append(schema)
 
     def listed(schemas: list[str]) -> str:
-        return ", ".join(map(code, schemas))
+        return ", ".join(map(format_code, schemas))
 
     v2x = by_role[Role.REMOTE][0]
     rows = []
@@ -219,10 +238,13 @@ def signals_page(text: str) -> str:
         ranks = by_role[role]
         ordered = [ranks[rank] for rank in sorted(rank for rank in ranks if rank is not None)]
         own = role is not Role.REMOTE
-        parts = ["the ego's own of `remote`" if own and each == v2x else ", ".join(map(code, each)) for each in ordered]
+        parts = [
+            "the ego's own of `remote`" if own and each == v2x else ", ".join(map(format_code, each))
+            for each in ordered
+        ]
         if None in ranks:
-            parts.append(f"by name only: {', '.join(map(code, ranks[None]))}")
+            parts.append(f"by name only: {', '.join(map(format_code, ranks[None]))}")
         rows.append(
             (role.value, "; then ".join(parts[: len(ordered)]) + "".join(f"; {p}" for p in parts[len(ordered) :]))
         )
-    return filled(text, "inputs", table(("role", "schemas, best first"), rows))
+    return replace_marked_block(text, "inputs", format_markdown_table(("role", "schemas, best first"), rows))

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.metrics.intervals import bootstrap_interval
-from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.signals.columns import FloatArray
 
 BOOTSTRAP_SEED = 2016
@@ -58,14 +58,14 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Part:
+class StudyPart:
     """The numbers and plots of one group of figures."""
 
-    measured: tuple[Measured, ...]
+    numbers: tuple[MeasuredNumber, ...]
     plots: tuple[Plot, ...] = ()
 
 
-def median_interval(values: FloatArray) -> tuple[float, float, float]:
+def median_with_interval(values: FloatArray) -> tuple[float, float, float]:
     """Return the median and its 95 % bootstrap interval; all NaN without values."""
     known = values[np.isfinite(values)]
     if not len(known):
@@ -74,6 +74,6 @@ def median_interval(values: FloatArray) -> tuple[float, float, float]:
     return float(np.median(known)), low, high
 
 
-def ordered(values: Sequence[float]) -> bool:
+def is_strictly_increasing(values: Sequence[float]) -> bool:
     """Whether the values rise strictly."""
     return all(a < b for a, b in pairwise(values))

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
+def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool of processes, which are ended if the block is left by an error or an interruption."""
     pool = ProcessPoolExecutor(jobs)
     try:
