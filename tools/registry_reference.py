@@ -74,8 +74,8 @@ they differ:
 | car following | 1,121 | 0 | | 21 | 3 (0) |
 | cut-out | 5,850 | 848 | | 936 | 980 |
 
-The differences are cases that a billionth of a metre or the last bit decides. 400 random cut-ins end as in a second implementation
-(`tests/unit/control/test_preventability.py`).
+The differences are cases that a billionth of a metre or the last bit decides. 400 random cut-ins end as in a
+second implementation (`tests/unit/control/test_preventability.py`).
 
 ## Speed
 
@@ -146,9 +146,8 @@ def measures_page() -> str:
         limit = "" if measure.threshold is None else f"{SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}"
         rows.append((code(name), measure.summary, code(measure.symbol), measure.unit, measure.critical, limit.rstrip()))
         sections += f"\n## {code(name)}: {measure.summary}\n\n    {measure.symbol} = {measure.formula}\n\n"
-        sections += (
-            f"Column `{measure.extreme_column}`{measure.note and f': {measure.note}'}. Source: {measure.source}.\n"
-        )
+        column = f"Column `{measure.extreme_column}`{measure.note and f': {measure.note}'}. Source: {measure.source}."
+        sections += f"{paragraph(column)}\n"
         said = {
             "No value": measure.undefined,
             "Misleads": measure.misleads,
@@ -156,7 +155,7 @@ def measures_page() -> str:
             if measure.threshold_source
             else limit.rstrip(),
         }
-        sections += "".join(f"{label}: {words}.\n" for label, words in said.items() if words)
+        sections += "".join(paragraph(f"{label}: {words}.") + "\n" for label, words in said.items() if words)
     return MEASURES_PAGE.format(
         table=table(columns, rows),
         symmetric=paragraph(
