@@ -20,7 +20,7 @@ MOST_ARRAY_BYTES = 128 << 20
 MOST_MAPPED_BYTES = 64 << 20
 MOST_FILE_BYTES = 1 << 40
 FOLDER_ON_DISK = "/var/tmp"
-"""Where /tmp is in memory."""
+"""The folder of the file that holds large arrays where /tmp is in memory."""
 _ONE_AT_A_TIME = threading.Lock()
 
 

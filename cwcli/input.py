@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
 MIN_READ_BYTES = 1 << 13
-"""What is read at once where less is asked for: the next records are mostly in it."""
+"""Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
 HASH_BLOCK_BYTES = 1 << 20
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""

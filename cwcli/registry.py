@@ -57,12 +57,12 @@ class Plugin(NamedTuple):
         Raises:
             PluginError: It can't be imported.
         """
-        with self.blamed("can't be imported"):
+        with self.report_as_plugin_error("can't be imported"):
             return import_target(self.target)
 
     @contextlib.contextmanager
-    def blamed(self, problem: str) -> Iterator[None]:
-        """Whatever is raised inside the block is this plug-in's fault, also what is no `Exception`.
+    def report_as_plugin_error(self, problem: str) -> Iterator[None]:
+        """Turn whatever the block raises into an error of this plug-in, also what is no `Exception`.
 
         A known error of cwcli passes, and so does what the user or the system ends the run with: what Python raises on
         Ctrl-C (`KeyboardInterrupt` itself, none of its subclasses), and `Terminated`.
@@ -168,7 +168,7 @@ class Registry(Mapping[str, T]):
             entry: T = import_target(found)
             return entry
         loaded = found.load()
-        with found.blamed("can't be used"):
+        with found.report_as_plugin_error("can't be used"):
             return self._accept(loaded, found)
 
     def _find_plugins(self) -> dict[str, Plugin]:
@@ -232,11 +232,11 @@ def guard_plugin_function(
 
     @wraps(function)
     def call(*arguments: Any, **named_arguments: Any) -> Any:
-        with plugin.blamed(f"raised in {name}"):
+        with plugin.report_as_plugin_error(f"raised in {name}"):
             result = function(*arguments, **named_arguments)
         if check is None:
             return result
-        with plugin.blamed(f"returned from {name} what it must not"):
+        with plugin.report_as_plugin_error(f"returned from {name} what it must not"):
             try:
                 return check(result, *arguments, **named_arguments)
             except (TypeError, ValueError) as wrong:

@@ -275,7 +275,7 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | No
     if verdict in (ChangeVerdict.IMPROVED, ChangeVerdict.WORSE) and effect.pooled_value_contradicts(mean, *both):
         verdict = ChangeVerdict.UNCLEAR
 
-    def shown(value: float) -> float:
+    def displayed_value(value: float) -> float:
         return math.expm1(value) if effect.is_relative else value
 
     return MetricChange(
@@ -286,9 +286,9 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | No
         n_pairs=len(known),
         n_changed=int(np.count_nonzero(known)),
         n_missing=effect.n_missing,
-        change=shown(mean),
-        low=shown(low),
-        high=shown(high),
+        change=displayed_value(mean),
+        low=displayed_value(low),
+        high=displayed_value(high),
         is_relative=effect.is_relative,
         p=p,
         verdict=verdict,

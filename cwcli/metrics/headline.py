@@ -118,7 +118,7 @@ STATE_METRICS: tuple[Metric, ...] = (
     Metric("ego.yaw_rate_rmse_degps", "estimate", "deg/s", "rms", "lower", "yaw rate minus the truth's",
            is_compared=True),
 )  # fmt: skip
-"""Of the ego's state against the truth: of cwcli's, or of another system's."""
+"""Metrics of the ego's state against the truth, for cwcli's state and for another system's."""
 
 WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
@@ -143,7 +143,7 @@ WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.raised_per_hour", "warn", "1/h", "mean", "", "warnings per hour of the host's track, likewise",
            interval="rate"),
 )  # fmt: skip
-"""Of the warnings of collisions: of cwcli's first rule, or of another system."""
+"""Metrics of collision warnings, for cwcli's first rule and for another system."""
 
 METRICS: tuple[Metric, ...] = (
     *STATE_METRICS,

@@ -23,7 +23,7 @@ from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 
 MIN_LOGS = 5
-"""With fewer logs a bootstrap over them tells nothing."""
+"""Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
 POOLED_ID = "(pooled)"
 QUALITY = "data."

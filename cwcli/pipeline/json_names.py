@@ -26,7 +26,7 @@ JSON_UNIT_SUFFIXES = {
     "pixel": "px",
     "%": "percent",
 }
-"""In brackets behind a heading -> as a name ends."""
+"""Unit in brackets behind a heading -> the ending of the JSON name."""
 _HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
 _WORD = re.compile("[a-z0-9]+")
 

@@ -22,7 +22,7 @@ RUN_RECORD_PREFIX = "cwcli.run."
 VEHICLE_KEY = "vehicle"
 WITHHELD_KEY = "withheld"
 MAX_LATENCY_S = 86_400.0
-"""What is later or earlier than a day is no latency."""
+"""Greatest latency that a record may state, s: a day; anything beyond is ignored."""
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
 
 Record = Mapping[str, str]

@@ -49,7 +49,7 @@ def estimate_remote_states(
         is_fresh[own] = not_overtaken_message_mask(signal.stamp_ns[own], signal.log_time_ns[own])
     config = replace(estimator, calibration=None, latency="none", sensor_model="none", compares_sources=False)
 
-    def estimated(own: Int64Array) -> TrackSummary:
+    def estimate_station(own: Int64Array) -> TrackSummary:
         heard = own[is_fresh[own]]
         fewer = None
         if len(heard) < len(own):
@@ -63,7 +63,7 @@ def estimate_remote_states(
         return summarise_track(track)
 
     hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
-    told = map_in_threads(estimated, [own for _, own in stations])
+    told = map_in_threads(estimate_station, [own for _, own in stations])
     tracks = {station: track for (station, _), track in zip(stations, told, strict=True)}
     return RemoteStates(
         hindsight.to_vehicle_states(), online.to_vehicle_states(), tracks, int(np.count_nonzero(~is_fresh))

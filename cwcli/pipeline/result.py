@@ -15,7 +15,7 @@ from cwcli.signals.columns import OutputChannel
 
 Cell = str | float | int | None
 MAX_RECORDED_ROWS = 200
-"""Of a table, in the metadata record: a thousand vehicles have a line each."""
+"""Greatest number of rows of a table that the metadata record keeps; a thousand vehicles have a row each."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -28,22 +29,23 @@ FIELD_WORDS = {
 }
 """Words that end like a participle and are nouns, verbs or terms of the field."""
 IRREGULAR_PARTICIPLES = {
-    "bent", "bound", "built", "chosen", "cut", "dealt", "done", "drawn", "driven", "fallen", "felt", "found", "given", "gone",
-    "heard", "held", "hidden", "kept", "known", "laid", "led", "left", "lost", "made", "meant", "met", "overridden", "put",
-    "ridden", "said", "seen", "sent", "set", "shown", "spent", "split", "spread", "stood", "swept", "taken", "thought",
-    "told", "understood", "won", "worn", "written",
+    "bent", "bound", "built", "chosen", "cut", "dealt", "done", "drawn", "driven", "fallen", "felt", "found",
+    "given", "gone", "heard", "held", "hidden", "kept", "known", "laid", "led", "left", "lost", "made", "meant",
+    "met", "overridden", "put", "ridden", "said", "seen", "sent", "set", "shown", "spent", "split", "spread",
+    "stood", "swept", "taken", "thought", "told", "understood", "won", "worn", "written",
 }  # fmt: skip
 PREPOSITIONS = {
-    "about", "above", "across", "after", "against", "ahead", "along", "among", "apart", "around", "as", "aside", "at",
-    "away", "before", "behind", "below", "beside", "besides", "between", "beyond", "by", "down", "for", "from", "in", "inside",
-    "into", "like", "near", "of", "off", "on", "onto", "or", "out", "outside", "over", "past", "since", "so", "than",
-    "through", "to", "toward", "under", "until", "up", "upon", "with", "within", "without",
+    "about", "above", "across", "after", "against", "ahead", "along", "among", "apart", "around", "as", "aside",
+    "at", "away", "before", "behind", "below", "beside", "besides", "between", "beyond", "by", "down", "for",
+    "from", "in", "inside", "into", "like", "near", "of", "off", "on", "onto", "or", "out", "outside", "over",
+    "past", "since", "so", "than", "through", "to", "toward", "under", "until", "up", "upon", "with", "within",
+    "without",
 }  # fmt: skip
 VERBS_AMONG_THEM = {"cut", "put", "set", "split", "spread", "bound"}
 """Irregular participles that are imperatives, too."""
 FRAGMENT_STARTS = (
-    "Of ", "Likewise", "By ", "Beside ", "Over ", "So ", "As ", "In ", "From ", "With ", "At ", "To ", "Where ", "When ", "What ",
-    "Whether it", "That ", "Because ", "Nothing ", "For ",
+    "Of ", "Likewise", "By ", "Beside ", "Over ", "So ", "As ", "In ", "From ", "With ", "At ", "To ", "Where ",
+    "When ", "What ", "Whether it", "That ", "Because ", "Nothing ", "For ",
 )  # fmt: skip
 """Beginnings of explanations that are no sentences. They are refused for constants."""
 
@@ -69,7 +71,7 @@ def is_bare(name: str) -> bool:
 def explained_constants(path: Path) -> Iterator[tuple[str, str]]:
     """Name and explanation of each module constant that has one."""
     body = ast.parse(path.read_text(encoding="utf-8")).body
-    for statement, after in zip(body, body[1:], strict=False):
+    for statement, after in pairwise(body):
         if (
             isinstance(statement, ast.Assign | ast.AnnAssign)
             and isinstance(after, ast.Expr)

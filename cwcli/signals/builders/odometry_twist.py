@@ -61,22 +61,22 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     n = len(columns)
     nothing = np.full(n, np.nan)
     if find_field(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
-        return Twist(nothing + 0j, nothing, nothing, _yaw_rate(columns, ledger, None), nothing)
+        return Twist(nothing + 0j, nothing, nothing, _read_yaw_rate(columns, ledger, None), nothing)
     covariance = read_matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
-    linear, variance = _measured(_vector(columns, "linear"), covariance[:, :3, :3])
+    linear, variance = _zero_unmeasured_components(_vector(columns, "linear"), covariance[:, :3, :3])
     yaw_rate_variance = covariance[:, 5, 5]
     if not np.isfinite(yaw_rad).any():
         speed, towards = _speed_without_orientation(ledger, linear)
-        yaw_rate = _yaw_rate(columns, ledger, None)
-        return Twist(nothing + 0j, speed, _along(variance, towards), yaw_rate, yaw_rate_variance)
+        yaw_rate = _read_yaw_rate(columns, ledger, None)
+        return Twist(nothing + 0j, speed, _variance_along(variance, towards), yaw_rate, yaw_rate_variance)
     rotation = rotation_of(columns, "pose.pose.orientation")
     in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _plane(rotation, linear)
     if _is_map_twist(columns, position_m, in_map, in_child):
         ledger.add_note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
         velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
-        yaw_rate = _yaw_rate(columns, ledger, None)
+        yaw_rate = _read_yaw_rate(columns, ledger, None)
     else:
-        velocity, yaw_rate = in_child, _yaw_rate(columns, ledger, rotation)
+        velocity, yaw_rate = in_child, _read_yaw_rate(columns, ledger, rotation)
     heading, speed = heading_and_speed(velocity, yaw_rad, 0.0)
     ahead = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(n)])
     towards = np.einsum("nij,ni->nj", rotation, ahead)
@@ -84,7 +84,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     return Twist(
         velocity,
         np.where(is_turned, speed, linear[:, 0]),
-        np.where(is_turned, _along(variance, towards), variance[:, 0, 0]),
+        np.where(is_turned, _variance_along(variance, towards), variance[:, 0, 0]),
         yaw_rate,
         yaw_rate_variance,
     )
@@ -108,7 +108,7 @@ def _is_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray
     return True
 
 
-def _measured(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _zero_unmeasured_components(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Velocities (n, 3) and covariances (n, 3, 3) in which sideways and upward components are 0 where not measured."""
     linear, variance = linear.copy(), variance.copy()
     for axis in (1, 2):
@@ -137,7 +137,7 @@ def _plane(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
     return np.asarray(turned[:, 0] + 1j * turned[:, 1])
 
 
-def _along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
+def _variance_along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
     """The variance along unit vectors (n, 3) of covariances (n, 3, 3)."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray(
@@ -145,7 +145,7 @@ def _along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
         )
 
 
-def _yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) -> FloatArray:
+def _read_yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) -> FloatArray:
     """About the vertical, (n,): the angular velocity turned by the orientation, or its z as it stands."""
     about_z = nan_if_always_zero(ledger, read_numbers(columns, "twist.twist.angular.z"), "yaw rate")
     if rotation is None:

@@ -28,7 +28,7 @@ from cwcli.vision.method import LaneState
 
 UP_AXIS = 2
 PREVIEW_VALUE_LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
-"""Of the values at the preview point; larger ones are no lane and are left out."""
+"""Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
 MAX_PREVIEW_SIGMA = 1e3
 PREVIEW_RANGE_M = (0.1, 1e3)
 

@@ -32,7 +32,7 @@ from cwcli.warning.types import median_outline_m
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 MAX_GAP_S = 0.5
 COVARIANCE_SLICE_NS = 30 * NS_PER_S
-"""Of the log, of which covariances are held at once."""
+"""Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
 FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
 
 
