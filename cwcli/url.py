@@ -34,8 +34,7 @@ SAS_NAMES = frozenset(
     {"saoid", "scid", "se", "sip", "ske", "skoid", "sks", "skt", "sktid", "skv"}
     | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
 )
-"""Names of the query parameters of Azure's shared access signatures, beside `sig`.
-https://learn.microsoft.com/rest/api/storageservices/create-service-sas"""
+"""Names of the query parameters of Azure's shared access signatures, beside `sig` (Azure Storage REST API)."""
 DIGEST_ROUNDS = 50_000
 """Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
 DIGEST_LENGTH = 8

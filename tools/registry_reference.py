@@ -171,11 +171,12 @@ def measures_page() -> str:
             else limit.rstrip(),
         }
         sections += "".join(paragraph(f"{label}: {words}.") + "\n" for label, words in said.items() if words)
+    symmetric = ", ".join(format_code(name) for name, measure in MEASURES.items() if measure.is_symmetric)
     return MEASURES_PAGE.format(
         table=format_markdown_table(columns, rows),
         symmetric=paragraph(
             "No measure depends on the origin, the axes, the zero of time, or on left and right. Symmetric in the two "
-            f"vehicles are {', '.join(format_code(name) for name, measure in MEASURES.items() if measure.is_symmetric)}. "
+            f"vehicles are {symmetric}. "
             "Every measure passes these laws (`tests/laws/test_measures.py`)."
         ),
         with_warnings=paragraph(

@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[2]
 TIMED = """
 import sys
 import time
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.registry import Registry
 
 spent_s, search = [], Registry._plugins
@@ -37,7 +37,7 @@ def timed(registry):
     return found
 
 Registry._plugins = timed
-assert run(["info", "sample_logs/intersection.mcap"]) == 0
+assert run_command_line(["info", "sample_logs/intersection.mcap"]) == 0
 sys.stderr.write(repr(1e3 * sum(spent_s)))
 """
 

@@ -55,10 +55,10 @@ open(sys.argv[1], "w").write(json.dumps(took))
 COUNTED = """
 import sys
 from pathlib import Path
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from tests.work import count_calls
 codes = []
-n_calls = count_calls(lambda: codes.append(run(sys.argv[2:])))
+n_calls = count_calls(lambda: codes.append(run_command_line(sys.argv[2:])))
 Path(sys.argv[1]).write_text(str(n_calls))
 sys.stdout.flush()
 sys.exit(codes[0])

@@ -68,8 +68,8 @@ def test_info_names_what_is_missing(cwcli: Run, intersection: Path) -> None:
 def test_info_imports_nothing_heavy(intersection: Path) -> None:
     code = f"""
 import sys
-from cwcli.cli.main import run
-assert run(["info", {str(intersection)!r}]) == 0
+from cwcli.cli.main import run_command_line
+assert run_command_line(["info", {str(intersection)!r}]) == 0
 loaded = [name for name in {HEAVY!r} if name in sys.modules]
 print("loaded:", loaded, file=sys.stderr)
 """

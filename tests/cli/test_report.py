@@ -312,7 +312,7 @@ def test_page_of_many_logs_keeps_to_its_size_and_says_what_is_left_out(
         (tmp_path / "logs" / name / "annotated.mcap").symlink_to(annotated)
         entries.append({"id": name, "source": name, "status": "done"})
     (tmp_path / "manifest.json").write_text(json.dumps({"logs": entries}))
-    monkeypatch.setattr(build, "MAX_BYTES", 2_200_000)
+    monkeypatch.setattr(build, "MAX_PAGE_BYTES", 2_200_000)
     report = build.build_report(str(tmp_path))
     assert len(report.html) < 2_200_000
     assert 0 < report.n_detailed < 12

@@ -87,7 +87,8 @@ TOPIC = "/vehicle/body/wheel_speed_sensor_front_left"
 def printed_on_a_terminal(n_columns: int) -> list[str]:
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, n_columns, 0, 0))
-    code = f"from cwcli.cli.tables import table; print(table(('topic', 'what'), [('{TOPIC}', 'word ' * 20)]))"
+    rows = [(TOPIC, "word " * 20)]
+    code = f"from cwcli.cli.tables import format_table; print(format_table(('topic', 'what'), {rows!r}))"
     done = subprocess.Popen([sys.executable, "-c", code], stdout=slave, cwd=ROOT)
     assert done.wait(timeout=600) == 0
     os.close(slave)

@@ -110,7 +110,7 @@ def test_ten_thousand_detections_in_one_scan(cwcli: Run, tmp_path: Path) -> None
     assert line["used"] + line["no_track"] + line["faulty"] == 10_029
     assert len(told["sections"]["targets"]) >= 1
     code = (
-        "from cwcli.cli.main import run; assert run(['track', 'a.mcap', '-q']) == 0; "
+        "from cwcli.cli.main import run_command_line; assert run_command_line(['track', 'a.mcap', '-q']) == 0; "
         "print(next(line.split()[1] for line in open('/proc/self/status') if line.startswith('VmHWM')))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, cwd=tmp_path, env=PATHS)

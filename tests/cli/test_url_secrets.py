@@ -254,7 +254,7 @@ def test_a_traceback_holds_no_secret(search: Search, port: int, monkeypatch: pyt
         except OSError as error:
             raise RuntimeError(f"no {url.partition('?')[2]}") from error
 
-    monkeypatch.setattr("cwcli.logs.read.source.names_below", fail)
+    monkeypatch.setattr("cwcli.logs.read.source.file_names_below_url", fail)
     code = run_command_line(["info", secret_url(port, "/folder").replace("http:", "s3:")])
     said = "".join(search._capfd.readouterr())
     assert (code, "Traceback" in said) == (70, True)

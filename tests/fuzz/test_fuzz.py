@@ -53,7 +53,7 @@ def test_a_few_osi_traces() -> None:
 
 
 def test_a_bug_on_an_osi_trace_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(osi_cases, "run", lambda arguments: EXIT_BUG)
+    monkeypatch.setattr(osi_cases, "run_command_line", lambda arguments: EXIT_BUG)
     with pytest.raises(AssertionError):
         inputs_of(osi_cases.check_case, range(1))
 
@@ -126,7 +126,7 @@ def test_a_lost_message_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_undocumented_exit_code_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     command = ("info", "LOG", "--json")
     file_cases.check_log(small_log(10), command, Counter())
-    monkeypatch.setattr(file_cases, "run", lambda arguments: EXIT_BUG)
+    monkeypatch.setattr(file_cases, "run_command_line", lambda arguments: EXIT_BUG)
     with pytest.raises(AssertionError):
         file_cases.check_log(small_log(10), command, Counter())
 

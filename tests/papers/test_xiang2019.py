@@ -234,7 +234,7 @@ def test_classes_sentence_and_exit_code_follow_from_the_numbers(small, case, mon
     ]
     [found] = [each for each in made if f"{each.expected.figure}, {each.expected.what}" == row]
     assert (found.reached_class, found.has_failed) == (reached, is_failure)
-    monkeypatch.setattr(report, "reproduce", lambda n_seeds, progress, names: tables)
+    monkeypatch.setattr(report, "compute_tables", lambda n_seeds, progress, names: tables)
     code = run_command_line(["reproduce", "xiang2019"])
     said = " ".join(capsys.readouterr().err.split())
     assert code == is_failure

@@ -82,11 +82,11 @@ def test_a_sensor_quantity_has_a_role_and_its_words_and_stands_in_the_docs(built
     code = f"""
 from cwcli.logs.read.reader import Log
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 for name in ({str(log)!r}, {str(INTERSECTION)!r}):
     with Log.open(name) as log:
         try:
-            sources = read_sources(log, SourceConfig(), command="run", required=(Role.EGO_BRAKE,), optional=())
+            sources = read_sensor_signals(log, SourceConfig(), command="run", required=(Role.EGO_BRAKE,), optional=())
         except Exception as error:
             print(error)
         else:

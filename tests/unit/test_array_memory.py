@@ -120,9 +120,9 @@ print(spill.counts()["in_file"] >> 20)
 @ON_LINUX
 def test_threads_are_bounded_too(tmp_path: Path) -> None:
     script = """
-from cwcli.estimation.track import each_in_threads
+from cwcli.estimation.track import map_in_threads
 array_memory.bound_array_memory()
-held = each_in_threads(lambda k: np.full(1 << 18, k, float), range(60))
+held = map_in_threads(lambda k: np.full(1 << 18, k, float), range(60))
 assert all((each == k).all() for k, each in enumerate(held))
 print(spill.counts()["in_file"] >> 20)
 """

@@ -46,7 +46,7 @@ def test_planted_error_is_found(seed: int) -> None:
 
 def test_states_are_better_with_the_error_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
     _, better = one_run("city", 1, 0.03, "normal", alone=True, fix_m=FIX_M)
-    monkeypatch.setattr("cwcli.estimation.noise.with_stamp_errors", lambda fit, *_: fit)
+    monkeypatch.setattr("cwcli.estimation.noise.fit_stamp_errors", lambda fit, *_: fit)
     found, worse = one_run("city", 1, 0.03, "normal", alone=True, fix_m=FIX_M)
     assert found == 0.0
     for name in ("hindsight position", "online position", "hindsight speed"):

@@ -262,7 +262,7 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
         "import os, signal, sys\n"
         "import cwcli.logs.write.record_writer as record_writer\n"
         "from pathlib import Path\n"
-        "from cwcli.logs.write.annotate import annotate\n"
+        "from cwcli.logs.write.annotate import annotate_log\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
         "record_writer.RecordWriter.finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
         "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
@@ -280,7 +280,7 @@ def test_to_standard_output(tmp_path: Path) -> None:
     code = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from cwcli.logs.write.annotate import annotate\n"
+        "from cwcli.logs.write.annotate import annotate_log\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
         "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
     )

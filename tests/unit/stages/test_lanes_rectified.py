@@ -62,7 +62,7 @@ class Seen:
 
     def lines(self, row: int) -> list[np.ndarray]:
         """The annotated lines of a frame, shape (k, 2) each."""
-        points = self.result.channels[1].rows(row, row + 1)["points"]
+        points = self.result.channels[1].make_rows(row, row + 1)["points"]
         strips = points.fields["points"]
         flat = np.column_stack([strips.fields["x"], strips.fields["y"]])
         return [flat[a:b] for a, b in zip(strips.offsets[:-1], strips.offsets[1:], strict=True)]

@@ -61,7 +61,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
 
 
 def test_start_from_lidar_is_the_point_with_an_open_velocity():
-    rows = rows_with_moving_sensor().take(slice(0, 1))
+    rows = rows_with_moving_sensor().select_rows(slice(0, 1))
     out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=7.0))
     assert out.status[0] == RowStatus.STARTED
     np.testing.assert_allclose(out.state[0], [*rows.z[0, :2], 0.0, 0.0])

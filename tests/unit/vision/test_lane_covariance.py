@@ -42,7 +42,7 @@ def test_the_covariance_of_a_known_objective(monkeypatch: pytest.MonkeyPatch) ->
         off = (lanes - lane)[:, :5]
         return 1.0 - 1e-3 * np.einsum("ni,ij,nj->n", off, information, off)
 
-    monkeypatch.setattr(module, "judged", judged)
+    monkeypatch.setattr(module, "lane_objectives", judged)
     monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
     monkeypatch.setattr(module, "MAX_SIGMA_STEPS", 1e6)
     made = measure_lane_covariance(evidence, lane, first_frame_prior(mounted()).table, mounted())

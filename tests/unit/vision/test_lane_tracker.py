@@ -334,7 +334,7 @@ def test_a_lane_change_is_told_once_and_its_lines_stay_in_place(monkeypatch: pyt
         measured[index] = True
         return propagate_covariance_to_fit(*arguments)
 
-    monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
+    monkeypatch.setattr(lane_tracker, "propagate_covariance_to_fit", measure)
     for index in range(len(drive)):
         made = drive.render_frame_at(index)
         fit = search.step(LaneFrame(made.grey, camera, index * STEP_NS, index, 25.0))
@@ -358,7 +358,7 @@ def test_a_lane_that_takes_anothers_place_has_its_own_covariance(monkeypatch: py
         measured.append(lane)
         return propagate_covariance_to_fit(lane, *arguments)
 
-    monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
+    monkeypatch.setattr(lane_tracker, "propagate_covariance_to_fit", measure)
     for k in range(3):
         fit = search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k))
     assert len(measured) == 1
