@@ -20,7 +20,7 @@ MOST_ARRAY_BYTES = 128 << 20
 MOST_MAPPED_BYTES = 64 << 20
 MOST_FILE_BYTES = 1 << 40
 FOLDER_ON_DISK = "/var/tmp"
-"""Where /tmp is in memory."""
+"""The folder of the file that holds large arrays where /tmp is in memory."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -30,13 +30,13 @@ def bound_array_memory() -> None:
     Nothing happens where that can't be: but on Linux, and without a folder on a disk that has files without a name.
     """
     with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
-        handler = _handler()
+        handler = _numpy_memory_handler()
     if handler is not None:
         spill.use(handler)
 
 
 @cache
-def _handler() -> Any:
+def _numpy_memory_handler() -> Any:
     for folder in (tempfile.gettempdir, lambda: FOLDER_ON_DISK):
         with suppress(OSError, AttributeError):  # `gettempdir` finds none where no folder can be written
             descriptor = os.open(folder(), os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)

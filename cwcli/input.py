@@ -3,7 +3,7 @@
 A log is not mapped into memory: where somebody shortens a mapped file, the system ends the process with a signal. Read
 by ranges, it takes as long, and every trouble is an error with a name.
 
-What a run has read is remembered (`remembering_inputs`), so that no output of it, whatever its name, is one of its
+What a run has read is remembered (`remember_inputs`), so that no output of it, whatever its name, is one of its
 inputs (`cwcli.output`).
 """
 
@@ -26,9 +26,9 @@ from cwcli.errors import InputError, OutputError
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-HELD_BYTES = 1 << 13
-"""What is read at once where less is asked for: the next records are mostly in it."""
-BLOCK_BYTES = 1 << 20
+MIN_READ_BYTES = 1 << 13
+"""Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
+HASH_BLOCK_BYTES = 1 << 20
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
 MAX_CHUNK_BYTES = 256_000_000
@@ -36,7 +36,7 @@ MAX_RATIO = 64.0
 NO_LIMIT_BYTES = 1 << 62
 """More than any file has."""
 STANDARD_STREAMS = (1, 2)
-NOT_OF_INPUT = (OutputError, BrokenPipeError)
+OUTPUT_ERRORS = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
 
 
@@ -69,13 +69,13 @@ class InputFile:
         self.refused_from: int | None = None
         self.notes: dict[str, int] = {}
         self._path = path
-        self._inputs: Inputs | None = None
+        self._inputs: InputsOfRun | None = None
         self._digest: Future[str] | None = None
         self._is_checked = False
         self._held = (0, memoryview(b""))
         try:
-            found = _settled(descriptor)
-            self.state = _state(found)
+            found = _stat_after_clock_tick(descriptor)
+            self.state = _file_state(found)
             self._size = found.st_size
             if not self._size:
                 raise InputError("the file is empty", where=name)
@@ -94,7 +94,7 @@ class InputFile:
             InputError: It can't be read, or is empty.
         """
         name = name or str(path)
-        return cls(_opened(path, name), name, Path(path))
+        return cls(_open_descriptor(path, name), name, Path(path))
 
     def __len__(self) -> int:
         return self._size
@@ -108,27 +108,27 @@ class InputFile:
         start, stop, _ = place.indices(self._size)
         first, held = self._held
         if not first <= start <= stop <= first + len(held):
-            if stop - start >= HELD_BYTES:
+            if stop - start >= MIN_READ_BYTES:
                 return memoryview(self._read(start, stop))
-            first, held = start, memoryview(self._read(start, min(start + HELD_BYTES, self._size)))
+            first, held = start, memoryview(self._read(start, min(start + MIN_READ_BYTES, self._size)))
             self._held = first, held
         return held[start - first : stop - first]
 
     @property
     def max_unpacked_bytes(self) -> int:
         """What all of it may unpack to."""
-        return self.max_chunk_bytes + self.unpacked_from(len(self))
+        return self.max_chunk_bytes + self.max_unpacked_bytes_of(len(self))
 
-    def unpacked_from(self, n_bytes: int) -> int:
+    def max_unpacked_bytes_of(self, n_bytes: int) -> int:
         """What so many of its bytes may unpack to, by `max_ratio` alone."""
         return int(min(self.max_ratio * n_bytes, NO_LIMIT_BYTES))
 
     @property
-    def files(self) -> Sequence[InputFile]:
+    def disk_files(self) -> Sequence[InputFile]:
         """The files that it consists of: itself."""
         return (self,)
 
-    def place(self, at: int) -> tuple[InputFile, int]:
+    def part_and_offset(self, at: int) -> tuple[InputFile, int]:
         """The file in which a byte is, and where in it."""
         return self, at
 
@@ -140,9 +140,9 @@ class InputFile:
             try:
                 count = os.preadv(self.descriptor, [buffer[n:]], start + n)
             except OSError as error:
-                raise self._unreadable(error, start + n) from error
+                raise self._read_error(error, start + n) from error
             if not count:
-                raise self._changed(f"it had {self._size} bytes and ends at byte {start + n}")
+                raise self._changed_file_error(f"it had {self._size} bytes and ends at byte {start + n}")
             n += count
         return buffer
 
@@ -155,7 +155,7 @@ class InputFile:
             from concurrent.futures import Future
 
             self._digest = Future()
-            Thread(target=self._hash, args=(self._digest,), daemon=True).start()
+            Thread(target=self._compute_hash, args=(self._digest,), daemon=True).start()
         return self._digest
 
     def check_unchanged(self) -> None:
@@ -169,14 +169,14 @@ class InputFile:
         try:
             found = os.fstat(self.descriptor) if self._path is None else self._path.stat()
         except OSError as error:
-            raise self._changed(f"it is gone ({error.strerror})") from error
-        now = _state(found)
+            raise self._changed_file_error(f"it is gone ({error.strerror})") from error
+        now = _file_state(found)
         if now[:2] != self.state[:2]:
-            raise self._changed("another file has its name now")
+            raise self._changed_file_error("another file has its name now")
         if found.st_size != self._size:
-            raise self._changed(f"it had {self._size} bytes and has {found.st_size}")
+            raise self._changed_file_error(f"it had {self._size} bytes and has {found.st_size}")
         if now != self.state:
-            raise self._changed("something was written into it")
+            raise self._changed_file_error("something was written into it")
         self._is_checked = True
 
     def __enter__(self) -> Self:
@@ -186,9 +186,9 @@ class InputFile:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Check the file, from whose change an error may come, unless it was read last before a check; close it."""
-        may_matter = isinstance(error, Exception | None) and not isinstance(error, NOT_OF_INPUT)
+        may_matter = isinstance(error, Exception | None) and not isinstance(error, OUTPUT_ERRORS)
         try:
-            for file in self.files if may_matter else ():
+            for file in self.disk_files if may_matter else ():
                 if file.descriptor >= 0 and (error is not None or not file._is_checked):
                     file.check_unchanged()
         finally:
@@ -217,30 +217,30 @@ class InputFile:
         try:
             data = os.pread(self.descriptor, stop - start, start)
         except OSError as error:
-            raise self._unreadable(error, start) from error
+            raise self._read_error(error, start) from error
         if len(data) < stop - start:  # the system reads 2 GB at most in one go
             rest = bytearray(stop - start - len(data))
             data += self.read_into(memoryview(rest), start + len(data))
         return data
 
-    def _hash(self, digest: Future[str]) -> None:
+    def _compute_hash(self, digest: Future[str]) -> None:
         """Keep the hash, or the error: whoever waits for it must not wait for ever."""
         try:
             import hashlib
 
             made = hashlib.sha256()
-            block = memoryview(bytearray(BLOCK_BYTES))
-            for file in self.files:
-                for at in range(0, len(file), BLOCK_BYTES):
+            block = memoryview(bytearray(HASH_BLOCK_BYTES))
+            for file in self.disk_files:
+                for at in range(0, len(file), HASH_BLOCK_BYTES):
                     made.update(file.read_into(block[: len(file) - at], at))
             digest.set_result(made.hexdigest())
         except BaseException as error:
             digest.set_exception(error)
 
-    def _unreadable(self, error: OSError, at: int) -> InputError:
+    def _read_error(self, error: OSError, at: int) -> InputError:
         return InputError(f"it can't be read: {error.strerror} (at byte {at})", where=self.name)
 
-    def _changed(self, what: str) -> InputError:
+    def _changed_file_error(self, what: str) -> InputError:
         return InputError(
             f"the log changed while it was read: {what}",
             where=self.name,
@@ -249,7 +249,7 @@ class InputFile:
 
 
 @dataclass
-class Inputs:
+class InputsOfRun:
     """What a run has read.
 
     Attributes:
@@ -261,14 +261,14 @@ class Inputs:
     open: set[InputFile] = field(default_factory=set)
 
 
-_RUN: ContextVar[Inputs | None] = ContextVar("inputs", default=None)
+_RUN: ContextVar[InputsOfRun | None] = ContextVar("inputs", default=None)
 
 
 @contextmanager
-def remembering_inputs() -> Iterator[None]:
+def remember_inputs() -> Iterator[None]:
     """Remember what is read inside the block, beside what was remembered outside."""
     outside = _RUN.get()
-    token = _RUN.set(Inputs(dict(outside.names) if outside else {}))
+    token = _RUN.set(InputsOfRun(dict(outside.names) if outside else {}))
     try:
         yield
     finally:
@@ -288,8 +288,8 @@ def note_input(name: str | Path) -> None:
 def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
     """Whether this run reads the file, or it is one of some more."""
     inputs = _RUN.get()
-    place = _state(found)[:2]
-    of_more = (file.state[:2] for each in more for file in each.files)
+    place = _file_state(found)[:2]
+    of_more = (file.state[:2] for each in more for file in each.disk_files)
     return (inputs is not None and place in inputs.names) or place in of_more
 
 
@@ -304,7 +304,7 @@ def check_unchanged(more: Sequence[InputFile] = ()) -> None:
         each.check_unchanged()
 
 
-def inputs_below(folder: Path) -> list[str]:
+def names_of_inputs_in_folder(folder: Path) -> list[str]:
     """Names of the files in a folder, or deeper, that this run has read."""
     inputs = _RUN.get()
     prefix = os.path.realpath(folder) + os.sep
@@ -324,7 +324,7 @@ def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
         return file.read(max_bytes)
 
 
-def _remember(found: os.stat_result, name: str) -> Inputs | None:
+def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
     inputs = _RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
         for stream in STANDARD_STREAMS:
@@ -335,14 +335,14 @@ def _remember(found: os.stat_result, name: str) -> Inputs | None:
     return inputs
 
 
-def _opened(path: str | Path, name: str) -> int:
+def _open_descriptor(path: str | Path, name: str) -> int:
     try:
         return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
 
-def _settled(descriptor: int) -> os.stat_result:
+def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
     """The file's state, at a moment after which every change has another time than the last one."""
     since_ns = time.time_ns() - os.fstat(descriptor).st_mtime_ns
     if 0 <= since_ns < CLOCK_TICK_NS:
@@ -350,5 +350,5 @@ def _settled(descriptor: int) -> os.stat_result:
     return os.fstat(descriptor)
 
 
-def _state(found: os.stat_result) -> tuple[int, int, int, int]:
+def _file_state(found: os.stat_result) -> tuple[int, int, int, int]:
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

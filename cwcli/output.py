@@ -20,11 +20,11 @@ from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
 from cwcli.input import InputFile, check_unchanged, is_input, note_input
-from cwcli.output_stream import Bytes, Output, medium
+from cwcli.output_stream import Bytes, OutputStream, translate_os_errors
 from cwcli.temporary import TemporaryFile
 
 STDOUT = "-"
-NO_FILE = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
+NO_SUCH_FILE_ERRNOS = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
 
 
 def check_target(target: str | Path, *, force: bool = False) -> None:
@@ -41,7 +41,7 @@ def check_target(target: str | Path, *, force: bool = False) -> None:
     if str(target) == STDOUT:
         _stdout_descriptor()
     else:
-        _checked_path(target, force=force, inputs=())
+        _resolve_target(target, force=force, inputs=())
 
 
 def check_targets(
@@ -70,13 +70,13 @@ def check_targets(
         for target in targets:
             if target is not None:
                 check(target)
-                place = _place(target)
+                place = _file_identity(target)
                 if place in places:
                     raise UsageError("two outputs are the same file", where=str(target), hint="name another one")
                 places.add(place)
 
 
-def _place(target: str | Path) -> object:
+def _file_identity(target: str | Path) -> object:
     """The same for all names of one file."""
     with suppress(OSError):
         found = os.fstat(_stdout_descriptor()) if str(target) == STDOUT else Path(target).stat()
@@ -98,7 +98,7 @@ def _check_folder(folder: str | Path) -> None:
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:
-        raise _no_folder(path, error) from error
+        raise _folder_error(path, error) from error
     if path.exists() and not path.is_dir():
         raise OutputError("it is not a folder", where=str(path))
     if not path.absolute().parent.is_dir():
@@ -114,19 +114,19 @@ def make_folder(path: str | Path, *, parents: bool = False) -> None:
     try:
         Path(path).mkdir(parents=parents, exist_ok=True)
     except (OSError, ValueError, RecursionError) as error:  # a zero byte in the name; a thousand folders in each other
-        raise _no_folder(path, error) from error
+        raise _folder_error(path, error) from error
 
 
-def _no_folder(path: str | Path, error: Exception) -> OutputError:
+def _folder_error(path: str | Path, error: Exception) -> OutputError:
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 
-def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
+def _resolve_target(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
     """A target's real path, and whether it is a device, a pipe or a socket; raises as `check_target`."""
     name = str(target)
     _refuse_url(name)
     try:
-        with medium(name):
+        with translate_os_errors(name):
             path = Path(os.path.realpath(target))
             return path, _check_file(path, name, force, inputs)
     except ValueError as error:  # a zero byte in the name
@@ -134,7 +134,7 @@ def _checked_path(target: str | Path, *, force: bool, inputs: Sequence[InputFile
 
 
 def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
-    found = _status(path)
+    found = _stat_or_none(path)
     mode = None if found is None else found.st_mode
     if found is not None and is_input(found, inputs):
         raise OutputError("the output is the input itself", where=name, hint="name another file")
@@ -151,17 +151,17 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile])
     return False
 
 
-def _status(path: Path) -> os.stat_result | None:
+def _stat_or_none(path: Path) -> os.stat_result | None:
     """What the system says of a file, None if there is no such file."""
     try:
         return path.stat()
     except OSError as error:
-        if error.errno in NO_FILE:
+        if error.errno in NO_SUCH_FILE_ERRNOS:
             return None
         raise
 
 
-class Together:
+class AtomicGroup:
     """Files that appear together: none of them has its name before all are written and the block ends without an error.
 
     with Together() as together:
@@ -172,18 +172,18 @@ class Together:
     def __init__(self) -> None:
         self._files: list[tuple[TemporaryFile, Callable[[], object], bool]] = []
 
-    def __enter__(self) -> Together:
+    def __enter__(self) -> AtomicGroup:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         try:
             if error is None:
-                self._publish()
+                self._publish_all()
         finally:
             for file, _, _ in self._files:
                 file.discard()
 
-    def add(self, file: TemporaryFile, check: Callable[[], object], *, durable: bool) -> None:
+    def add_written_file(self, file: TemporaryFile, check: Callable[[], object], *, durable: bool) -> None:
         """Take over a file that is written.
 
         Args:
@@ -195,12 +195,12 @@ class Together:
             raise AssertionError(f"two files are to get the name {file.target}")
         self._files.append((file, check, durable))
 
-    def _publish(self) -> None:
+    def _publish_all(self) -> None:
         for _, check, _ in self._files:
             check()
         while self._files:
             file, _, durable = self._files[0]
-            with medium(str(file.target)):
+            with translate_os_errors(str(file.target)):
                 file.publish()
             del self._files[0]
             if durable:
@@ -214,13 +214,13 @@ def open_output(
     force: bool = False,
     inputs: Sequence[InputFile] = (),
     durable: bool = True,
-    together: Together | None = None,
-) -> Iterator[Output]:
+    together: AtomicGroup | None = None,
+) -> Iterator[OutputStream]:
     """Open a target for binary writing; the file appears under its name when the block ends without an error.
 
     Args:
         target, force: As in `check_target`.
-        inputs: Open files that are no part of a run (`cwcli.input.remembering_inputs`) but must not be overwritten, nor
+        inputs: Open files that are no part of a run (`cwcli.input.remember_inputs`) but must not be overwritten, nor
             change.
         durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
             survive a loss of power.
@@ -232,33 +232,33 @@ def open_output(
         BrokenPipeError: Nobody reads standard output any more.
     """
     if str(target) == STDOUT:
-        output = Output(_stdout_descriptor(inputs), "<stdout>")
+        output = OutputStream(_stdout_descriptor(inputs), "<stdout>")
         yield output
         output.flush()
         return
-    path, is_special = _checked_path(target, force=force, inputs=inputs)
+    path, is_special = _resolve_target(target, force=force, inputs=inputs)
     if is_special:  # a device, a pipe or a socket can't be replaced by a file
         with _open_special(path, str(target)) as output:
             yield output
         return
-    with nullcontext(together) if together is not None else Together() as group:
-        with _written(path, str(target), durable=durable) as (file, output):
+    with nullcontext(together) if together is not None else AtomicGroup() as group:
+        with _write_temporary_file(path, str(target), durable=durable) as (file, output):
             yield output
 
         def check() -> None:
-            _checked_path(target, force=force, inputs=inputs)
+            _resolve_target(target, force=force, inputs=inputs)
             check_unchanged(inputs)
 
-        group.add(file, check, durable=durable)
+        group.add_written_file(file, check, durable=durable)
 
 
 @contextmanager
-def _open_special(path: Path, name: str) -> Iterator[Output]:
+def _open_special(path: Path, name: str) -> Iterator[OutputStream]:
     """A device or a pipe, which takes the bytes as they come."""
-    with medium(name):
+    with translate_os_errors(name):
         descriptor = os.open(path, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))
     try:
-        output = Output(descriptor, name)
+        output = OutputStream(descriptor, name)
         yield output
         output.flush()
     finally:
@@ -266,11 +266,11 @@ def _open_special(path: Path, name: str) -> Iterator[Output]:
 
 
 @contextmanager
-def _written(path: Path, name: str, *, durable: bool) -> Iterator[tuple[TemporaryFile, Output]]:
+def _write_temporary_file(path: Path, name: str, *, durable: bool) -> Iterator[tuple[TemporaryFile, OutputStream]]:
     """A temporary file that holds everything when the block ends without an error, and is gone otherwise."""
-    with medium(name):
+    with translate_os_errors(name):
         file = TemporaryFile(path)
-    output = Output(file.descriptor, name, works_aside=True)
+    output = OutputStream(file.descriptor, name, works_aside=True)
     try:
         try:
             if durable:
@@ -278,7 +278,7 @@ def _written(path: Path, name: str, *, durable: bool) -> Iterator[tuple[Temporar
             yield file, output
             output.sync() if durable else output.flush()
         finally:
-            output.settle()
+            output.wait_until_idle()
     except BaseException:
         file.discard()
         raise
@@ -290,7 +290,7 @@ def write_file(
     *,
     force: bool = False,
     durable: bool = True,
-    together: Together | None = None,
+    together: AtomicGroup | None = None,
 ) -> None:
     """Write a whole file at once.
 

@@ -14,12 +14,12 @@ from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
 WRITEBACK_BYTES = 16 << 20
-MIN_ASIDE_BYTES = 1 << 18
+MIN_BACKGROUND_BYTES = 1 << 18
 """Less is written before a thread has taken it over."""
-MAX_WAITING = 64
+MAX_QUEUED_TASKS = 64
 """Writes and copies in front of the thread: so 64 MB of data at most."""
 
-REASONS = {
+ERROR_TEXT_BY_ERRNO = {
     errno.ENOSPC: "no space is left on the disk",
     errno.EDQUOT: "the disk quota is used up",
     errno.EFBIG: "the file would be larger than is allowed",
@@ -28,13 +28,13 @@ REASONS = {
     errno.ENAMETOOLONG: "the file name is too long",
 }
 
-NOT_IN_KERNEL = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
+KERNEL_COPY_UNSUPPORTED = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
 """Another kind of file or file system: copy through memory instead."""
 
 Bytes = bytes | bytearray | memoryview
 
 
-class Output:
+class OutputStream:
     """An open target. Errors of the medium become `OutputError`; a closed pipe stays a `BrokenPipeError`.
 
     Args:
@@ -54,7 +54,7 @@ class Output:
         self.name = name
         self.position = 0
         self._copies_in_kernel = hasattr(os, "copy_file_range")
-        self._writeback: _Writeback | None = None
+        self._writeback: _BackgroundSync | None = None
         self._aside = ThreadPoolExecutor(1, thread_name_prefix="output") if works_aside else None
         self._waiting: deque[Future[None]] = deque()
 
@@ -69,7 +69,7 @@ class Output:
         self.position += len(view)
         return len(view)
 
-    def copy(self, source: int, start: int, length: int) -> None:
+    def copy_from_file(self, source: int, start: int, length: int) -> None:
         """Append `length` bytes of an open file from `start`, inside the kernel where it can.
 
         Args:
@@ -79,48 +79,48 @@ class Output:
         Raises:
             InputError: The source ends early or can't be read.
         """
-        self._hand_over()
+        self._write_buffer()
         self.position += length
-        self._do(length, lambda: self._copy(source, start, length))
+        self._run_or_queue(length, lambda: self._copy_now(source, start, length))
 
     def flush(self) -> None:
         """Hand everything to the operating system."""
-        self._hand_over()
+        self._write_buffer()
         while self._waiting:
             self._waiting.popleft().result()
 
-    def _hand_over(self) -> None:
+    def _write_buffer(self) -> None:
         pending, self._pending = self._pending, bytearray()
         if pending:
-            self._do(len(pending), lambda: self._write_through(memoryview(pending)))
+            self._run_or_queue(len(pending), lambda: self._write_through(memoryview(pending)))
 
-    def _do(self, n_bytes: int, task: Callable[[], None]) -> None:
+    def _run_or_queue(self, n_bytes: int, task: Callable[[], None]) -> None:
         """Do it in the thread, after all that waits there; or here and now, if it is soon done."""
-        while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_WAITING):
+        while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_QUEUED_TASKS):
             self._waiting.popleft().result()
-        if self._aside is None or (n_bytes < MIN_ASIDE_BYTES and not self._waiting):
+        if self._aside is None or (n_bytes < MIN_BACKGROUND_BYTES and not self._waiting):
             task()
         else:
             self._waiting.append(self._aside.submit(task))
 
-    def _copy(self, source: int, start: int, length: int) -> None:
+    def _copy_now(self, source: int, start: int, length: int) -> None:
         end = start + length
         while start < end:
-            n = self._copy_some(source, start, end - start)
+            n = self._copy_part(source, start, end - start)
             if n == 0:
                 raise InputError("the input became shorter while it was copied")
             start += n
 
-    def _copy_some(self, source: int, start: int, length: int) -> int:
+    def _copy_part(self, source: int, start: int, length: int) -> int:
         """Copy some bytes; returns how many."""
         if self._copies_in_kernel:
             try:
                 n = os.copy_file_range(source, self._descriptor, length, start)
-                self._moved(n)
+                self._count_written_bytes(n)
                 return n
             except OSError as error:
-                if error.errno not in NOT_IN_KERNEL:
-                    raise OutputError(reason(error), where=self.name) from error
+                if error.errno not in KERNEL_COPY_UNSUPPORTED:
+                    raise OutputError(os_error_text(error), where=self.name) from error
                 self._copies_in_kernel = False
         try:
             data = os.pread(source, min(BUFFER_BYTES, length), start)
@@ -131,38 +131,38 @@ class Output:
 
     def _write_through(self, view: memoryview) -> None:
         while view:
-            with medium(self.name):
+            with translate_os_errors(self.name):
                 n = os.write(self._descriptor, view)
-            self._moved(n)
+            self._count_written_bytes(n)
             view = view[n:]
 
-    def _moved(self, n: int) -> None:
+    def _count_written_bytes(self, n: int) -> None:
         if self._writeback is not None:
-            with medium(self.name):
-                self._writeback.advance(n)
+            with translate_os_errors(self.name):
+                self._writeback.note_written_bytes(n)
 
     def sync_in_background(self) -> None:
         """Let the disk work while the rest is computed, so that `sync` has little left to wait for."""
-        self._writeback = _Writeback(self._descriptor)
+        self._writeback = _BackgroundSync(self._descriptor)
 
-    def settle(self) -> None:
+    def wait_until_idle(self) -> None:
         """Wait until nothing uses the descriptor any more."""
         if self._aside is not None:
             self._aside.shutdown(cancel_futures=True)
         if self._writeback is not None:
             with suppress(OSError):
-                self._writeback.finish()
+                self._writeback.wait_for_thread()
 
     def sync(self) -> None:
         """Flush, and wait until the data is on the disk."""
         self.flush()
-        with medium(self.name):
+        with translate_os_errors(self.name):
             if self._writeback is not None:
-                self._writeback.finish()
+                self._writeback.wait_for_thread()
             os.fsync(self._descriptor)
 
 
-class _Writeback:
+class _BackgroundSync:
     """Hands a growing file to the disk, a part at a time, in a thread."""
 
     def __init__(self, descriptor: int) -> None:
@@ -171,7 +171,7 @@ class _Writeback:
         self._thread: Thread | None = None
         self._error: OSError | None = None
 
-    def advance(self, n: int) -> None:
+    def note_written_bytes(self, n: int) -> None:
         """Note that n more bytes were written.
 
         Raises:
@@ -180,12 +180,12 @@ class _Writeback:
         self._waiting_bytes += n
         if self._waiting_bytes < WRITEBACK_BYTES or (self._thread is not None and self._thread.is_alive()):
             return
-        self.finish()
+        self.wait_for_thread()
         self._waiting_bytes = 0
-        self._thread = Thread(target=self._store, daemon=True)
+        self._thread = Thread(target=self._sync_parts, daemon=True)
         self._thread.start()
 
-    def finish(self) -> None:
+    def wait_for_thread(self) -> None:
         """Wait for the thread.
 
         Raises:
@@ -197,7 +197,7 @@ class _Writeback:
         if self._error is not None:
             raise self._error
 
-    def _store(self) -> None:
+    def _sync_parts(self) -> None:
         try:
             os.fsync(self._descriptor)
         except OSError as error:
@@ -205,15 +205,15 @@ class _Writeback:
 
 
 @contextmanager
-def medium(name: str) -> Iterator[None]:
+def translate_os_errors(name: str) -> Iterator[None]:
     """Errors of the operating system, other than a closed pipe, as `OutputError`."""
     try:
         yield
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise OutputError(reason(error), where=name) from error
+        raise OutputError(os_error_text(error), where=name) from error
 
 
-def reason(error: OSError) -> str:
-    return REASONS.get(error.errno or 0, error.strerror or str(error))
+def os_error_text(error: OSError) -> str:
+    return ERROR_TEXT_BY_ERRNO.get(error.errno or 0, error.strerror or str(error))

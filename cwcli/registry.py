@@ -22,10 +22,10 @@ from typing import Any, NamedTuple, TypeVar
 from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
-MAX_BYTES = 1 << 20
+MAX_ENTRY_POINTS_BYTES = 1 << 20
 MAX_SHOWN = 300
 """Characters of a plug-in's error that are shown."""
-PLAIN: dict[str, tuple[type, ...]] = {
+VALUE_TYPES_BY_ANNOTATION: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "bool": (bool,),
     "float": (float, int),
@@ -57,12 +57,12 @@ class Plugin(NamedTuple):
         Raises:
             PluginError: It can't be imported.
         """
-        with self.blamed("can't be imported"):
-            return named(self.target)
+        with self.report_as_plugin_error("can't be imported"):
+            return import_target(self.target)
 
     @contextlib.contextmanager
-    def blamed(self, problem: str) -> Iterator[None]:
-        """Whatever is raised inside the block is this plug-in's fault, also what is no `Exception`.
+    def report_as_plugin_error(self, problem: str) -> Iterator[None]:
+        """Turn whatever the block raises into an error of this plug-in, also what is no `Exception`.
 
         A known error of cwcli passes, and so does what the user or the system ends the run with: what Python raises on
         Ctrl-C (`KeyboardInterrupt` itself, none of its subclasses), and `Terminated`.
@@ -80,9 +80,9 @@ class Plugin(NamedTuple):
         except BaseException as raised:
             if type(raised) is KeyboardInterrupt:
                 raise
-            raise self.error(f"{problem}: {_description(raised)}") from raised
+            raise self.plugin_error(f"{problem}: {_description(raised)}") from raised
 
-    def error(self, problem: str) -> PluginError:
+    def plugin_error(self, problem: str) -> PluginError:
         """What is wrong with it, as an error."""
         return PluginError(
             f"the {self.what} '{self.name}' of the package {self.package} {problem}",
@@ -97,7 +97,8 @@ class Registry(Mapping[str, T]):
         what: One of them in words, for messages.
         group: The entry points' group.
         builtin: Name -> the entry, or `module:attribute` where it is.
-        accept: What a plug-in's entry point names, wrapped so that its errors are the plug-in's; see `plugin_entry`.
+        accept: What a plug-in's entry point names, wrapped so that its errors are the plug-in's; see
+            `accept_dataclass_of`.
         spell: The name by which an entry point's name is known.
         taken: More names that no plug-in may have.
     """
@@ -117,22 +118,22 @@ class Registry(Mapping[str, T]):
         self._loaded: dict[str | Plugin, T] = {}
 
     def __getitem__(self, name: str) -> T:
-        plugins = self._plugins()
+        plugins = self._find_plugins()
         found = plugins[name] if name in plugins else self._builtin[name]
         if not isinstance(found, (str, Plugin)):
             return found
         if found not in self._loaded:
-            self._loaded[found] = self._load(found)
+            self._loaded[found] = self._load_entry(found)
         return self._loaded[found]
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*self._builtin, *self._plugins()))
+        return iter((*self._builtin, *self._find_plugins()))
 
     def __len__(self) -> int:
-        return len(self._builtin) + len(self._plugins())
+        return len(self._builtin) + len(self._find_plugins())
 
     def __contains__(self, name: object) -> bool:
-        return name in self._builtin or name in self._plugins()
+        return name in self._builtin or name in self._find_plugins()
 
     def require(self, name: str) -> T:
         """The entry of a name that a user gave.
@@ -146,40 +147,40 @@ class Registry(Mapping[str, T]):
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
         """Name -> words about the entry; of a plug-in that can't be imported: why, so that help still comes."""
-        return {name: self._words(name, words) for name in self}
+        return {name: self._words_or_problem(name, words) for name in self}
 
-    def help(self) -> str:
+    def format_help(self) -> str:
         """The names with their summaries, for an option's help."""
         return "; ".join(f"{name}: {summary}" for name, summary in self.describe().items()) + "."
 
-    def complete(self, incomplete: str) -> list[tuple[str, str]]:
+    def completions(self, incomplete: str) -> list[tuple[str, str]]:
         """The names that begin so, with their summaries, for the shell's completion."""
         return [(name, summary) for name, summary in self.describe().items() if name.startswith(incomplete)]
 
-    def _words(self, name: str, words: Callable[[T], str]) -> str:
+    def _words_or_problem(self, name: str, words: Callable[[T], str]) -> str:
         try:
             return words(self[name])
         except PluginError as error:
             return error.what
 
-    def _load(self, found: str | Plugin) -> T:
+    def _load_entry(self, found: str | Plugin) -> T:
         if isinstance(found, str):
-            entry: T = named(found)
+            entry: T = import_target(found)
             return entry
         loaded = found.load()
-        with found.blamed("can't be used"):
+        with found.report_as_plugin_error("can't be used"):
             return self._accept(loaded, found)
 
-    def _plugins(self) -> dict[str, Plugin]:
+    def _find_plugins(self) -> dict[str, Plugin]:
         out: dict[str, Plugin] = {}
         if _plugins_hidden.get():
             return out
-        for found in _installed(tuple(sys.path)).get(self.group, ()):
+        for found in _find_installed_plugins(tuple(sys.path)).get(self.group, ()):
             plugin, name = found._replace(what=self.what), self._spell(found.name)
             if name in self._builtin or name in self._taken:
-                raise plugin.error("has the name of one of cwcli's own")
+                raise plugin.plugin_error("has the name of one of cwcli's own")
             if name in out:
-                raise plugin.error(f"has the name of one of the package {out[name].package}")
+                raise plugin.plugin_error(f"has the name of one of the package {out[name].package}")
             out[name] = plugin
         return out
 
@@ -194,13 +195,13 @@ def hide_plugins() -> Iterator[None]:
         _plugins_hidden.reset(token)
 
 
-def named(target: str) -> Any:
+def import_target(target: str) -> Any:
     """The object that `module:attribute` names."""
     module, _, attribute = target.partition(":")
     return attrgetter(attribute)(importlib.import_module(module))
 
 
-def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Plugin], T]:
+def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Plugin], T]:
     """Accepts a `kind`, a dataclass, with each of its functions guarded, and their results checked.
 
     Args:
@@ -209,13 +210,13 @@ def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object
 
     def accept(entry: object, plugin: Plugin) -> T:
         if not isinstance(entry, kind):
-            raise plugin.error(f"is no {kind.__name__} but a {type(entry).__name__}")
+            raise plugin.plugin_error(f"is no {kind.__name__} but a {type(entry).__name__}")
         for field in fields(entry):  # type: ignore[arg-type]
             value = getattr(entry, field.name)
-            if not isinstance(value, PLAIN.get(str(field.type), object)):
-                raise plugin.error(f"has {field.name} = {value!r}, which is no {field.type}")
+            if not isinstance(value, VALUE_TYPES_BY_ANNOTATION.get(str(field.type), object)):
+                raise plugin.plugin_error(f"has {field.name} = {value!r}, which is no {field.type}")
         functions = {
-            field.name: guarded(getattr(entry, field.name), field.name, checks.get(field.name), plugin)
+            field.name: guard_plugin_function(getattr(entry, field.name), field.name, checks.get(field.name), plugin)
             for field in fields(entry)  # type: ignore[arg-type]
             if callable(getattr(entry, field.name))
         }
@@ -224,20 +225,22 @@ def plugin_entry(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object
     return accept
 
 
-def guarded(function: Callable[..., Any], name: str, check: Check | None, plugin: Plugin) -> Callable[..., Any]:
+def guard_plugin_function(
+    function: Callable[..., Any], name: str, check: Check | None, plugin: Plugin
+) -> Callable[..., Any]:
     """A plug-in's function whose errors, and those of what it returns, are the plug-in's."""
 
     @wraps(function)
     def call(*arguments: Any, **named_arguments: Any) -> Any:
-        with plugin.blamed(f"raised in {name}"):
+        with plugin.report_as_plugin_error(f"raised in {name}"):
             result = function(*arguments, **named_arguments)
         if check is None:
             return result
-        with plugin.blamed(f"returned from {name} what it must not"):
+        with plugin.report_as_plugin_error(f"returned from {name} what it must not"):
             try:
                 return check(result, *arguments, **named_arguments)
             except (TypeError, ValueError) as wrong:
-                raise plugin.error(f"returned from {name} what it must not: {wrong}") from wrong
+                raise plugin.plugin_error(f"returned from {name} what it must not: {wrong}") from wrong
 
     return call
 
@@ -258,7 +261,7 @@ def _description(error: BaseException) -> str:
 
 
 @lru_cache(maxsize=8)
-def _installed(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
+def _find_installed_plugins(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
     """Group -> plug-ins by name, of the packages in the folders of `sys.path`; the first of a package counts.
 
     The files are read as they are: importlib.metadata would take ten times as long, which each start would pay for.
@@ -277,19 +280,21 @@ def _installed(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
             known = package.replace("_", "-").replace(".", "-").lower()
             if known not in seen:
                 seen.add(known)
-                for group, plugin in _entry_points(f"{folder or '.'}/{name}/entry_points.txt", f"{package} {version}"):
+                for group, plugin in _read_entry_points(
+                    f"{folder or '.'}/{name}/entry_points.txt", f"{package} {version}"
+                ):
                     out.setdefault(group, []).append(plugin)
     return {group: sorted(plugins, key=lambda plugin: plugin.name) for group, plugins in out.items()}
 
 
-def _entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
+def _read_entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
     """The group and the entry points of the groups of cwcli in one file."""
     try:
         descriptor = os.open(file, os.O_RDONLY)
     except OSError:
         return
     try:
-        text = os.read(descriptor, MAX_BYTES)
+        text = os.read(descriptor, MAX_ENTRY_POINTS_BYTES)
     finally:
         os.close(descriptor)
     if b"[cwcli." not in text:

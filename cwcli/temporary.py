@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 MAX_NAME_IN_TEMPORARY = 200
-MODE = 0o666
+NEW_FILE_MODE = 0o666
 
 
 class TemporaryFile:
@@ -30,11 +30,11 @@ class TemporaryFile:
     def __init__(self, target: Path) -> None:
         self.target = target
         self._hidden = target.parent / f".{target.name[:MAX_NAME_IN_TEMPORARY]}.{secrets.token_hex(4)}.part"
-        descriptor = _open_nameless(target.parent)
+        descriptor = _open_unnamed_file(target.parent)
         self._is_nameless = descriptor is not None
         if descriptor is None:
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0)
-            descriptor = os.open(self._hidden, flags, MODE)
+            descriptor = os.open(self._hidden, flags, NEW_FILE_MODE)
         self.descriptor = descriptor
 
     def publish(self) -> None:
@@ -46,7 +46,7 @@ class TemporaryFile:
         try:
             if self._is_nameless:
                 # a directory descriptor makes Python call `linkat`, which follows the link in /proc
-                os.link(_in_proc(self.descriptor), self._hidden, src_dir_fd=self.descriptor)
+                os.link(_proc_path_of_descriptor(self.descriptor), self._hidden, src_dir_fd=self.descriptor)
                 self._is_nameless = False
             os.close(self.descriptor)
             self.descriptor = -1
@@ -66,20 +66,20 @@ class TemporaryFile:
                 self._hidden.unlink()
 
 
-def _open_nameless(folder: Path) -> int | None:
+def _open_unnamed_file(folder: Path) -> int | None:
     """A descriptor of a file without a name, None where there are none."""
     flag = getattr(os, "O_TMPFILE", None)
     if flag is None:
         return None
     try:
-        descriptor = os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, MODE)
+        descriptor = os.open(folder, flag | os.O_WRONLY | os.O_CLOEXEC, NEW_FILE_MODE)
     except OSError:
         return None  # what is really wrong comes out with the hidden file
-    if not os.path.exists(_in_proc(descriptor)):  # noqa: PTH110 - the link itself is meant
+    if not os.path.exists(_proc_path_of_descriptor(descriptor)):  # noqa: PTH110 - the link itself is meant
         os.close(descriptor)
         return None
     return descriptor
 
 
-def _in_proc(descriptor: int) -> str:
+def _proc_path_of_descriptor(descriptor: int) -> str:
     return f"/proc/self/fd/{descriptor}"

@@ -6,28 +6,28 @@ import math
 from collections.abc import Sequence
 
 
-def printable(text: str) -> str:
+def escape_control_characters(text: str) -> str:
     """`text` with every character escaped that could move the cursor, reorder or forge a line.
 
     Topic and file names come from others: control characters, bidirectional marks, line separators and bytes that
     are not UTF-8 become `\\x1b`, `\\u202e`, ... Plain spaces stay.
     """
-    return "".join(char if char.isprintable() or char == " " else _escape(char) for char in text)
+    return "".join(char if char.isprintable() or char == " " else _escape_character(char) for char in text)
 
 
-def shown(text: str, most: int = 1000) -> str:
+def escape_and_shorten(text: str, most: int = 1000) -> str:
     """As `printable`, and cut where it is longer than anybody reads: a log may hold a name of megabytes."""
-    return printable(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
+    return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
 
 
-def _escape(char: str) -> str:
+def _escape_character(char: str) -> str:
     code = ord(char)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name
         return f"\\x{code - 0xDC00:02x}"
     return char.encode("unicode_escape", "surrogatepass").decode("ascii")
 
 
-def number(value: float, digits: int = 4) -> str:
+def format_number(value: float, digits: int = 4) -> str:
     """A number with `digits` significant digits and no exponent between 1e-4 and 1e7; "-" where it is not finite."""
     if not math.isfinite(value):
         return "-"
@@ -41,17 +41,21 @@ def number(value: float, digits: int = 4) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and decimals > digits else text
 
 
-def interval(low: float, high: float, digits: int = 4) -> str:
+def format_interval(low: float, high: float, digits: int = 4) -> str:
     """`0.1 to 0.2`, or nothing where it is not known."""
-    return f"{number(low, digits)} to {number(high, digits)}" if math.isfinite(low) and math.isfinite(high) else ""
+    return (
+        f"{format_number(low, digits)} to {format_number(high, digits)}"
+        if math.isfinite(low) and math.isfinite(high)
+        else ""
+    )
 
 
-def finite(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """The number for JSON: None where it is not finite."""
     return value if math.isfinite(value) else None
 
 
-def duration(seconds: float) -> str:
+def format_duration(seconds: float) -> str:
     """`12.3 s`, `4 min 5 s` or `1 h 2 min 3 s`."""
     if seconds < 120:
         return f"{seconds:.1f} s"
@@ -62,7 +66,7 @@ def duration(seconds: float) -> str:
     return f"{hours} h {minutes} min {rest} s"
 
 
-def size(n_bytes: int) -> str:
+def format_byte_size(n_bytes: int) -> str:
     """`512 B`, `81.3 kB` or `1.2 GB`, in powers of 1000."""
     value = float(n_bytes)
     for unit in ("B", "kB", "MB", "GB"):
@@ -72,7 +76,7 @@ def size(n_bytes: int) -> str:
     raise AssertionError("unreachable")
 
 
-def count(n: int, noun: str) -> str:
+def format_count(n: int, noun: str) -> str:
     """`1 chunk`, `2 chunks`."""
     return f"{n} {noun}{'' if n == 1 else 's'}"
 

@@ -11,7 +11,7 @@ import tomllib
 from typing import Any
 
 MAX_CHARS = 4_000_000
-"""Of a file; a calibration of a thousand sensors has a tenth."""
+"""Greatest number of characters of a TOML file; a calibration of a thousand sensors has a tenth of it."""
 MAX_KEY_PARTS = 64
 _PART = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""  # possessive: no second try
 _LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")

@@ -15,7 +15,7 @@ import re
 from functools import lru_cache
 
 HIDDEN = "***"
-"""What stands for a part of a URL that is not shown."""
+"""The text that replaces a part of a URL that is not shown."""
 CONTAINER_SCHEMES = frozenset({"abfs", "abfss", "wasb", "wasbs"})
 """Schemes of Azure, where `container@account` names a container in front of the `@`, and no user."""
 QUERY_SCHEMES = frozenset({"http", "https"})
@@ -34,10 +34,10 @@ SAS_NAMES = frozenset(
     {"saoid", "scid", "se", "sip", "ske", "skoid", "sks", "skt", "sktid", "skv"}
     | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
 )
-"""Parameters of Azure's shared access signatures, where `sig` is among them.
+"""Names of the query parameters of Azure's shared access signatures, beside `sig`.
 https://learn.microsoft.com/rest/api/storageservices/create-service-sas"""
 DIGEST_ROUNDS = 50_000
-"""Of PBKDF2; 30 ms a URL. A guess at a short secret in a parameter of an unknown name costs as much."""
+"""Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
 DIGEST_LENGTH = 8
 """Hexadecimal digits; so few that many secrets have the same ones."""
 MIN_SECRET_LENGTH = 3

@@ -20,13 +20,13 @@ import numpy as np
 
 from cwcli.input import InputFile
 from cwcli.logs.format import record_bytes, records
-from cwcli.logs.format.chunks import chunk_payload
+from cwcli.logs.format.chunks import decompress_chunk
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import open_index
-from cwcli.logs.format.records import MAGIC, ChunkIndex, Data
+from cwcli.logs.format.records import MCAP_MAGIC, ByteSource, ChunkIndex
 from cwcli.logs.format.summary import find_footer, read_summary
 from cwcli.logs.read.message_reader import MessageReader
-from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
+from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
 
 Document = dict[str, Any]
@@ -71,19 +71,19 @@ def statistics(found: records.Statistics) -> Document:
 
 def streamed(file: InputFile) -> Document:
     """Every record but chunks and message indexes, what is in chunks in their place."""
-    return {"records": list(_records(file, file, len(MAGIC), len(file) - len(MAGIC)))}
+    return {"records": list(_records(file, file, len(MCAP_MAGIC), len(file) - len(MCAP_MAGIC)))}
 
 
-def _records(file: InputFile, data: Data, at: int, end: int) -> Iterator[Document]:
+def _records(file: InputFile, data: ByteSource, at: int, end: int) -> Iterator[Document]:
     while at < end:
-        opcode, start, stop = records.read_prefix(data, at, end)
-        if opcode == records.CHUNK:
+        opcode, start, stop = records.read_record_prefix(data, at, end)
+        if opcode == records.OPCODE_CHUNK:
             chunk = records.read_chunk(data, start, stop)
             sizes = chunk.data_length, chunk.uncompressed_size
             place = ChunkIndex(chunk.start_ns, chunk.end_ns, at, stop - at, {}, 0, chunk.compression, *sizes)
-            payload = chunk_payload(file, place, verify=True)
+            payload = decompress_chunk(file, place, verify=True)
             yield from _records(file, payload, 0, len(payload))
-        elif opcode != records.MESSAGE_INDEX:
+        elif opcode != records.OPCODE_MESSAGE_INDEX:
             yield KINDS[opcode](data, start, stop)
         at = stop
 
@@ -103,54 +103,56 @@ def _chunk_index(found: ChunkIndex) -> Document:
     )
 
 
-def _header(data: Data, start: int, stop: int) -> Document:
+def _header(data: ByteSource, start: int, stop: int) -> Document:
     profile, library = records.read_header(data, start, stop)
     return record("Header", profile=profile, library=library)
 
 
-def _message(data: Data, start: int, stop: int) -> Document:
+def _message(data: ByteSource, start: int, stop: int) -> Document:
     head = start + records.MESSAGE_HEADER_BYTES
     return message(*struct.unpack("<HIQQ", data[start:head]), data[head:stop])
 
 
-def _attachment(data: Data, start: int, stop: int) -> Document:
+def _attachment(data: ByteSource, start: int, stop: int) -> Document:
     found = records.read_attachment(data, start, stop)
-    at = records.attachment_crc_at(found)
+    at = records.attachment_crc_offset(found)
     content = {"data": data[at - found.size : at], "name": found.name, "media_type": found.media_type}
     return record("Attachment", log_time=found.log_time_ns, create_time=found.create_time_ns, **content)
 
 
-def _metadata(data: Data, start: int, stop: int) -> Document:
+def _metadata(data: ByteSource, start: int, stop: int) -> Document:
     name, values = records.read_metadata(data, start, stop)
     return record("Metadata", name=name, metadata=values)
 
 
-def _attachment_index(data: Data, start: int, stop: int) -> Document:
+def _attachment_index(data: ByteSource, start: int, stop: int) -> Document:
     found = records.read_attachment_index(data, start, stop)
     return record("AttachmentIndex", **dict(zip(ATTACHMENT_INDEX_NAMES, found, strict=True)))
 
 
-def _summary_offset(data: Data, start: int, stop: int) -> Document:
+def _summary_offset(data: ByteSource, start: int, stop: int) -> Document:
     opcode, first, length = struct.unpack("<BQQ", data[start : start + 17])
     return record("SummaryOffset", group_opcode=opcode, group_start=first, group_length=length)
 
 
-KINDS: dict[int, Callable[[Data, int, int], Document]] = {
-    records.HEADER: _header,
-    records.SCHEMA: lambda *place: schema(records.read_schema(*place)),
-    records.CHANNEL: lambda *place: channel(records.read_channel(*place)),
-    records.MESSAGE: _message,
-    records.ATTACHMENT: _attachment,
-    records.METADATA: _metadata,
-    records.DATA_END: lambda data, start, stop: record(
+KINDS: dict[int, Callable[[ByteSource, int, int], Document]] = {
+    records.OPCODE_HEADER: _header,
+    records.OPCODE_SCHEMA: lambda *place: schema(records.read_schema(*place)),
+    records.OPCODE_CHANNEL: lambda *place: channel(records.read_channel(*place)),
+    records.OPCODE_MESSAGE: _message,
+    records.OPCODE_ATTACHMENT: _attachment,
+    records.OPCODE_METADATA: _metadata,
+    records.OPCODE_DATA_END: lambda data, start, stop: record(
         "DataEnd", data_section_crc=int.from_bytes(data[start : start + 4], "little")
     ),
-    records.STATISTICS: lambda *place: statistics(records.read_statistics(*place)),
-    records.CHUNK_INDEX: lambda *place: _chunk_index(records.read_chunk_index(*place)),
-    records.ATTACHMENT_INDEX: _attachment_index,
-    records.METADATA_INDEX: lambda *place: record("MetadataIndex", **records.read_metadata_index(*place)._asdict()),
-    records.SUMMARY_OFFSET: _summary_offset,
-    records.FOOTER: lambda *place: record("Footer", **records.read_footer(*place)._asdict()),
+    records.OPCODE_STATISTICS: lambda *place: statistics(records.read_statistics(*place)),
+    records.OPCODE_CHUNK_INDEX: lambda *place: _chunk_index(records.read_chunk_index(*place)),
+    records.OPCODE_ATTACHMENT_INDEX: _attachment_index,
+    records.OPCODE_METADATA_INDEX: lambda *place: record(
+        "MetadataIndex", **records.read_metadata_index(*place)._asdict()
+    ),
+    records.OPCODE_SUMMARY_OFFSET: _summary_offset,
+    records.OPCODE_FOOTER: lambda *place: record("Footer", **records.read_footer(*place)._asdict()),
 }
 
 
@@ -161,9 +163,9 @@ def indexed(file: InputFile) -> Document:
     reader = MessageReader(file, index, faults, recover=False, verify=True)
     rows = [
         (int(channel_id), int(sequence), log_ns, int(publish_ns), bytes(payload))
-        for batch in reader.batches(list(index.channels))
+        for batch in reader.iter_batches(list(index.channels))
         for channel_id, sequence, publish_ns, (log_ns, payload) in zip(
-            batch.channel_id, batch.sequence, batch.publish_time_ns.view(np.uint64), batch.messages(), strict=True
+            batch.channel_id, batch.sequence, batch.publish_time_ns.view(np.uint64), batch.iter_messages(), strict=True
         )
     ]
     footer = find_footer(file)
@@ -195,7 +197,7 @@ class SuiteWriter(RecordWriter):
     """cwcli's writer, which puts all messages into chunks, with messages outside of them."""
 
     def message(self, channel_id: int, log_ns: int, record: bytes) -> None:
-        self.record(record)
+        self.write_raw_record(record)
         self._counts[channel_id] += 1
         self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
         self._last_ns = max(self._last_ns, log_ns)
@@ -223,28 +225,28 @@ def written(wanted: Document) -> bytes:
         kind, given = each["type"], dict(each["fields"])
         if kind in ("Attachment", "Metadata", "DataEnd") and in_chunk:
             entries = {
-                channel_id: np.array([place[1:] for place in places if place[0] == channel_id], INDEX_ENTRY)
+                channel_id: np.array([place[1:] for place in places if place[0] == channel_id], INDEX_ENTRY_DTYPE)
                 for channel_id in dict.fromkeys(place[0] for place in places)
             }
             times = [log_ns for _, log_ns, _ in places]
             payload = ChunkPayload(np.frombuffer(bytes(in_chunk), np.uint8), min(times), max(times), entries)
-            writer.raw_chunk(payload, "", bytes(in_chunk), is_indexed="mx" in features)
+            writer.write_stored_chunk(payload, "", bytes(in_chunk), is_indexed="mx" in features)
             in_chunk.clear()
         if kind == "Header":
-            writer.header(given["profile"], given["library"])
+            writer.write_header(given["profile"], given["library"])
         elif kind == "Schema":
             defined = records.Schema(int(given["id"]), given["name"], given["encoding"], octets(given["data"]))
-            writer.schema(defined, listed_only="ch" in features)
-            in_chunk += record_bytes.schema(defined) if "ch" in features else b""
+            writer.write_schema(defined, listed_only="ch" in features)
+            in_chunk += record_bytes.encode_schema(defined) if "ch" in features else b""
         elif kind == "Channel":
             ids = int(given["id"]), int(given["schema_id"])
             named = records.Channel(*ids, given["topic"], given["message_encoding"], given["metadata"])
-            writer.channel(named, listed_only="ch" in features)
-            in_chunk += record_bytes.channel(named) if "ch" in features else b""
+            writer.write_channel(named, listed_only="ch" in features)
+            in_chunk += record_bytes.encode_channel(named) if "ch" in features else b""
         elif kind == "Message":
             numbers = [int(given[name]) for name in ("channel_id", "sequence", "log_time", "publish_time")]
             content = struct.pack("<HIQQ", *numbers) + octets(given["data"])
-            packed = records.PREFIX.pack(records.MESSAGE, len(content)) + content
+            packed = records.RECORD_PREFIX.pack(records.OPCODE_MESSAGE, len(content)) + content
             if "ch" in features:
                 places.append((numbers[0], numbers[2], len(in_chunk)))
                 in_chunk += packed
@@ -252,9 +254,9 @@ def written(wanted: Document) -> bytes:
                 writer.message(numbers[0], numbers[2], packed)
         elif kind == "Attachment":
             named_as = given["name"], given["media_type"], octets(given["data"])
-            writer.attachment(int(given["log_time"]), int(given["create_time"]), *named_as)
+            writer.write_attachment(int(given["log_time"]), int(given["create_time"]), *named_as)
         elif kind == "Metadata":
-            writer.metadata(given["name"], given["metadata"])
+            writer.write_metadata(given["name"], given["metadata"])
         elif kind == "DataEnd":
             kinds = {opcode for feature, opcode in SUMMARY.items() if feature in features}
             writer.finish(kinds, has_offsets="sum" in features, data_crc=zlib.crc32(output.data))
@@ -263,12 +265,12 @@ def written(wanted: Document) -> bytes:
 
 
 SUMMARY = {
-    "rsh": records.SCHEMA,
-    "rch": records.CHANNEL,
-    "st": records.STATISTICS,
-    "chx": records.CHUNK_INDEX,
-    "ax": records.ATTACHMENT_INDEX,
-    "mdx": records.METADATA_INDEX,
+    "rsh": records.OPCODE_SCHEMA,
+    "rch": records.OPCODE_CHANNEL,
+    "st": records.OPCODE_STATISTICS,
+    "chx": records.OPCODE_CHUNK_INDEX,
+    "ax": records.OPCODE_ATTACHMENT_INDEX,
+    "mdx": records.OPCODE_METADATA_INDEX,
 }
 
 

@@ -11,15 +11,15 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from cwcli.channels.published import EGO_PATH, ONLINE, REMOTE_PATH, WARNINGS
+from cwcli.channels.published import EGO_PATH, ONLINE_CHANNEL_OF_ROLE, REMOTE_PATH, WARNINGS
 from cwcli.errors import CwcliError
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import run_stages
-from cwcli.pipeline.missing import SignalsFor
+from cwcli.pipeline.missing import SignalCheck
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
 from cwcli.stages.inputs.sources import SourceConfig
@@ -29,7 +29,12 @@ from cwcli.stages.warn import WarnConfig
 from cwcli.stages.warn_targets import WarnTargetsConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 
-ONLINE_TOPICS = (*(channel.topic for channel in ONLINE.values()), EGO_PATH.topic, REMOTE_PATH.topic, WARNINGS.topic)
+ONLINE_TOPICS = (
+    *(channel.topic for channel in ONLINE_CHANNEL_OF_ROLE.values()),
+    EGO_PATH.topic,
+    REMOTE_PATH.topic,
+    WARNINGS.topic,
+)
 Message = tuple[int, bytes]
 Messages = Mapping[str, list[Message]]
 """Topic -> (log time, payload) of each online message, in file order."""
@@ -116,14 +121,14 @@ def online_messages(source: Path, stages: Mapping[str, Any], folder: Path) -> di
                 log,
                 calls,
                 Selection(),
-                missing=SignalsFor(STAGES, station),
+                missing=SignalCheck(STAGES, station),
                 lenient=True,
                 strict=False,
                 step=lambda words: None,
             )
         except CwcliError:
             return found
-        annotate(annotated, (), {}, str(target), replace=True, force=True)
+        annotate_log(annotated, (), {}, str(target), replace=True, force=True)
     with target.open("rb") as stream:
         for _, channel, message in make_reader(stream).iter_messages(topics=list(ONLINE_TOPICS)):
             found[channel.topic].append((message.log_time, message.data))

@@ -35,8 +35,6 @@ OF_OTHER_TOOLS = {
     *("--headless", "--disable-gpu", "--no-sandbox", "--no-first-run", "--disable-background-networking"),  # Chromium
     *("--no-pdf-header-footer", "--user-data-dir", "--virtual-time-budget", "--print-to-pdf"),  # Chromium
 }
-FORMER = {"--conflict-ttc"}
-"""Options that CHANGELOG.md tells the successor of."""
 
 
 class Place(NamedTuple):
@@ -97,7 +95,7 @@ def problems(place: Place, *, is_code: bool) -> Iterator[str]:
                 if is_whole(flag) and flag not in options_of(command):
                     yield f"{place}: `cwcli {command}` has no option {flag}"
     for flag in filter(is_whole, FLAG.findall(text)):
-        if flag not in all_options() | OF_OTHER_TOOLS | FORMER and f'"{flag}"' not in elsewhere:
+        if flag not in all_options() | OF_OTHER_TOOLS and f'"{flag}"' not in elsewhere:
             yield f"{place}: no command has the option {flag}"
 
 

@@ -93,12 +93,12 @@ def channel_reference() -> str:
 
 def _header() -> str:
     """The text above the messages, with the table of channels."""
-    from cwcli.channels.published import PUBLISHED
+    from cwcli.channels.published import PUBLISHED_CHANNELS
     from cwcli.control.encounter import POLICIES
 
     rows = [
         f"| `{each.topic}` | `{each.schema}` | `{each.stage}` | {f'`{each.role}`' if each.role else ''} | {each.what} |"
-        for each in PUBLISHED
+        for each in PUBLISHED_CHANNELS
     ]
     return HEADER.format(rows="\n".join(rows), policies=", ".join(f"`{policy}`" for policy in POLICIES))
 
@@ -119,6 +119,6 @@ def _section(block: ProtoMessage) -> str:
 
 
 def _row(entry: ProtoField) -> str:
-    from cwcli.metrics.table import unit_of
+    from cwcli.metrics.table import unit_of_column
 
-    return f"| `{entry.name}` | {entry.kind} | {unit_of(entry.name)} | {entry.comment} |"
+    return f"| `{entry.name}` | {entry.kind} | {unit_of_column(entry.name)} | {entry.comment} |"

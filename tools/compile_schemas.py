@@ -9,7 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
+from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 
 
 def compile_schemas(folder: Path) -> bytes:
@@ -22,7 +22,7 @@ def compile_schemas(folder: Path) -> bytes:
 
     sources = sorted(str(path.relative_to(folder)) for path in folder.glob("cwcli/v1/*.proto"))
     with tempfile.TemporaryDirectory() as scratch:
-        compiled = Path(scratch) / DESCRIPTOR_SET_NAME
+        compiled = Path(scratch) / CWCLI_DESCRIPTOR_SET_FILE
         arguments = ["protoc", f"--proto_path={folder}", f"--descriptor_set_out={compiled}", "--include_imports"]
         if protoc.main([*arguments, *sources]) != 0:
             raise RuntimeError("protoc failed")
@@ -32,7 +32,7 @@ def compile_schemas(folder: Path) -> bytes:
 def main() -> int:
     """Write the descriptor set beside the sources."""
     folder = Path(str(schema_folder()))
-    target = folder / DESCRIPTOR_SET_NAME
+    target = folder / CWCLI_DESCRIPTOR_SET_FILE
     target.write_bytes(compile_schemas(folder))
     print(f"wrote {target}", file=sys.stderr)
     return 0

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from cwcli.cli.markdown import code, filled, table
+from cwcli.cli.markdown import format_code, format_markdown_table, replace_marked_block
 
 
 def guide_page(text: str, root: Path) -> str:
@@ -20,13 +20,15 @@ def guide_page(text: str, root: Path) -> str:
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     layers, *others = project["tool"]["importlinter"]["contracts"]
     rows = [
-        (str(level), code(path.relative_to(root).as_posix() + "/" * path.is_dir()), _words(path))
+        (str(level), format_code(path.relative_to(root).as_posix() + "/" * path.is_dir()), _words(path))
         for level, names in enumerate(layers["layers"], start=1)
         for name in names.split(" | ")
         for path in _rooms(root / "cwcli" / name)
     ]
     rules = "\n".join(f"- {contract['name']}" for contract in others)
-    return filled(text, "map", f"{table(('level', 'room', 'what it is'), rows)}\n\nBesides:\n\n{rules}")
+    return replace_marked_block(
+        text, "map", f"{format_markdown_table(('level', 'room', 'what it is'), rows)}\n\nBesides:\n\n{rules}"
+    )
 
 
 def _rooms(path: Path) -> Iterator[Path]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from types import ModuleType
 
-from cwcli.cli.markdown import filled
+from cwcli.cli.markdown import replace_marked_block
 
 
 def evaluation_page(text: str) -> str:
@@ -13,8 +13,10 @@ def evaluation_page(text: str) -> str:
     from cwcli.metrics import gate_syntax
     from cwcli.signals import field_condition
 
-    text = filled(text, "metrics", _metrics())
-    return filled(filled(text, "grammar", _grammar(gate_syntax)), "conditions", _grammar(field_condition))
+    text = replace_marked_block(text, "metrics", _metrics())
+    return replace_marked_block(
+        replace_marked_block(text, "grammar", _grammar(gate_syntax)), "conditions", _grammar(field_condition)
+    )
 
 
 def _metrics() -> str:

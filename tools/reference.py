@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cwcli.cli.markdown import filled, table
+from cwcli.cli.markdown import format_markdown_table, replace_marked_block
 from cwcli.errors import EXIT_CODES
 from cwcli.registry import hide_plugins
 
@@ -57,7 +57,7 @@ def reference() -> str:
 
     codes = [(str(code), *words) for code, words in EXIT_CODES.items()]
     parts = [
-        HEADER.format(exit_codes=table(("exit code", "meaning", "more"), codes)),
+        HEADER.format(exit_codes=format_markdown_table(("exit code", "meaning", "more"), codes)),
         _section("cwcli", typer.main.get_command(app), "cwcli"),
     ]
     parts += [_section(f"cwcli {name}", load_command(name), f"cwcli {name}") for name in COMMANDS]
@@ -77,17 +77,17 @@ def readme() -> str:
     import io
     import textwrap
 
-    from cwcli.cli.app import EXIT_WORDS
-    from cwcli.cli.main import run
+    from cwcli.cli.app import EXIT_CODES_TEXT
+    from cwcli.cli.main import run_command_line
 
     arguments = ["info", "sample_logs/intersection.mcap"]
     printed = io.StringIO()
     with contextlib.chdir(ROOT), contextlib.redirect_stdout(printed):
-        run(arguments)
+        run_command_line(arguments)
     lines = [f"$ cwcli {' '.join(arguments)}", *printed.getvalue().rstrip().splitlines()]
     block = "\n".join(f"    {line}".rstrip() for line in lines)
-    text = filled((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
-    return filled(text, "exit codes", textwrap.fill(f"{EXIT_WORDS}.", README_WIDTH))
+    text = replace_marked_block((ROOT / "README.md").read_text(encoding="utf-8"), "info", block)
+    return replace_marked_block(text, "exit codes", textwrap.fill(f"{EXIT_CODES_TEXT}.", README_WIDTH))
 
 
 def pages() -> dict[Path, str]:

@@ -12,8 +12,8 @@ The rules:
   but every channel of detections is a sensor of its own, so all of them are bound;
 - messages about other vehicles or events only (CPM, SDSM, DENM) are bound in addition to the chosen channel;
 - `--topic ROLE=/topic:FORMAT` names undecoded radio messages and their format, for `remote` and the ego's roles;
-- `--topic ROLE=/topic` decides for itself; for `MANY_TOPICS` it may list several, separated by commas, and with
-  `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
+- `--topic ROLE=/topic` decides for itself; for `ROLES_WITH_MANY_TOPICS` it may list several, separated by commas, and
+  with `ROLE=/topic:field` it names the fields, too (`cwcli.signals.mapping`).
 """
 
 from __future__ import annotations
@@ -23,43 +23,49 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from cwcli.channels.published import (
+    CHANNEL_OF_ROLE,
     EGO_PATH,
     EGO_STATE,
     LANES,
     OBSERVER,
     OBSERVER_PATH,
-    OF_ROLE,
-    ONLINE,
-    OWN_PREFIX,
+    ONLINE_CHANNEL_OF_ROLE,
+    OWN_TOPIC_PREFIX,
     TARGETS,
 )
 from cwcli.errors import MissingSignalError, UsageError, names_hint
-from cwcli.signals.input_rows import CAN_FIELDS, CAN_SCHEMAS
-from cwcli.signals.inputs import RADIO_FORMATS, input_for, inputs_of, is_beside, normalise
+from cwcli.signals.input_rows import CAN_FRAME_FIELDS, CAN_FRAME_SCHEMAS
+from cwcli.signals.inputs import (
+    SCHEMAS_BY_RADIO_FORMAT,
+    find_input_for_role,
+    inputs_of_schema,
+    is_additive_input,
+    normalise_schema_name,
+)
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
     from cwcli.signals.mapping import FieldMapping
 
-TRUTH_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
+TRUTH_TOPIC_SEGMENTS = frozenset({"truth", "ground_truth", "groundtruth", "gt"})
 """Parts of topic names that mark a channel as reference values; chosen from the names in public logs."""
 ROLE_TEXT: dict[str, str] = {
     **{role: role.words for role in Role},
-    **{role: channel.what for role, channel in OF_ROLE.items()},
+    **{role: channel.what for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> what fills it, in the words of error messages."""
 ROLE_HINT: dict[str, str] = {
     **{role: role.hint for role in Role},
-    **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in OF_ROLE.items()},
+    **{role: f"run `cwcli {channel.stage} LOG -o annotated.mcap` first" for role, channel in CHANNEL_OF_ROLE.items()},
 }
 """Role -> the hint of the error that nothing fills it."""
-FROM_CAMERA = (LANES, OBSERVER, OBSERVER_PATH)
+CAMERA_TO_PATH_CHANNELS = (LANES, OBSERVER, OBSERVER_PATH)
 """Channels that lead from a camera to a predicted path without a position, in the order of their stages."""
 EVERY_ROLE = tuple(ROLE_TEXT)
 """Names of all roles: those of inputs, then those of cwcli's own channels."""
 TRUTH_ROLES = frozenset({Role.TRUTH, Role.TARGET_TRUTH, Role.LATERAL_TRUTH})
 """Roles that only channels of reference values fill."""
-MANY_TOPICS = frozenset(
+ROLES_WITH_MANY_TOPICS = frozenset(
     {
         *(Role.REMOTE, Role.DETECTIONS),
         # two receivers or two IMUs, each with its own latency, place and noise
@@ -67,11 +73,11 @@ MANY_TOPICS = frozenset(
     }
 )
 """Roles that take several topics, each a source of its own."""
-OF_RADIO = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
+RADIO_ROLES = frozenset({Role.REMOTE, Role.EGO_POSITION, Role.EGO_SPEED, Role.EGO_HEADING})
 """Roles that undecoded radio messages can fill when `--topic` names their format."""
-MAY_BE_EMPTY = frozenset({TARGETS.role})
+ROLES_THAT_MAY_BE_EMPTY = frozenset({TARGETS.role})
 """Roles that a channel without messages may fill: a list of targets is empty on an empty road."""
-EVERY_CHANNEL = frozenset({Role.DETECTIONS})
+ROLES_TAKING_EVERY_CHANNEL = frozenset({Role.DETECTIONS})
 """Roles that all candidates fill together, because each is a sensor of its own."""
 
 
@@ -110,8 +116,12 @@ class Binding:
     def fields(self) -> tuple[str, ...]:
         """Leaf fields that the role needs of this channel."""
         if self.mapping is not None:
-            return CAN_FIELDS if normalise(self.schema_name) in CAN_SCHEMAS else self.mapping.fields
-        entry = input_for(self.role, self.schema_name)
+            return (
+                CAN_FRAME_FIELDS
+                if normalise_schema_name(self.schema_name) in CAN_FRAME_SCHEMAS
+                else self.mapping.leaf_fields
+            )
+        entry = find_input_for_role(self.role, self.schema_name)
         return entry.fields.get(self.message_encoding, ()) if entry else ()
 
 
@@ -133,16 +143,16 @@ class Bindings:
     def __contains__(self, role: str) -> bool:
         return role in self.by_role
 
-    def of(self, role: str) -> tuple[Binding, ...]:
+    def channels_of_role(self, role: str) -> tuple[Binding, ...]:
         """The channels of a role, () when it is not bound."""
         return self.by_role.get(role, ())
 
-    def topic(self, role: str) -> str | None:
+    def first_topic_of_role(self, role: str) -> str | None:
         """The (first) topic of a role, None when it is not bound."""
-        bound = self.of(role)
+        bound = self.channels_of_role(role)
         return bound[0].topic if bound else None
 
-    def wanted(self) -> dict[str, set[str]]:
+    def fields_to_load(self) -> dict[str, set[str]]:
         """Topic -> leaf fields to load, for all roles that are read as columns (what `Log.load` takes)."""
         fields: dict[str, set[str]] = {}
         for bound in self.by_role.values():
@@ -152,7 +162,7 @@ class Bindings:
         return fields
 
 
-def bind(
+def bind_roles(
     channels: Sequence[ChannelLike],
     overrides: Mapping[str, str],
     *,
@@ -180,7 +190,7 @@ def bind(
         UsageError: An override names an unknown role, a topic that is not in the log, or one that can't fill the role.
         MissingSignalError: A required role has no candidate, or more than one.
     """
-    named = _check_overrides(channels, overrides, where)
+    named = _bind_overrides(channels, overrides, where)
     by_role: dict[str, tuple[Binding, ...]] = {}
     undecided: dict[str, tuple[Binding, ...]] = {}
     notes: list[str] = []
@@ -188,26 +198,30 @@ def bind(
         if role in named:
             by_role[role] = named[role]
             continue
-        candidates = _candidates(channels, role, ego_station)
-        rivals = [each for each in candidates if not is_beside(role, each.schema_name)]
-        if candidates and (len(rivals) <= 1 or role in EVERY_CHANNEL):
+        candidates = _candidate_bindings(channels, role, ego_station)
+        rivals = [each for each in candidates if not is_additive_input(role, each.schema_name)]
+        if candidates and (len(rivals) <= 1 or role in ROLES_TAKING_EVERY_CHANNEL):
             by_role[role] = tuple(candidates)
-            if role in ONLINE and candidates[0].topic == ONLINE[role].topic:
-                notes.append(f"no channel holds {ROLE_TEXT[role]} in hindsight: {ONLINE[role].topic} is used")
+            if role in ONLINE_CHANNEL_OF_ROLE and candidates[0].topic == ONLINE_CHANNEL_OF_ROLE[role].topic:
+                notes.append(
+                    f"no channel holds {ROLE_TEXT[role]} in hindsight: {ONLINE_CHANNEL_OF_ROLE[role].topic} is used"
+                )
         elif role in required:
-            raise _unbound(role, rivals, channels, where, command)
+            raise _missing_role_error(role, rivals, channels, where, command)
         elif candidates:
             undecided[role] = tuple(rivals)
-            notes.append(f"{_too_many(role, rivals)}; none is used (choose one with {_option(role, rivals)})")
+            notes.append(
+                f"{_ambiguity_text(role, rivals)}; none is used (choose one with {_topic_option_text(role, rivals)})"
+            )
     return Bindings(by_role=by_role, notes=tuple(notes), undecided=undecided)
 
 
 def is_truth_topic(topic: str) -> bool:
     """Whether a topic's name says that it holds reference values."""
-    return not TRUTH_SEGMENTS.isdisjoint(topic.lower().split("/"))
+    return not TRUTH_TOPIC_SEGMENTS.isdisjoint(topic.lower().split("/"))
 
 
-def parse_overrides(options: Sequence[str], name_of_option: str = "--topic") -> dict[str, str]:
+def parse_role_overrides(options: Sequence[str], name_of_option: str = "--topic") -> dict[str, str]:
     """Read `ROLE=/topic` options.
 
     Args:
@@ -221,7 +235,7 @@ def parse_overrides(options: Sequence[str], name_of_option: str = "--topic") -> 
     for option in options:
         name, separator, topic = option.partition("=")
         if not separator or not topic:
-            raise UsageError(f"{name_of_option} {option}: expected ROLE=/topic", hint=_role_names())
+            raise UsageError(f"{name_of_option} {option}: expected ROLE=/topic", hint=_role_names_text())
         if name in overrides:
             raise UsageError(
                 f"{name_of_option} {name} is given twice", hint="several topics for one role: --topic remote=/a,/b"
@@ -230,92 +244,104 @@ def parse_overrides(options: Sequence[str], name_of_option: str = "--topic") -> 
     return overrides
 
 
-def check_roles(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
+def check_role_names(overrides: Mapping[str, str], name_of_option: str = "--topic") -> None:
     """Check that every role (name -> topic) exists; else a UsageError that names the option."""
     for name, value in overrides.items():
         if name not in EVERY_ROLE:
             raise UsageError(
                 f"{name_of_option} {name}={value}: there is no role {name}", hint=names_hint(name, EVERY_ROLE, "roles")
             )
-        _mappings(name, value)
+        _parse_field_mappings(name, value)
 
 
-def _candidates(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
+def _candidate_bindings(channels: Sequence[ChannelLike], role: str, ego_station: str | None) -> list[Binding]:
     """The bindings of lowest rank for a role, then those that are bound in addition; one for each topic."""
     ranked: dict[str, tuple[int, Binding]] = {}
     for channel in channels:
-        if getattr(channel, "message_count", None) == 0 and role not in MAY_BE_EMPTY:
+        if getattr(channel, "message_count", None) == 0 and role not in ROLES_THAT_MAY_BE_EMPTY:
             continue
-        rank = _rank(channel, role, ego_station)
+        rank = _candidate_rank(channel, role, ego_station)
         if rank is not None:
-            ranked.setdefault(channel.topic, (rank, _binding(channel, role)))
-    lowest = min((rank for rank, each in ranked.values() if not is_beside(role, each.schema_name)), default=0)
-    found = [each for rank, each in ranked.values() if rank == lowest or is_beside(role, each.schema_name)]
-    return sorted(found, key=lambda each: is_beside(role, each.schema_name))
+            ranked.setdefault(channel.topic, (rank, _make_binding(channel, role)))
+    lowest = min((rank for rank, each in ranked.values() if not is_additive_input(role, each.schema_name)), default=0)
+    found = [each for rank, each in ranked.values() if rank == lowest or is_additive_input(role, each.schema_name)]
+    return sorted(found, key=lambda each: is_additive_input(role, each.schema_name))
 
 
-def _rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
+def _candidate_rank(channel: ChannelLike, role: str, ego_station: str | None) -> int | None:
     """The priority of a channel for a role, 0 first; None if the channel does not fill the role unless it is named."""
-    if role in OF_ROLE:
-        own = (OF_ROLE[role].topic, *([ONLINE[role].topic] if role in ONLINE else []))
-        return own.index(channel.topic) if channel.topic in own and _can_hold(role, channel.schema_name) else None
-    entry = input_for(role, channel.schema_name)
-    if entry is None or channel.topic.startswith(OWN_PREFIX) or (entry.needs_ego_station and ego_station is None):
+    if role in CHANNEL_OF_ROLE:
+        own = (
+            CHANNEL_OF_ROLE[role].topic,
+            *([ONLINE_CHANNEL_OF_ROLE[role].topic] if role in ONLINE_CHANNEL_OF_ROLE else []),
+        )
+        return (
+            own.index(channel.topic) if channel.topic in own and _is_schema_of_role(role, channel.schema_name) else None
+        )
+    entry = find_input_for_role(role, channel.schema_name)
+    if entry is None or channel.topic.startswith(OWN_TOPIC_PREFIX) or (entry.needs_ego_station and ego_station is None):
         return None
     if not entry.says_what_it_is and is_truth_topic(channel.topic) != (role in TRUTH_ROLES):
         return None
-    return entry.rank if entry.fits(channel.topic) else None
+    return entry.rank if entry.fits_topic(channel.topic) else None
 
 
-def _can_hold(role: str, schema_name: str) -> bool:
-    own = OF_ROLE.get(role)
-    return input_for(role, schema_name) is not None if own is None else normalise(schema_name) == own.schema
+def _is_schema_of_role(role: str, schema_name: str) -> bool:
+    own = CHANNEL_OF_ROLE.get(role)
+    return (
+        find_input_for_role(role, schema_name) is not None
+        if own is None
+        else normalise_schema_name(schema_name) == own.schema
+    )
 
 
-def _check_overrides(
+def _bind_overrides(
     channels: Sequence[ChannelLike], overrides: Mapping[str, str], where: str
 ) -> dict[str, tuple[Binding, ...]]:
     named: dict[str, tuple[Binding, ...]] = {}
-    check_roles(overrides)
+    check_role_names(overrides)
     for name, value in overrides.items():
-        mappings = _mappings(name, value)
+        mappings = _parse_field_mappings(name, value)
         if mappings:
-            named[name] = tuple(_mapped_channel(channels, mapping, where) for mapping in mappings)
+            named[name] = tuple(_bind_mapped_channel(channels, mapping, where) for mapping in mappings)
             continue
-        topics = value.split(",") if name in MANY_TOPICS else [value]
-        named[name] = tuple(_named_channel(channels, name, topic.strip(), where) for topic in topics)
+        topics = value.split(",") if name in ROLES_WITH_MANY_TOPICS else [value]
+        named[name] = tuple(_bind_named_channel(channels, name, topic.strip(), where) for topic in topics)
     return named
 
 
-def _mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
+def _parse_field_mappings(role: str, value: str) -> tuple[FieldMapping, ...]:
     """Parse the field mappings of `ROLE=value`; () where the value is topics. A malformed mapping is a UsageError."""
-    if ":" not in value or value.rpartition(":")[2] in RADIO_FORMATS:
+    if ":" not in value or value.rpartition(":")[2] in SCHEMAS_BY_RADIO_FORMAT:
         return ()
-    from cwcli.signals.mapping import MAPPED, parse_mappings  # few name fields, and every start would pay
+    from cwcli.signals.mapping import (  # few name fields, and every start would pay
+        MAPPED_QUANTITIES_BY_ROLE,
+        parse_field_mappings,
+    )
 
-    mappings = parse_mappings(role, value) if role in MAPPED else ()
-    if len(mappings) > 1 and role not in MANY_TOPICS:
+    mappings = parse_field_mappings(role, value) if role in MAPPED_QUANTITIES_BY_ROLE else ()
+    if len(mappings) > 1 and role not in ROLES_WITH_MANY_TOPICS:
         raise UsageError(f"--map {role} is given twice", hint="it takes one channel")
     return mappings
 
 
-def _mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
+def _bind_mapped_channel(channels: Sequence[ChannelLike], mapping: FieldMapping, where: str) -> Binding:
     for channel in channels:
         if channel.topic in (mapping.topic, f"/{mapping.topic}"):
-            parts = tuple(_mapped_channel(channels, part, where) for part in mapping.parts)
-            return replace(_binding(channel, mapping.role, is_override=True), mapping=mapping, parts=parts)
+            parts = tuple(_bind_mapped_channel(channels, part, where) for part in mapping.parts)
+            return replace(_make_binding(channel, mapping.role, is_override=True), mapping=mapping, parts=parts)
     topics = tuple(dict.fromkeys(channel.topic for channel in channels)) or ("no channels",)
     what = f"--map {mapping.role}={mapping.text}: the log has no topic {mapping.topic}"
     raise UsageError(what, where=where, found=topics)
 
 
-def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
-    if role in OF_RADIO and ":" in topic:
-        return _radio_channel(channels, role, topic, where)
-    usable = {channel.topic: channel for channel in channels if _can_hold(role, channel.schema_name)}
+def _bind_named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where: str) -> Binding:
+    if role in RADIO_ROLES and ":" in topic:
+        return _bind_radio_channel(channels, role, topic, where)
+    usable = {channel.topic: channel for channel in channels if _is_schema_of_role(role, channel.schema_name)}
     channel = usable.get(topic) or usable.get(f"/{topic}")
     if channel is not None:
-        return _binding(channel, role, is_override=True)
+        return _make_binding(channel, role, is_override=True)
     option = f"--topic {role}={topic}"
     if usable:
         hint = f"topics that can hold {ROLE_TEXT[role]}: {', '.join(usable)}"
@@ -327,34 +353,38 @@ def _named_channel(channels: Sequence[ChannelLike], role: str, topic: str, where
     raise UsageError(f"{option}: {schema or 'no schema'} can't hold {ROLE_TEXT[role]}", where=where, hint=hint)
 
 
-def _radio_channel(channels: Sequence[ChannelLike], role: str, named: str, where: str) -> Binding:
+def _bind_radio_channel(channels: Sequence[ChannelLike], role: str, named: str, where: str) -> Binding:
     """Bind a channel of undecoded radio messages that is named as `/topic:FORMAT`."""
     topic, _, form = named.rpartition(":")
-    if form not in RADIO_FORMATS:
+    if form not in SCHEMAS_BY_RADIO_FORMAT:
         raise UsageError(
-            f"--topic {role}={named}: there is no format {form}", hint=f"formats: {', '.join(RADIO_FORMATS)}"
+            f"--topic {role}={named}: there is no format {form}", hint=f"formats: {', '.join(SCHEMAS_BY_RADIO_FORMAT)}"
         )
     for channel in channels:
         if channel.topic in (topic, f"/{topic}"):
-            return replace(_binding(channel, role, is_override=True), schema_name=RADIO_FORMATS[form])
+            return replace(_make_binding(channel, role, is_override=True), schema_name=SCHEMAS_BY_RADIO_FORMAT[form])
     raise UsageError(f"--topic {role}={named}: the log has no topic {topic}", where=where)
 
 
-def _unbound(
+def _missing_role_error(
     role: str, candidates: Sequence[Binding], channels: Sequence[ChannelLike], where: str, command: str
 ) -> MissingSignalError:
     needed = f" (needed by `cwcli {command}`)" if command else ""
     found = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name or 'no schema'})" for channel in channels))
     if candidates:
         return MissingSignalError(
-            f"{_too_many(role, candidates)}{needed}",
+            f"{_ambiguity_text(role, candidates)}{needed}",
             where=where,
             found=found,
-            hint=f"choose one with {_option(role, candidates)}",
+            hint=f"choose one with {_topic_option_text(role, candidates)}",
         )
-    by_hand = [channel.topic for channel in channels if role in (roles := _roles(channel)) and Role.REMOTE not in roles]
-    hint = _from_the_camera(role, channels, command) or ROLE_HINT.get(role, "")
-    if by_hand and role not in OF_ROLE:
+    by_hand = [
+        channel.topic
+        for channel in channels
+        if role in (roles := _roles_of_channel(channel)) and Role.REMOTE not in roles
+    ]
+    hint = _camera_route_hint(role, channels, command) or ROLE_HINT.get(role, "")
+    if by_hand and role not in CHANNEL_OF_ROLE:
         hint = f"{hint}; " if hint else ""
         hint += f"{', '.join(dict.fromkeys(by_hand))} can be named with --topic {role}=/name"
     return MissingSignalError(
@@ -362,24 +392,24 @@ def _unbound(
     )
 
 
-def _roles(channel: ChannelLike) -> set[str]:
+def _roles_of_channel(channel: ChannelLike) -> set[str]:
     """The roles that the schema of a channel can fill."""
-    return {entry.role for entry in inputs_of(channel.schema_name)}
+    return {entry.role for entry in inputs_of_schema(channel.schema_name)}
 
 
-def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -> str:
+def _camera_route_hint(role: str, channels: Sequence[ChannelLike], command: str) -> str:
     """A hint on the stages that give the ego's path from the camera in a log without a position; "" for other logs."""
     is_asked = command in ("predict", "warn", "run") and role in (EGO_STATE.role, EGO_PATH.role)
-    if not is_asked or _candidates(channels, Role.EGO_POSITION, None):
+    if not is_asked or _candidate_bindings(channels, Role.EGO_POSITION, None):
         return ""
     topics = {channel.topic for channel in channels}
-    steps = list(FROM_CAMERA)
+    steps = list(CAMERA_TO_PATH_CHANNELS)
     while steps and any(step.topic in topics for step in steps):
         del steps[0]
-    if len(steps) == len(FROM_CAMERA) and not _candidates(channels, Role.CAMERA, None):
+    if len(steps) == len(CAMERA_TO_PATH_CHANNELS) and not _candidate_bindings(channels, Role.CAMERA, None):
         return ""
     words = [f"`cwcli {step.stage}`" for step in steps]
-    has_speed = any(_candidates(channels, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
+    has_speed = any(_candidate_bindings(channels, each, None) for each in (Role.EGO_SPEED, Role.EGO_VELOCITY))
     if OBSERVER in steps and not has_speed:
         words[steps.index(OBSERVER)] += " (it needs the car's speed too, which no channel holds)"
     if command == "warn":
@@ -387,21 +417,23 @@ def _from_the_camera(role: str, channels: Sequence[ChannelLike], command: str) -
     return f"no channel holds a position for `cwcli estimate`; from the camera: {', '.join(words)}"
 
 
-def _too_many(role: str, candidates: Sequence[Binding]) -> str:
+def _ambiguity_text(role: str, candidates: Sequence[Binding]) -> str:
     count = {2: "two"}.get(len(candidates), str(len(candidates)))
     names = [f"{candidate.topic} ({candidate.schema_name})" for candidate in candidates]
     return f"{count} channels hold {ROLE_TEXT[role]}: {', '.join(names[:-1])} and {names[-1]}"
 
 
-def _option(role: str, candidates: Sequence[Binding]) -> str:
+def _topic_option_text(role: str, candidates: Sequence[Binding]) -> str:
     topics = [candidate.topic for candidate in candidates]
     each = " or ".join(f"--topic {role}={topic}" for topic in topics)
-    return f"{each}, or several with commas: --topic {role}={','.join(topics)}" if role in MANY_TOPICS else each
+    return (
+        f"{each}, or several with commas: --topic {role}={','.join(topics)}" if role in ROLES_WITH_MANY_TOPICS else each
+    )
 
 
-def _role_names() -> str:
+def _role_names_text() -> str:
     return f"roles: {', '.join(EVERY_ROLE)}"
 
 
-def _binding(channel: ChannelLike, role: str, *, is_override: bool = False) -> Binding:
+def _make_binding(channel: ChannelLike, role: str, *, is_override: bool = False) -> Binding:
     return Binding(role, channel.topic, channel.schema_name, channel.message_encoding, is_override)

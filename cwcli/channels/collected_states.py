@@ -30,17 +30,17 @@ class CollectedStates:
         self._state, self._covariance = np.empty((n, N_STATES)), PackedCovariances.empty(n, N_STATES)
         self._flags = np.zeros(n, np.uint8)
 
-    def add(self, rows: Int64Array, track: Track) -> None:
+    def add_track(self, rows: Int64Array, track: Track) -> None:
         """Store the states of one vehicle's rows; different vehicles may be added from different threads."""
         at = self._place[rows]
         self._state[at], self._flags[at] = track.state, track.flags
-        self._covariance.put(at, PackedCovariances.of(track.covariance))
+        self._covariance.fill_rows(at, PackedCovariances.from_dense(track.covariance))
 
-    def states(self) -> VehicleStates:
+    def to_vehicle_states(self) -> VehicleStates:
         """All collected states, in log-time order."""
         signal, order = self._signal, self._order
         return VehicleStates(
-            signal.station.rows(order),
+            signal.station.select_rows(order),
             signal.stamp_ns[order],
             signal.log_time_ns[order],
             self._state,

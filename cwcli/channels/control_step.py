@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.ego_viewers import write_poses
-from cwcli.channels.output import output
+from cwcli.channels.ego_viewers import write_pose_channel
+from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.control.encounter import POLICIES
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 
-SERIES = (
+STEP_SERIES_FIELDS = (
     "since_warning_s",
     "distance_m",
     "gap_m",
@@ -46,7 +46,7 @@ class ReplayedSteps:
     series: tuple[Mapping[str, Field], ...]
 
 
-def write_replays(
+def write_replay_channels(
     replays: Sequence[ReplayedSteps], *, host_size_m: tuple[float | None, float | None], local_map: LocalMap | None
 ) -> tuple[OutputChannel, ...]:
     """Make the state, step and pose channels of every policy.
@@ -60,25 +60,25 @@ def write_replays(
     stamp_ns = np.concatenate([one.stamp_ns for one in replays])
     for policy, name in enumerate(POLICIES):
         state = np.concatenate([one.states[policy] for one in replays])
-        host = VehicleStates.of_ego(stamp_ns, state, size_m=host_size_m)
+        host = VehicleStates.from_ego_states(stamp_ns, state, size_m=host_size_m)
         channels += [
-            write_states(CONTROL_STATE.of(name), host, local_map, has_covariance=False),
-            _steps(policy, stamp_ns, replays),
-            write_poses(CONTROL_POSE.of(name), stamp_ns, state),
+            write_vehicle_states(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
+            _control_step_channel(policy, stamp_ns, replays),
+            write_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
         ]
     return tuple(channels)
 
 
-def _steps(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) -> OutputChannel:
+def _control_step_channel(policy: int, stamp_ns: Int64Array, replays: Sequence[ReplayedSteps]) -> OutputChannel:
     counts = [len(one.stamp_ns) for one in replays]
     fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,
-        "policy": constant_strings(POLICIES[policy], len(stamp_ns)),
+        "policy": repeat_string(POLICIES[policy], len(stamp_ns)),
         "event_id": np.repeat([one.event_id for one in replays], counts),
         "other_id": Strings(
             np.repeat(np.arange(len(replays)), counts).astype(np.int32), tuple(one.other_id for one in replays)
         ),
     }
-    for name in SERIES:
+    for name in STEP_SERIES_FIELDS:
         fields[name] = np.concatenate([np.asarray(one.series[policy][name]) for one in replays])
-    return output(CONTROL_STEP.of(POLICIES[policy]), stamp_ns, fields)
+    return make_output_channel(CONTROL_STEP.for_policy(POLICIES[policy]), stamp_ns, fields)

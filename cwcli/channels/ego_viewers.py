@@ -4,51 +4,51 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.output import first_of_each_period, output
+from cwcli.channels.output import first_row_of_each_period, make_output_channel
 from cwcli.channels.published import EGO_FIX, EGO_POSE, EGO_STATE, TRANSFORMS, Channel
-from cwcli.channels.vehicle_state import VehicleStates, write_states
-from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, constant_strings
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, repeat_string
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.precision import plane_to_digits, to_step
+from cwcli.signals.precision import round_plane_covariance, round_to_binary_step
 from cwcli.signals.vehicle_state import BODY_FRAME, HEADING, MAP_FRAME, STATE_NAMES, X, Y
 
 COVARIANCE_TYPE_KNOWN = 3
 """The value of `foxglove.LocationFix.PositionCovarianceType.KNOWN`."""
-SHOWN_HZ, TRANSFORMS_HZ = 5.0, 10.0
+FIX_AND_POSE_RATE_HZ, TRANSFORM_RATE_HZ = 5.0, 10.0
 """Highest rates of fixes and poses, and of transforms; chosen for smooth drawing and small logs."""
-VARIANCE_DIGITS = 8
+VARIANCE_BINARY_DIGITS = 8
 """Binary digits of the variances of a fix; chosen: viewers only draw an ellipse."""
-TURN_BITS = 20
+ORIENTATION_FRACTION_BITS = 20
 """Components of the orientation quaternion are multiples of 2^-20; chosen by hand."""
 
 
-def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
+def write_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tuple[OutputChannel, ...]:
     """Make the channel of the ego's states, and fixes, poses and transforms of some of them for viewers.
 
     Args:
         states: In the order of their log times, which are their stamps.
         local_map: Where the map lies on the earth; None leaves the fixes unknown.
     """
-    published = write_states(EGO_STATE, states, local_map)
-    placed = first_of_each_period(states.ids.codes, states.stamp_ns, TRANSFORMS_HZ)
-    shown = first_of_each_period(states.ids.codes, states.stamp_ns, SHOWN_HZ)
+    published = write_vehicle_states(EGO_STATE, states, local_map)
+    placed = first_row_of_each_period(states.ids.codes, states.stamp_ns, TRANSFORM_RATE_HZ)
+    shown = first_row_of_each_period(states.ids.codes, states.stamp_ns, FIX_AND_POSE_RATE_HZ)
     state = np.column_stack([np.asarray(published.fields[name]) for name in STATE_NAMES])
     transform: dict[str, Field] = {
         "timestamp": states.stamp_ns[placed],
-        "parent_frame_id": constant_strings(MAP_FRAME, len(placed)),
-        "child_frame_id": constant_strings(BODY_FRAME, len(placed)),
-        **_placed("translation", "rotation", state[placed]),
+        "parent_frame_id": repeat_string(MAP_FRAME, len(placed)),
+        "child_frame_id": repeat_string(BODY_FRAME, len(placed)),
+        **_pose_fields("translation", "rotation", state[placed]),
     }
-    transforms = output(TRANSFORMS, states.log_time_ns[placed], transform)
-    states, state, n = states.rows(shown), state[shown], len(shown)
+    transforms = make_output_channel(TRANSFORMS, states.log_time_ns[placed], transform)
+    states, state, n = states.select_rows(shown), state[shown], len(shown)
     position_covariance = np.zeros((n, 9))
-    position_covariance[:, [0, 1, 4]] = plane_to_digits(
-        np.stack([states.covariance[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1))], axis=1), VARIANCE_DIGITS
+    position_covariance[:, [0, 1, 4]] = round_plane_covariance(
+        np.stack([states.covariance[:, a, b] for a, b in ((0, 0), (0, 1), (1, 1))], axis=1), VARIANCE_BINARY_DIGITS
     )
     position_covariance[:, 3] = position_covariance[:, 1]
     fix: dict[str, Field] = {
         "timestamp": states.stamp_ns,
-        "frame_id": constant_strings(BODY_FRAME, n),
+        "frame_id": repeat_string(BODY_FRAME, n),
         "latitude": np.asarray(published.fields["latitude_deg"])[shown],
         "longitude": np.asarray(published.fields["longitude_deg"])[shown],
         "altitude": np.full(n, local_map.origin_alt_m if local_map else 0.0),
@@ -57,23 +57,23 @@ def write_ego(states: VehicleStates, local_map: LocalMap | None) -> tuple[Output
     }
     return (
         published,
-        output(EGO_FIX, states.log_time_ns, fix),
-        write_poses(EGO_POSE, states.stamp_ns, state),
+        make_output_channel(EGO_FIX, states.log_time_ns, fix),
+        write_pose_channel(EGO_POSE, states.stamp_ns, state),
         transforms,
     )
 
 
-def write_poses(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
+def write_pose_channel(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
     """Make a channel of `foxglove.PoseInFrame` in the map frame from states (n, 8); log times are the stamps."""
     fields: dict[str, Field] = {
         "timestamp": stamp_ns,
-        "frame_id": constant_strings(MAP_FRAME, len(stamp_ns)),
-        **_placed("pose.position", "pose.orientation", state),
+        "frame_id": repeat_string(MAP_FRAME, len(stamp_ns)),
+        **_pose_fields("pose.position", "pose.orientation", state),
     }
-    return output(channel, stamp_ns, fields)
+    return make_output_channel(channel, stamp_ns, fields)
 
 
-def _placed(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
+def _pose_fields(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
     """Fields of position and orientation on the map plane, from states (n, 8)."""
     zeros, half = np.zeros(len(state)), 0.5 * state[:, HEADING]
     return {
@@ -82,6 +82,6 @@ def _placed(place: str, turn: str, state: FloatArray) -> dict[str, Field]:
         f"{place}.z": zeros,
         f"{turn}.x": zeros,
         f"{turn}.y": zeros,
-        f"{turn}.z": to_step(np.sin(half), TURN_BITS),
-        f"{turn}.w": to_step(np.cos(half), TURN_BITS),
+        f"{turn}.z": round_to_binary_step(np.sin(half), ORIENTATION_FRACTION_BITS),
+        f"{turn}.w": round_to_binary_step(np.cos(half), ORIENTATION_FRACTION_BITS),
     }

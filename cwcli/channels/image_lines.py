@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.published import Channel
-from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel, strings_from
+from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, StreamedChannel, encode_strings
 
 LINE_LOOP, LINE_STRIP = 2, 3
 """The kinds of lines: values of `foxglove.PointsAnnotation.Type`."""
-PIXELS_PER_THICKNESS = 320.0
+IMAGE_WIDTH_PER_LINE_THICKNESS = 320.0
 """Width of the image per width of a line, both in pixels; chosen by eye."""
 MIN_THICKNESS_PX = 2.0
 """Least width of a line in pixels; chosen by eye."""
@@ -21,7 +21,7 @@ Colour = Sequence[float]
 
 
 @dataclass(frozen=True)
-class Shape:
+class ImageShape:
     """A line or an area on an image.
 
     Attributes:
@@ -39,7 +39,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Label:
+class ImageLabel:
     """A word on the image.
 
     Attributes:
@@ -57,7 +57,7 @@ class Label:
 
 def line_thickness_px(width_px: float) -> float:
     """The width in pixels of a line that is easily visible on an image of this width."""
-    return max(float(width_px) / PIXELS_PER_THICKNESS, MIN_THICKNESS_PX)
+    return max(float(width_px) / IMAGE_WIDTH_PER_LINE_THICKNESS, MIN_THICKNESS_PX)
 
 
 def write_image_lines(
@@ -65,8 +65,8 @@ def write_image_lines(
     *,
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
-    shapes: Callable[[int, int], Sequence[Sequence[Shape]]],
-    labels: Callable[[int, int], Sequence[Sequence[Label]]] | None = None,
+    shapes: Callable[[int, int], Sequence[Sequence[ImageShape]]],
+    labels: Callable[[int, int], Sequence[Sequence[ImageLabel]]] | None = None,
 ) -> StreamedChannel:
     """Make a channel of one annotation message a frame; messages are built while the log is written.
 
@@ -86,33 +86,33 @@ def write_image_lines(
             "timestamp": np.array([stamp for stamp, _ in flat], np.int64),
             "type": np.array([shape.kind for _, shape in flat], np.int64),
             "points": Repeated(ends, {"x": points[:, 0], "y": points[:, 1]}),
-            **_colour("outline_color", [shape.outline for _, shape in flat]),
-            **_colour("fill_color", [shape.fill for _, shape in flat if shape.fill is not None]),
+            **_colour_fields("outline_color", [shape.outline for _, shape in flat]),
+            **_colour_fields("fill_color", [shape.fill for _, shape in flat if shape.fill is not None]),
             "thickness": np.array([shape.thickness_px for _, shape in flat], np.float64),
         }
         counts = np.cumsum([0, *(len(each) for each in drawn)]).astype(np.int64)
         made: dict[str, OutputField] = {"points": Repeated(counts, lines)}
         if labels is not None:
-            made["texts"] = _texts(stamp_ns[start:stop], labels(start, stop))
+            made["texts"] = _text_annotations(stamp_ns[start:stop], labels(start, stop))
         return made
 
-    return StreamedChannel(channel.topic, channel.schema, log_time_ns, rows=rows)
+    return StreamedChannel(channel.topic, channel.schema, log_time_ns, make_rows=rows)
 
 
-def _texts(stamp_ns: Int64Array, labels: Sequence[Sequence[Label]]) -> Repeated:
+def _text_annotations(stamp_ns: Int64Array, labels: Sequence[Sequence[ImageLabel]]) -> Repeated:
     flat = [label for each in labels for label in each]
     counts = [len(each) for each in labels]
     fields: dict[str, OutputField] = {
         "timestamp": np.repeat(stamp_ns, counts),
         "position.x": np.array([label.at[0] for label in flat], np.float64),
         "position.y": np.array([label.at[1] for label in flat], np.float64),
-        "text": strings_from(label.text for label in flat),
+        "text": encode_strings(label.text for label in flat),
         "font_size": np.array([label.size_px for label in flat], np.float64),
-        **_colour("text_color", [label.colour for label in flat]),
+        **_colour_fields("text_color", [label.colour for label in flat]),
     }
     return Repeated(np.cumsum([0, *counts]).astype(np.int64), fields)
 
 
-def _colour(name: str, values: Sequence[Colour]) -> dict[str, OutputField]:
+def _colour_fields(name: str, values: Sequence[Colour]) -> dict[str, OutputField]:
     parts = np.array(values, np.float64).reshape(-1, 4)
     return {f"{name}.{part}": parts[:, k] for k, part in enumerate("rgba")} if len(parts) else {}

@@ -6,28 +6,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.output import output
+from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_statuses
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, STATE_NAMES, FrameStatus, LateralTrack, count_frame_statuses
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, OutputChannel
-from cwcli.signals.leaf_fields import matrix, numbers, unusable, whole_numbers
+from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, unusable_field_error
 from cwcli.signals.resample import resample
-from cwcli.signals.row_order import rows_by_stamp
+from cwcli.signals.row_order import sort_rows_by_stamp
 
 N_STATES = len(STATE_NAMES)
 """Number of states of the lateral observer."""
-AHEAD = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
+LANE_AHEAD_FIELDS = ("ahead_lateral_deviation_m", "ahead_heading_deviation_rad")
 """Fields of the true lane at several distances ahead."""
-TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *AHEAD)
+TRUTH_FIELDS = ("stamp_ns", *STATE_NAMES, "preview_distance_m", "ahead_m", *LANE_AHEAD_FIELDS)
 """Fields that are read from a channel of the lateral truth."""
-PREVIEW_ATOL_M = 1e-6
+PREVIEW_MATCH_TOLERANCE_M = 1e-6
 """Two preview distances that differ by less are the same, m; chosen: rounding errors only."""
-FIRST_STATUS = 1
+STATUS_OFFSET = 1
 """Offset from `FrameStatus` to the enum of the message, where 0 means unspecified."""
 
 
 @dataclass(frozen=True)
-class Observed:
+class ObservedDrive:
     """An observed drive, in the order of its stamps.
 
     Attributes:
@@ -42,7 +42,7 @@ class Observed:
         return len(self.track)
 
 
-def write_observed(observed: Observed) -> OutputChannel:
+def write_observed_drive(observed: ObservedDrive) -> OutputChannel:
     """Make the channel of the observer, one message a frame."""
     track, n = observed.track, len(observed)
     fields: dict[str, Field] = {
@@ -51,47 +51,47 @@ def write_observed(observed: Observed) -> OutputChannel:
         "steer_rad": track.steer_rad,
         "speed_mps": track.speed_mps,
         "curvature_1pm": track.curvature_1pm,
-        "status": track.status.astype(np.int32) + FIRST_STATUS,
+        "status": track.status.astype(np.int32) + STATUS_OFFSET,
         "covariance": track.covariance.reshape(n, N_STATES**2),
         "mass_kg": track.mass_kg,
         "mass_sigma_kg": track.mass_sigma_kg,
         "preview_distance_m": track.preview_m,
     }
-    return output(OBSERVER, observed.log_time_ns, fields)
+    return make_output_channel(OBSERVER, observed.log_time_ns, fields)
 
 
-def read_observed(columns: Columns) -> Observed:
+def read_observed_drive(columns: Columns) -> ObservedDrive:
     """Read the channel of the observer. A preview distance of 0 means none was written; then zhang2011's is used.
 
     Raises:
         DataError: A field is missing, or a status is unknown: another version wrote it.
     """
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns", required=True)
+    stamp_ns, _ = read_integers(columns, "stamp_ns", required=True)
     order = np.argsort(stamp_ns, kind="stable")
     n = len(order)
 
     def column(name: str, *, required: bool = True) -> FloatArray:
-        return numbers(columns, name, required=required)[order]
+        return read_numbers(columns, name, required=required)[order]
 
-    number = column("status").astype(np.int64) - FIRST_STATUS
+    number = column("status").astype(np.int64) - STATUS_OFFSET
     if n and not np.isin(number, [status.value for status in FrameStatus]).all():
-        raise unusable(columns, "status")
+        raise unusable_field_error(columns, "status")
     status = number.astype(np.int8)
     preview_m = column("preview_distance_m", required=False)
     track = LateralTrack(
         stamp_ns=stamp_ns[order],
         state=np.column_stack([column(name) for name in STATE_NAMES]),
-        preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, PREVIEW_M),
-        covariance=matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
+        preview_m=np.where(np.isfinite(preview_m) & (preview_m > 0.0), preview_m, DEFAULT_PREVIEW_M),
+        covariance=read_matrix(columns, "covariance", N_STATES**2).reshape(n, N_STATES, N_STATES)[order],
         speed_mps=column("speed_mps"),
         steer_rad=column("steer_rad"),
         curvature_1pm=column("curvature_1pm"),
         mass_kg=column("mass_kg"),
         mass_sigma_kg=column("mass_sigma_kg", required=False),
         status=status,
-        counts=count_statuses(status),
+        counts=count_frame_statuses(status),
     )
-    return Observed(columns.log_time_ns[order], track)
+    return ObservedDrive(columns.log_time_ns[order], track)
 
 
 def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
@@ -100,12 +100,14 @@ def read_lateral_truth(columns: Columns) -> tuple[Int64Array, FloatArray]:
     Args:
         columns: The channel; its fields `TRUTH_FIELDS` are enough.
     """
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    rows = rows_by_stamp(stamp_ns)
-    return stamp_ns[rows], np.column_stack([numbers(columns, name)[rows] for name in STATE_NAMES])
+    stamp_ns, _ = read_integers(columns, "stamp_ns")
+    rows = sort_rows_by_stamp(stamp_ns)
+    return stamp_ns[rows], np.column_stack([read_numbers(columns, name)[rows] for name in STATE_NAMES])
 
 
-def true_preview_points(columns: Columns, at_ns: Int64Array, preview_m: FloatArray, max_gap_s: float) -> FloatArray:
+def true_deviations_at_preview(
+    columns: Columns, at_ns: Int64Array, preview_m: FloatArray, max_gap_s: float
+) -> FloatArray:
     """True lateral and heading deviation at an observer's preview points, shape (n, 2) in m and rad; NaN if unknown.
 
     A channel with the lane ahead is read at every preview distance, another one only at its own.
@@ -115,20 +117,20 @@ def true_preview_points(columns: Columns, at_ns: Int64Array, preview_m: FloatArr
         at_ns, preview_m: Shape (n,).
         max_gap_s: Longest gap between messages that is interpolated.
     """
-    stamp_ns, _ = whole_numbers(columns, "stamp_ns")
-    rows = rows_by_stamp(stamp_ns)
-    told_m = numbers(columns, "preview_distance_m")
+    stamp_ns, _ = read_integers(columns, "stamp_ns")
+    rows = sort_rows_by_stamp(stamp_ns)
+    told_m = read_numbers(columns, "preview_distance_m")
     known_m = told_m[told_m > 0.0]
-    own_m = float(known_m[0]) if len(known_m) else PREVIEW_M
-    is_own = np.abs(preview_m - own_m) <= PREVIEW_ATOL_M
-    made = np.full((len(at_ns), len(AHEAD)), np.nan)
-    ahead_m = matrix(columns, "ahead_m")
+    own_m = float(known_m[0]) if len(known_m) else DEFAULT_PREVIEW_M
+    is_own = np.abs(preview_m - own_m) <= PREVIEW_MATCH_TOLERANCE_M
+    made = np.full((len(at_ns), len(LANE_AHEAD_FIELDS)), np.nan)
+    ahead_m = read_matrix(columns, "ahead_m")
     has_ahead = ahead_m.shape[1] > 1 and bool((ahead_m == ahead_m[:1]).all() and (np.diff(ahead_m[0]) > 0.0).all())
-    for k, name in enumerate(AHEAD):
-        own = resample(stamp_ns[rows], numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s)
+    for k, name in enumerate(LANE_AHEAD_FIELDS):
+        own = resample(stamp_ns[rows], read_numbers(columns, STATE_NAMES[-2:][k])[rows], at_ns, max_gap_s=max_gap_s)
         made[is_own, k] = own[is_own]
         if has_ahead:
-            lane = matrix(columns, name, ahead_m.shape[1])[rows]
+            lane = read_matrix(columns, name, ahead_m.shape[1])[rows]
             lane = resample(stamp_ns[rows], lane, at_ns, max_gap_s=max_gap_s)
             for row in np.flatnonzero(~is_own):
                 made[row, k] = np.interp(preview_m[row], ahead_m[0], lane[row], left=np.nan, right=np.nan)

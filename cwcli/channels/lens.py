@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.signals.columns import Columns, Field, Int64Array, Strings
-from cwcli.signals.leaf_fields import numbers, row_of
-from cwcli.vision.camera import Camera, Mounting, coefficients_of
+from cwcli.signals.leaf_fields import numbers_of_row, read_numbers
+from cwcli.vision.camera import Camera, Mounting, pad_distortion_coefficients
 
-FIELD = "rectified_from"
+LENS_FIELD = "rectified_from"
 """Field of the message that holds the camera before rectification."""
-INTRINSICS = ("fx", "fy", "cx", "cy")
+INTRINSIC_NAMES = ("fx", "fy", "cx", "cy")
 """Names of the intrinsic parameters, px."""
 
 _Key = tuple[tuple[float, ...], float, str, tuple[float, ...], tuple[int, int]]
@@ -29,13 +29,13 @@ def lens_fields(camera_of: Callable[[int, int], Camera], image_size: Int64Array)
     cameras = [camera_of(*size) for size in sizes.tolist()]
     at = of_size.reshape(-1)
     fields: dict[str, Field] = {
-        f"{FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at] for name in INTRINSICS
+        f"{LENS_FIELD}.{name}": np.array([getattr(camera, name) for camera in cameras])[at] for name in INTRINSIC_NAMES
     }
     model = cameras[0].distortion_model
     return fields | {
-        f"{FIELD}.distortion_model": Strings(np.full(len(at), 0 if model else -1, np.int32), (model,)),
-        f"{FIELD}.distortion": np.tile(np.array(cameras[0].distortion, np.float64), (len(at), 1)),
-        f"{FIELD}.roll_rad": np.array([camera.mounting.roll_rad for camera in cameras])[at],
+        f"{LENS_FIELD}.distortion_model": Strings(np.full(len(at), 0 if model else -1, np.int32), (model,)),
+        f"{LENS_FIELD}.distortion": np.tile(np.array(cameras[0].distortion, np.float64), (len(at), 1)),
+        f"{LENS_FIELD}.roll_rad": np.array([camera.mounting.roll_rad for camera in cameras])[at],
     }
 
 
@@ -48,15 +48,15 @@ class Lenses:
 
     def __init__(self, columns: Columns) -> None:
         n = len(columns)
-        self._intrinsics = np.stack([numbers(columns, f"{FIELD}.{name}") for name in INTRINSICS], axis=1)
-        self._roll_rad = numbers(columns, f"{FIELD}.roll_rad")
-        model = columns.fields.get(f"{FIELD}.distortion_model")
+        self._intrinsics = np.stack([read_numbers(columns, f"{LENS_FIELD}.{name}") for name in INTRINSIC_NAMES], axis=1)
+        self._roll_rad = read_numbers(columns, f"{LENS_FIELD}.roll_rad")
+        model = columns.fields.get(f"{LENS_FIELD}.distortion_model")
         self._model = model if isinstance(model, Strings) else Strings(np.full(n, -1, np.int32), ())
-        self._distortion = columns.fields.get(f"{FIELD}.distortion")
-        self._size = np.stack([numbers(columns, f"image_{side}_px") for side in ("width", "height")], axis=1)
+        self._distortion = columns.fields.get(f"{LENS_FIELD}.distortion")
+        self._size = np.stack([read_numbers(columns, f"image_{side}_px") for side in ("width", "height")], axis=1)
         self._made: dict[_Key, Camera] = {}
 
-    def camera(self, row: int) -> Camera | None:
+    def camera_before_rectification(self, row: int) -> Camera | None:
         """The camera of the original image of a frame, or None if the frame was not rectified before the search."""
         fx, fy, cx, cy = self._intrinsics[row].tolist()
         given = (*self._intrinsics[row], *self._size[row])
@@ -66,7 +66,7 @@ class Lenses:
         roll_rad = float(np.nan_to_num(self._roll_rad[row]))
         code = int(self._model.codes[row])
         model = self._model.values[code] if code >= 0 else ""
-        distortion = coefficients_of(model, row_of(self._distortion, row))
+        distortion = pad_distortion_coefficients(model, numbers_of_row(self._distortion, row))
         key = (fx, fy, cx, cy), roll_rad, model, distortion, (width_px, height_px)
         if key not in self._made:
             mounting = Mounting(roll_rad=roll_rad)

@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.output import output
-from cwcli.channels.published import MEASURED
+from cwcli.channels.output import make_output_channel
+from cwcli.channels.published import PAIR_MEASURES
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.schemas import find_message_schema
 from cwcli.signals.columns import OutputChannel
 
-OF_A_PAIR = ("stamp_ns", "ego_id", "other_id")
+PAIR_KEY_FIELDS = ("stamp_ns", "ego_id", "other_id")
 """Fields that say to which pair and moment a message belongs."""
 
 
 @cache
-def measured() -> tuple[str, ...]:
+def published_measure_names() -> tuple[str, ...]:
     """Names of the measures that the message has fields for; the others are in the metrics table only."""
-    names = [field.name for field in message_schema(MEASURED.schema).descriptor.fields]
-    return tuple(name for name in names if name not in OF_A_PAIR)
+    names = [field.name for field in find_message_schema(PAIR_MEASURES.schema).descriptor.fields]
+    return tuple(name for name in names if name not in PAIR_KEY_FIELDS)
 
 
 def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChannel:
@@ -34,6 +34,6 @@ def write_measures(ego: VehicleStates, columns: Mapping[str, Any]) -> OutputChan
     """
     stamp_ns = columns["stamp_ns"]
     unknown = np.full(len(stamp_ns), np.nan)
-    fields = {name: columns[name] for name in OF_A_PAIR}
-    fields.update({name: columns.get(name, unknown) for name in measured()})
-    return output(MEASURED, ego.log_time_ns[np.searchsorted(ego.stamp_ns, stamp_ns)], fields)
+    fields = {name: columns[name] for name in PAIR_KEY_FIELDS}
+    fields.update({name: columns.get(name, unknown) for name in published_measure_names()})
+    return make_output_channel(PAIR_MEASURES, ego.log_time_ns[np.searchsorted(ego.stamp_ns, stamp_ns)], fields)

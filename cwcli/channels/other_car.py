@@ -7,23 +7,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 from cwcli.signals.vehicle_state import HEADING
 
-STEP_M = 1.0
+HEADING_STEP_M = 1.0
 """Distance along the heading that is converted with a position to get its heading on the other map, m; chosen."""
 MAD_TO_SIGMA = 1.4826
 """Standard deviation of a normal distribution per median absolute deviation."""
-EPOCH_NS = 10 * NS_PER_MS
+GNSS_EPOCH_NS = 10 * NS_PER_MS
 """GNSS receivers measure at multiples of 10 ms, counted from the whole second (common receiver rates)."""
-MAX_PHASE_NS = 2 * NS_PER_MS
+MAX_EPOCH_PHASE_NS = 2 * NS_PER_MS
 """Stamps of 95 % of the positions may differ from whole epochs by this much, ns; chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Recorder:
+class RecorderClock:
     """Offset between a recorder's clock and the clock of the positions in its log.
 
     Attributes:
@@ -39,17 +39,17 @@ class Recorder:
     is_on_epochs: bool
 
 
-def recorder_of(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Recorder:
+def estimate_recorder_clock(stamp_ns: Int64Array, log_time_ns: Int64Array) -> RecorderClock:
     """Estimate the offset of a recorder's clock from stamps and log times (n,) of at least one position."""
     late_ns = log_time_ns - stamp_ns
     ahead_ns = int(np.median(late_ns))
     sigma_ns = int(MAD_TO_SIGMA * np.median(np.abs(late_ns - ahead_ns)))
-    phase_ns = (stamp_ns + EPOCH_NS // 2) % EPOCH_NS - EPOCH_NS // 2
-    is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_PHASE_NS)
-    return Recorder(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
+    phase_ns = (stamp_ns + GNSS_EPOCH_NS // 2) % GNSS_EPOCH_NS - GNSS_EPOCH_NS // 2
+    is_on_epochs = bool(np.percentile(np.abs(phase_ns), 95) <= MAX_EPOCH_PHASE_NS)
+    return RecorderClock(ahead_ns, sigma_ns, len(stamp_ns), is_on_epochs)
 
 
-def moved(
+def move_to_map_and_clock(
     states: VehicleStates, theirs: LocalMap, ours: LocalMap, *, name: str, stamp_shift_ns: int, log_shift_ns: int
 ) -> VehicleStates:
     """Convert a car's states and covariances to another map and clock.
@@ -64,8 +64,10 @@ def moved(
         stamp_shift_ns, log_shift_ns: Added to the stamps, and to the log times.
     """
     x_m, y_m, heading_rad = states.state[:, 0], states.state[:, 1], states.state[:, HEADING]
-    placed = np.column_stack(_across(theirs, ours, x_m, y_m))
-    ahead = _across(theirs, ours, x_m + STEP_M * np.cos(heading_rad), y_m + STEP_M * np.sin(heading_rad))
+    placed = np.column_stack(_convert_between_maps(theirs, ours, x_m, y_m))
+    ahead = _convert_between_maps(
+        theirs, ours, x_m + HEADING_STEP_M * np.cos(heading_rad), y_m + HEADING_STEP_M * np.sin(heading_rad)
+    )
     turned_rad = np.arctan2(ahead[1] - placed[:, 1], ahead[0] - placed[:, 0])
     by_rad = np.remainder(turned_rad - heading_rad + np.pi, 2.0 * np.pi) - np.pi
     state = states.state.copy()
@@ -73,18 +75,18 @@ def moved(
     state[:, HEADING] = heading_rad + by_rad
     n = len(states)
     return VehicleStates(
-        ids=constant_strings(name, n),
+        ids=repeat_string(name, n),
         stamp_ns=states.stamp_ns + stamp_shift_ns,
         log_time_ns=states.log_time_ns + log_shift_ns,
         state=state,
-        covariance=_turned(np.asarray(states.covariance), by_rad),
+        covariance=_rotate_covariance(np.asarray(states.covariance), by_rad),
         length_m=states.length_m,
         width_m=states.width_m,
         flags=states.flags,
     )
 
 
-def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
+def concat_states(some: VehicleStates, more: VehicleStates) -> VehicleStates:
     """Concatenate the states of several vehicles in the order of their log times."""
     names = tuple(dict.fromkeys((*some.ids.values, *more.ids.values)))
     codes = [
@@ -96,10 +98,10 @@ def beside(some: VehicleStates, more: VehicleStates) -> VehicleStates:
         if name != "ids"
     }
     made = VehicleStates(ids=Strings(np.concatenate(codes), names), **columns)
-    return made.rows(np.argsort(made.log_time_ns, kind="stable"))
+    return made.select_rows(np.argsort(made.log_time_ns, kind="stable"))
 
 
-def clock_text(offset_ns: int, ours: Recorder, theirs: Recorder) -> str:
+def clock_difference_text(offset_ns: int, ours: RecorderClock, theirs: RecorderClock) -> str:
     """A sentence on how far the clocks of two recorders differ."""
     sigma_ns = float(np.hypot(ours.sigma_ns, theirs.sigma_ns))
     return (
@@ -108,14 +110,16 @@ def clock_text(offset_ns: int, ours: Recorder, theirs: Recorder) -> str:
     )
 
 
-def _across(theirs: LocalMap, ours: LocalMap, x_m: FloatArray, y_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _convert_between_maps(
+    theirs: LocalMap, ours: LocalMap, x_m: FloatArray, y_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Convert positions (n,) from one map to another; different heights of the maps are bridged vertically."""
     latitude_deg, longitude_deg, _ = theirs.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
     x, y, _ = ours.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(x_m), np.nan))
     return x, y
 
 
-def _turned(covariance: FloatArray, by_rad: FloatArray) -> FloatArray:
+def _rotate_covariance(covariance: FloatArray, by_rad: FloatArray) -> FloatArray:
     """Rotate the first two states of covariances (n, k, k) by one angle each, (n,)."""
     turn = np.broadcast_to(np.eye(covariance.shape[1]), covariance.shape).copy()
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(by_rad)

@@ -11,7 +11,7 @@ from cwcli.signals.columns import Field, Int64Array, NumericArray, OutputChannel
 from cwcli.signals.units import NS_PER_S
 
 
-def output(channel: Channel, log_time_ns: Int64Array, fields: Mapping[str, Field]) -> OutputChannel:
+def make_output_channel(channel: Channel, log_time_ns: Int64Array, fields: Mapping[str, Field]) -> OutputChannel:
     """Make a channel from columns, sorted by log time (stable).
 
     Args:
@@ -24,19 +24,19 @@ def output(channel: Channel, log_time_ns: Int64Array, fields: Mapping[str, Field
     """
     order = np.argsort(log_time_ns, kind="stable")
     if not np.array_equal(order, np.arange(len(order))):
-        log_time_ns, fields = log_time_ns[order], {name: _rows(each, order) for name, each in fields.items()}
+        log_time_ns, fields = log_time_ns[order], {name: _reorder_rows(each, order) for name, each in fields.items()}
     return OutputChannel(channel.topic, channel.schema, log_time_ns, fields)
 
 
-def _rows(values: Field, order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Field:
+def _reorder_rows(values: Field, order: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Field:
     if isinstance(values, Strings):
-        return values.rows(order)
+        return values.select_rows(order)
     if isinstance(values, np.ndarray):
         return values[order]
     raise TypeError("a ragged column can't be reordered here")
 
 
-def first_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
+def first_row_of_each_period(codes: NumericArray, stamp_ns: Int64Array, rate_hz: float) -> Int64Array:
     """Select the first row of each vehicle in each period of a clock; the row numbers increase.
 
     Args:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, constant_strings
+from cwcli.signals.columns import Int64Array, OutputField, Ragged, StreamedChannel, repeat_string
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame
 from cwcli.vision.overlay import encode_jpeg
@@ -16,7 +16,7 @@ StartImages = Callable[[Callable[[DecodedFrame], object]], Iterator[DecodedFrame
 ByteArray = npt.NDArray[np.uint8]
 
 
-def painted_channel(
+def painted_frames_channel(
     topic: str,
     *,
     stamp_ns: Int64Array,
@@ -36,23 +36,23 @@ def painted_channel(
         row_of: Row of a frame, increasing from frame to frame; -1 if the frame has none.
         paint: Row and colour image (height, width, 3) -> the image to publish. Called in several threads.
     """
-    painting = _Painting(images, row_of, paint)
+    painting = _FramePainter(images, row_of, paint)
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
-        made = painting.rows(start, stop)
+        made = painting.jpeg_files_of_rows(start, stop)
         n = stop - start
         offsets = np.concatenate([[0], np.cumsum([len(each) for each in made])]).astype(np.int64)
         return {
             "timestamp": stamp_ns[start:stop],
-            "frame_id": constant_strings(frame_id, n),
+            "frame_id": repeat_string(frame_id, n),
             "data": Ragged(np.concatenate(made) if made else np.zeros(0, np.uint8), offsets),
-            "format": constant_strings("jpeg", n),
+            "format": repeat_string("jpeg", n),
         }
 
-    return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, rows=rows)
+    return StreamedChannel(topic, "foxglove.CompressedImage", log_time_ns, make_rows=rows)
 
 
-class _Painting:
+class _FramePainter:
     """Decodes and paints the camera's frames as their rows are requested.
 
     The rows of the last request are kept, because the next request may begin among them; a request that begins earlier
@@ -70,11 +70,11 @@ class _Painting:
         self._kept_from = 0
         self._is_started = False
 
-    def rows(self, start: int, stop: int) -> list[ByteArray]:
+    def jpeg_files_of_rows(self, start: int, stop: int) -> list[ByteArray]:
         """The JPEG files of rows `start` to `stop`."""
         end = self._kept_from + len(self._kept)
         if not self._is_started or not self._kept_from <= start <= end:
-            self._images, self._is_started = self._start_images(self._painted), True
+            self._images, self._is_started = self._start_images(self._paint_frame), True
             self._kept, self._kept_from, end = [], start, start
         self._kept, self._kept_from = self._kept[start - self._kept_from :], start
         for decoded in self._images if end < stop else ():
@@ -87,6 +87,6 @@ class _Painting:
             raise RuntimeError(f"{len(self._kept)} of {stop - start} frames could be decoded again")
         return self._kept[: stop - start]
 
-    def _painted(self, decoded: DecodedFrame) -> ByteArray | None:
+    def _paint_frame(self, decoded: DecodedFrame) -> ByteArray | None:
         row = self._row_of(decoded)
         return None if row < 0 or decoded.image is None else encode_jpeg(self._paint(row, decoded.image))

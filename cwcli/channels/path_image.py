@@ -7,21 +7,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, Shape, line_thickness_px, write_image_lines
+from cwcli.channels.image_lines import LINE_LOOP, LINE_STRIP, ImageShape, line_thickness_px, write_image_lines
 from cwcli.channels.lanes import LaneRows
-from cwcli.channels.painted_frames import StartImages, painted_channel
+from cwcli.channels.painted_frames import StartImages, painted_frames_channel
 from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array, StreamedChannel
-from cwcli.signals.row_order import Rows, rows_by_stamp
+from cwcli.signals.row_order import Rows, sort_rows_by_stamp
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
-from cwcli.vision.overlay import burn_in
-from cwcli.vision.path_overlay import FILL_ALPHA, NOTHING, PATH_RGB, BodyPath, PathLines, paint_path, path_lines
+from cwcli.vision.overlay import draw_boundaries
+from cwcli.vision.path_overlay import (
+    BAND_OPACITY,
+    EMPTY_PATH_LINES,
+    PATH_RGB,
+    BodyPath,
+    PathLines,
+    draw_path,
+    project_path_into_image,
+)
 
-LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
+PATH_LINE_ALPHA = {"centre": 1.0, "left": 0.6, "right": 0.6}
 """Line of the path -> its opacity, 0 to 1; chosen by eye."""
-NO_COLOUR = (0.0, 0.0, 0.0, 0.0)
+TRANSPARENT_COLOUR = (0.0, 0.0, 0.0, 0.0)
 """A fully transparent colour."""
 
 
@@ -60,7 +68,7 @@ class PathFrames:
     lane_rows: Rows
 
     @classmethod
-    def of(
+    def match_paths_to_frames(
         cls, paths: Paths, stamp_ns: Int64Array, log_time_ns: Int64Array, lanes: LaneRows, viewpoint: Viewpoint
     ) -> PathFrames:
         """Pair paths with frames of the same stamp and of known size; repeated stamps are used once.
@@ -69,9 +77,9 @@ class PathFrames:
             paths: m paths.
             stamp_ns, log_time_ns: Shape (m,): times of their starts.
         """
-        frames = rows_by_stamp(lanes.stamp_ns)
+        frames = sort_rows_by_stamp(lanes.stamp_ns)
         frames = frames[(lanes.image_size[frames] > 0).all(axis=1) & (lanes.search_size[frames] > 0).all(axis=1)]
-        starts = np.sort(rows_by_stamp(stamp_ns))
+        starts = np.sort(sort_rows_by_stamp(stamp_ns))
         _, mine, theirs = np.intersect1d(stamp_ns[starts], lanes.stamp_ns[frames], return_indices=True)
         order = np.argsort(mine)
         rows, lane_rows = starts[mine[order]], frames[theirs[order]]
@@ -80,31 +88,33 @@ class PathFrames:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def image_size(self, row: int) -> tuple[int, int]:
+    def image_size_px(self, row: int) -> tuple[int, int]:
         """Width and height of a frame in pixels."""
         width_px, height_px = self.lanes.image_size[self.lane_rows[row]].tolist()
         return width_px, height_px
 
-    def camera(self, row: int) -> Camera:
+    def camera_of_frame(self, row: int) -> Camera:
         """The camera of a frame, with its pitch and yaw at that time."""
         at = self.lane_rows[row]
-        return self.viewpoint.camera(*self.image_size(row)).turned(
+        return self.viewpoint.camera(*self.image_size_px(row)).with_pitch_and_yaw(
             pitch_rad=float(self.lanes.camera_pitch_rad[at]), yaw_rad=float(self.lanes.camera_yaw_rad[at])
         )
 
-    def lines(self, row: int) -> PathLines:
+    def path_in_pixels(self, row: int) -> PathLines:
         """The path of a frame in pixels; empty where there is no path."""
         paths, seen = self.paths, self.viewpoint
         if not np.isfinite(paths.x_m[row]).all():
-            return NOTHING
+            return EMPTY_PATH_LINES
         path = BodyPath(
             paths.x_m[row], paths.y_m[row], paths.heading_rad[row], np.nan_to_num(paths.position_covariance_m2[row])
         )
-        return path_lines(path, self.camera(row), width_m=seen.width_m, camera_forward_m=seen.forward_m)
+        return project_path_into_image(
+            path, self.camera_of_frame(row), width_m=seen.width_m, camera_forward_m=seen.forward_m
+        )
 
-    def boundaries(self, row: int) -> list[FloatArray]:
+    def lane_boundaries_in_pixels(self, row: int) -> list[FloatArray]:
         """The lane boundaries, left and right, in the frame's pixels."""
-        return self.lanes.lines(int(self.lane_rows[row]), self.image_size(row))
+        return self.lanes.boundaries_in_pixels(int(self.lane_rows[row]), self.image_size_px(row))
 
 
 def write_path_lines(frames: PathFrames) -> StreamedChannel:
@@ -113,11 +123,11 @@ def write_path_lines(frames: PathFrames) -> StreamedChannel:
         OBSERVER_PATH_LINES,
         stamp_ns=frames.stamp_ns,
         log_time_ns=frames.log_time_ns,
-        shapes=lambda start, stop: [_shapes(frames, row) for row in range(start, stop)],
+        shapes=lambda start, stop: [_path_shapes(frames, row) for row in range(start, stop)],
     )
 
 
-def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
+def write_frames_with_paths(frames: PathFrames, topic: str, *, frame_id: str, images: StartImages) -> StreamedChannel:
     """Make the channel of the camera's frames with lanes and path painted on them while the log is written.
 
     Args:
@@ -129,9 +139,9 @@ def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: 
     row_of = {stamp: row for row, stamp in enumerate(frames.stamp_ns.tolist())}
 
     def paint(row: int, image: Image) -> Image:
-        return paint_path(burn_in(image, frames.boundaries(row)), frames.lines(row))
+        return draw_path(draw_boundaries(image, frames.lane_boundaries_in_pixels(row)), frames.path_in_pixels(row))
 
-    return painted_channel(
+    return painted_frames_channel(
         topic,
         stamp_ns=frames.stamp_ns,
         log_time_ns=frames.log_time_ns,
@@ -142,17 +152,17 @@ def write_path_frames(frames: PathFrames, topic: str, *, frame_id: str, images: 
     )
 
 
-def _shapes(frames: PathFrames, row: int) -> list[Shape]:
+def _path_shapes(frames: PathFrames, row: int) -> list[ImageShape]:
     """The shapes drawn on a frame: the 90 % band, both edges of the car's width, and the centre line."""
-    lines = frames.lines(row)
-    thin = line_thickness_px(frames.image_size(row)[0])
-    band = lines.band()
-    shapes: list[Shape] = []
+    lines = frames.path_in_pixels(row)
+    thin = line_thickness_px(frames.image_size_px(row)[0])
+    band = lines.band_polygon()
+    shapes: list[ImageShape] = []
     if len(band) > 2:
-        shapes.append(Shape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, FILL_ALPHA), 1.0))
-    for name, alpha in LINE_ALPHA.items():
-        points = lines.line(name)
+        shapes.append(ImageShape(LINE_LOOP, band, (*PATH_RGB, 0.0), (*PATH_RGB, BAND_OPACITY), 1.0))
+    for name, alpha in PATH_LINE_ALPHA.items():
+        points = lines.line_points_in_image(name)
         if len(points) > 1:
             thickness = thin if name == "centre" else thin / 2
-            shapes.append(Shape(LINE_STRIP, points, (*PATH_RGB, alpha), NO_COLOUR, thickness))
+            shapes.append(ImageShape(LINE_STRIP, points, (*PATH_RGB, alpha), TRANSPARENT_COLOUR, thickness))
     return shapes

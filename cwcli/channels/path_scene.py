@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cwcli.channels.predicted_path import LENGTH_BITS, AnyPaths
+from cwcli.channels.predicted_path import LENGTH_FRACTION_BITS, AnyPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.signals.columns import (
     FloatArray,
@@ -19,22 +19,22 @@ from cwcli.signals.columns import (
     OutputField,
     Repeated,
     StreamedChannel,
-    constant_strings,
-    strings_from,
+    encode_strings,
+    repeat_string,
 )
-from cwcli.signals.precision import to_step
-from cwcli.signals.row_order import Rows, rows_by_id
+from cwcli.signals.precision import round_to_binary_step
+from cwcli.signals.row_order import Rows, iter_rows_by_id
 from cwcli.signals.vehicle_state import EGO_ID, MAP_FRAME
 
-MIN_PERIOD_NS = 190_000_000
+MIN_DRAWING_PERIOD_NS = 190_000_000
 """Time between drawn paths of a vehicle; chosen just below 0.2 s, so that jitter of states at 5 or 10 Hz skips none."""
-N_POINTS = 11
+POINTS_PER_LINE = 11
 """Points of a drawn path; chosen by eye."""
-NO_TIMES = np.zeros(0, np.int64)
+EMPTY_TIMES_NS = np.zeros(0, np.int64)
 """An empty array of times, for concatenation."""
-LIFETIME_NS = 500_000_000
+LINE_LIFETIME_NS = 500_000_000
 """Time for which a viewer shows a path that is not replaced, ns; chosen by hand."""
-THICKNESS_M = 0.3
+LINE_THICKNESS_M = 0.3
 """Width of a drawn path, m; chosen by eye."""
 EGO_COLOR = (0.15, 0.5, 1.0, 0.9)
 """Colour of the ego's paths: red, green, blue, alpha."""
@@ -48,9 +48,9 @@ def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
     Args:
         predicted: Paths in the map frame, each in the order of their log times.
     """
-    drawn = [_drawn_rows(each) for each in predicted]
+    drawn = [_rows_to_draw(each) for each in predicted]
     log_time_ns = np.concatenate(
-        [NO_TIMES, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
+        [EMPTY_TIMES_NS, *(each.log_time_ns[rows] for each, rows in zip(predicted, drawn, strict=True))]
     )
     order = np.argsort(log_time_ns, kind="stable")
     which = np.repeat(np.arange(len(drawn)), [len(rows) for rows in drawn])[order]
@@ -58,39 +58,39 @@ def write_path_scene(predicted: Sequence[AnyPaths]) -> OutputChannel:
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         n = stop - start
-        stamp_ns, points, names = np.zeros(n, np.int64), np.zeros((n, N_POINTS, 2)), np.empty(n, np.object_)
+        stamp_ns, points, names = np.zeros(n, np.int64), np.zeros((n, POINTS_PER_LINE, 2)), np.empty(n, np.object_)
         for k, each in enumerate(predicted):
             here = np.flatnonzero(which[start:stop] == k)
             own = row[start:stop][here]
-            stamp_ns[here], points[here] = each.stamp_ns[own], _points(each, own)
+            stamp_ns[here], points[here] = each.stamp_ns[own], _evenly_spaced_points(each, own)
             names[here] = [each.ids.values[code] for code in each.ids.codes[own]]
-        return _lines(stamp_ns, names.tolist(), points)
+        return _line_entities(stamp_ns, names.tolist(), points)
 
-    return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], rows=rows)
+    return StreamedChannel(PATH_SCENE.topic, PATH_SCENE.schema, log_time_ns[order], make_rows=rows)
 
 
-def _drawn_rows(predicted: AnyPaths) -> Rows:
+def _rows_to_draw(predicted: AnyPaths) -> Rows:
     """Rows of the first path of each vehicle in each drawing period, increasing."""
-    kept = [_spaced(rows, predicted.log_time_ns) for _, rows in rows_by_id(predicted.ids)]
+    kept = [_first_row_of_each_period(rows, predicted.log_time_ns) for _, rows in iter_rows_by_id(predicted.ids)]
     return np.sort(np.concatenate([np.zeros(0, np.intp), *kept]))
 
 
-def _points(predicted: AnyPaths, rows: Rows) -> FloatArray:
+def _evenly_spaced_points(predicted: AnyPaths, rows: Rows) -> FloatArray:
     """Evenly spaced points along n paths, shape (n, N_POINTS, 2), m."""
-    at = np.linspace(0, len(predicted.time_s) - 1, N_POINTS).round().astype(np.intp)
+    at = np.linspace(0, len(predicted.time_s) - 1, POINTS_PER_LINE).round().astype(np.intp)
     points, place = np.unique(at, return_inverse=True)
-    return to_step(predicted.positions(rows, points)[:, place], LENGTH_BITS)
+    return round_to_binary_step(predicted.positions(rows, points)[:, place], LENGTH_FRACTION_BITS)
 
 
-def _spaced(rows: Rows, log_time_ns: Int64Array) -> Rows:
+def _first_row_of_each_period(rows: Rows, log_time_ns: Int64Array) -> Rows:
     """Select the first row in each period, counted from the first row's log time."""
     if not len(rows):
         return rows
-    slot = (log_time_ns[rows] - log_time_ns[rows[0]]) // MIN_PERIOD_NS
+    slot = (log_time_ns[rows] - log_time_ns[rows[0]]) // MIN_DRAWING_PERIOD_NS
     return rows[np.concatenate(([True], np.diff(slot) > 0))]
 
 
-def _lines(stamp_ns: Int64Array, names: list[str], points: FloatArray) -> Mapping[str, OutputField]:
+def _line_entities(stamp_ns: Int64Array, names: list[str], points: FloatArray) -> Mapping[str, OutputField]:
     n = len(stamp_ns)
     one_each = np.arange(n + 1, dtype=np.int64)
     is_ego = np.array([name == EGO_ID for name in names], np.bool_)
@@ -98,17 +98,17 @@ def _lines(stamp_ns: Int64Array, names: list[str], points: FloatArray) -> Mappin
     flat = points.reshape(-1, 2)
     line: dict[str, OutputField] = {
         "pose.orientation.w": np.ones(n),
-        "thickness": np.full(n, THICKNESS_M),
+        "thickness": np.full(n, LINE_THICKNESS_M),
         "points": Repeated(
-            one_each * N_POINTS, {"x": flat[:, 0], "y": flat[:, 1], "z": np.zeros(len(flat), np.float64)}
+            one_each * POINTS_PER_LINE, {"x": flat[:, 0], "y": flat[:, 1], "z": np.zeros(len(flat), np.float64)}
         ),
         **{f"color.{part}": color[:, k] for k, part in enumerate("rgba")},
     }
     entity: dict[str, OutputField] = {
         "timestamp": stamp_ns,
-        "frame_id": constant_strings(MAP_FRAME, n),
-        "id": strings_from(names),
-        "lifetime": np.full(n, LIFETIME_NS, np.int64),
+        "frame_id": repeat_string(MAP_FRAME, n),
+        "id": encode_strings(names),
+        "lifetime": np.full(n, LINE_LIFETIME_NS, np.int64),
         "lines": Repeated(one_each, line),
     }
     return {"entities": Repeated(one_each, entity)}

@@ -8,12 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
-from cwcli.channels.output import first_of_each_period, output
+from cwcli.channels.output import first_row_of_each_period, make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.plan import PathPlan, SomePaths
+from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.signals.columns import (
     Columns,
     Field,
@@ -23,17 +23,17 @@ from cwcli.signals.columns import (
     OutputField,
     StreamedChannel,
     Strings,
-    constant_strings,
+    repeat_string,
 )
-from cwcli.signals.leaf_fields import matrix, numbers, texts, whole_numbers
-from cwcli.signals.precision import plane_to_digits, to_step
+from cwcli.signals.leaf_fields import read_integers, read_matrix, read_numbers, read_texts
+from cwcli.signals.precision import round_plane_covariance, round_to_binary_step
 from cwcli.signals.row_order import Rows
 
-LENGTH_BITS, ANGLE_BITS, VARIANCE_DIGITS = 7, 12, 6
+LENGTH_FRACTION_BITS, ANGLE_FRACTION_BITS, VARIANCE_BINARY_DIGITS = 7, 12, 6
 """Positions and speeds are multiples of 2^-7 m (m/s), headings of 2^-12 rad; variances have 6 binary digits."""
-MAX_STEP_S = 0.25
+MAX_POINT_INTERVAL_S = 0.25
 """Longest time between published points, s; chosen: a car that brakes with 3 m/s^2 deviates 2 cm from the chord."""
-MAX_SPREAD_S = 1e-6
+MAX_STEP_DIFFERENCE_S = 1e-6
 """Largest difference of the steps of one channel's paths, s; chosen: rounding errors only."""
 
 
@@ -47,7 +47,7 @@ class PathSource(Protocol):
 
 
 class AnyPaths(Protocol):
-    """Paths of vehicles, n rows: `PredictedPaths` or `PlannedPaths`."""
+    """Paths of vehicles, n rows: `PredictedPaths` or `LazyPaths`."""
 
     @property
     def ids(self) -> Strings: ...
@@ -60,7 +60,7 @@ class AnyPaths(Protocol):
     @property
     def time_s(self) -> FloatArray: ...
     def __len__(self) -> int: ...
-    def some(self, rows: Rows) -> PathSource: ...
+    def select_paths(self, rows: Rows) -> PathSource: ...
     def positions(self, rows: Rows, points: Rows) -> FloatArray: ...
 
 
@@ -82,7 +82,7 @@ class PredictedPaths:
     paths: Paths
 
     @classmethod
-    def of(cls, states: VehicleStates, model: str, paths: Paths) -> PredictedPaths:
+    def from_states(cls, states: VehicleStates, model: str, paths: Paths) -> PredictedPaths:
         """Paths that start from states, one from each."""
         return cls(states.ids, states.stamp_ns, states.log_time_ns, model, paths)
 
@@ -94,7 +94,7 @@ class PredictedPaths:
         """The times of each path's points, from its start."""
         return self.paths.time_s
 
-    def some(self, rows: Rows) -> Paths:
+    def select_paths(self, rows: Rows) -> Paths:
         """Select paths by row."""
         return self.paths.take(rows)
 
@@ -105,7 +105,7 @@ class PredictedPaths:
 
 
 @dataclass(frozen=True)
-class PlannedPaths:
+class LazyPaths:
     """Paths of vehicles that are computed on request; n rows, one from each state.
 
     Attributes:
@@ -119,7 +119,7 @@ class PlannedPaths:
     plan: PathPlan
 
     @classmethod
-    def of(cls, states: VehicleStates, plan: PathPlan) -> PlannedPaths:
+    def from_states(cls, states: VehicleStates, plan: PathPlan) -> LazyPaths:
         """Paths that start from states, one from each."""
         return cls(states.ids, states.stamp_ns, states.log_time_ns, plan)
 
@@ -136,9 +136,9 @@ class PlannedPaths:
         """The times of each path's points, from its start."""
         return self.plan.time_s
 
-    def some(self, rows: Rows) -> SomePaths:
+    def select_paths(self, rows: Rows) -> SelectedPaths:
         """Some of the paths, not yet computed."""
-        return SomePaths(self.plan, rows)
+        return SelectedPaths(self.plan, rows)
 
     def positions(self, rows: Rows, points: Rows) -> FloatArray:
         """Some points of some paths, shape (rows, points, 2)."""
@@ -147,17 +147,17 @@ class PlannedPaths:
 
 
 @dataclass(frozen=True)
-class PlannedChannel(StreamedChannel):
+class LazyPathChannel(StreamedChannel):
     """A channel of paths that are computed while the log is written; reading it gives the same messages.
 
     Attributes:
         planned: All paths, for later stages of the same run.
     """
 
-    planned: PlannedPaths = field(kw_only=True)
+    lazy_paths: LazyPaths = field(kw_only=True)
 
 
-def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
+def write_predicted_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = "") -> OutputChannel:
     """Make the channel of one message a path.
 
     Args:
@@ -165,13 +165,13 @@ def write_paths(channel: Channel, predicted: PredictedPaths, *, frame_id: str = 
         predicted: The paths.
         frame_id: "" for `map`.
     """
-    fields = _fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
+    fields = _path_fields(predicted.ids, predicted.stamp_ns, predicted.model, predicted.paths)
     if frame_id:
-        fields["frame_id"] = constant_strings(frame_id, len(predicted))
-    return output(channel, predicted.log_time_ns, fields)
+        fields["frame_id"] = repeat_string(frame_id, len(predicted))
+    return make_output_channel(channel, predicted.log_time_ns, fields)
 
 
-def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) -> PlannedChannel:
+def write_lazy_paths(channel: Channel, planned: LazyPaths, *, rate_hz: float) -> LazyPathChannel:
     """Make the channel of the first path of each vehicle in each period, with points a quarter of a second apart.
 
     Args:
@@ -180,43 +180,48 @@ def write_planned(channel: Channel, planned: PlannedPaths, *, rate_hz: float) ->
         rate_hz: Rate of paths for each vehicle.
     """
     order = np.argsort(planned.log_time_ns, kind="stable")
-    chosen = order[first_of_each_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
+    chosen = order[first_row_of_each_period(planned.ids.codes[order], planned.stamp_ns[order], rate_hz)]
 
     def rows(start: int, stop: int) -> Mapping[str, OutputField]:
         own = chosen[start:stop]
         paths = planned.plan.take(own)
-        return _fields(
-            planned.ids.rows(own), planned.stamp_ns[own], planned.model, _rounded(paths.at(_kept(paths.time_s)))
+        return _path_fields(
+            planned.ids.select_rows(own),
+            planned.stamp_ns[own],
+            planned.model,
+            _round_to_published_precision(paths.select_points(_published_point_indices(paths.time_s))),
         )
 
-    return PlannedChannel(channel.topic, channel.schema, planned.log_time_ns[chosen], rows=rows, planned=planned)
-
-
-def _kept(time_s: FloatArray) -> Rows:
-    """Indices of every k-th point, as far apart as published points may be, with the last."""
-    last = len(time_s) - 1
-    every = max((k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_STEP_S + 1e-9), default=1)
-    return np.arange(0, last + 1, every)
-
-
-def _rounded(paths: Paths) -> Paths:
-    """Round paths to the published precision."""
-    return Paths(
-        paths.time_s,
-        to_step(paths.x_m, LENGTH_BITS),
-        to_step(paths.y_m, LENGTH_BITS),
-        to_step(paths.heading_rad, ANGLE_BITS),
-        to_step(paths.speed_mps, LENGTH_BITS),
-        plane_to_digits(paths.position_covariance_m2, VARIANCE_DIGITS),
+    return LazyPathChannel(
+        channel.topic, channel.schema, planned.log_time_ns[chosen], make_rows=rows, lazy_paths=planned
     )
 
 
-def _fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
+def _published_point_indices(time_s: FloatArray) -> Rows:
+    """Indices of every k-th point, as far apart as published points may be, with the last."""
+    last = len(time_s) - 1
+    every = max((k for k in range(1, last + 1) if last % k == 0 and time_s[k] < MAX_POINT_INTERVAL_S + 1e-9), default=1)
+    return np.arange(0, last + 1, every)
+
+
+def _round_to_published_precision(paths: Paths) -> Paths:
+    """Round paths to the published precision."""
+    return Paths(
+        paths.time_s,
+        round_to_binary_step(paths.x_m, LENGTH_FRACTION_BITS),
+        round_to_binary_step(paths.y_m, LENGTH_FRACTION_BITS),
+        round_to_binary_step(paths.heading_rad, ANGLE_FRACTION_BITS),
+        round_to_binary_step(paths.speed_mps, LENGTH_FRACTION_BITS),
+        round_plane_covariance(paths.position_covariance_m2, VARIANCE_BINARY_DIGITS),
+    )
+
+
+def _path_fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dict[str, Field]:
     n, time_s = len(stamp_ns), paths.time_s
     return {
         "stamp_ns": stamp_ns,
         "id": ids,
-        "model": constant_strings(model, n),
+        "model": repeat_string(model, n),
         "horizon_s": np.full(n, float(time_s[-1])),
         "step_s": np.full(n, float(time_s[1] - time_s[0]) if len(time_s) > 1 else 0.0),
         "x_m": paths.x_m,
@@ -227,30 +232,30 @@ def _fields(ids: Strings, stamp_ns: Int64Array, model: str, paths: Paths) -> dic
     }
 
 
-def read_paths(columns: Columns) -> PredictedPaths:
+def read_predicted_paths(columns: Columns) -> PredictedPaths:
     """Read the paths of a channel, in log-time order.
 
     Raises:
         DataError: A field is missing, or the paths differ in step or length: another version wrote them.
     """
     n = len(columns)
-    x_m = matrix(columns, "x_m", required=True)
+    x_m = read_matrix(columns, "x_m", required=True)
     k = x_m.shape[1]
-    step_s = numbers(columns, "step_s", required=True)
-    models = texts(columns, "model")
-    if n and np.ptp(step_s) > MAX_SPREAD_S:
+    step_s = read_numbers(columns, "step_s", required=True)
+    models = read_texts(columns, "model")
+    if n and np.ptp(step_s) > MAX_STEP_DIFFERENCE_S:
         raise DataError("the predicted paths of one channel differ in their step", where=columns.topic)
     paths = Paths(
         time_s=np.arange(k, dtype=np.float64) * (float(step_s[0]) if n else 0.0),
         x_m=x_m,
-        y_m=matrix(columns, "y_m", k, required=True),
-        heading_rad=matrix(columns, "heading_rad", k, required=True),
-        speed_mps=matrix(columns, "speed_mps", k, required=True),
-        position_covariance_m2=matrix(columns, "position_covariance", 3 * k, required=True).reshape(n, k, 3),
+        y_m=read_matrix(columns, "y_m", k, required=True),
+        heading_rad=read_matrix(columns, "heading_rad", k, required=True),
+        speed_mps=read_matrix(columns, "speed_mps", k, required=True),
+        position_covariance_m2=read_matrix(columns, "position_covariance", 3 * k, required=True).reshape(n, k, 3),
     )
     return PredictedPaths(
-        ids=texts(columns, "id", required=True),
-        stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
+        ids=read_texts(columns, "id", required=True),
+        stamp_ns=read_integers(columns, "stamp_ns", required=True)[0],
         log_time_ns=columns.log_time_ns,
         model=models.values[0] if models is not None and models.values else "",
         paths=paths,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-POLICY = "<policy>"
+POLICY_PLACEHOLDER = "<policy>"
 """Placeholder for the name of a policy in a topic."""
 
 
@@ -31,30 +31,39 @@ class Channel(NamedTuple):
     role: str = ""
     source: str = ""
 
-    def of(self, policy: str) -> Channel:
+    def for_policy(self, policy: str) -> Channel:
         """The channel of one policy, with the policy's name in its topic."""
-        return self._replace(topic=self.topic.replace(POLICY, policy))
+        return self._replace(topic=self.topic.replace(POLICY_PLACEHOLDER, policy))
 
 
-OWN_PREFIX = "/cwcli/"
+OWN_TOPIC_PREFIX = "/cwcli/"
 """Beginning of the topics of all channels that cwcli publishes."""
-_STATE, _PATH = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
+_STATE_SCHEMA, _PATH_SCHEMA = "cwcli.v1.VehicleState", "cwcli.v1.PredictedPath"
 """Schemas of vehicle states and predicted paths."""
-_SCENE, _POSE, _LINES = "foxglove.SceneUpdate", "foxglove.PoseInFrame", "foxglove.ImageAnnotations"
+_SCENE_SCHEMA, _POSE_SCHEMA, _ANNOTATIONS_SCHEMA = (
+    "foxglove.SceneUpdate",
+    "foxglove.PoseInFrame",
+    "foxglove.ImageAnnotations",
+)
 """Schemas of drawings for viewers."""
-_FROM_OBSERVER = "predict-lane"
+_LANE_PATH_STAGE = "predict-lane"
 """Stage that predicts the ego's path from the lateral observer."""
 
-EGO_STATE = Channel("/cwcli/ego/state", _STATE, "estimate", "the ego state", "ego_state", "ego_position")
+EGO_STATE = Channel("/cwcli/ego/state", _STATE_SCHEMA, "estimate", "the ego state", "ego_state", "ego_position")
 REMOTE_STATE = Channel(
-    "/cwcli/remote/state", _STATE, "estimate", "the remote vehicles' states", "remote_state", "remote"
+    "/cwcli/remote/state", _STATE_SCHEMA, "estimate", "the remote vehicles' states", "remote_state", "remote"
 )
 EGO_ONLINE = Channel(
-    "/cwcli/ego/online", _STATE, "estimate", "the ego state as it could have been known", "ego_online", "ego_position"
+    "/cwcli/ego/online",
+    _STATE_SCHEMA,
+    "estimate",
+    "the ego state as it could have been known",
+    "ego_online",
+    "ego_position",
 )
 REMOTE_ONLINE = Channel(
     "/cwcli/remote/online",
-    _STATE,
+    _STATE_SCHEMA,
     "estimate",
     "the remote vehicles' states as they could have been known",
     "remote_online",
@@ -69,7 +78,7 @@ REMOTE_EVENTS = Channel(
     "remote",
 )
 EGO_FIX = Channel("/cwcli/ego/fix", "foxglove.LocationFix", "estimate", "the ego on the globe")
-EGO_POSE = Channel("/cwcli/ego/pose", _POSE, "estimate", "the ego in `map`")
+EGO_POSE = Channel("/cwcli/ego/pose", _POSE_SCHEMA, "estimate", "the ego in `map`")
 TRANSFORMS = Channel("/cwcli/tf", "foxglove.FrameTransform", "estimate", "`base_link` in `map`")
 REJECTED = Channel("/cwcli/rejected", "cwcli.v1.Rejected", "estimate", "the measurements that were gated")
 TARGETS = Channel("/cwcli/targets", "cwcli.v1.Target", "track", "the tracked targets", "targets", "detections")
@@ -81,47 +90,51 @@ TARGETS_ONLINE = Channel(
     "targets_online",
     "detections",
 )
-TARGET_SCENE = Channel("/cwcli/targets/scene", _SCENE, "track", "the targets, with velocity and id")
-EGO_PATH = Channel("/cwcli/ego/path", _PATH, "predict", "the ego path", "ego_path", "ego_state")
+TARGET_SCENE = Channel("/cwcli/targets/scene", _SCENE_SCHEMA, "track", "the targets, with velocity and id")
+EGO_PATH = Channel("/cwcli/ego/path", _PATH_SCHEMA, "predict", "the ego path", "ego_path", "ego_state")
 REMOTE_PATH = Channel(
-    "/cwcli/remote/path", _PATH, "predict", "the remote vehicles' paths", "remote_path", "remote_state"
+    "/cwcli/remote/path", _PATH_SCHEMA, "predict", "the remote vehicles' paths", "remote_path", "remote_state"
 )
-PATH_SCENE = Channel("/cwcli/paths/scene", _SCENE, "predict", "the predicted paths as lines in `map`")
+PATH_SCENE = Channel("/cwcli/paths/scene", _SCENE_SCHEMA, "predict", "the predicted paths as lines in `map`")
 WARNINGS = Channel("/cwcli/warnings", "cwcli.v1.Warning", "warn", "the warnings")
 WARNING_LOG = Channel("/cwcli/log", "foxglove.Log", "warn", "the warnings, in words")
-MEASURED = Channel("/cwcli/measures", "cwcli.v1.Measures", "measure", "how critical each pair is")
-CONTROL_STATE = Channel("/cwcli/control/<policy>/state", _STATE, "control", "what the ego would have done")
-CONTROL_POSE = Channel("/cwcli/control/<policy>/pose", _POSE, "control", "where the ego would have been in `map`")
+PAIR_MEASURES = Channel("/cwcli/measures", "cwcli.v1.Measures", "measure", "how critical each pair is")
+CONTROL_STATE = Channel("/cwcli/control/<policy>/state", _STATE_SCHEMA, "control", "what the ego would have done")
+CONTROL_POSE = Channel(
+    "/cwcli/control/<policy>/pose", _POSE_SCHEMA, "control", "where the ego would have been in `map`"
+)
 CONTROL_STEP = Channel("/cwcli/control/<policy>/step", "cwcli.v1.ControlStep", "control", "the steps of the replay")
 LANES = Channel("/cwcli/lanes", "cwcli.v1.Lanes", "lanes", "the lane boundaries", "lanes", "camera")
-LANE_LINES = Channel("/cwcli/lanes/annotations", _LINES, "lanes", "the lane boundaries in the camera's image")
+LANE_LINES = Channel(
+    "/cwcli/lanes/annotations", _ANNOTATIONS_SCHEMA, "lanes", "the lane boundaries in the camera's image"
+)
 OBSERVER = Channel(
     "/cwcli/observer", "cwcli.v1.LateralState", "observe", "the observed lateral motion", "observer", "lanes"
 )
 OBSERVER_PATH = Channel(
-    "/cwcli/observer/path", _PATH, _FROM_OBSERVER, "the path from the observer", "observer_path", "observer"
+    "/cwcli/observer/path", _PATH_SCHEMA, _LANE_PATH_STAGE, "the path from the observer", "observer_path", "observer"
 )
 OBSERVER_PATH_LINES = Channel(
     "/cwcli/observer/path/annotations",
-    _LINES,
-    _FROM_OBSERVER,
+    _ANNOTATIONS_SCHEMA,
+    _LANE_PATH_STAGE,
     "that path in the camera's image, with the car's width and the 90 % band",
 )
 
-PUBLISHED = tuple(each for each in tuple(globals().values()) if isinstance(each, Channel))
+PUBLISHED_CHANNELS = tuple(each for each in tuple(globals().values()) if isinstance(each, Channel))
 """All published channels, in the order in which the stages run."""
-OF_ROLE = {channel.role: channel for channel in PUBLISHED if channel.role}
+CHANNEL_OF_ROLE = {channel.role: channel for channel in PUBLISHED_CHANNELS if channel.role}
 """Role -> the channel that fills it."""
-ONLINE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE, TARGETS.role: TARGETS_ONLINE}
+ONLINE_CHANNEL_OF_ROLE = {EGO_STATE.role: EGO_ONLINE, REMOTE_STATE.role: REMOTE_ONLINE, TARGETS.role: TARGETS_ONLINE}
 """Role of smoothed states -> the channel of the same states computed online."""
 
 
-def topics() -> dict[str, str]:
+def published_topics() -> dict[str, str]:
     """Topic -> schema of every channel, with the policies' names filled in."""
     from cwcli.control.encounter import POLICIES
 
     return {
-        channel.of(policy).topic: channel.schema
-        for channel in PUBLISHED
-        for policy in (POLICIES if POLICY in channel.topic else ("",))
+        channel.for_policy(policy).topic: channel.schema
+        for channel in PUBLISHED_CHANNELS
+        for policy in (POLICIES if POLICY_PLACEHOLDER in channel.topic else ("",))
     }

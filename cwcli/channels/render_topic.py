@@ -9,7 +9,7 @@ from cwcli.logs.read.reader import Log
 
 RENDERED_SCHEMA = "foxglove.CompressedImage"
 """Schema of rendered frames."""
-NAME = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
+TOPIC_NAME_PATTERN = re.compile(r"(/[^/\s\x00-\x1f\x7f]+)+")
 """Pattern of a topic name: parts that begin with a slash, without spaces and control characters."""
 
 
@@ -19,7 +19,7 @@ def check_topic_name(topic: str | None) -> None:
     Raises:
         UsageError: It is not valid.
     """
-    if topic is not None and not NAME.fullmatch(topic):
+    if topic is not None and not TOPIC_NAME_PATTERN.fullmatch(topic):
         raise UsageError(f"--render {topic!r} is no topic's name", hint="for example --render /cwcli/camera")
 
 
@@ -33,12 +33,12 @@ def check_render_topic(log: Log, topic: str | None, camera_topic: str) -> None:
     """
     if topic is None:
         return
-    from cwcli.channels.published import topics
+    from cwcli.channels.published import published_topics
 
     check_topic_name(topic)
     if topic == camera_topic:
         raise UsageError(f"--render {topic} is the camera's own topic", hint="name another one")
     held = next((each.schema_name for each in log.channels if each.topic == topic), "")
-    held = topics().get(topic, held)
+    held = published_topics().get(topic, held)
     if held not in ("", RENDERED_SCHEMA):
         raise UsageError(f"--render {topic} is the topic of {held}", hint="name another one")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.output import output
+from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import REMOTE_EVENTS
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import Columns, Field, OutputChannel
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
+from cwcli.signals.leaf_fields import read_integers, read_numbers, read_texts
 from cwcli.signals.road_events import RoadEvents
 
 
@@ -22,18 +22,18 @@ def write_road_events(events: RoadEvents | None, local_map: LocalMap | None) -> 
     """
     if events is None:
         return ()
-    return (output(REMOTE_EVENTS, events.log_time_ns, _fields(events, local_map)),)
+    return (make_output_channel(REMOTE_EVENTS, events.log_time_ns, _road_event_fields(events, local_map)),)
 
 
 def road_event_tables(events: RoadEvents | None, local_map: LocalMap | None) -> dict[str, Table]:
     """Make the table of reported events, by its name."""
     if events is None:
         return {}
-    columns = {"log_time_ns": events.log_time_ns, **_fields(events, local_map)}
+    columns = {"log_time_ns": events.log_time_ns, **_road_event_fields(events, local_map)}
     return {"road_events": Table("road_events", columns)}
 
 
-def _fields(events: RoadEvents, local_map: LocalMap | None) -> dict[str, Field]:
+def _road_event_fields(events: RoadEvents, local_map: LocalMap | None) -> dict[str, Field]:
     nothing = np.full(len(events), np.nan)
     x_m, y_m = nothing, nothing
     if local_map is not None and len(events):
@@ -60,16 +60,16 @@ def read_road_events(columns: Columns) -> RoadEvents:
         DataError: A field is missing: another version wrote them.
     """
     for place in ("x_m", "y_m"):  # not needed here; without them another version wrote the channel
-        numbers(columns, place, required=True)
+        read_numbers(columns, place, required=True)
     return RoadEvents(
-        station=texts(columns, "id", required=True),
-        kind=texts(columns, "kind", required=True),
-        stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
+        station=read_texts(columns, "id", required=True),
+        kind=read_texts(columns, "kind", required=True),
+        stamp_ns=read_integers(columns, "stamp_ns", required=True)[0],
         log_time_ns=columns.log_time_ns,
-        until_ns=whole_numbers(columns, "until_ns", required=True)[0],
-        cause=numbers(columns, "cause_code", required=True),
-        sub_cause=numbers(columns, "sub_cause_code", required=True),
-        latitude_deg=numbers(columns, "latitude_deg", required=True),
-        longitude_deg=numbers(columns, "longitude_deg", required=True),
-        relevance_m=numbers(columns, "relevance_m", required=True),
+        until_ns=read_integers(columns, "until_ns", required=True)[0],
+        cause=read_numbers(columns, "cause_code", required=True),
+        sub_cause=read_numbers(columns, "sub_cause_code", required=True),
+        latitude_deg=read_numbers(columns, "latitude_deg", required=True),
+        longitude_deg=read_numbers(columns, "longitude_deg", required=True),
+        relevance_m=read_numbers(columns, "relevance_m", required=True),
     )

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from cwcli.errors import UsageError
-from cwcli.estimation.config import LeverArms, is_on_car
+from cwcli.estimation.config import LeverArms, is_lever_arm_on_car
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Strings
-from cwcli.signals.transforms import BODY_FRAMES, Transform, body_from_frame, carried_by_body
+from cwcli.signals.transforms import BODY_FRAME_NAMES, Transform, find_body_from_frame, find_carrying_body_frame
 
 FRAME_FIELDS = ("header.frame_id", "frame_id")
 """Fields of a message that may name its frame of reference."""
@@ -49,16 +49,16 @@ def read_lever_arms(
     if not channels or not open_topics:
         return given, (), ()
     tree: dict[str, Transform] = {}
-    counts = tuple(read_tree(log, topic, tree) for topic in channels)
+    counts = tuple(fill_transform_tree(log, topic, tree) for topic in channels)
     found, notes = dict(given), []
-    for topic, frame in _frames(log, open_topics).items():
-        carried = carried_by_body(tree, frame)
+    for topic, frame in _frame_of_each_topic(log, open_topics).items():
+        carried = find_carrying_body_frame(tree, frame)
         if carried is None:
             continue
         body, matrix = carried
         ahead_m, left_m = float(matrix[0, 3]), float(matrix[1, 3])
         stands = f"{ahead_m:.2f} m ahead and {left_m:.2f} m to the left of {body} ({frame})"
-        if is_on_car(ahead_m, left_m):
+        if is_lever_arm_on_car(ahead_m, left_m):
             found[topic] = ahead_m, left_m
             notes.append(f"{topic} is mounted {stands}")
         else:
@@ -66,7 +66,7 @@ def read_lever_arms(
     return found, counts, tuple(notes)
 
 
-def read_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "") -> TransformCount:
+def fill_transform_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "") -> TransformCount:
     """Add the transforms of one topic to the tree; with `frame`, only until the tree links it to the vehicle's base."""
     read, used, unreadable = 0, 0, 0
     for transforms in log.transforms(topic):
@@ -78,16 +78,16 @@ def read_tree(log: Log, topic: str, tree: dict[str, Transform], frame: str = "")
         for each in new:
             tree.setdefault(each.child, each)
         used += bool(new)
-        found = body_from_frame(tree, frame) if new and frame else None
-        if found is not None and found[0] == BODY_FRAMES[0]:
+        found = find_body_from_frame(tree, frame) if new and frame else None
+        if found is not None and found[0] == BODY_FRAME_NAMES[0]:
             break
     return TransformCount(topic, read, used, unreadable)
 
 
-def _frames(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
+def _frame_of_each_topic(log: Log, topics: Sequence[str]) -> Mapping[str, str]:
     """The frame of reference that the first message of each topic names."""
     found = {}
-    for topic, columns in log.load(dict.fromkeys(topics, FRAME_FIELDS)).items():
+    for topic, columns in log.load_topics(dict.fromkeys(topics, FRAME_FIELDS)).items():
         for name in FRAME_FIELDS:
             values = columns.fields.get(name)
             if isinstance(values, Strings) and len(values) and values.codes[0] >= 0:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.output import output
+from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import Channel
 from cwcli.errors import MissingSignalError
 from cwcli.signals.columns import (
@@ -18,29 +18,36 @@ from cwcli.signals.columns import (
     OutputChannel,
     Ragged,
     Strings,
-    constant_strings,
+    repeat_string,
 )
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.leaf_fields import find, matrix, numbers, texts, unusable, whole_numbers
-from cwcli.signals.packed_covariances import Covariances, PackedCovariances, packed
-from cwcli.signals.precision import to_step
-from cwcli.signals.row_order import Rows, rows_by_stamp
+from cwcli.signals.leaf_fields import (
+    find_field,
+    read_integers,
+    read_matrix,
+    read_numbers,
+    read_texts,
+    unusable_field_error,
+)
+from cwcli.signals.packed_covariances import Covariances, PackedCovariances, pack_covariances
+from cwcli.signals.precision import round_to_binary_step
+from cwcli.signals.row_order import Rows, sort_rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID, N_STATES, STATE_NAMES, StateFlag
 
 UInt8Array = npt.NDArray[np.uint8]
-FLAGS: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
+FLAG_OF_FIELD: dict[str, StateFlag] = {str(flag.name).lower(): flag for flag in StateFlag}
 """Field of the message -> the flag that it holds."""
 
-STATE_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
+STATE_FRACTION_BITS = (11, 11, 11, 16, 11, 16, 11, 16)
 """Each state is published as a multiple of 2 to the power of minus this, in its SI unit (docs/channels.md)."""
-DEGREE_BITS = 24
+DEGREE_FRACTION_BITS = 24
 """Latitudes and longitudes are published as multiples of 2^-24 degrees (7 mm); chosen by hand."""
 N_CORRELATIONS = N_STATES * (N_STATES - 1) // 2
 """Number of correlations above the diagonal of a covariance."""
-COVARIANCE = ("covariance", "sigma", "correlation")
+COVARIANCE_FIELDS = ("covariance", "sigma", "correlation")
 """Fields that hold the covariance, in logs of older versions and of this one."""
-KINEMATICS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
+KINEMATIC_FIELDS = ("id", "stamp_ns", *STATE_NAMES, "length_m", "width_m")
 """Fields of the states without their covariances, which are most of a channel's bytes."""
 
 
@@ -67,7 +74,7 @@ class VehicleStates:
     flags: UInt8Array
 
     @classmethod
-    def of_ego(
+    def from_ego_states(
         cls,
         stamp_ns: Int64Array,
         state: FloatArray,
@@ -83,34 +90,38 @@ class VehicleStates:
         length_m, width_m = (np.full(n, np.nan if size is None else size) for size in size_m)
         if flags is None:
             flags = np.zeros(n, np.uint8)
-        return cls(constant_strings(EGO_ID, n), stamp_ns, stamp_ns, state, covariance, length_m, width_m, flags)
+        return cls(repeat_string(EGO_ID, n), stamp_ns, stamp_ns, state, covariance, length_m, width_m, flags)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def rows(self, rows: Rows) -> VehicleStates:
+    def select_rows(self, rows: Rows) -> VehicleStates:
         """Select rows, in the given order."""
         return VehicleStates(
-            self.ids.rows(rows),
+            self.ids.select_rows(rows),
             self.stamp_ns[rows],
             self.log_time_ns[rows],
             self.state[rows],
-            self.covariance.rows(rows) if isinstance(self.covariance, PackedCovariances) else self.covariance[rows],
+            self.covariance.select_rows(rows)
+            if isinstance(self.covariance, PackedCovariances)
+            else self.covariance[rows],
             self.length_m[rows],
             self.width_m[rows],
             self.flags[rows],
         )
 
-    def as_published(self) -> VehicleStates:
+    def round_to_published_precision(self) -> VehicleStates:
         """Round the states to the published precision."""
-        state = np.column_stack([to_step(self.state[:, k], bits) for k, bits in enumerate(STATE_BITS)])
-        return replace(self, state=state, covariance=packed(self.covariance))
+        state = np.column_stack(
+            [round_to_binary_step(self.state[:, k], bits) for k, bits in enumerate(STATE_FRACTION_BITS)]
+        )
+        return replace(self, state=state, covariance=pack_covariances(self.covariance))
 
-    def by_stamp(self) -> VehicleStates:
+    def sort_by_stamp(self) -> VehicleStates:
         """Sort the states of one vehicle by stamp, and keep the first of each stamp."""
-        return self.rows(rows_by_stamp(self.stamp_ns))
+        return self.select_rows(sort_rows_by_stamp(self.stamp_ns))
 
-    def logged_within(self, start_ns: int | None, end_ns: int | None) -> VehicleStates:
+    def select_logged_within(self, start_ns: int | None, end_ns: int | None) -> VehicleStates:
         """Select the states whose log time is in [start_ns, end_ns); None is no bound."""
         if start_ns is None and end_ns is None:
             return self
@@ -119,10 +130,10 @@ class VehicleStates:
             keep &= self.log_time_ns >= start_ns
         if end_ns is not None:
             keep &= self.log_time_ns < end_ns
-        return self.rows(np.flatnonzero(keep))
+        return self.select_rows(np.flatnonzero(keep))
 
 
-def write_states(
+def write_vehicle_states(
     channel: Channel, states: VehicleStates, local_map: LocalMap | None, *, has_covariance: bool = True
 ) -> OutputChannel:
     """Make the channel of one message a state.
@@ -137,10 +148,10 @@ def write_states(
         ArithmeticError: A covariance is not positive definite: whoever made the states has a bug.
     """
     n = len(states)
-    covariance = packed(states.covariance)
+    covariance = pack_covariances(states.covariance)
     if has_covariance:
-        _require_definite(channel.topic, states, covariance)
-    state = [to_step(states.state[:, k], bits) for k, bits in enumerate(STATE_BITS)]
+        _require_positive_definite(channel.topic, states, covariance)
+    state = [round_to_binary_step(states.state[:, k], bits) for k, bits in enumerate(STATE_FRACTION_BITS)]
     latitude_deg, longitude_deg = np.full((2, n), np.nan)
     if local_map is not None:
         latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(state[0], state[1], np.zeros(n))
@@ -148,18 +159,18 @@ def write_states(
         "stamp_ns": states.stamp_ns,
         "id": states.ids,
         **dict(zip(STATE_NAMES, state, strict=True)),
-        "latitude_deg": to_step(latitude_deg, DEGREE_BITS),
-        "longitude_deg": to_step(longitude_deg, DEGREE_BITS),
+        "latitude_deg": round_to_binary_step(latitude_deg, DEGREE_FRACTION_BITS),
+        "longitude_deg": round_to_binary_step(longitude_deg, DEGREE_FRACTION_BITS),
         "sigma": covariance.sigma,
         "correlation": covariance.correlation,
         "length_m": states.length_m,
         "width_m": states.width_m,
-        **{name: (states.flags & flag) > 0 for name, flag in FLAGS.items()},
+        **{name: (states.flags & flag) > 0 for name, flag in FLAG_OF_FIELD.items()},
     }
-    return output(channel, states.log_time_ns, fields)
+    return make_output_channel(channel, states.log_time_ns, fields)
 
 
-def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovariances) -> None:
+def _require_positive_definite(topic: str, states: VehicleStates, covariance: PackedCovariances) -> None:
     is_definite = np.isfinite(covariance.sigma[:, 0])  # a covariance that is not definite was packed as NaN
     if is_definite.all():
         return
@@ -170,7 +181,7 @@ def _require_definite(topic: str, states: VehicleStates, covariance: PackedCovar
     )
 
 
-def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleStates:
+def read_vehicle_states(columns: Columns, *, with_covariance: bool = True) -> VehicleStates:
     """Read the states of a channel, in log-time order.
 
     Args:
@@ -181,17 +192,17 @@ def read_states(columns: Columns, *, with_covariance: bool = True) -> VehicleSta
         DataError: A field is missing, or the covariance has not as many values as it should: another version wrote it.
     """
     return VehicleStates(
-        ids=texts(columns, "id", required=True),
-        stamp_ns=whole_numbers(columns, "stamp_ns", required=True)[0],
+        ids=read_texts(columns, "id", required=True),
+        stamp_ns=read_integers(columns, "stamp_ns", required=True)[0],
         log_time_ns=columns.log_time_ns,
-        state=np.column_stack([numbers(columns, name, required=True) for name in STATE_NAMES]),
+        state=np.column_stack([read_numbers(columns, name, required=True) for name in STATE_NAMES]),
         covariance=(
             _read_covariance(columns)
             if with_covariance
             else np.broadcast_to(np.nan, (len(columns), N_STATES, N_STATES))
         ),
-        length_m=numbers(columns, "length_m", required=True),
-        width_m=numbers(columns, "width_m", required=True),
+        length_m=read_numbers(columns, "length_m", required=True),
+        width_m=read_numbers(columns, "width_m", required=True),
         flags=_read_flags(columns),
     )
 
@@ -202,17 +213,17 @@ def _read_covariance(columns: Columns) -> Covariances:
     Raises:
         DataError: They are missing.
     """
-    old = find(columns, "covariance")
+    old = find_field(columns, "covariance")
     if old is not None and (not isinstance(old, Ragged) or len(old.values)):
         n = len(columns)
-        return matrix(columns, "covariance", N_STATES**2, required=True).reshape(n, N_STATES, N_STATES)
+        return read_matrix(columns, "covariance", N_STATES**2, required=True).reshape(n, N_STATES, N_STATES)
     if not len(columns):
         return PackedCovariances.empty(0, N_STATES)
     packed = []
     for name, width in (("sigma", N_STATES), ("correlation", N_CORRELATIONS)):
-        field = find(columns, name)
+        field = find_field(columns, name)
         if not isinstance(field, np.ndarray) or field.shape != (len(columns), width):
-            raise unusable(columns, name)
+            raise unusable_field_error(columns, name)
         packed.append(np.asarray(field, np.float32))
     return PackedCovariances(*packed)
 
@@ -220,12 +231,12 @@ def _read_covariance(columns: Columns) -> Covariances:
 def _read_flags(columns: Columns) -> UInt8Array:
     """Read the flags of each state; fields that an older version did not write count as unset."""
     flags = np.zeros(len(columns), np.uint8)
-    for name, flag in FLAGS.items():
-        flags[numbers(columns, name) > 0.0] |= np.uint8(flag)
+    for name, flag in FLAG_OF_FIELD.items():
+        flags[read_numbers(columns, name) > 0.0] |= np.uint8(flag)
     return flags
 
 
-def require_ego(states: VehicleStates, *, log_name: str, topic: str) -> None:
+def require_ego_states(states: VehicleStates, *, log_name: str, topic: str) -> None:
     """Check that there is a state of the ego in the part of the log that was asked for.
 
     Raises:

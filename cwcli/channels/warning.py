@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.output import output
+from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import WARNING_LOG, WARNINGS
-from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, constant_strings
-from cwcli.signals.leaf_fields import numbers, texts, whole_numbers
+from cwcli.signals.columns import Columns, Field, Int64Array, OutputChannel, Strings, repeat_string
+from cwcli.signals.leaf_fields import read_integers, read_numbers, read_texts
 from cwcli.warning.rows import HELD, RAISED, WarningRows
 
-LEVEL_INFO, LEVEL_WARNING = 2, 3
+LOG_LEVEL_INFO, LOG_LEVEL_WARNING = 2, 3
 """The levels of log messages: values of `foxglove.Log.Level`."""
-FIELDS = tuple(field.name for field in fields(WarningRows) if field.name != "log_time_ns")
+WARNING_FIELDS = tuple(field.name for field in fields(WarningRows) if field.name != "log_time_ns")
 """Fields of the message, which have the names of the rows' columns."""
-WITHOUT_WORDS = tuple(name for name in FIELDS if name not in ("host_id", "message"))
+WARNING_EVENT_FIELDS = tuple(name for name in WARNING_FIELDS if name not in ("host_id", "message"))
 """Fields from which events are collected: all but the host's id and the text."""
 
 
@@ -42,24 +42,26 @@ class WarningEvent:
     rows: Int64Array
 
 
-def write_warnings(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
+def write_warning_channels(parts: Sequence[WarningRows]) -> tuple[OutputChannel, OutputChannel]:
     """Make the channel of the warnings of all rules, and a log channel of those raised or cleared."""
     log_time_ns = np.concatenate([part.log_time_ns for part in parts])
-    joined: dict[str, Field] = {name: _joined([getattr(part, name) for part in parts]) for name in FIELDS}
-    warnings = output(WARNINGS, log_time_ns, joined)
+    joined: dict[str, Field] = {
+        name: _concat_columns([getattr(part, name) for part in parts]) for name in WARNING_FIELDS
+    }
+    warnings = make_output_channel(WARNINGS, log_time_ns, joined)
     state, message = np.asarray(warnings.fields["state"]), warnings.fields["message"]
     rows = np.flatnonzero(state != HELD)  # a held warning says nothing new
     assert isinstance(message, Strings)
     words: dict[str, Field] = {
         "timestamp": np.asarray(warnings.fields["known_ns"])[rows],
-        "level": np.where(state[rows] == RAISED, LEVEL_WARNING, LEVEL_INFO),
-        "message": message.rows(rows),
-        "name": constant_strings("cwcli.warn", len(rows)),
+        "level": np.where(state[rows] == RAISED, LOG_LEVEL_WARNING, LOG_LEVEL_INFO),
+        "message": message.select_rows(rows),
+        "name": repeat_string("cwcli.warn", len(rows)),
     }
-    return warnings, output(WARNING_LOG, warnings.log_time_ns[rows], words)
+    return warnings, make_output_channel(WARNING_LOG, warnings.log_time_ns[rows], words)
 
 
-def _joined(parts: Sequence[Any]) -> Field:
+def _concat_columns(parts: Sequence[Any]) -> Field:
     if not isinstance(parts[0], Strings):
         return np.concatenate(parts)
     index: dict[str, int] = {}
@@ -74,26 +76,26 @@ def read_warnings(columns: Columns) -> WarningRows:
     """Read the warnings of a channel, in log-time order; unknown values are NaN, absent, or without a state.
 
     Args:
-        columns: The channel; for events its fields `WITHOUT_WORDS` are enough.
+        columns: The channel; for events its fields `WARNING_EVENT_FIELDS` are enough.
     """
     absent = Strings(np.full(len(columns), -1, np.int32), ())
-    stamp_ns = whole_numbers(columns, "stamp_ns")[0]
-    known_ns = whole_numbers(columns, "known_ns")[0]
+    stamp_ns = read_integers(columns, "stamp_ns")[0]
+    known_ns = read_integers(columns, "known_ns")[0]
     return WarningRows(
         log_time_ns=columns.log_time_ns,
         stamp_ns=stamp_ns,
         known_ns=np.where(known_ns > 0, known_ns, stamp_ns),  # older versions wrote stamps only
-        rule=texts(columns, "rule") or absent,
-        event_id=whole_numbers(columns, "event_id")[0],
-        state=whole_numbers(columns, "state")[0].astype(np.int32),
-        host_id=texts(columns, "host_id") or absent,
-        other_id=texts(columns, "other_id") or absent,
-        time_to_event_s=numbers(columns, "time_to_event_s"),
-        predicted_distance_m=numbers(columns, "predicted_distance_m"),
-        ttc_s=numbers(columns, "ttc_s"),
-        probability=numbers(columns, "probability"),
-        alert_probability=numbers(columns, "alert_probability"),
-        message=texts(columns, "message") or absent,
+        rule=read_texts(columns, "rule") or absent,
+        event_id=read_integers(columns, "event_id")[0],
+        state=read_integers(columns, "state")[0].astype(np.int32),
+        host_id=read_texts(columns, "host_id") or absent,
+        other_id=read_texts(columns, "other_id") or absent,
+        time_to_event_s=read_numbers(columns, "time_to_event_s"),
+        predicted_distance_m=read_numbers(columns, "predicted_distance_m"),
+        ttc_s=read_numbers(columns, "ttc_s"),
+        probability=read_numbers(columns, "probability"),
+        alert_probability=read_numbers(columns, "alert_probability"),
+        message=read_texts(columns, "message") or absent,
     )
 
 
@@ -115,8 +117,8 @@ def warning_events(warnings: WarningRows) -> list[WarningEvent]:
         found.append(
             WarningEvent(
                 event_id=int(event_id[first]),
-                rule=_text(warnings.rule, first),
-                other_id=_text(warnings.other_id, first),
+                rule=_text_of_row(warnings.rule, first),
+                other_id=_text_of_row(warnings.other_id, first),
                 raised_ns=int(known_ns[first]),
                 last_ns=int(known_ns[last]),
                 rows=own,
@@ -125,6 +127,6 @@ def warning_events(warnings: WarningRows) -> list[WarningEvent]:
     return sorted(found, key=lambda event: (event.raised_ns, event.event_id))
 
 
-def _text(values: Strings, row: int) -> str:
+def _text_of_row(values: Strings, row: int) -> str:
     code = int(values.codes[row])
     return values.values[code] if code >= 0 else ""

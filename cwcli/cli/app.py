@@ -18,25 +18,25 @@ import typer.main
 
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
-from cwcli.cli.options.complete import offer
-from cwcli.cli.options.configfile import TalkOptions, configured_options
-from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand
-from cwcli.cli.options.fast import skip_coercion
-from cwcli.cli.options.stage import every_stage
+from cwcli.cli.options.complete import run_completion
+from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
+from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand_dataclass_parameters
+from cwcli.cli.options.plain_coercion import use_plain_coercion
+from cwcli.cli.options.stage import make_all_stage_options_classes
 from cwcli.errors import EXIT_CODES, UsageError
-from cwcli.input import remembering_inputs
-from cwcli.pipeline.stage import imported
+from cwcli.input import remember_inputs
+from cwcli.pipeline.stage import import_named_module
 from cwcli.stages import STAGES
-from cwcli.text import shown
+from cwcli.text import escape_and_shorten
 
-MAX_VALUE = 60
+MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
-MAX_WITHOUT_HEADINGS = 15
+MAX_OPTIONS_WITHOUT_HEADINGS = 15
 """Commands with at most this many options list them without headings; chosen by hand."""
-EXIT_WORDS = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
+EXIT_CODES_TEXT = ", ".join(f"{code} {meaning}" for code, (meaning, _) in EXIT_CODES.items())
 """All exit codes with their meanings, for the help."""
-EPILOG = f"""
-Exit codes: {EXIT_WORDS}.
+HELP_EPILOG = f"""
+Exit codes: {EXIT_CODES_TEXT}.
 
 \b
 Example:
@@ -50,7 +50,7 @@ class PlainCommand(typer.core.TyperCommand):
 
     def get_params(self, ctx: Any) -> Any:
         """The parameters, `--help` included."""
-        return skip_coercion(super().get_params(ctx))
+        return use_plain_coercion(super().get_params(ctx))
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
         """Write the arguments, then the options, below the headings of their groups if there are many."""
@@ -63,7 +63,7 @@ class PlainCommand(typer.core.TyperCommand):
             elif record is not None:
                 heading = getattr(parameter, "rich_help_panel", None) or TalkOptions.heading
                 groups.setdefault(heading, []).append(record)
-        if sum(map(len, groups.values())) <= MAX_WITHOUT_HEADINGS:
+        if sum(map(len, groups.values())) <= MAX_OPTIONS_WITHOUT_HEADINGS:
             groups = {"Options": [record for records in groups.values() for record in records]}
         for heading, records in {"Arguments": arguments, **groups}.items():
             if records:
@@ -81,7 +81,7 @@ class LazyGroup(typer.core.TyperGroup):
 
     def get_params(self, ctx: Any) -> Any:
         """The parameters, `--help` included."""
-        return skip_coercion(super().get_params(ctx))
+        return use_plain_coercion(super().get_params(ctx))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command, with its options; None if there is none of this name."""
@@ -100,13 +100,13 @@ def load_command(name: str) -> Any:
         UsageError: Its module is missing.
     """
     if name in STAGES:
-        from cwcli.cli.stage_command import stage_command
+        from cwcli.cli.stage_command import make_stage_command
 
-        function, examples = stage_command(STAGES[name])
+        function, examples = make_stage_command(STAGES[name])
     else:
-        module = imported(f"cwcli.cli.commands.{name}", f"the command {name}")
-        stages = every_stage() if "stages" in inspect.signature(module.command).parameters else ()
-        function, examples = expand(module.command, name, stages=stages), module.EXAMPLES
+        module = import_named_module(f"cwcli.cli.commands.{name}", f"the command {name}")
+        stages = make_all_stage_options_classes() if "stages" in inspect.signature(module.command).parameters else ()
+        function, examples = expand_dataclass_parameters(module.command, name, stages=stages), module.EXAMPLES
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
     heading = "Example:" if len(examples) == 1 else "Examples:"
     epilog = "\n".join(["\b", heading, *(f"  {example}" for example in examples)])
@@ -124,13 +124,13 @@ app = typer.Typer(
     cls=LazyGroup,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    epilog=EPILOG,
+    epilog=HELP_EPILOG,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
 @app.callback()
-def root(
+def root_command(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
@@ -138,7 +138,7 @@ def root(
     """From a recorded drive to states, predicted paths and collision warnings, on MCAP logs."""
 
 
-def dispatch(arguments: list[str]) -> int:
+def dispatch_command(arguments: list[str]) -> int:
     """Run the command line and return its exit code.
 
     Typer's own `main` is used for shell completion only: it would turn a closed pipe into exit code 1.
@@ -148,9 +148,9 @@ def dispatch(arguments: list[str]) -> int:
     """
     group = typer.main.get_command(app)
     if os.environ.get(f"_{ENVIRONMENT_PREFIX}_COMPLETE"):
-        offer(lambda: group.main(arguments, prog_name="cwcli"))
+        run_completion(lambda: group.main(arguments, prog_name="cwcli"))
     try:
-        with remembering_inputs(), group.make_context("cwcli", arguments) as context:
+        with remember_inputs(), group.make_context("cwcli", arguments) as context:
             if not arguments:
                 sys.stderr.write(context.get_help() + "\n")
                 return UsageError.exit_code
@@ -158,29 +158,30 @@ def dispatch(arguments: list[str]) -> int:
     except typer.Exit as done:
         return done.exit_code
     except typer.TyperException as error:
-        raise _usage_error(error, arguments) from error
+        raise _usage_error_from_typer(error, arguments) from error
     except UsageError as error:
-        raise _with_origin(error, arguments) from error
+        raise _add_origin_of_value(error, arguments) from error
     return code if isinstance(code, int) else 0
 
 
-def _usage_error(error: typer.TyperException, arguments: list[str]) -> UsageError:
+def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -> UsageError:
     context = getattr(error, "ctx", None)
     named = [argument for argument in arguments[:1] if argument in COMMANDS]
     command = context.command_path if context is not None else " ".join(["cwcli", *named])
     what = " ".join(error.format_message().split()).removesuffix(".")
-    variable = _variable(error, context)
+    variable = _environment_variable_at_fault(error, context)
     if variable is not None:
         reason = " ".join(str(getattr(error, "message", what)).split()).removesuffix(".")
         option = error.param.opts[0]  # type: ignore[attr-defined]
         return UsageError(
-            f"the environment variable {variable}={shown(os.environ[variable], MAX_VALUE)}: {reason}",
+            f"the environment variable {variable}={escape_and_shorten(os.environ[variable], MAX_VALUE_CHARS)}: "
+            f"{reason}",
             hint=f"see {option} in `{command} --help`",
         )
     return UsageError(what[:1].lower() + what[1:], hint=f"see `{command} --help`")
 
 
-def _with_origin(error: UsageError, arguments: list[str]) -> UsageError:
+def _add_origin_of_value(error: UsageError, arguments: list[str]) -> UsageError:
     """Add to an error the environment variable or configuration key that set the option it names."""
     given = {argument.partition("=")[0] for argument in arguments}
     command = arguments[0].replace("-", "_") if arguments else ""
@@ -188,14 +189,14 @@ def _with_origin(error: UsageError, arguments: list[str]) -> UsageError:
         name = option[2:].replace("-", "_")
         variables = [f"{ENVIRONMENT_PREFIX}_{each}".upper() for each in (name, f"{command}_{name}")]
         origin = next((f"the environment variable {each}" for each in variables if os.environ.get(each)), None)
-        origin = origin or configured_options().get(option)
+        origin = origin or origins_of_configured_options().get(option)
         if origin is not None and option not in given:
             hint = f"{option} comes from {origin}" + (f"; {error.hint}" if error.hint else "")
             return UsageError(error.what, where=error.where, found=error.found, hint=hint)
     return error
 
 
-def _variable(error: typer.TyperException, context: Any) -> str | None:
+def _environment_variable_at_fault(error: typer.TyperException, context: Any) -> str | None:
     """The environment variable that holds the wrong value; None if the value comes from elsewhere."""
     option = getattr(error, "param", None)
     if context is None or option is None:

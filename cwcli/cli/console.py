@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from cwcli import __version__
-from cwcli.cli.text import paragraph, printable, shown
+from cwcli.cli.text import escape_and_shorten, escape_control_characters, wrap_paragraph
 from cwcli.errors import CwcliError, names_hint
 
-MAX_FOUND_WIDTH = 100
+FOUND_LINE_WIDTH = 100
 """Width of the lines behind `found:`, in characters; chosen wide, because paths and topics are long."""
-MAX_FOUND = 200
+MAX_FOUND_ENTRIES = 200
 """Largest number of entries behind `found:`; chosen by hand."""
-MAX_ENTRY = 300
+MAX_FOUND_ENTRY_CHARS = 300
 """Longest entry behind `found:`, in characters; chosen by hand."""
 
 
@@ -37,44 +37,44 @@ class Console:
     quiet: bool = False
     summary_to_stderr: bool = False
 
-    def data(self, text: str) -> None:
+    def print_data(self, text: str) -> None:
         """Print a line of data on stdout, also when quiet."""
-        write(sys.stdout, text)
+        write_line(sys.stdout, text)
 
-    def document(self, command: str, values: Mapping[str, Any]) -> None:
+    def print_document(self, command: str, values: Mapping[str, Any]) -> None:
         """Print the content of `--json`, as `schemas/output.schema.json` describes it."""
         import json
 
         said = {"cwcli": __version__, "command": command, **values}
-        self.data(json.dumps(said, indent=2, allow_nan=False))
+        self.print_data(json.dumps(said, indent=2, allow_nan=False))
 
-    def summary(self, text: str) -> None:
+    def print_summary(self, text: str) -> None:
         """Print a table or a line of the result, unless quiet."""
         if not self.quiet:
-            write(sys.stderr if self.summary_to_stderr else sys.stdout, text)
+            write_line(sys.stderr if self.summary_to_stderr else sys.stdout, text)
 
-    def heading(self, text: str) -> None:
+    def print_heading(self, text: str) -> None:
         """Print a heading of the summary, in bold on a terminal."""
         stream = sys.stderr if self.summary_to_stderr else sys.stdout
-        self.summary(bold(printable(text), stream))
+        self.print_summary(format_bold(escape_control_characters(text), stream))
 
-    def failure(self, text: str) -> None:
+    def print_failure(self, text: str) -> None:
         """Print on stderr why the exit code is not 0 without an error, such as a failed gate; also when quiet."""
-        write(sys.stderr, paragraph(printable(text), rest="  "))
+        write_line(sys.stderr, wrap_paragraph(escape_control_characters(text), rest="  "))
 
-    def note(self, text: str) -> None:
+    def print_note(self, text: str) -> None:
         """Print a note on stderr, unless quiet."""
         if not self.quiet:
-            write(sys.stderr, paragraph(shown(text), first="note: ", rest="      "))
+            write_line(sys.stderr, wrap_paragraph(escape_and_shorten(text), first="note: ", rest="      "))
 
 
-def write(stream: TextIO | None, text: str) -> None:
+def write_line(stream: TextIO | None, text: str) -> None:
     """Write a line; nothing happens if the stream was closed when the process started."""
     if stream is not None:
         stream.write(text + "\n")
 
 
-def stdout_or_file(target: str | None) -> str | None:
+def normalise_stdout_name(target: str | None) -> str | None:
     """Replace any name of standard output (`/dev/stdout`, `/dev/fd/1`) by `-`; other names are returned unchanged."""
     if target is None or target == "-":
         return target
@@ -91,14 +91,14 @@ def is_terminal(stream: TextIO | None) -> bool:
     return stream is not None and stream.isatty()
 
 
-def uses_style(stream: TextIO | None) -> bool:
+def supports_style(stream: TextIO | None) -> bool:
     """Whether escape sequences may be written: a terminal that is not dumb, and no `NO_COLOR`."""
     return is_terminal(stream) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-def bold(text: str, stream: TextIO | None) -> str:
+def format_bold(text: str, stream: TextIO | None) -> str:
     """Format text in bold if the stream can show it."""
-    return f"\x1b[1m{text}\x1b[0m" if uses_style(stream) else text
+    return f"\x1b[1m{text}\x1b[0m" if supports_style(stream) else text
 
 
 def format_error(error: CwcliError) -> str:
@@ -110,22 +110,22 @@ def format_error(error: CwcliError) -> str:
       hint:  run `cwcli estimate drive.mcap -o estimated.mcap` first
     ```
     """
-    where = f"{shown(error.where)}: " if error.where else ""
-    lines = [f"error: {where}{shown(error.what)}"]
+    where = f"{escape_and_shorten(error.where)}: " if error.where else ""
+    lines = [f"error: {where}{escape_and_shorten(error.what)}"]
     if error.found:
-        more = len(error.found) - MAX_FOUND
-        entries = [shown(entry, MAX_ENTRY) for entry in error.found[:MAX_FOUND]]
-        lines.extend(_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
+        more = len(error.found) - MAX_FOUND_ENTRIES
+        entries = [escape_and_shorten(entry, MAX_FOUND_ENTRY_CHARS) for entry in error.found[:MAX_FOUND_ENTRIES]]
+        lines.extend(_format_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
     if error.hint:
-        lines.append(f"  hint:  {shown(error.hint)}")
+        lines.append(f"  hint:  {escape_and_shorten(error.hint)}")
     return "\n".join(lines)
 
 
-def _found_lines(entries: list[str]) -> list[str]:
+def _format_found_lines(entries: list[str]) -> list[str]:
     """Format the entries behind `found:`, as many on a line as fit."""
     lines = ["  found: " + entries[0]]
     for entry in entries[1:]:
-        if len(lines[-1]) + len(entry) + 3 <= MAX_FOUND_WIDTH:
+        if len(lines[-1]) + len(entry) + 3 <= FOUND_LINE_WIDTH:
             lines[-1] += f", {entry}"
         else:
             lines[-1] += ","
@@ -133,12 +133,12 @@ def _found_lines(entries: list[str]) -> list[str]:
     return lines
 
 
-def report_error(error: CwcliError) -> None:
+def print_error(error: CwcliError) -> None:
     """Print a known error on stderr; errors of a closed stderr are ignored."""
     with contextlib.suppress(OSError):
-        write(sys.stderr, format_error(error))
+        write_line(sys.stderr, format_error(error))
 
 
-def closest(name: str, known: list[str]) -> str:
+def closest_names_hint(name: str, known: list[str]) -> str:
     """Make a hint for a misspelt name: the closest known names, else all of them."""
     return names_hint(name, known, "known")

@@ -5,23 +5,29 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from cwcli.cli.console import Console, report_error
+from cwcli.cli.console import Console, print_error
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.progress import Progress
-from cwcli.cli.tables import Cell, table
+from cwcli.cli.tables import Cell, format_table
 from cwcli.errors import CwcliError
-from cwcli.text import count, printable
+from cwcli.text import escape_control_characters, format_count
 
 if TYPE_CHECKING:
-    from cwcli.fleet.plan import Plan, Task
-    from cwcli.fleet.run import Fleet
+    from cwcli.fleet.plan import FleetPlan, LogTask
+    from cwcli.fleet.run import FleetResult
 
-MAX_TOLD = 20
+MAX_SHOWN_REASONS = 20
 """Largest number of errors that are printed; chosen by hand, the others are in the manifest."""
 
 
-def run_many(
-    logs: Sequence[str], plan: Plan, directory: str, jobs: int | None, ray: str | None, force: bool, talk: TalkOptions
+def run_on_many_logs(
+    logs: Sequence[str],
+    plan: FleetPlan,
+    directory: str,
+    jobs: int | None,
+    ray: str | None,
+    force: bool,
+    talk: TalkOptions,
 ) -> int:
     """Run a pipeline on many logs and print the summary; returns the exit code.
 
@@ -32,25 +38,25 @@ def run_many(
 
     console = Console(quiet=talk.quiet)
     with Progress(quiet=talk.quiet) as progress:
-        progress.step("looking for logs")
+        progress.begin_step("looking for logs")
         unchanged: set[str] = set()
 
-        def report(task: Task, status: str, done: int, total: int) -> None:
+        def report(task: LogTask, status: str, done: int, total: int) -> None:
             unchanged.update({task.id} if status == "unchanged" else ())
-            progress.step(f"{done} of {count(total, 'log')} done, the last {task.id} ({status})")
+            progress.begin_step(f"{done} of {format_count(total, 'log')} done, the last {task.id} ({status})")
             progress(done, total, skipped=len(unchanged))
 
         fleet = run_fleet(logs, plan, directory, jobs=jobs, ray=ray, force=force, report=report)
     if talk.json:
-        console.document("run", document(fleet, directory))
+        console.print_document("run", fleet_document(fleet, directory))
     else:
-        tell(console, fleet, directory)
-    for error in errors(fleet.manifest["logs"]):
-        report_error(error)
+        print_fleet_summary(console, fleet, directory)
+    for error in distinct_errors(fleet.manifest["logs"]):
+        print_error(error)
     return fleet.exit_code
 
 
-def document(fleet: Fleet, directory: str) -> dict[str, Any]:
+def fleet_document(fleet: FleetResult, directory: str) -> dict[str, Any]:
     """Make the content of `--json`."""
     statuses = list(fleet.statuses.values())
     return {
@@ -62,7 +68,7 @@ def document(fleet: Fleet, directory: str) -> dict[str, Any]:
     }
 
 
-def tell(console: Console, fleet: Fleet, directory: str) -> None:
+def print_fleet_summary(console: Console, fleet: FleetResult, directory: str) -> None:
     """Print the table of logs, and notes on stages that were left out."""
     entries = fleet.manifest["logs"]
     rows: list[tuple[Cell, ...]] = [
@@ -76,18 +82,20 @@ def tell(console: Console, fleet: Fleet, directory: str) -> None:
         )
         for entry in entries
     ]
-    console.heading(f"run: {count(len(entries), 'log')}")
-    console.summary("")
-    console.summary(table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
-    console.summary("")
-    for reason, ids in _left_out(entries).items():
-        console.note(f"{reason} ({count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})")
+    console.print_heading(f"run: {format_count(len(entries), 'log')}")
+    console.print_summary("")
+    console.print_summary(format_table(("log", "status", "stages", "messages", "rejected", "warnings"), rows))
+    console.print_summary("")
+    for reason, ids in _log_ids_by_left_out_reason(entries).items():
+        console.print_note(
+            f"{reason} ({format_count(len(ids), 'log')}, {ids[0]}{' and others' if len(ids) > 1 else ''})"
+        )
     statuses = list(fleet.statuses.values())
     facts = [f"{statuses.count(name)} {name}" for name in ("done", "unchanged", "failed") if name in statuses]
-    console.summary(f"{', '.join(facts)}; see {printable(directory.rstrip('/'))}/manifest.json")
+    console.print_summary(f"{', '.join(facts)}; see {escape_control_characters(directory.rstrip('/'))}/manifest.json")
 
 
-def errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
+def distinct_errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
     """Collect the errors of failed logs: each error once, with the first log that has it."""
     failed: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for entry in entries:
@@ -97,15 +105,15 @@ def errors(entries: Sequence[dict[str, Any]]) -> list[CwcliError]:
     for (what, hint, *found), same in failed.items():
         source, where = same[0]["source"], same[0]["error"]["where"]
         place = where if where.startswith(source) else ": ".join(filter(None, (source, where)))
-        others = f" (and {count(len(same) - 1, 'other log')})" if len(same) > 1 else ""
+        others = f" (and {format_count(len(same) - 1, 'other log')})" if len(same) > 1 else ""
         told.append(CwcliError(f"{what}{others}", where=place, found=tuple(found), hint=hint))
-    if len(told) > MAX_TOLD:
-        rest = CwcliError(f"{len(told) - MAX_TOLD} more reasons are in the manifest")
-        told = [*told[:MAX_TOLD], rest]
+    if len(told) > MAX_SHOWN_REASONS:
+        rest = CwcliError(f"{len(told) - MAX_SHOWN_REASONS} more reasons are in the manifest")
+        told = [*told[:MAX_SHOWN_REASONS], rest]
     return told
 
 
-def _left_out(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+def _log_ids_by_left_out_reason(entries: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
     """Reason for which a stage was left out -> ids of the logs."""
     reasons: dict[str, list[str]] = {}
     for entry in entries:

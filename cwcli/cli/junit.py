@@ -6,42 +6,48 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
-from cwcli.cli.text import printable
+from cwcli.cli.text import escape_control_characters
 
 if TYPE_CHECKING:
-    from cwcli.metrics.gates import Check, GateResult
-    from cwcli.report.addresses import Addresses
+    from cwcli.metrics.gates import GateCheck, GateResult
+    from cwcli.report.addresses import PageAddresses
 
-RUN = "all logs"
+ALL_LOGS_NAME = "all logs"
 """Name of a test case that is about all logs."""
-MAX_TEXT = 4000
+MAX_DETAIL_CHARS = 4000
 """Longest detail of a test case, in characters; chosen by hand."""
 
 
-def junit_xml(results: Sequence[GateResult], addresses: Addresses | None = None) -> bytes:
+def format_junit_xml(results: Sequence[GateResult], addresses: PageAddresses | None = None) -> bytes:
     """Format gates as a JUnit document. Control and forbidden characters are escaped (`\\x1b`).
 
     Failures on warnings hold links into the page of the run, where its address is given.
     """
-    totals = _counts([check for result in results for check in result.checks])
+    totals = _status_counts([check for result in results for check in result.checks])
     del totals["skipped"]  # Jenkins' schema has it for suites only
     root = ET.Element("testsuites", {"name": "cwcli evaluate", **totals})
     for result in results:
-        gate = printable(result.gate)
-        suite = ET.SubElement(root, "testsuite", {"name": gate, **_counts(result.checks)})
+        gate = escape_control_characters(result.gate)
+        suite = ET.SubElement(root, "testsuite", {"name": gate, **_status_counts(result.checks)})
         for check in result.checks:
-            _add_case(suite, result.gate, check, addresses)
+            _add_test_case(suite, result.gate, check, addresses)
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return text + b"\n"
 
 
-def _add_case(suite: ET.Element, gate: str, check: Check, addresses: Addresses | None) -> None:
-    case = ET.SubElement(suite, "testcase", classname=printable(gate), name=printable(check.log) or RUN, time="0")
-    detail = printable(check.detail)[:MAX_TEXT]
+def _add_test_case(suite: ET.Element, gate: str, check: GateCheck, addresses: PageAddresses | None) -> None:
+    case = ET.SubElement(
+        suite,
+        "testcase",
+        classname=escape_control_characters(gate),
+        name=escape_control_characters(check.log) or ALL_LOGS_NAME,
+        time="0",
+    )
+    detail = escape_control_characters(check.detail)[:MAX_DETAIL_CHARS]
     if check.status.value == "failed":
-        links = [] if addresses is None else addresses.of_check(gate, check)
-        lines = (detail, *(f"{printable(link.words)}: {link.address}" for link in links))
+        links = [] if addresses is None else addresses.links_of_check(gate, check)
+        lines = (detail, *(f"{escape_control_characters(link.words)}: {link.address}" for link in links))
         ET.SubElement(case, "failure", message=detail, type="gate").text = "\n".join(lines)
     elif check.status.value == "skipped":
         ET.SubElement(case, "skipped", message=detail)
@@ -49,7 +55,7 @@ def _add_case(suite: ET.Element, gate: str, check: Check, addresses: Addresses |
         ET.SubElement(case, "system-out").text = detail
 
 
-def _counts(checks: Sequence[Check]) -> dict[str, str]:
+def _status_counts(checks: Sequence[GateCheck]) -> dict[str, str]:
     statuses = [check.status.value for check in checks]
     return {
         "tests": str(len(checks)),

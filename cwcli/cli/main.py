@@ -20,52 +20,52 @@ from cwcli.errors import (
     Terminated,
 )
 
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a write that found no space."""
 
 
 def main() -> NoReturn:
     """Run `cwcli` with the process's arguments and leave with its exit code."""
-    signal.signal(signal.SIGTERM, _terminate)
+    signal.signal(signal.SIGTERM, _raise_terminated)
     # NumPy's matrix library otherwise starts a thread per core that spins for 0.1 s, for matrices as small as ours
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    sys.exit(run(sys.argv[1:]))
+    sys.exit(run_command_line(sys.argv[1:]))
 
 
-def run(arguments: Sequence[str]) -> int:
+def run_command_line(arguments: Sequence[str]) -> int:
     """Run `cwcli` with arguments, print its output and errors, and return the exit code; raises only `SystemExit`."""
     try:
         _make_streams_robust()
-        from cwcli.cli.app import dispatch
+        from cwcli.cli.app import dispatch_command
 
-        code = dispatch(list(arguments))
-        _flush()
+        code = dispatch_command(list(arguments))
+        _flush_stdout()
     except CwcliError as error:
         code = error.exit_code
-        _report(_error_without_secrets(error, arguments))
+        _report_known_error(_redact_error(error, arguments))
     except KeyboardInterrupt:
         code = EXIT_INTERRUPTED
-        _say("interrupted")
+        _print_to_stderr("interrupted")
     except BrokenPipeError:
         code = EXIT_PIPE_CLOSED
     except SystemExit:
         raise
     except BaseException as error:  # one that is no Exception would end Python with 1, the code of a failed gate
-        code = _report_unexpected(error, arguments)
+        code = _report_unexpected_error(error, arguments)
     try:
-        _flush()
+        _flush_stdout()
     except BrokenPipeError:
-        _drop_stdout()
+        _discard_stdout()
         code = code or EXIT_PIPE_CLOSED
     except CwcliError as error:
-        _drop_stdout()
+        _discard_stdout()
         if not code:
             code = error.exit_code
-            _report(error)
+            _report_known_error(error)
     return code
 
 
-def _terminate(number: int, frame: object) -> NoReturn:
+def _raise_terminated(number: int, frame: object) -> NoReturn:
     """Handle a signal by raising `Terminated`, so that `finally` blocks remove temporary files."""
     raise Terminated
 
@@ -78,7 +78,7 @@ def _make_streams_robust() -> None:
             reconfigure(errors="backslashreplace")
 
 
-def _flush() -> None:
+def _flush_stdout() -> None:
     if sys.stdout is None:
         return
     try:
@@ -86,14 +86,14 @@ def _flush() -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise _full(error) from error
+        raise _output_error_from(error) from error
 
 
-def _full(error: OSError) -> OutputError:
+def _output_error_from(error: OSError) -> OutputError:
     return OutputError(f"can't write the output: {error.strerror}", where=str(error.filename or ""))
 
 
-def _drop_stdout() -> None:
+def _discard_stdout() -> None:
     """Redirect stdout to the null device, so that the interpreter's flush at exit raises no error."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -101,20 +101,20 @@ def _drop_stdout() -> None:
         os.close(nowhere)
 
 
-def _report(error: CwcliError) -> None:
-    from cwcli.cli.console import report_error
+def _report_known_error(error: CwcliError) -> None:
+    from cwcli.cli.console import print_error
 
-    report_error(error)
+    print_error(error)
 
 
-def _say(text: str) -> None:
+def _print_to_stderr(text: str) -> None:
     with contextlib.suppress(OSError):
         print(text, file=sys.stderr)
 
 
-def _report_unexpected(error: BaseException, arguments: Sequence[str]) -> int:
-    if isinstance(error, OSError) and error.errno in DISK_FULL:  # on the way to standard output
-        _report(_full(error))
+def _report_unexpected_error(error: BaseException, arguments: Sequence[str]) -> int:
+    if isinstance(error, OSError) and error.errno in DISK_FULL_ERRNOS:  # on the way to standard output
+        _report_known_error(_output_error_from(error))
         return EXIT_OUTPUT
     _report_bug(arguments)
     return EXIT_BUG
@@ -124,31 +124,31 @@ def _report_bug(arguments: Sequence[str]) -> None:
     import traceback
 
     from cwcli import __version__
-    from cwcli.cli.text import shown
+    from cwcli.cli.text import escape_and_shorten
 
     kind, value = sys.exc_info()[:2]
-    trace = _without_secrets(traceback.format_exc(), arguments)
-    _say("\n".join(shown(line) for line in trace.splitlines()))
-    what = shown(_without_secrets(str(value), arguments), 200)
-    _say(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {what}")
-    _say("  hint:  please report it with the lines above and your command (README.md, section Bugs)")
+    trace = _redact_secrets(traceback.format_exc(), arguments)
+    _print_to_stderr("\n".join(escape_and_shorten(line) for line in trace.splitlines()))
+    what = escape_and_shorten(_redact_secrets(str(value), arguments), 200)
+    _print_to_stderr(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {what}")
+    _print_to_stderr("  hint:  please report it with the lines above and your command (README.md, section Bugs)")
 
 
-def _error_without_secrets(error: CwcliError, arguments: Sequence[str]) -> CwcliError:
+def _redact_error(error: CwcliError, arguments: Sequence[str]) -> CwcliError:
     """Remove from an error the secrets of URLs on the command line, also where only a part of a URL is repeated."""
     if not any("://" in argument for argument in arguments):
         return error
     safe = CwcliError(
-        _without_secrets(error.what, arguments),
-        where=_without_secrets(error.where, arguments),
-        found=tuple(_without_secrets(entry, arguments) for entry in error.found),
-        hint=_without_secrets(error.hint, arguments),
+        _redact_secrets(error.what, arguments),
+        where=_redact_secrets(error.where, arguments),
+        found=tuple(_redact_secrets(entry, arguments) for entry in error.found),
+        hint=_redact_secrets(error.hint, arguments),
     )
     safe.exit_code = error.exit_code
     return safe
 
 
-def _without_secrets(text: str, arguments: Sequence[str]) -> str:
+def _redact_secrets(text: str, arguments: Sequence[str]) -> str:
     """Remove from a text the secrets of all URLs, and those of the URLs on the command line."""
     from cwcli.url import redact_urls
 

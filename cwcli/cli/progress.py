@@ -8,7 +8,7 @@ import threading
 import time
 from types import TracebackType
 
-from cwcli.cli.text import WIDTH, display_width, printable
+from cwcli.cli.text import DEFAULT_WIDTH, display_width, escape_control_characters
 from cwcli.url import redact_urls
 
 SHOW_AFTER_S = 1.0
@@ -35,9 +35,9 @@ class Progress:
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def step(self, what: str) -> None:
+    def begin_step(self, what: str) -> None:
         """Show the name of the next step."""
-        self._what = printable(redact_urls(what))
+        self._what = escape_control_characters(redact_urls(what))
         self._fraction = self._left = None
 
     def __call__(self, done: float, total: float, skipped: float = 0) -> None:
@@ -47,7 +47,7 @@ class Progress:
 
     def __enter__(self) -> Progress:
         if self._enabled:
-            self._thread = threading.Thread(target=self._draw, daemon=True)
+            self._thread = threading.Thread(target=self._redraw_until_stopped, daemon=True)
             self._thread.start()
         return self
 
@@ -59,7 +59,7 @@ class Progress:
             self._thread.join()
             self._thread = None
 
-    def line(self, elapsed_s: float, width: int = WIDTH) -> str:
+    def format_line(self, elapsed_s: float, width: int = DEFAULT_WIDTH) -> str:
         """Format the line, narrower than the terminal, because a wrapped line can't be erased.
 
         The name of the step is cut first, the numbers only if they alone do not fit.
@@ -71,14 +71,14 @@ class Progress:
         done = "" if self._fraction is None else f" {100 * self._fraction:3.0f} %"
         left = "" if self._left is None else f", about {elapsed_s * self._left:.0f} s left"
         told = f"{done} ({elapsed_s:.0f} s{left})"
-        return (_cut(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
+        return (_cut_to_width(self._what, width - 1 - display_width(told)) + told)[: max(width - 1, 0)]
 
-    def _draw(self) -> None:
+    def _redraw_until_stopped(self) -> None:
         drawn = False
         while not self._stop.wait(REFRESH_S):
             elapsed_s = time.monotonic() - self._begin
             if elapsed_s >= SHOW_AFTER_S and self._what:
-                sys.stderr.write(f"\r{self.line(elapsed_s, _columns())}\x1b[K")
+                sys.stderr.write(f"\r{self.format_line(elapsed_s, _stderr_width())}\x1b[K")
                 sys.stderr.flush()
                 drawn = True
         if drawn:
@@ -86,7 +86,7 @@ class Progress:
             sys.stderr.flush()
 
 
-def _cut(text: str, width: int) -> str:
+def _cut_to_width(text: str, width: int) -> str:
     """Cut a text to at most `width` cells of a terminal."""
     cut = text[: max(width, 0)]  # a cell or two each, but for combining marks
     while display_width(cut) > width > 0:
@@ -94,9 +94,9 @@ def _cut(text: str, width: int) -> str:
     return cut
 
 
-def _columns() -> int:
+def _stderr_width() -> int:
     """Current width of the terminal on standard error, in columns."""
     try:
-        return os.get_terminal_size(sys.stderr.fileno()).columns or WIDTH
+        return os.get_terminal_size(sys.stderr.fileno()).columns or DEFAULT_WIDTH
     except (OSError, ValueError):
-        return WIDTH
+        return DEFAULT_WIDTH

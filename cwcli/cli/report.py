@@ -6,39 +6,39 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from cwcli.cli.console import Console
-from cwcli.cli.tables import table
-from cwcli.cli.text import paragraph, printable
+from cwcli.cli.tables import format_table
+from cwcli.cli.text import escape_control_characters, wrap_paragraph
 
 if TYPE_CHECKING:
-    from cwcli.pipeline.result import InputCount, Summary
+    from cwcli.pipeline.result import InputMessageCount, StageSummary
 
 
-def print_result(console: Console, summary: Summary) -> None:
+def print_stage_summary(console: Console, summary: StageSummary) -> None:
     """Print a summary as tables; notes go to stderr."""
-    console.heading(summary.title)
+    console.print_heading(summary.title)
     for section in summary.sections:
-        console.summary("")
-        console.summary(printable(section.title))
-        console.summary(table(section.columns, section.rows) if section.rows else "  none")
+        console.print_summary("")
+        console.print_summary(escape_control_characters(section.title))
+        console.print_summary(format_table(section.columns, section.rows) if section.rows else "  none")
     if summary.inputs:
-        console.summary("")
-        console.summary("Input messages")
-        console.summary(input_table(summary.inputs))
+        console.print_summary("")
+        console.print_summary("Input messages")
+        console.print_summary(format_input_table(summary.inputs))
     if summary.verdict:
-        console.summary("")
-        console.summary(paragraph(printable(summary.verdict), first="verdict: ", rest="  "))
-    console.summary("")
+        console.print_summary("")
+        console.print_summary(wrap_paragraph(escape_control_characters(summary.verdict), first="verdict: ", rest="  "))
+    console.print_summary("")
     for note in summary.notes:
-        console.note(note)
+        console.print_note(note)
 
 
-def input_table(inputs: Sequence[InputCount]) -> str:
+def format_input_table(inputs: Sequence[InputMessageCount]) -> str:
     """Format a table of the read, used, rejected and repaired messages of each input, with the reasons below."""
     rows = [
         (entry.topic, entry.role, entry.read, entry.used, sum(entry.rejected.values()), sum(entry.repaired.values()))
         for entry in inputs
     ]
-    lines = [table(("topic", "role", "read", "used", "rejected", "repaired"), rows)]
+    lines = [format_table(("topic", "role", "read", "used", "rejected", "repaired"), rows)]
     for entry in inputs:
         for kind, counts in (
             ("rejected", entry.rejected),
@@ -46,22 +46,24 @@ def input_table(inputs: Sequence[InputCount]) -> str:
             ("set aside", entry.set_aside),
         ):
             if any(counts.values()):
-                text = f"{printable(entry.topic)} {kind}: {reasons(counts)}"
-                lines.append(paragraph(text, first="  ", rest="    "))
+                text = f"{escape_control_characters(entry.topic)} {kind}: {format_reason_counts(counts)}"
+                lines.append(wrap_paragraph(text, first="  ", rest="    "))
     return "\n".join(lines)
 
 
-def reasons(counts: Mapping[str, int]) -> str:
+def format_reason_counts(counts: Mapping[str, int]) -> str:
     """Format counts of reasons, the most frequent first: `3 outside the gate, 1 without a fix`."""
     ordered = sorted(counts.items(), key=lambda item: -item[1])
-    return ", ".join(f"{count} {printable(reason)}" for reason, count in ordered if count)
+    return ", ".join(f"{count} {escape_control_characters(reason)}" for reason, count in ordered if count)
 
 
-def print_written(console: Console, paths: Sequence[str]) -> None:
+def print_written_files(console: Console, paths: Sequence[str]) -> None:
     """Print the names and sizes of written files."""
     from pathlib import Path
 
-    from cwcli.cli.text import size
+    from cwcli.cli.text import format_byte_size
 
     for path in paths:
-        console.summary(f"wrote {printable(path)} ({size(Path(path).stat().st_size)})")
+        console.print_summary(
+            f"wrote {escape_control_characters(path)} ({format_byte_size(Path(path).stat().st_size)})"
+        )

@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any
 
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.expand import expand
-from cwcli.cli.options.respelled import resolved, say_notes
+from cwcli.cli.options.expand import expand_dataclass_parameters
+from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
     CalibrationOptions,
     LogArgument,
@@ -19,16 +19,22 @@ from cwcli.cli.options.shared import (
     ReadingOptions,
     SensorOptions,
     WritingOptions,
-    one_log,
+    source_of_logs,
 )
-from cwcli.cli.options.stage import StageOptions, call_of, reads_sensors, stage_options, uses_calibration
-from cwcli.cli.pipeline import Job, run_job
-from cwcli.pipeline.missing import FirstStages
+from cwcli.cli.options.stage import (
+    StageOptions,
+    make_stage_options_class,
+    reads_sensor_messages,
+    stage_call_from_options,
+    uses_calibration,
+)
+from cwcli.cli.pipeline import Job, run_and_print
+from cwcli.pipeline.missing import SkipStagesAlreadyRun
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
 
 
-def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
+def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
     """Make the function of a stage's command, as Typer takes it, and its examples.
 
     Raises:
@@ -46,14 +52,17 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
         metrics: MetricsOption = None,
         metrics_dir: MetricsDirOption = None,
     ) -> None:
-        options, wanted, notes = resolved(stages, (stage.name,))
-        known = calibration.load()
-        first = {name: call_of(stage_options(name)(**values), sensors, known) for name, values in stage.first.items()}
-        calls = {name: call_of(options[name], sensors, known) for name in wanted}
-        say_notes(talk, notes)
+        options, wanted, notes = replace_former_options(stages, (stage.name,))
+        known = calibration.load_if_named()
+        first = {
+            name: stage_call_from_options(make_stage_options_class(name)(**values), sensors, known)
+            for name, values in stage.first.items()
+        }
+        calls = {name: stage_call_from_options(options[name], sensors, known) for name in wanted}
+        print_former_option_notes(talk, notes)
         job = Job(
             stage.name,
-            one_log(log, reading.as_one),
+            source_of_logs(log, reading.as_one),
             {**first, **calls},
             reading,
             writing,
@@ -63,12 +72,14 @@ def stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...]]:
             tuple(first),
         )
         if first:
-            job = replace(job, missing=FirstStages(stage, STAGES, sensors.ego_station))
-        run_job(replace(job, lenient=len(calls) > 1))
+            job = replace(job, missing=SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station))
+        run_and_print(replace(job, lenient=len(calls) > 1))
 
-    command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.function) or "")[0]
+    command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]
     without = [
-        *([] if reads_sensors(stage) else ["sensors"]),
+        *([] if reads_sensor_messages(stage) else ["sensors"]),
         *([] if uses_calibration(stage) else ["calibration"]),
     ]
-    return expand(command, stage.name, stages=(stage_options(stage.name),), without=without), stage.examples
+    return expand_dataclass_parameters(
+        command, stage.name, stages=(make_stage_options_class(stage.name),), without=without
+    ), stage.examples

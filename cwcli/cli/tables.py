@@ -5,22 +5,31 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from cwcli.cli.text import WIDTH, display_width, number, pad, printable, shown, terminal_width, wrap
+from cwcli.cli.text import (
+    DEFAULT_WIDTH,
+    display_width,
+    escape_and_shorten,
+    escape_control_characters,
+    format_number,
+    pad_to_width,
+    terminal_width,
+    wrap_text,
+)
 
 Cell = str | float | int | None
 
-GAP = "  "
+COLUMN_GAP = "  "
 """Space between two columns."""
 MIN_TEXT_WIDTH = 12
 """Least width of a column of text before the table is split, in cells; chosen by hand."""
 
-MAX_CELL = 300
+MAX_CELL_CHARS = 300
 """Longest text of a cell, in characters; chosen by hand."""
-_NUMBER_LIKE = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
+_NUMBER_PATTERN = re.compile(r"[+-]?[\d.]+(e[+-]?\d+)?( ?%)?|-")
 """Pattern of cells that are right-aligned: numbers, percentages and the dash of a missing value."""
 
 
-def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int | None = None) -> str:
+def format_table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int | None = None) -> str:
     """Format a table: headings, a rule and one line a row, each at most as wide as `width` or the terminal.
 
     Numbers are right-aligned. A table that is too wide first wraps its headings and its text cells; if that is not
@@ -28,57 +37,63 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[Cell]], *, width: int 
     broken, even if its line becomes too long.
     """
     keeps_topics = width is None and terminal_width() is None
-    width = width or terminal_width() or WIDTH
-    heads = [printable(column) for column in columns]
-    cells = [[_cell(value) for value in row] for row in rows]
-    right = [bool(cells) and all(_NUMBER_LIKE.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
+    width = width or terminal_width() or DEFAULT_WIDTH
+    heads = [escape_control_characters(column) for column in columns]
+    cells = [[_cell_text(value) for value in row] for row in rows]
+    right = [bool(cells) and all(_NUMBER_PATTERN.fullmatch(row[i]) for row in cells) for i in range(len(heads))]
     least = [keeps_topics * max((_topic_width(row[i]) for row in cells), default=0) for i in range(len(heads))]
-    narrowest = [max(least[i], _narrowest(head, [row[i] for row in cells], right[i])) for i, head in enumerate(heads)]
-    blocks = [_block(heads, cells, right, part, narrowest, least, width) for part in _parts(narrowest, width)]
+    narrowest = [
+        max(least[i], _narrowest_column_width(head, [row[i] for row in cells], right[i]))
+        for i, head in enumerate(heads)
+    ]
+    blocks = [
+        _format_block(heads, cells, right, part, narrowest, least, width)
+        for part in _split_columns_into_blocks(narrowest, width)
+    ]
     return "\n\n".join(blocks)
 
 
-def _cell(value: Cell) -> str:
+def _cell_text(value: Cell) -> str:
     if value is None:
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return number(value)
-    return shown(str(value), MAX_CELL)
+        return format_number(value)
+    return escape_and_shorten(str(value), MAX_CELL_CHARS)
 
 
 def _topic_width(cell: str) -> int:
     return display_width(cell) if cell.startswith("/") and " " not in cell else 0
 
 
-def _narrowest(head: str, column: Sequence[str], right: bool) -> int:
+def _narrowest_column_width(head: str, column: Sequence[str], right: bool) -> int:
     """The least width of a column, in cells of the terminal."""
     widest_cell = max((display_width(cell) for cell in column), default=0)
     longest_word = max((display_width(word) for word in head.split()), default=0)
     return max(longest_word, widest_cell if right else min(widest_cell, MIN_TEXT_WIDTH))
 
 
-def _natural(head: str, column: Sequence[str]) -> int:
+def _natural_column_width(head: str, column: Sequence[str]) -> int:
     return max(display_width(head), max((display_width(cell) for cell in column), default=0))
 
 
-def _parts(narrowest: Sequence[int], width: int) -> list[list[int]]:
+def _split_columns_into_blocks(narrowest: Sequence[int], width: int) -> list[list[int]]:
     """Split columns into blocks that fit `width` at their least widths; every block begins with column 0."""
     parts: list[list[int]] = []
     part: list[int] = []
     used = 0
     for i, needed in enumerate(narrowest):
-        if len(part) > 1 and used + len(GAP) + needed > width:
+        if len(part) > 1 and used + len(COLUMN_GAP) + needed > width:
             parts.append(part)
             part, used = [0], narrowest[0]
-        used += needed + (len(GAP) if part else 0)
+        used += needed + (len(COLUMN_GAP) if part else 0)
         part.append(i)
     parts.append(part)
     return parts
 
 
-def _block(
+def _format_block(
     heads: Sequence[str],
     cells: Sequence[Sequence[str]],
     right: Sequence[bool],
@@ -87,20 +102,20 @@ def _block(
     least: Sequence[int],
     width: int,
 ) -> str:
-    widths = _widths(
-        [_natural(heads[i], [row[i] for row in cells]) for i in part],
+    widths = _fit_column_widths(
+        [_natural_column_width(heads[i], [row[i] for row in cells]) for i in part],
         [narrowest[i] for i in part],
         [least[i] for i in part],
-        width - len(GAP) * (len(part) - 1),
+        width - len(COLUMN_GAP) * (len(part) - 1),
     )
-    lines = _row([heads[i] for i in part], widths, [right[i] for i in part], bottom=True)
-    lines.append(GAP.join("-" * column_width for column_width in widths))
+    lines = _format_row_lines([heads[i] for i in part], widths, [right[i] for i in part], bottom=True)
+    lines.append(COLUMN_GAP.join("-" * column_width for column_width in widths))
     for row in cells:
-        lines.extend(_row([row[i] for i in part], widths, [right[i] for i in part]))
+        lines.extend(_format_row_lines([row[i] for i in part], widths, [right[i] for i in part]))
     return "\n".join(lines)
 
 
-def _widths(natural: list[int], narrowest: list[int], least: list[int], available: int) -> list[int]:
+def _fit_column_widths(natural: list[int], narrowest: list[int], least: list[int], available: int) -> list[int]:
     """Shrink the widest columns until the sum of widths fits, first to `narrowest`, then to `least`."""
     widths = list(natural)
     while sum(widths) > available:
@@ -117,15 +132,18 @@ def _widths(natural: list[int], narrowest: list[int], least: list[int], availabl
     return widths
 
 
-def _row(cells: Sequence[str], widths: Sequence[int], right: Sequence[bool], *, bottom: bool = False) -> list[str]:
-    wrapped = [wrap(cell, width) for cell, width in zip(cells, widths, strict=True)]
+def _format_row_lines(
+    cells: Sequence[str], widths: Sequence[int], right: Sequence[bool], *, bottom: bool = False
+) -> list[str]:
+    wrapped = [wrap_text(cell, width) for cell, width in zip(cells, widths, strict=True)]
     height = max(len(lines) for lines in wrapped)
     for lines in wrapped:
         missing = [""] * (height - len(lines))
         lines[:] = missing + lines if bottom else lines + missing
     return [
-        GAP.join(
-            pad(lines[i], width, right=is_right) for lines, width, is_right in zip(wrapped, widths, right, strict=True)
+        COLUMN_GAP.join(
+            pad_to_width(lines[i], width, right=is_right)
+            for lines, width, is_right in zip(wrapped, widths, right, strict=True)
         ).rstrip()
         for i in range(height)
     ]

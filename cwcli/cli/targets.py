@@ -9,7 +9,7 @@ from cwcli.cli.options.configfile import TalkOptions
 from cwcli.errors import UsageError
 
 
-def check_suffix(output: str, suffixes: Sequence[str], *, what: str, required: bool = True) -> str:
+def check_file_suffix(output: str, suffixes: Sequence[str], *, what: str, required: bool = True) -> str:
     """Check that the suffix of a file name fits the format that is written.
 
     Args:
@@ -35,7 +35,7 @@ def check_suffix(output: str, suffixes: Sequence[str], *, what: str, required: b
     return suffix
 
 
-def check_outputs(
+def check_output_files(
     sources: Sequence[str], talk: TalkOptions, *, metrics: str | None, texts: Sequence[str | None], force: bool
 ) -> list[str]:
     """Check before the work that outputs can be written; returns their names without standard output.
@@ -44,12 +44,12 @@ def check_outputs(
         UsageError: Two of them, or --json, want the same place.
         OutputError: A file exists, is one of the sources, or can't be made.
     """
-    from cwcli.metrics.table import check_table_name
+    from cwcli.metrics.table import check_table_file_name
     from cwcli.output import check_targets
 
     if talk.json and "-" in texts:
         raise UsageError("--json and --markdown - both want standard output", hint="write the summary to a file")
     if metrics is not None:
-        check_table_name(metrics)
+        check_table_file_name(metrics)
     check_targets((metrics, *texts), force=force, inputs=sources)
     return [name for name in (metrics, *texts) if name not in (None, "-")]

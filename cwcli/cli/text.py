@@ -6,27 +6,37 @@ import os
 import sys
 import unicodedata
 
-from cwcli.text import count, duration, finite, interval, join_names, number, printable, shown, size
+from cwcli.text import (
+    escape_and_shorten,
+    escape_control_characters,
+    finite_or_none,
+    format_byte_size,
+    format_count,
+    format_duration,
+    format_interval,
+    format_number,
+    join_names,
+)
 
 __all__ = [
-    "WIDTH",
-    "count",
+    "DEFAULT_WIDTH",
     "display_width",
-    "duration",
-    "finite",
-    "interval",
+    "escape_and_shorten",
+    "escape_control_characters",
+    "finite_or_none",
+    "format_byte_size",
+    "format_count",
+    "format_duration",
+    "format_interval",
+    "format_number",
     "join_names",
-    "number",
-    "pad",
-    "paragraph",
-    "printable",
-    "shown",
-    "size",
+    "pad_to_width",
     "terminal_width",
-    "wrap",
+    "wrap_paragraph",
+    "wrap_text",
 ]
 
-WIDTH = 80
+DEFAULT_WIDTH = 80
 """Width of the output in columns when it is no terminal."""
 MIN_WIDTH = 20
 """Least width in columns that is used; chosen by hand."""
@@ -39,8 +49,8 @@ def terminal_width() -> int | None:
     try:
         columns = os.get_terminal_size(sys.stdout.fileno()).columns
     except (OSError, ValueError):
-        return WIDTH
-    return max(columns or WIDTH, MIN_WIDTH)  # some terminals report 0
+        return DEFAULT_WIDTH
+    return max(columns or DEFAULT_WIDTH, MIN_WIDTH)  # some terminals report 0
 
 
 def display_width(text: str) -> int:
@@ -52,20 +62,20 @@ def display_width(text: str) -> int:
     )
 
 
-def wrap(text: str, width: int) -> list[str]:
+def wrap_text(text: str, width: int) -> list[str]:
     """Wrap a text into lines of at most `width` cells, at spaces, else after `/ _ . ,`, else anywhere."""
     lines: list[str] = []
     rest = text
     width = max(width, 1)
     while display_width(rest) > width:
-        cut = _cut(rest, width)
+        cut = _line_break_position(rest, width)
         lines.append(rest[:cut].rstrip())
         rest = rest[cut:].lstrip()
     lines.append(rest)
     return lines
 
 
-def _cut(text: str, width: int) -> int:
+def _line_break_position(text: str, width: int) -> int:
     fits = 0
     used = 0
     for char in text:
@@ -83,14 +93,14 @@ def _cut(text: str, width: int) -> int:
     return fits
 
 
-def paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:
+def wrap_paragraph(text: str, *, first: str = "", rest: str = "", width: int | None = None) -> str:
     """Wrap a text to `width` or the terminal, with `first` before its first line and `rest` before the others."""
-    width = width or terminal_width() or WIDTH
-    lines = wrap(text, width - max(len(first), len(rest)))
+    width = width or terminal_width() or DEFAULT_WIDTH
+    lines = wrap_text(text, width - max(len(first), len(rest)))
     return "\n".join((first if i == 0 else rest) + line for i, line in enumerate(lines))
 
 
-def pad(text: str, width: int, *, right: bool) -> str:
+def pad_to_width(text: str, width: int, *, right: bool) -> str:
     """Pad a text with spaces to `width` cells, on the left if `right`-aligned."""
     fill = " " * (width - display_width(text))
     return fill + text if right else text + fill

@@ -44,7 +44,9 @@ class CarState:
     travelled_m: FloatArray
 
 
-def advance(car: CarResponse, state: CarState, throttle: FloatArray, pressure_mpa: FloatArray, dt_s: float) -> CarState:
+def advance_car(
+    car: CarResponse, state: CarState, throttle: FloatArray, pressure_mpa: FloatArray, dt_s: float
+) -> CarState:
     """Advance the car by one step under the given pedal commands.
 
     The lags are discretised exactly for a command held over the step. A car that reaches standstill stays there

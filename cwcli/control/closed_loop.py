@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.control.car import CarResponse, CarState, advance
-from cwcli.control.controller import command, speed_difference
+from cwcli.control.car import CarResponse, CarState, advance_car
+from cwcli.control.controller import fuzzy_throttle_and_pressure, speed_difference_along_heading_mps
 from cwcli.signals.columns import FloatArray
 
 COLLISION_DISTANCE_M = 2.5
 """Distance of the cars' reference points below which they have collided, m; song2016, section 4."""
-DRIVER_REACTION_S = 1.5
+DRIVER_REACTION_TIME_S = 1.5
 """Time from the warning to the driver's braking, s: that of an unprepared driver. Chosen by hand
 (docs/papers/song2016-choices.md)."""
-DRIVER_PRESSURE_MPA = 7.0
+DRIVER_BRAKE_PRESSURE_MPA = 7.0
 """Brake pressure of the driver, MPa: hard but not full braking, 6.3 m/s^2. Chosen by hand
 (docs/papers/song2016-choices.md)."""
 
@@ -43,7 +43,7 @@ class RecordedMotion:
     accel_mps2: FloatArray | None = None
     yaw_rate_radps: FloatArray | None = None
 
-    def at(self, time_s: FloatArray) -> RecordedMotion:
+    def resample_at(self, time_s: FloatArray) -> RecordedMotion:
         """Resample the motion linearly at the times (k,); it is held beyond the ends."""
 
         def interpolate(column: FloatArray) -> FloatArray:
@@ -62,21 +62,21 @@ class RecordedMotion:
     @property
     def acceleration_mps2(self) -> FloatArray:
         """The acceleration along the heading, shape (k,)."""
-        return _slope(self.speed_mps, self.time_s) if self.accel_mps2 is None else self.accel_mps2
+        return _time_derivative(self.speed_mps, self.time_s) if self.accel_mps2 is None else self.accel_mps2
 
     @property
     def turn_rate_radps(self) -> FloatArray:
         """The rate of the heading, shape (k,)."""
-        return _slope(self.heading_rad, self.time_s) if self.yaw_rate_radps is None else self.yaw_rate_radps
+        return _time_derivative(self.heading_rad, self.time_s) if self.yaw_rate_radps is None else self.yaw_rate_radps
 
 
-def _slope(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _time_derivative(values: FloatArray, time_s: FloatArray) -> FloatArray:
     """Central differences of values (k,) over time, per second, shape (k,); 0 for a single point."""
     return np.asarray(np.gradient(values, time_s)) if len(time_s) > 1 else np.zeros(1)
 
 
 @dataclass(frozen=True)
-class Situation:
+class PedalSituation:
     """The inputs of a policy at one instant, shape (n,) each.
 
     Attributes:
@@ -92,24 +92,24 @@ class Situation:
     speed_difference_mps: FloatArray
 
 
-Policy = Callable[[Situation], tuple[FloatArray, FloatArray]]
+PedalPolicy = Callable[[PedalSituation], tuple[FloatArray, FloatArray]]
 """A function from what is seen at one instant to throttle opening (0 to 1) and brake pressure (MPa), shape (n,)
 each."""
 
 
-def fuzzy_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+def fuzzy_controller_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of the fuzzy controller (song2016, section 4)."""
-    return command(situation.ttc_s, situation.speed_difference_mps)
+    return fuzzy_throttle_and_pressure(situation.ttc_s, situation.speed_difference_mps)
 
 
-def driver_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+def braking_driver_pedals(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of a driver who brakes hard and steadily 1.5 s after the warning."""
-    braking = situation.since_warning_s >= DRIVER_REACTION_S
-    return np.zeros(len(braking)), np.where(braking, DRIVER_PRESSURE_MPA, 0.0)
+    braking = situation.since_warning_s >= DRIVER_REACTION_TIME_S
+    return np.zeros(len(braking)), np.where(braking, DRIVER_BRAKE_PRESSURE_MPA, 0.0)
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayedRuns:
     """The result of a replay, one row per run.
 
     Attributes:
@@ -137,15 +137,15 @@ class Replay:
     peak_jerk_mps3: FloatArray
 
 
-def replay(
+def replay_with_policy(
     host: RecordedMotion,
     other: RecordedMotion,
     warning_time_s: FloatArray,
-    policy: Policy,
+    policy: PedalPolicy,
     *,
     car: CarResponse | None = None,
     step_s: float = 0.01,
-) -> Replay:
+) -> ReplayedRuns:
     """Replay the encounter with the policy at the pedals after each warning moment.
 
     Args:
@@ -164,8 +164,8 @@ def replay(
     if not end_s > start_s:
         raise ValueError("the two motions do not overlap in time")
     time_s = start_s + step_s * np.arange(int((end_s - start_s) / step_s + 1e-9) + 1)
-    recorded, obstacle = host.at(time_s), other.at(time_s)
-    path, other_car = _Path(recorded), _Obstacle(obstacle)
+    recorded, obstacle = host.resample_at(time_s), other.resample_at(time_s)
+    path, other_car = _RecordedPath(recorded), _OtherCar(obstacle)
     recorded_accel = recorded.acceleration_mps2
 
     n, k = len(warning_time_s), len(time_s)
@@ -181,10 +181,10 @@ def replay(
             np.where(free, recorded.speed_mps[i], state.speed_mps),
             np.where(free, path.travelled_m[i], state.travelled_m),
         )
-        x, y, heading = path.at(state.travelled_m)
+        x, y, heading = path.position_and_heading_at(state.travelled_m)
         dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
         distance = np.hypot(dx, dy)
-        situation = _situation(
+        situation = _pedal_situation_at_step(
             now_s - warning_time_s, dx, dy, distance, heading, state.speed_mps, state.accel_mps2, other_car, i
         )
         throttle, pressure = policy(situation)
@@ -195,14 +195,14 @@ def replay(
             strict=True,
         ):
             rows[name][:, i] = value
-        state = advance(response, state, throttle, pressure, step_s)
+        state = advance_car(response, state, throttle, pressure, step_s)
 
     after = time_s[None, :] >= warning_time_s[:, None]
     nearest = rows["d"].argmin(axis=1)
     jerk = np.abs(np.diff(rows["a"], axis=1, prepend=rows["a"][:, :1])) / step_s
     # The step from the recorded acceleration to the controlled one, and to standstill, is not the controller's jerk.
     own = after & np.roll(after, 1, axis=1) & (rows["v"] > 0.0)
-    return Replay(
+    return ReplayedRuns(
         time_s=time_s,
         x_m=rows["x"],
         y_m=rows["y"],
@@ -220,7 +220,7 @@ def replay(
     )
 
 
-def _situation(
+def _pedal_situation_at_step(
     since_warning_s: FloatArray,
     dx_m: FloatArray,
     dy_m: FloatArray,
@@ -228,9 +228,9 @@ def _situation(
     heading_rad: FloatArray,
     speed_mps: FloatArray,
     accel_mps2: FloatArray,
-    obstacle: _Obstacle,
+    obstacle: _OtherCar,
     i: int,
-) -> Situation:
+) -> PedalSituation:
     """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv."""
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     relative_vx = obstacle.vx_mps[i] - speed_mps * cosine
@@ -243,11 +243,11 @@ def _situation(
     rate_change = (dx_m * relative_ax + dy_m * relative_ay + across2) / reach
     gap = np.maximum(distance_m - COLLISION_DISTANCE_M, 0.0)
     motion = obstacle.motion
-    dv = speed_difference(speed_mps, motion.speed_mps[i], heading_rad - motion.heading_rad[i])
-    return Situation(since_warning_s, time_to_close(gap, rate, rate_change), dv)
+    dv = speed_difference_along_heading_mps(speed_mps, motion.speed_mps[i], heading_rad - motion.heading_rad[i])
+    return PedalSituation(since_warning_s, time_to_close_gap_s(gap, rate, rate_change), dv)
 
 
-def time_to_close(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: FloatArray) -> FloatArray:
+def time_to_close_gap_s(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: FloatArray) -> FloatArray:
     """Time until the gap closes, shape (n,), s: first t >= 0 with gap + rate t + rate_change t^2 / 2 = 0, else inf."""
     quadratic = rate_mps**2 - 2.0 * rate_change_mps2 * gap_m
     root = np.sqrt(np.maximum(quadratic, 0.0))
@@ -257,7 +257,7 @@ def time_to_close(gap_m: FloatArray, rate_mps: FloatArray, rate_change_mps2: Flo
     return np.asarray(np.where(quadratic < 0.0, np.inf, time))
 
 
-class _Obstacle:
+class _OtherCar:
     """The other car, with its velocity and acceleration in the map frame, shape (k,) each."""
 
     def __init__(self, motion: RecordedMotion) -> None:
@@ -269,7 +269,7 @@ class _Obstacle:
         self.ay_mps2 = along * np.sin(motion.heading_rad) + across * np.cos(motion.heading_rad)
 
 
-class _Path:
+class _RecordedPath:
     """The recorded path as a function of the distance travelled; straight on beyond its end.
 
     The distance is the integral of the speed, not the sum of the steps between positions: noise of the positions would
@@ -284,7 +284,7 @@ class _Path:
         self._x, self._y = motion.x_m[moved], motion.y_m[moved]
         self._heading = motion.heading_rad[moved]
 
-    def at(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def position_and_heading_at(self, travelled_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """x, y (m) and heading (rad) at the distances travelled (n,), shape (n,) each."""
         heading = np.interp(travelled_m, self._s, self._heading)
         beyond = np.maximum(travelled_m - self._s[-1], 0.0)

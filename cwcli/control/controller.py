@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.control.fuzzy import FuzzySet, Mamdani, Variable
+from cwcli.control.fuzzy import FuzzySet, LinguisticVariable, MamdaniInference
 from cwcli.signals.columns import FloatArray
 
-MAX_PRESSURE_MPA = 10.0
+MAX_BRAKE_PRESSURE_MPA = 10.0
 """Largest brake pressure that the controller asks for, MPa. Chosen by hand (docs/papers/song2016-choices.md)."""
 
-TTC_S = Variable(
+TTC_VARIABLE = LinguisticVariable(
     0.0,
     6.0,
     {
@@ -26,7 +26,7 @@ TTC_S = Variable(
 )
 """Input: time to collision, s. The corners at 1.0, 2.0 and 2.9 s are song2016's numbers for drivers, the others are
 chosen by hand."""
-CLOSING_MPS = Variable(
+CLOSING_SPEED_VARIABLE = LinguisticVariable(
     -5.0,
     20.0,
     {
@@ -38,9 +38,9 @@ CLOSING_MPS = Variable(
 )
 """Input: speed difference dv of eq. 11, m/s, positive while the gap closes. Chosen by hand
 (docs/papers/song2016-choices.md)."""
-PRESSURE_MPA = Variable(
+BRAKE_PRESSURE_VARIABLE = LinguisticVariable(
     0.0,
-    MAX_PRESSURE_MPA,
+    MAX_BRAKE_PRESSURE_MPA,
     {
         "none": FuzzySet(0.0, 0.0, 0.0, 0.4),
         "light": FuzzySet(0.5, 2.0, 2.0, 3.5),
@@ -51,7 +51,7 @@ PRESSURE_MPA = Variable(
 )
 """Output: brake pressure, MPa. The centroids of the end sets are almost exactly 0 and 10 MPa. Chosen by hand
 (docs/papers/song2016-choices.md)."""
-THROTTLE = Variable(
+THROTTLE_VARIABLE = LinguisticVariable(
     0.0,
     1.0,
     {
@@ -62,7 +62,7 @@ THROTTLE = Variable(
 )
 """Output: throttle opening, 0 to 1. Chosen by hand (docs/papers/song2016-choices.md)."""
 
-PRESSURE_RULES = {
+BRAKE_PRESSURE_RULES = {
     ("dangerous", "opening"): "light",
     ("dangerous", "equal"): "full",
     ("dangerous", "slow"): "full",
@@ -85,25 +85,27 @@ PRESSURE_RULES = {
 hand."""
 THROTTLE_RULES = {
     (ttc, closing): {("free", "opening"): "half", ("following", "opening"): "small"}.get((ttc, closing), "closed")
-    for ttc in TTC_S.sets
-    for closing in CLOSING_MPS.sets
+    for ttc in TTC_VARIABLE.sets
+    for closing in CLOSING_SPEED_VARIABLE.sets
 }
 """Throttle opening for each pair of (TTC, dv): closed but where the gap opens at a safe TTC. Chosen by hand."""
 
-_PRESSURE = Mamdani(TTC_S, CLOSING_MPS, PRESSURE_MPA, PRESSURE_RULES)
+_BRAKE_PRESSURE_INFERENCE = MamdaniInference(
+    TTC_VARIABLE, CLOSING_SPEED_VARIABLE, BRAKE_PRESSURE_VARIABLE, BRAKE_PRESSURE_RULES
+)
 """The inference that gives the brake pressure, MPa."""
-_THROTTLE = Mamdani(TTC_S, CLOSING_MPS, THROTTLE, THROTTLE_RULES)
+_THROTTLE_INFERENCE = MamdaniInference(TTC_VARIABLE, CLOSING_SPEED_VARIABLE, THROTTLE_VARIABLE, THROTTLE_RULES)
 """The inference that gives the throttle opening, 0 to 1."""
 
 
-def speed_difference(
+def speed_difference_along_heading_mps(
     host_speed_mps: FloatArray, other_speed_mps: FloatArray, heading_difference_rad: FloatArray
 ) -> FloatArray:
     """The speed difference dv = v1 - v2 cos(phi1 - phi2), m/s (song2016 eq. 11); positive when the host is faster."""
     return np.asarray(host_speed_mps - other_speed_mps * np.cos(heading_difference_rad))
 
 
-def command(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
+def fuzzy_throttle_and_pressure(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Infer throttle opening and pressure of the brake's master cylinder.
 
     Args:
@@ -114,6 +116,6 @@ def command(ttc_s: FloatArray, speed_difference_mps: FloatArray) -> tuple[FloatA
         Throttle opening, shape (n,), 0 to 1; pressure in MPa, shape (n,), 0 to 10. The throttle is closed wherever the
         pressure exceeds 0.5 MPa: no driver and no controller does both.
     """
-    pressure = _PRESSURE(ttc_s, speed_difference_mps)
-    throttle = np.where(pressure > 0.5, 0.0, _THROTTLE(ttc_s, speed_difference_mps))
+    pressure = _BRAKE_PRESSURE_INFERENCE(ttc_s, speed_difference_mps)
+    throttle = np.where(pressure > 0.5, 0.0, _THROTTLE_INFERENCE(ttc_s, speed_difference_mps))
     return throttle, pressure

@@ -13,12 +13,12 @@ import numpy.typing as npt
 
 from cwcli.control.closed_loop import (
     COLLISION_DISTANCE_M,
+    PedalSituation,
     RecordedMotion,
-    Replay,
-    Situation,
-    driver_policy,
-    fuzzy_policy,
-    replay,
+    ReplayedRuns,
+    braking_driver_pedals,
+    fuzzy_controller_pedals,
+    replay_with_policy,
 )
 from cwcli.option import Option
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -28,15 +28,15 @@ BoolArray = npt.NDArray[np.bool_]
 
 POLICIES = ("no-action", "fuzzy", "driver")
 """Names of the policies, in the order of the rows of every array below; `no-action` is the recorded motion itself."""
-BEFORE_S = 5.0
+REPLAY_BEFORE_WARNING_S = 5.0
 """Time before the warning at which a replay starts, s. Chosen by hand; not fitted."""
-MAX_GAP_S = 1.0
+MAX_TRACK_GAP_S = 1.0
 """Longest gap between the states of a track that a replay bridges, s. Chosen by hand; not fitted."""
 EXTENSION_STEP_S = 0.05
 """Time between the states that extend a track beyond its end, s: the states' usual period (20 Hz)."""
 MIN_HEADING_SPEED_MPS = 1.0
 """Speed below which the estimated heading of the host is not used, m/s. Chosen by hand; not fitted."""
-MIN_HEADING_WAY_M = 3.0
+MIN_HEADING_TRAVEL_M = 3.0
 """Distance that a slow host must travel before its direction replaces the heading, m. Chosen by hand; not fitted."""
 
 
@@ -92,11 +92,11 @@ class ReplayedWarning:
         stopped_time_s: When the host first stands; NaN if never.
     """
 
-    outcome: Replay
+    outcome: ReplayedRuns
     other: RecordedMotion
     is_behind: bool
     recorded_until_s: float
-    after: BoolArray
+    after_warning_mask: BoolArray
     min_distance_m: FloatArray
     min_distance_time_s: FloatArray
     collided: BoolArray
@@ -117,25 +117,25 @@ def replay_warning(host: RecordedTrack, other: RecordedTrack, warning_ns: int, s
     """
     motions, jerks, ends_s = [], [], []
     for track in (host, other):
-        rows = contiguous_rows(track.stamp_ns, warning_ns)
-        motion = _motion(track, rows, warning_ns)
+        rows = contiguous_rows_around(track.stamp_ns, warning_ns)
+        motion = _recorded_motion_of_rows(track, rows, warning_ns)
         motions.append(motion)
         ends_s.append(float(motion.time_s[-1]))
         jerks.append(track.state[rows, 6])
     end_s = min(span.duration_s, max(min(ends_s), 0.0) + span.after_s)
-    start_s = max(-BEFORE_S, *(float(motion.time_s[0]) for motion in motions))
+    start_s = max(-REPLAY_BEFORE_WARNING_S, *(float(motion.time_s[0]) for motion in motions))
     # Whole steps before the warning, at least one: the grid has the warning at 0, and a recorded state before it.
     start_s = -max(float(np.floor(-start_s / EXTENSION_STEP_S + 1e-9)), 1.0) * EXTENSION_STEP_S
-    host_motion, other_motion = (extended(motion, end_s) for motion in motions)
-    host_motion = cut(host_motion, start_s, end_s)
-    other_motion = cut(other_motion, start_s, end_s)
+    host_motion, other_motion = (extend_motion(motion, end_s) for motion in motions)
+    host_motion = cut_motion(host_motion, start_s, end_s)
+    other_motion = cut_motion(other_motion, start_s, end_s)
     warnings_s = np.array([np.inf, 0.0, 0.0])
-    outcome = replay(host_motion, other_motion, warnings_s - 1e-6, _each_policy)
+    outcome = replay_with_policy(host_motion, other_motion, warnings_s - 1e-6, _pedals_of_all_policies)
     known_jerk = np.interp(outcome.time_s, motions[0].time_s, jerks[0], right=0.0)
-    return _encounter(outcome, other_motion.at(outcome.time_s), min(ends_s), known_jerk)
+    return _summarise_replayed_runs(outcome, other_motion.resample_at(outcome.time_s), min(ends_s), known_jerk)
 
 
-def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP_S) -> slice:
+def contiguous_rows_around(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_TRACK_GAP_S) -> slice:
     """The rows around a time between which there is no gap longer than `max_gap_s`.
 
     Raises:
@@ -151,7 +151,7 @@ def contiguous_rows(stamp_ns: Int64Array, at_ns: int, max_gap_s: float = MAX_GAP
     return slice(first, last + 1)
 
 
-def extended(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
+def extend_motion(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STEP_S) -> RecordedMotion:
     """Extend the motion to `end_s` at its last speed and yaw rate (an arc).
 
     Args:
@@ -178,13 +178,13 @@ def extended(motion: RecordedMotion, end_s: float, step_s: float = EXTENSION_STE
     )
 
 
-def cut(motion: RecordedMotion, start_s: float, end_s: float) -> RecordedMotion:
+def cut_motion(motion: RecordedMotion, start_s: float, end_s: float) -> RecordedMotion:
     """Cut the motion to `start_s` to `end_s`, with points at both ends."""
     inside = (motion.time_s > start_s) & (motion.time_s < end_s)
-    return motion.at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
+    return motion.resample_at(np.concatenate(([start_s], motion.time_s[inside], [end_s])))
 
 
-def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotion:
+def _recorded_motion_of_rows(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotion:
     """The motion of some rows of a track, with times in seconds after the warning."""
     state = track.state[rows]
     return RecordedMotion(
@@ -198,17 +198,17 @@ def _motion(track: RecordedTrack, rows: slice, warning_ns: int) -> RecordedMotio
     )
 
 
-def _each_policy(situation: Situation) -> tuple[FloatArray, FloatArray]:
+def _pedals_of_all_policies(situation: PedalSituation) -> tuple[FloatArray, FloatArray]:
     """Throttle and brake pressure of all policies, one row each; shape (3,) each."""
     throttle, pressure = np.zeros(len(POLICIES)), np.zeros(len(POLICIES))
-    for row, policy in ((1, fuzzy_policy), (2, driver_policy)):
+    for row, policy in ((1, fuzzy_controller_pedals), (2, braking_driver_pedals)):
         opening, brake = policy(situation)
         throttle[row], pressure[row] = opening[row], brake[row]
     return throttle, pressure
 
 
-def _encounter(
-    outcome: Replay, other: RecordedMotion, recorded_until_s: float, known_jerk_mps3: FloatArray
+def _summarise_replayed_runs(
+    outcome: ReplayedRuns, other: RecordedMotion, recorded_until_s: float, known_jerk_mps3: FloatArray
 ) -> ReplayedWarning:
     """Summarise the replayed runs: least distance, collision, peaks and standstill from the warning on."""
     after = outcome.time_s >= -1e-6
@@ -229,9 +229,9 @@ def _encounter(
     return ReplayedWarning(
         outcome=outcome,
         other=other,
-        is_behind=_is_behind(outcome, other, int(after.argmax())),
+        is_behind=_is_other_behind_host(outcome, other, int(after.argmax())),
         recorded_until_s=recorded_until_s,
-        after=after,
+        after_warning_mask=after,
         min_distance_m=distance.min(axis=1),
         min_distance_time_s=outcome.time_s[nearest],
         collided=collided,
@@ -243,7 +243,7 @@ def _encounter(
     )
 
 
-def _is_behind(outcome: Replay, other: RecordedMotion, here: int) -> bool:
+def _is_other_behind_host(outcome: ReplayedRuns, other: RecordedMotion, here: int) -> bool:
     """Whether the other vehicle is behind the host at step `here`.
 
     The heading of a standing host is not reliable, so there the direction of its next few metres is used.
@@ -251,7 +251,7 @@ def _is_behind(outcome: Replay, other: RecordedMotion, here: int) -> bool:
     x, y = outcome.x_m[0, here], outcome.y_m[0, here]
     heading = float(outcome.heading_rad[0, here])
     if outcome.speed_mps[0, here] < MIN_HEADING_SPEED_MPS:
-        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_HEADING_WAY_M
+        moved = np.hypot(outcome.x_m[0, here:] - x, outcome.y_m[0, here:] - y) > MIN_HEADING_TRAVEL_M
         if not moved.any():
             return False
         there = here + int(moved.argmax())

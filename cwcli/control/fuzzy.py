@@ -44,7 +44,7 @@ class FuzzySet:
 
 
 @dataclass(frozen=True)
-class Variable:
+class LinguisticVariable:
     """A linguistic variable: a range and a membership function for each of its terms.
 
     Attributes:
@@ -57,7 +57,7 @@ class Variable:
     sets: Mapping[str, FuzzySet]
 
 
-class Mamdani:
+class MamdaniInference:
     """An inference from two inputs to one output by a rule table.
 
     Args:
@@ -72,9 +72,9 @@ class Mamdani:
 
     def __init__(
         self,
-        first: Variable,
-        second: Variable,
-        output: Variable,
+        first: LinguisticVariable,
+        second: LinguisticVariable,
+        output: LinguisticVariable,
         rules: Mapping[tuple[str, str], str],
         n_points: int = 201,
     ) -> None:

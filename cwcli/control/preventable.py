@@ -11,31 +11,41 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.control.preventability import FSM, HUMAN, R157, RSS, BoolArray, Driver, Outcome, Poses, drive
+from cwcli.control.driver_models import (
+    FUZZY_SAFETY_DRIVER,
+    HUMAN_AT_CUT_IN,
+    R157_DRIVER,
+    RSS_DRIVER,
+    BoolArray,
+    CasePoses,
+    DriverModel,
+    DriverOutcome,
+    simulate_driver_cases,
+)
 from cwcli.measures.outlines import Size
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import FloatArray, constant_strings, strings_from
+from cwcli.signals.columns import FloatArray, encode_strings, repeat_string
 from cwcli.signals.units import NS_PER_S
 
-BEFORE_S, AFTER_S = 8.0, 6.0
+JUDGED_BEFORE_CONFLICT_S, SIMULATED_AFTER_CONFLICT_S = 8.0, 6.0
 """Time before the conflict at which a driver model takes over first, and time after it at which its drive ends, s.
 Chosen by hand; not fitted."""
-STEP_S = 0.1
+SIMULATION_STEP_S = 0.1
 """Time step of the driver models, and between the moments at which they take over, s; that of the regulation's
 criterion."""
-DRIVERS: Mapping[str, Driver] = {
-    "careful human": replace(HUMAN, gives_up=None),
-    "UN R157": R157,
-    "RSS": RSS,
-    "fuzzy": FSM,
+DRIVER_MODELS: Mapping[str, DriverModel] = {
+    "careful human": replace(HUMAN_AT_CUT_IN, is_no_longer_judged=None),
+    "UN R157": R157_DRIVER,
+    "RSS": RSS_DRIVER,
+    "fuzzy": FUZZY_SAFETY_DRIVER,
 }
 """The driver models by name. The human brakes for a vehicle that is in the way and less than 2 s away, and judges the
 whole conflict, not a cut-in alone."""
 
 
 @dataclass(frozen=True)
-class Preventability:
+class DriverVerdict:
     """The result of one driver model in a conflict; times are seconds before it, negative after it.
 
     Attributes:
@@ -55,7 +65,9 @@ class Preventability:
     last_chance_s: float
 
 
-def preventability(pair: Pair, conflict_ns: int, drivers: Mapping[str, Driver] = DRIVERS) -> list[Preventability]:
+def judge_preventability(
+    pair: Pair, conflict_ns: int, drivers: Mapping[str, DriverModel] = DRIVER_MODELS
+) -> list[DriverVerdict]:
     """Judge a conflict with each driver model; empty if one of the two is not known right before the conflict.
 
     Args:
@@ -63,34 +75,38 @@ def preventability(pair: Pair, conflict_ns: int, drivers: Mapping[str, Driver] =
         conflict_ns: Stamp of the crash, or of the most critical moment.
         drivers: Name -> model.
     """
-    host, other = (_seconds(track, conflict_ns) for track in (pair.host, pair.other))
-    first = max(host[0][0], other[0][0], -BEFORE_S) if len(host[0]) and len(other[0]) else np.inf
-    starts = np.arange(np.ceil(first / STEP_S - 1e-9), 1.0) * STEP_S if np.isfinite(first) else np.zeros(0)
+    host, other = (_finite_times_and_states(track, conflict_ns) for track in (pair.host, pair.other))
+    first = max(host[0][0], other[0][0], -JUDGED_BEFORE_CONFLICT_S) if len(host[0]) and len(other[0]) else np.inf
+    starts = (
+        np.arange(np.ceil(first / SIMULATION_STEP_S - 1e-9), 1.0) * SIMULATION_STEP_S
+        if np.isfinite(first)
+        else np.zeros(0)
+    )
     if not len(starts):
         return []
     time, state = host
     way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state[:, :2], axis=0).T))])
-    n_steps = round((AFTER_S - float(starts[0])) / STEP_S)
+    n_steps = round((SIMULATED_AFTER_CONFLICT_S - float(starts[0])) / SIMULATION_STEP_S)
     found = []
     for name, driver in drivers.items():
-        outcome = drive(
+        outcome = simulate_driver_cases(
             driver,
             start_mps=np.maximum(np.interp(starts, time, state[:, 2]), 0.0),
-            ego_at=_path(way, state),
-            other_at=_recorded(other, starts, pair.other_size),
+            ego_at=_path_pose_function(way, state),
+            other_at=_recorded_pose_function(other, starts, pair.other_size),
             ego_size=pair.host_size,
             n_steps=n_steps,
-            step_s=STEP_S,
+            step_s=SIMULATION_STEP_S,
             offset_m=np.interp(starts, time, way),
         )
-        found.append(_verdict(name, outcome, starts))
+        found.append(_driver_verdict(name, outcome, starts))
     return found
 
 
-def _verdict(name: str, outcome: Outcome, starts: FloatArray) -> Preventability:
+def _driver_verdict(name: str, outcome: DriverOutcome, starts: FloatArray) -> DriverVerdict:
     """The result of one driver model from its drives with all take-over times `starts` (n,), s after the conflict."""
     in_time = np.flatnonzero(~outcome.crashed)
-    return Preventability(
+    return DriverVerdict(
         driver=name,
         avoided=not bool(outcome.crashed[0]),
         braked_s=-float(starts[0] + outcome.braked_s[0]),
@@ -100,7 +116,7 @@ def _verdict(name: str, outcome: Outcome, starts: FloatArray) -> Preventability:
     )
 
 
-def _seconds(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
+def _finite_times_and_states(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
     """Times (k,) in seconds after a stamp, and x, y, speed, unwrapped heading (k, 4), of the finite states."""
     rows = np.flatnonzero(np.isfinite(track.state[:, :4]).all(axis=1))
     state = track.state[rows, :4].copy()
@@ -108,7 +124,9 @@ def _seconds(track: ActualTrack, zero_ns: int) -> tuple[FloatArray, FloatArray]:
     return (track.stamp_ns[rows] - zero_ns) / NS_PER_S, state
 
 
-def _path(way_m: FloatArray, state: FloatArray) -> Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
+def _path_pose_function(
+    way_m: FloatArray, state: FloatArray
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
     """A function from the distance along the recorded path to x, y, heading there; straight on beyond its end."""
 
     def pose_at(asked_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -119,17 +137,17 @@ def _path(way_m: FloatArray, state: FloatArray) -> Callable[[FloatArray], tuple[
     return pose_at
 
 
-def _recorded(
+def _recorded_pose_function(
     other: tuple[FloatArray, FloatArray], starts: FloatArray, size: Size
-) -> Callable[[int], tuple[Poses, BoolArray, Size]]:
+) -> Callable[[int], tuple[CasePoses, BoolArray, Size]]:
     """A function from the step to the recorded other in each case: poses, whether it counts, and its size."""
     time, state = other
 
-    def poses_at(step: int) -> tuple[Poses, BoolArray, Size]:
-        now = starts + step * STEP_S
+    def poses_at(step: int) -> tuple[CasePoses, BoolArray, Size]:
+        now = starts + step * SIMULATION_STEP_S
         x, y, speed, heading = (np.interp(now, time, state[:, column]) for column in range(4))
         beyond = np.maximum(now - time[-1], 0.0) * speed
-        pose = Poses(x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(now)))
+        pose = CasePoses(x + beyond * np.cos(heading), y + beyond * np.sin(heading), heading, speed, np.zeros(len(now)))
         return pose, np.ones(len(now), dtype=bool), size
 
     return poses_at
@@ -141,7 +159,7 @@ class JudgedConflict:
 
     other_id: str
     conflict_ns: int
-    verdicts: tuple[Preventability, ...]
+    verdicts: tuple[DriverVerdict, ...]
 
 
 def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table:
@@ -154,10 +172,10 @@ def preventability_table(ego_id: str, judged: Sequence[JudgedConflict]) -> Table
     return Table(
         "preventability",
         {
-            "ego_id": constant_strings(ego_id, len(rows)),
-            "other_id": strings_from([conflict.other_id for conflict, _ in rows]),
+            "ego_id": repeat_string(ego_id, len(rows)),
+            "other_id": encode_strings([conflict.other_id for conflict, _ in rows]),
             "conflict_stamp_ns": np.array([conflict.conflict_ns for conflict, _ in rows], np.int64),
-            "driver": strings_from([each.driver for _, each in rows]),
+            "driver": encode_strings([each.driver for _, each in rows]),
             "avoided": np.array([each.avoided for _, each in rows], np.bool_),
             "braked_before_s": field_values("braked_s"),
             "impact_mps": field_values("impact_mps"),

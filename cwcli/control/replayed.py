@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.control.controller import speed_difference
+from cwcli.control.controller import speed_difference_along_heading_mps
 from cwcli.control.encounter import POLICIES, ReplayedWarning
-from cwcli.measures.outlines import outline_distance
-from cwcli.metrics.table import ColumnDoc, Table, table_of
+from cwcli.measures.outlines import outline_distance_m
+from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-UNKNOWN_NS = -1
+UNKNOWN_STAMP_NS = -1
 """Stamp that stands for an event that did not happen."""
 PUBLISH_STEP_S = 0.05
 """Time between the steps of a replay that are published, s (20 Hz, as the estimated states)."""
-SINGULAR = 1e-9
+TIME_TOLERANCE_S = 1e-9
 """Tolerance of comparisons of times, s, against rounding."""
 
 
 @dataclass(frozen=True)
-class Replayed:
+class PublishedReplay:
     """One warning and its replays.
 
     Attributes:
@@ -45,15 +45,15 @@ class Replayed:
 
     def stamp_ns(self, time_s: float) -> int:
         """The stamp of a time of the replay, ns; -1 for NaN."""
-        return UNKNOWN_NS if math.isnan(time_s) else self.warning_ns + round(time_s * NS_PER_S)
+        return UNKNOWN_STAMP_NS if math.isnan(time_s) else self.warning_ns + round(time_s * NS_PER_S)
 
     @property
-    def stamps_ns(self) -> Int64Array:
+    def step_stamps_ns(self) -> Int64Array:
         """The stamps of the replay's steps, shape (k,), ns."""
         return self.warning_ns + np.round(self.encounter.outcome.time_s * NS_PER_S).astype(np.int64)
 
     @property
-    def published_rows(self) -> Int64Array:
+    def published_step_indices(self) -> Int64Array:
         """Indices of the steps that are published: one every 0.05 s, the warning's among them."""
         time_s = self.encounter.outcome.time_s
         steps = np.round(time_s / (time_s[1] - time_s[0])).astype(np.int64)
@@ -64,7 +64,7 @@ class Replayed:
         """How long the replay goes on after the end of the shorter recorded track, s."""
         return max(float(self.encounter.outcome.time_s[-1]) - self.encounter.recorded_until_s, 0.0)
 
-    def states(self, policy: int) -> FloatArray:
+    def host_states(self, policy: int) -> FloatArray:
         """The host's states under a policy, shape (k, 8); jerk and yaw acceleration by differences."""
         outcome = self.encounter.outcome
         time_s = outcome.time_s
@@ -85,7 +85,7 @@ class Replayed:
     def gap_m(self, policy: int) -> FloatArray:
         """The gap between the outlines, shape (k,), m; negative where they overlap."""
         outcome, other = self.encounter.outcome, self.encounter.other
-        return outline_distance(
+        return outline_distance_m(
             other.x_m - outcome.x_m[policy],
             other.y_m - outcome.y_m[policy],
             outcome.heading_rad[policy],
@@ -94,7 +94,7 @@ class Replayed:
             self.other_size_m,
         )
 
-    def series(self, policy: int, rows: Int64Array) -> dict[str, Any]:
+    def time_series_columns(self, policy: int, rows: Int64Array) -> dict[str, Any]:
         """The columns of the table `control_series` for the given steps."""
         outcome, other = self.encounter.outcome, self.encounter.other
         heading_difference = outcome.heading_rad[policy] - other.heading_rad
@@ -104,27 +104,27 @@ class Replayed:
             "gap_m": self.gap_m(policy)[rows],
             "host_speed_mps": outcome.speed_mps[policy, rows],
             "other_speed_mps": other.speed_mps[rows],
-            "speed_difference_mps": speed_difference(outcome.speed_mps[policy], other.speed_mps, heading_difference)[
-                rows
-            ],
+            "speed_difference_mps": speed_difference_along_heading_mps(
+                outcome.speed_mps[policy], other.speed_mps, heading_difference
+            )[rows],
             "accel_mps2": outcome.accel_mps2[policy, rows],
             "throttle": outcome.throttle[policy, rows],
             "brake_pressure_mpa": outcome.pressure_mpa[policy, rows],
-            "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + SINGULAR,
+            "is_extrapolated": outcome.time_s[rows] > self.encounter.recorded_until_s + TIME_TOLERANCE_S,
         }
 
 
-def control_table(replayed: Sequence[Replayed], predictor: str, rule: str) -> Table:
+def control_table(replayed: Sequence[PublishedReplay], predictor: str, rule: str) -> Table:
     """The table `control`: one row per warning and policy."""
-    records = [record_of(one, policy, predictor, rule) for one in replayed for policy in range(len(POLICIES))]
-    return table_of("control", _KINDS, records, docs=_DOCS)
+    records = [control_table_row(one, policy, predictor, rule) for one in replayed for policy in range(len(POLICIES))]
+    return table_from_records("control", _CONTROL_COLUMN_TYPES, records, docs=_CONTROL_COLUMN_DOCS)
 
 
-def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str, Any]:
+def control_table_row(one: PublishedReplay, policy: int, predictor: str, rule: str) -> dict[str, Any]:
     """The row of the table `control` for one warning and policy."""
     encounter = one.encounter
     outcome = encounter.outcome
-    at_warning = int(encounter.after.argmax())
+    at_warning = int(encounter.after_warning_mask.argmax())
     return {
         "event_id": one.event_id,
         "other_id": one.other_id,
@@ -140,7 +140,7 @@ def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str
         "impact_speed_mps": float(encounter.impact_speed_mps[policy]),
         "min_distance_m": float(encounter.min_distance_m[policy]),
         "min_distance_stamp_ns": one.stamp_ns(float(encounter.min_distance_time_s[policy])),
-        "min_gap_m": float(one.gap_m(policy)[encounter.after].min()),
+        "min_gap_m": float(one.gap_m(policy)[encounter.after_warning_mask].min()),
         "peak_deceleration_mps2": float(encounter.peak_deceleration_mps2[policy]),
         "peak_jerk_mps3": float(encounter.peak_jerk_mps3[policy]),
         "stopped_stamp_ns": one.stamp_ns(float(encounter.stopped_time_s[policy])),
@@ -151,28 +151,28 @@ def record_of(one: Replayed, policy: int, predictor: str, rule: str) -> dict[str
     }
 
 
-def series_table(replayed: Sequence[Replayed]) -> Table:
+def control_series_table(replayed: Sequence[PublishedReplay]) -> Table:
     """The table `control_series`: one row per warning, policy and published step (0.05 s)."""
     parts: list[dict[str, Any]] = []
     for one in replayed:
-        rows = one.published_rows
+        rows = one.published_step_indices
         for policy, name in enumerate(POLICIES):
             n = len(rows)
             labels: dict[str, Any] = {
                 "event_id": np.full(n, one.event_id),
                 "other_id": np.full(n, one.other_id, dtype=object),
                 "policy": np.full(n, name, dtype=object),
-                "stamp_ns": one.stamps_ns[rows],
+                "stamp_ns": one.step_stamps_ns[rows],
             }
-            parts.append(labels | one.series(policy, rows))
+            parts.append(labels | one.time_series_columns(policy, rows))
     columns: dict[str, Any] = {}
-    for name, kind in _SERIES_KINDS.items():
+    for name, kind in _SERIES_COLUMN_TYPES.items():
         joined = np.concatenate([part[name] for part in parts]) if parts else np.zeros(0)
         columns[name] = [str(value) for value in joined] if kind is str else joined.astype(kind)
-    return Table("control_series", columns, docs=_SERIES_DOCS)
+    return Table("control_series", columns, docs=_SERIES_COLUMN_DOCS)
 
 
-_KINDS: dict[str, type] = {
+_CONTROL_COLUMN_TYPES: dict[str, type] = {
     "event_id": int,
     "other_id": str,
     "policy": str,
@@ -197,7 +197,7 @@ _KINDS: dict[str, type] = {
     "extrapolated_s": float,
 }
 """Types of the columns of the table `control`."""
-_DOCS = {
+_CONTROL_COLUMN_DOCS = {
     "event_id": ColumnDoc(doc="number of the warning in this replay, from 1"),
     "is_behind": ColumnDoc(doc="the other vehicle is behind the host at the warning; it does not react"),
     "collided": ColumnDoc(doc="the reference points came nearer than 2.5 m (song2016)"),
@@ -211,7 +211,7 @@ _DOCS = {
     "extrapolated_s": ColumnDoc(doc="how long the replay goes on beyond the last recorded state"),
 }
 """Explanations of the columns of the table `control`."""
-_SERIES_KINDS: dict[str, type] = {
+_SERIES_COLUMN_TYPES: dict[str, type] = {
     "event_id": int,
     "other_id": str,
     "policy": str,
@@ -228,7 +228,7 @@ _SERIES_KINDS: dict[str, type] = {
     "is_extrapolated": bool,
 }
 """Types of the columns of the table `control_series`."""
-_SERIES_DOCS = {
+_SERIES_COLUMN_DOCS = {
     "distance_m": ColumnDoc(doc="distance of the reference points"),
     "gap_m": ColumnDoc(doc="gap between the outlines; negative: overlap"),
     "speed_difference_mps": ColumnDoc(doc="song2016 eq. 11"),

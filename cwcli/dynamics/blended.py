@@ -19,13 +19,13 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.matrix_exponential import discretise, discretise_noise
-from cwcli.dynamics.riccati import steady_gain
-from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
-from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
-from cwcli.dynamics.single_track import preview_matrices
-from cwcli.dynamics.speed import speed_at
-from cwcli.dynamics.steering import correction, steer_from_vision
+from cwcli.dynamics.matrix_exponential import discretise_held_input, discretise_noise_covariance
+from cwcli.dynamics.riccati import steady_kalman_gain
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples, count_frame_statuses
+from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
+from cwcli.dynamics.single_track import preview_state_matrices
+from cwcli.dynamics.speed import speed_at_times_mps
+from cwcli.dynamics.steering import dynamic_steering_correction, steering_angle_from_vision_rad
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import Begin
@@ -33,23 +33,23 @@ from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.units import MPS_PER_KMH, NS_PER_S
 
-STEP_KMH = 10.0
+SPEED_GRID_STEP_KMH = 10.0
 """Distance between the speeds of neighbouring observers, km/h; zhang2011, section 3."""
-SPEEDS_KMH = np.arange(10.0, 161.0, STEP_KMH)
+OBSERVER_SPEEDS_KMH = np.arange(10.0, 161.0, SPEED_GRID_STEP_KMH)
 """Speeds for which an observer is computed, km/h, shape (16,); zhang2011 uses multiples of 10 km/h."""
-DEFAULT_PERIOD_S = 0.1
+DEFAULT_FRAME_PERIOD_S = 0.1
 """Sampling period of the observers when the log has fewer than two frames, s; that of the paper's camera (10 Hz)."""
-MIN_PERIOD_S = 0.001
+MIN_FRAME_PERIOD_S = 0.001
 """Shortest sampling period that is taken from the frames' stamps, s. Chosen by hand; not fitted."""
-MAX_PERIODS = 1_000_000
+MAX_PERIODS_BETWEEN_FRAMES = 1_000_000
 """Largest number of sampling periods between two frames that is computed. Chosen by hand: the observer starts anew
 after a pause that long."""
-OUTPUT = np.eye(4)[2:]
+OUTPUT_MATRIX = np.eye(4)[2:]
 """Matrix C of zhang2011's eq. 21, shape (2, 4): y_L and e_L are measured."""
 
 
 @dataclass(frozen=True)
-class Bank:
+class ObserverBank:
     """The discretised models and steady Kalman gains of the observers of all speeds.
 
     Attributes:
@@ -63,45 +63,47 @@ class Bank:
     gain: FloatArray
 
 
-def observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> Bank:
+def design_observer_bank(vehicle: Vehicle, config: ObserverConfig, period_s: float) -> ObserverBank:
     """Discretise eq. 21 (corrected) at each speed and compute its steady Kalman gain (eq. 16, 17, 19)."""
     key = (
         *(vehicle.front_axle_m, vehicle.rear_axle_m, vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad),
         *(vehicle.yaw_inertia_kgm2, vehicle.mass_kg, config.preview_m + vehicle.camera_forward_m),
         *(config.process_noise, config.lane_noise, period_s),
     )
-    return _bank(key, config.noise_reading == "continuous")
+    return _design_bank_cached(key, config.noise_reading == "continuous")
 
 
 @lru_cache(maxsize=8)
-def _bank(key: tuple[float, ...], is_continuous: bool) -> Bank:
+def _design_bank_cached(key: tuple[float, ...], is_continuous: bool) -> ObserverBank:
     """Compute the bank from the numbers it depends on, so that it can be cached."""
     lf, lr, kf, kr, inertia, mass, preview_m, r1, r2, period_s = key
     vehicle = Vehicle("", lf, lr, kf, kr, inertia, mass, mass)
     designs = []
-    for kmh in SPEEDS_KMH:
-        a, b = preview_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
-        phi, gamma = discretise(a, b, period_s)
-        noise = discretise_noise(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
-        designs.append((phi, gamma, steady_gain(phi, OUTPUT, noise, r2 * np.eye(2))))
-    return Bank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
+    for kmh in OBSERVER_SPEEDS_KMH:
+        a, b = preview_state_matrices(vehicle, kmh * MPS_PER_KMH, preview_m)
+        phi, gamma = discretise_held_input(a, b, period_s)
+        noise = discretise_noise_covariance(a, r1 * np.eye(4), period_s) if is_continuous else r1 * np.eye(4)
+        designs.append((phi, gamma, steady_kalman_gain(phi, OUTPUT_MATRIX, noise, r2 * np.eye(2))))
+    return ObserverBank(*(np.ascontiguousarray(np.stack(each)) for each in zip(*designs, strict=True)))
 
 
-def neighbours(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
+def lower_speed_index_and_upper_weight(speed_mps: FloatArray) -> tuple[npt.NDArray[np.int32], FloatArray]:
     """Index of the observer below each speed (n,), and weight (v - v_1) / 10 of the one above, eq. 22 (corrected)."""
-    kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), SPEEDS_KMH[0], SPEEDS_KMH[-1])
-    low = np.minimum((kmh - SPEEDS_KMH[0]) // STEP_KMH, len(SPEEDS_KMH) - 2).astype(np.int32)
-    return low, (kmh - SPEEDS_KMH[low]) / STEP_KMH
+    kmh = np.clip(np.nan_to_num(speed_mps / MPS_PER_KMH), OBSERVER_SPEEDS_KMH[0], OBSERVER_SPEEDS_KMH[-1])
+    low = np.minimum((kmh - OBSERVER_SPEEDS_KMH[0]) // SPEED_GRID_STEP_KMH, len(OBSERVER_SPEEDS_KMH) - 2).astype(
+        np.int32
+    )
+    return low, (kmh - OBSERVER_SPEEDS_KMH[low]) / SPEED_GRID_STEP_KMH
 
 
 def observe_blended(
     lanes: LaneSamples,
-    speed: Samples,
+    speed: ScalarSamples,
     vehicle: Vehicle,
     config: ObserverConfig,
     *,
-    yaw_rate: Samples | None = None,
-    steer: Samples | None = None,
+    yaw_rate: ScalarSamples | None = None,
+    steer: ScalarSamples | None = None,
 ) -> LateralTrack:
     """Run zhang2011's observers over all frames.
 
@@ -109,23 +111,25 @@ def observe_blended(
     """
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
     n = len(stamp_ns)
-    v = speed_at(speed, stamp_ns, config.max_speed_gap_s)
+    v = speed_at_times_mps(speed, stamp_ns, config.max_speed_gap_s)
     dt_s = np.diff(stamp_ns, prepend=stamp_ns[:1]) / NS_PER_S
-    period_s = config.period_s or _median_period_s(dt_s)
-    bank = observer_bank(vehicle, config, period_s)
+    period_s = config.period_s or _median_frame_period_s(dt_s)
+    bank = design_observer_bank(vehicle, config, period_s)
     measured = (
         np.column_stack([lanes.lateral_deviation_m, lanes.heading_deviation_rad]).astype(np.float64).reshape(n, 2)
     )
     seen = np.asarray(np.isfinite(measured).all(axis=1), dtype=np.bool_)
     notes = [] if yaw_rate is None else ["the measured yaw rate is not used by zhang2011's observers"]
-    if steer is not None and runs_against(steer, stamp_ns, yaw_rate_from_vision(lanes, v)):
-        notes.append(against_note("steering angle"))
+    if steer is not None and is_sign_opposite(steer, stamp_ns, yaw_rate_from_vision_radps(lanes, v)):
+        notes.append(opposite_sign_note("steering angle"))
         steer = None
-    steer_rad = _steer(lanes, vehicle, v, config, steer)
-    inputs = np.column_stack([_kept(steer_rad), _kept(lanes.curvature_1pm)]).reshape(n, 2)
-    begin, status = _life(dt_s, v, seen, config)
-    low, weight = neighbours(v)
-    periods = np.clip(np.rint(dt_s / period_s), 1, MAX_PERIODS).astype(np.int32)
+    steer_rad = _measured_or_vision_steering_rad(lanes, vehicle, v, config, steer)
+    inputs = np.column_stack([_hold_last_known_value(steer_rad), _hold_last_known_value(lanes.curvature_1pm)]).reshape(
+        n, 2
+    )
+    begin, status = _starts_and_statuses_of_frames(dt_s, v, seen, config)
+    low, weight = lower_speed_index_and_upper_weight(v)
+    periods = np.clip(np.rint(dt_s / period_s), 1, MAX_PERIODS_BETWEEN_FRAMES).astype(np.int32)
     state = kernel.blend(
         bank.phi,
         bank.gamma,
@@ -148,24 +152,24 @@ def observe_blended(
         mass_kg=np.full(n, vehicle.mass_kg),
         mass_sigma_kg=np.full(n, np.nan),
         status=status,
-        counts=count_statuses(status),
+        counts=count_frame_statuses(status),
         notes=tuple(notes),
     )
 
 
-def _median_period_s(dt_s: FloatArray) -> float:
+def _median_frame_period_s(dt_s: FloatArray) -> float:
     """The median time between frames, s; the default if there are fewer than two."""
     steps = dt_s[1:][dt_s[1:] > 0.0]
-    return max(float(np.median(steps)), MIN_PERIOD_S) if len(steps) else DEFAULT_PERIOD_S
+    return max(float(np.median(steps)), MIN_FRAME_PERIOD_S) if len(steps) else DEFAULT_FRAME_PERIOD_S
 
 
-def _steer(
-    lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: Samples | None
+def _measured_or_vision_steering_rad(
+    lanes: LaneSamples, vehicle: Vehicle, v: FloatArray, config: ObserverConfig, steer: ScalarSamples | None
 ) -> FloatArray:
     """The steering angle delta_D at each frame, shape (n,), rad: measured, or from vision by eq. 10 and 13."""
     if steer is not None:
         return resample(steer.stamp_ns, steer.values, lanes.stamp_ns, max_gap_s=config.max_speed_gap_s)
-    kinematic = steer_from_vision(
+    kinematic = steering_angle_from_vision_rad(
         vehicle,
         np.asarray(lanes.stamp_ns, dtype=np.int64),
         np.asarray(lanes.heading_deviation_rad, dtype=np.float64),
@@ -173,24 +177,24 @@ def _steer(
         v,
         rate=config.steer_rate,
     )
-    return kinematic * correction(vehicle, v)
+    return kinematic * dynamic_steering_correction(vehicle, v)
 
 
-def _kept(values: FloatArray) -> FloatArray:
+def _hold_last_known_value(values: FloatArray) -> FloatArray:
     """Replace each NaN by the last finite value before it, or by 0 before the first; shape (n,)."""
     known = np.isfinite(values)
     last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
     return np.where(last >= 0, np.asarray(values)[np.maximum(last, 0)], 0.0)
 
 
-def _life(
+def _starts_and_statuses_of_frames(
     dt_s: FloatArray, v: FloatArray, seen: npt.NDArray[np.bool_], config: ObserverConfig
 ) -> tuple[npt.NDArray[np.int8], npt.NDArray[np.int8]]:
     """Whether the observer starts, stops or goes on at each frame (`Begin`), and its status; shape (n,) each."""
     n = len(v)
     begin = np.full(n, Begin.GO_ON, dtype=np.int8)
     status = np.full(n, FrameStatus.LOST, dtype=np.int8)
-    slowest = SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
+    slowest = OBSERVER_SPEEDS_KMH[0] * MPS_PER_KMH * (1.0 - 1e-9)
     running, unseen_s = False, 0.0
     for i, (dt, speed, is_seen) in enumerate(zip(dt_s.tolist(), v.tolist(), seen.tolist(), strict=True)):
         unseen_s += dt

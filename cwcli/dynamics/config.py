@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Literal
 
-from cwcli.dynamics.samples import PREVIEW_M
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M
 from cwcli.errors import UsageError
 from cwcli.option import Option
 
@@ -94,7 +94,7 @@ class ObserverConfig:
             "multiples of 10 km/h, two of them blended.",
         ),
     ] = "cwcli"
-    preview_m: float = PREVIEW_M
+    preview_m: float = DEFAULT_PREVIEW_M
     estimate_load: Annotated[
         bool, Option("--estimate-load", "Estimate the car's mass too (cwcli); only turns show it.")
     ] = False
@@ -134,7 +134,7 @@ class ObserverConfig:
             *("load_walk", "gyro_bias_radps", "gyro_bias_walk_radps", "camera_yaw_rad", "camera_yaw_walk_rad"),
             *("lateral_floor_m", "heading_floor_rad", "curvature_floor_1pm", "floor_share", "curvature_share"),
         }
-        values = {name: getattr(self, name) for name in _POSITIVE}
+        values = {name: getattr(self, name) for name in _POSITIVE_FIELDS}
         values |= {f"noise.{each.name}": getattr(self.noise, each.name) for each in fields(self.noise)}
         for name, value in values.items():
             if value is None:
@@ -144,7 +144,7 @@ class ObserverConfig:
                 raise UsageError(f"{name} is {value!r}; permitted: a positive number", where="observer")
 
 
-_POSITIVE = (
+_POSITIVE_FIELDS = (
     "preview_m",
     "max_coast_s",
     "max_gap_s",

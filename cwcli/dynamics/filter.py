@@ -15,32 +15,38 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.near_lane import CHOSEN_MPS, SLOWEST_MPS, as_angle, near_lane, quickness
-from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples, count_statuses
-from cwcli.dynamics.signs import against_note, runs_against, yaw_rate_from_vision
+from cwcli.dynamics.near_lane import (
+    MIN_SCALING_SPEED_MPS,
+    REFERENCE_SPEED_MPS,
+    convert_sine_states_to_angles,
+    lane_at_nearer_preview,
+    slowness_ratio,
+)
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples, count_frame_statuses
+from cwcli.dynamics.signs import is_sign_opposite, opposite_sign_note, yaw_rate_from_vision_radps
 from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, understeer_gradient
-from cwcli.dynamics.speed import speed_at
+from cwcli.dynamics.speed import speed_at_times_mps
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.kernels import observer as kernel
 from cwcli.kernels.observer import ETA, KL, STEER, Begin, EventKind, EventStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-MAX_STEP_S = 0.1
+MAX_PREDICTION_STEP_S = 0.1
 """Longest time that the model is predicted in one step, s. Chosen by hand; not fitted."""
-LOAD_RANGE = (0.5, 2.0)
+MASS_RATIO_RANGE = (0.5, 2.0)
 """Lowest and highest permitted estimate of nominal mass / mass. Chosen by hand; not fitted."""
-GYRO_RECENT_S = 0.2
+RECENT_YAW_RATE_S = 0.2
 """Age up to which an accepted yaw rate counts as measured, s: frames that do not fit then restart the lane's states
 alone. Chosen by hand; not fitted."""
-STILL_MPS = 0.1
+STANDSTILL_SPEED_MPS = 0.1
 """Speed below which the car is taken to stand, m/s: lateral speed and yaw rate are zero there. Chosen by hand; not
 fitted."""
-MIN_SIGMA = 1e-9
+MIN_MEASUREMENT_SIGMA = 1e-9
 """Smallest sigma of a measurement, in its own unit; it keeps the innovation covariance invertible."""
 
 
-def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
+def build_kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
     """Build the kernel's parameters from the car, the camera and the noise."""
     m, inertia = vehicle.mass_kg, vehicle.yaw_inertia_kgm2
     kf, kr = vehicle.front_stiffness_nprad, vehicle.rear_stiffness_nprad
@@ -60,21 +66,21 @@ def kernel_model(vehicle: Vehicle, config: ObserverConfig) -> kernel.Model:
         "slip": m * lf / (kr * vehicle.wheelbase_m),
         "understeer": understeer_gradient(vehicle),
         "min_speed": MIN_MODEL_SPEED_MPS,
-        "still_mps": STILL_MPS,
-        "max_step_s": MAX_STEP_S,
-        "eta_low": LOAD_RANGE[0],
-        "eta_high": LOAD_RANGE[1],
+        "still_mps": STANDSTILL_SPEED_MPS,
+        "max_step_s": MAX_PREDICTION_STEP_S,
+        "eta_low": MASS_RATIO_RANGE[0],
+        "eta_high": MASS_RATIO_RANGE[1],
         "gate_sigmas": noise.gate,
         "restart_after": noise.restart_after,
-        "gyro_recent_s": GYRO_RECENT_S,
-        "chosen_mps": CHOSEN_MPS,
-        "slowest_mps": SLOWEST_MPS,
-        "walk_noise": _walks(noise, config.estimate_load),
-        "start_sigma": _starts(noise, config.estimate_load),
+        "gyro_recent_s": RECENT_YAW_RATE_S,
+        "chosen_mps": REFERENCE_SPEED_MPS,
+        "slowest_mps": MIN_SCALING_SPEED_MPS,
+        "walk_noise": _walk_noise_intensities(noise, config.estimate_load),
+        "start_sigma": _start_sigmas(noise, config.estimate_load),
     }
 
 
-def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
+def _walk_noise_intensities(noise: FilterNoise, with_load: bool) -> list[float]:
     """Noise intensities (squared walks) of the nine states, in the kernel's order."""
     walks = [
         noise.lateral_speed_walk_mps,
@@ -90,7 +96,7 @@ def _walks(noise: FilterNoise, with_load: bool) -> list[float]:
     return [walk**2 for walk in walks]
 
 
-def _starts(noise: FilterNoise, with_load: bool) -> list[float]:
+def _start_sigmas(noise: FilterNoise, with_load: bool) -> list[float]:
     """Standard deviations of the nine states at the start, in the kernel's order."""
     return [
         noise.start_lateral_speed_mps,
@@ -107,12 +113,12 @@ def _starts(noise: FilterNoise, with_load: bool) -> list[float]:
 
 def observe_filter(
     lanes: LaneSamples,
-    speed: Samples,
+    speed: ScalarSamples,
     vehicle: Vehicle,
     config: ObserverConfig,
     *,
-    yaw_rate: Samples | None = None,
-    steer: Samples | None = None,
+    yaw_rate: ScalarSamples | None = None,
+    steer: ScalarSamples | None = None,
 ) -> LateralTrack:
     """Filter frames, yaw rate and steering angle in the order of their stamps, and return the state at each frame."""
     stamp_ns = np.asarray(lanes.stamp_ns, dtype=np.int64)
@@ -121,21 +127,23 @@ def observe_filter(
     noise = config.noise
     n = len(stamp_ns)
     notes: list[str] = []
-    frame_speed = speed_at(speed, stamp_ns, config.max_speed_gap_s)
-    lanes, preview_m, change_1pm2 = near_lane(lanes, frame_speed, config.preview_m, vehicle.camera_forward_m)
-    quick = quickness(frame_speed)
-    parts = [(stamp_ns, EventKind.LANE, *_lane_rows(lanes, preview_m, quick, config))]
-    vision = yaw_rate_from_vision(lanes, frame_speed)
+    frame_speed = speed_at_times_mps(speed, stamp_ns, config.max_speed_gap_s)
+    lanes, preview_m, change_1pm2 = lane_at_nearer_preview(
+        lanes, frame_speed, config.preview_m, vehicle.camera_forward_m
+    )
+    quick = slowness_ratio(frame_speed)
+    parts = [(stamp_ns, EventKind.LANE, *_lane_values_and_sigmas(lanes, preview_m, quick, config))]
+    vision = yaw_rate_from_vision_radps(lanes, frame_speed)
     for name, samples, kind, default in (
         ("yaw rate", yaw_rate, EventKind.YAW_RATE, noise.yaw_rate_sigma_radps),
         ("steering angle", steer, EventKind.STEERING_ANGLE, noise.steer_sigma_rad),
     ):
         if samples is None or not len(samples.values):
             continue
-        if runs_against(samples, stamp_ns, vision):
-            notes.append(against_note(name))
+        if is_sign_opposite(samples, stamp_ns, vision):
+            notes.append(opposite_sign_note(name))
             continue
-        parts.append((np.asarray(samples.stamp_ns, np.int64), kind, *_scalar_rows(samples, default)))
+        parts.append((np.asarray(samples.stamp_ns, np.int64), kind, *_scalar_values_and_sigmas(samples, default)))
     stamps = np.concatenate([part[0] for part in parts])
     order = np.argsort(stamps, kind="stable")
     stamps = stamps[order]
@@ -143,7 +151,7 @@ def observe_filter(
     values = np.ascontiguousarray(np.concatenate([part[2] for part in parts])[order])
     sigmas = np.ascontiguousarray(np.concatenate([part[3] for part in parts])[order])
     dt_s = np.diff(stamps, prepend=stamps[:1]) / NS_PER_S
-    at = speed_at(speed, stamps, config.max_speed_gap_s)
+    at = speed_at_times_mps(speed, stamps, config.max_speed_gap_s)
     before = np.concatenate([at[:1], at[:-1]])
     between = np.where(np.isfinite(before), 0.5 * (at + before), at)
     begin = np.where(dt_s > config.max_gap_s, Begin.ANEW, Begin.GO_ON)
@@ -154,19 +162,19 @@ def observe_filter(
         begin=np.where(np.isfinite(at), begin, Begin.STOP).astype(np.int8),
         values=values,
         sigmas=sigmas,
-        preview_m=_of_frames(preview_m, order),
-        change_1pm2=_of_frames(change_1pm2, order),
+        preview_m=_spread_frame_values_to_events(preview_m, order),
+        change_1pm2=_spread_frame_values_to_events(change_1pm2, order),
     )
-    x, p, outcome, at_m = kernel.observe(events, kernel_model(vehicle, config))
+    x, p, outcome, at_m = kernel.observe(events, build_kernel_model(vehicle, config))
     frames = kinds == EventKind.LANE
-    status = _statuses(stamps, kinds, outcome, values, frame_speed, config)
+    status = _frame_statuses(stamps, kinds, outcome, values, frame_speed, config)
     x, p = x[frames], p[frames]
     is_known = np.isin(status, (FrameStatus.OBSERVED, FrameStatus.REJECTED, FrameStatus.PREDICTED, FrameStatus.STARTED))
     x[~is_known] = np.nan
     p[~is_known] = np.nan
-    state, covariance = x[:, :4], p[:, :4, :4] + _lasting(noise, quick)
+    state, covariance = x[:, :4], p[:, :4, :4] + _lasting_error_covariance(noise, quick)
     if lanes.lines is not None and np.isfinite(lanes.lines).any():
-        state, covariance = as_angle(state, covariance)
+        state, covariance = convert_sine_states_to_angles(state, covariance)
     return LateralTrack(
         stamp_ns=stamp_ns,
         state=state,
@@ -176,14 +184,14 @@ def observe_filter(
         steer_rad=x[:, STEER],
         curvature_1pm=x[:, KL],
         mass_kg=vehicle.mass_kg / x[:, ETA] if n else np.zeros(0),
-        mass_sigma_kg=_mass_sigma(x, p, vehicle, config),
+        mass_sigma_kg=_mass_sigma_kg(x, p, vehicle, config),
         status=status,
-        counts=count_statuses(status),
+        counts=count_frame_statuses(status),
         notes=tuple(notes),
     )
 
 
-def _lasting(noise: FilterNoise, quick: FloatArray) -> FloatArray:
+def _lasting_error_covariance(noise: FilterNoise, quick: FloatArray) -> FloatArray:
     """Covariance (n, 4, 4) of the lane errors that many frames share, which averaging does not reduce."""
     lasting = np.zeros((len(quick), 4, 4))
     lasting[:, 2, 2] = noise.lateral_floor_m**2
@@ -191,19 +199,19 @@ def _lasting(noise: FilterNoise, quick: FloatArray) -> FloatArray:
     return lasting
 
 
-def _mass_sigma(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
+def _mass_sigma_kg(x: FloatArray, p: FloatArray, vehicle: Vehicle, config: ObserverConfig) -> FloatArray:
     """Sigma of the estimated mass at each frame, shape (n,), kg, to first order; NaN where it is not estimated."""
     if not config.estimate_load:
         return np.full(len(x), np.nan)
     return np.asarray(vehicle.mass_kg / x[:, ETA] ** 2 * np.sqrt(p[:, ETA, ETA]))
 
 
-def _of_frames(values: FloatArray, order: npt.NDArray[np.intp]) -> FloatArray:
+def _spread_frame_values_to_events(values: FloatArray, order: npt.NDArray[np.intp]) -> FloatArray:
     """Spread one value per frame over all events in time order; events that are no frame get 0."""
     return np.concatenate([values, np.zeros(len(order) - len(values))])[order]
 
 
-def _lane_rows(
+def _lane_values_and_sigmas(
     lanes: LaneSamples, preview_m: FloatArray, quick: FloatArray, config: ObserverConfig
 ) -> tuple[FloatArray, FloatArray]:
     """y_L, e_L, K_L of the frames and their sigmas, shape (n, 3) each.
@@ -232,23 +240,23 @@ def _lane_rows(
     for sigma, default, floor, share in zip(given, defaults, floors, yaw_shares, strict=True):
         raw = np.full(len(lanes), np.nan) if sigma is None else np.asarray(sigma, dtype=np.float64)
         raw = np.where(raw > share, np.sqrt(np.maximum(raw**2 - share**2, 0.0)), raw)
-        own = np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_SIGMA), floor), default)
+        own = np.where(np.isfinite(raw) & (raw > 0.0), np.hypot(np.maximum(raw, MIN_MEASUREMENT_SIGMA), floor), default)
         columns.append(np.where(is_nearer, np.minimum(own, default), own))
     finite = np.where(np.isfinite(values), values, np.nan).reshape(-1, 3)
     columns[2] = np.hypot(columns[2], noise.curvature_share * np.nan_to_num(np.abs(finite[:, 2])))
     return finite, np.column_stack(columns).reshape(-1, 3)
 
 
-def _scalar_rows(samples: Samples, default: float) -> tuple[FloatArray, FloatArray]:
+def _scalar_values_and_sigmas(samples: ScalarSamples, default: float) -> tuple[FloatArray, FloatArray]:
     """A sensor's samples in the kernel's form: values and sigmas, (n, 3) each, of which the first column is used."""
     n = len(samples.values)
     values, sigmas = np.full((n, 3), np.nan), np.ones((n, 3))
     values[:, 0] = np.where(np.isfinite(samples.values), samples.values, np.nan)
-    sigmas[:, 0] = samples.sigmas(default)
+    sigmas[:, 0] = samples.sigmas_or_default(default)
     return values, sigmas
 
 
-def _statuses(
+def _frame_statuses(
     stamps: Int64Array,
     kinds: npt.NDArray[np.int8],
     outcome: npt.NDArray[np.int8],

@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 TAYLOR_ORDER = 14
 """Highest power in the Taylor series of the exponential; the remainder is given at the largest norm below."""
-MAX_NORM = 0.5
+MAX_SERIES_NORM = 0.5
 """Largest row-sum norm at which the series is summed without scaling: at order 14 its remainder is below 1e-17 of the
 result."""
 
@@ -25,7 +25,7 @@ def matrix_exponential(matrix: FloatArray) -> FloatArray:
         Shape (n, n).
     """
     norm = float(np.abs(matrix).sum(axis=1).max())
-    squarings = max(0, math.ceil(math.log2(norm / MAX_NORM))) if norm > 0.0 else 0
+    squarings = max(0, math.ceil(math.log2(norm / MAX_SERIES_NORM))) if norm > 0.0 else 0
     scaled = matrix / 2.0**squarings
     identity = np.eye(len(matrix))
     result = identity.copy()
@@ -36,7 +36,7 @@ def matrix_exponential(matrix: FloatArray) -> FloatArray:
     return np.asarray(result)
 
 
-def discretise(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
+def discretise_held_input(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, FloatArray]:
     """Discretise dx/dt = A x + B u exactly for an input u that is held for dt_s: x(t + dt) = Phi x + Gamma u.
 
     Args:
@@ -54,7 +54,7 @@ def discretise(a: FloatArray, b: FloatArray, dt_s: float) -> tuple[FloatArray, F
     return whole[:n, :n], whole[:n, n:]
 
 
-def discretise_noise(a: FloatArray, q: FloatArray, dt_s: float) -> FloatArray:
+def discretise_noise_covariance(a: FloatArray, q: FloatArray, dt_s: float) -> FloatArray:
     """Covariance that white noise of intensity q adds over dt_s (Van Loan, 1978), shape (n, n)."""
     n = len(a)
     block = np.zeros((2 * n, 2 * n))

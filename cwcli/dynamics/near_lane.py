@@ -19,37 +19,42 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.dynamics.samples import LaneSamples
-from cwcli.signals.arcs import TURNED, lane_ahead, lane_middle, turned_at_m
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import (
+    LINE_END_DIRECTION_SINE,
+    centre_arcs_of_lanes,
+    distance_to_direction_sine_m,
+    lane_centre_geometry_at_distance,
+)
 
-CHOSEN_MPS = 25.0
+REFERENCE_SPEED_MPS = 25.0
 """Speed of the simulated drives on which the filter's walks and the preview distance were chosen, m/s."""
-SLOWEST_MPS = 5.0
+MIN_SCALING_SPEED_MPS = 5.0
 """Speed below which the preview distance and the walks no longer change with the speed, m/s. Chosen by hand; not
 fitted."""
-MAX_SINE = 0.4
+MAX_DIRECTION_SINE = 0.4
 """Largest sine of the lane's direction at the preview point: there the linear model moves y_L by 10 % too little (see
 above)."""
-LEAST_M = 2.0
+MIN_PREVIEW_M = 2.0
 """Smallest distance of the preview point ahead of the camera and of the centre of gravity, m. Chosen by hand; not
 fitted."""
 
 
-def quickness(speed_mps: FloatArray) -> FloatArray:
+def slowness_ratio(speed_mps: FloatArray) -> FloatArray:
     """Ratio of the reference speed (25 m/s) to the car's, shape (n,), at least 1; 1 where the speed is not known."""
-    return np.fmax(1.0, CHOSEN_MPS / np.maximum(np.abs(speed_mps), SLOWEST_MPS))
+    return np.fmax(1.0, REFERENCE_SPEED_MPS / np.maximum(np.abs(speed_mps), MIN_SCALING_SPEED_MPS))
 
 
-def as_angle(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def convert_sine_states_to_angles(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Replace the sine of e_L by its angle in states (n, 4) and, to first order, in covariances (n, 4, 4)."""
-    sine = np.clip(state[:, 3], -TURNED, TURNED)
+    sine = np.clip(state[:, 3], -LINE_END_DIRECTION_SINE, LINE_END_DIRECTION_SINE)
     size = np.ones_like(state)
     size[:, 3] = (1.0 - sine * sine) ** -0.5
     angles = np.column_stack([state[:, :3], np.arcsin(sine)])
     return angles, covariance * size[:, :, None] * size[:, None, :]
 
 
-def near_lane(
+def lane_at_nearer_preview(
     lanes: LaneSamples, speed_mps: FloatArray, preview_m: float, camera_forward_m: float
 ) -> tuple[LaneSamples, FloatArray, FloatArray]:
     """Move each frame's lane to a preview point that is near enough for the speed and the bend.
@@ -68,11 +73,11 @@ def near_lane(
     if lanes.lines is None or lanes.curvature_change_1pm2 is None:
         return lanes, whole_m, np.zeros(len(lanes))
     change_1pm2 = -np.nan_to_num(lanes.curvature_change_1pm2)
-    turned_m = turned_at_m(lane_middle(lanes.lines), MAX_SINE, change_1pm2)
-    nearest_m = LEAST_M + max(-camera_forward_m, 0.0)
-    nearer_m = np.fmax(np.fmin(preview_m * quickness(speed_mps) ** -1.5, turned_m), nearest_m)
+    turned_m = distance_to_direction_sine_m(centre_arcs_of_lanes(lanes.lines), MAX_DIRECTION_SINE, change_1pm2)
+    nearest_m = MIN_PREVIEW_M + max(-camera_forward_m, 0.0)
+    nearer_m = np.fmax(np.fmin(preview_m * slowness_ratio(speed_mps) ** -1.5, turned_m), nearest_m)
     at_m = np.minimum(nearer_m, preview_m)
-    y_m, direction_rad, curvature_1pm = lane_ahead(lanes.lines, at_m, change_1pm2).T
+    y_m, direction_rad, curvature_1pm = lane_centre_geometry_at_distance(lanes.lines, at_m, change_1pm2).T
     is_known = np.isfinite(direction_rad)
     near = replace(
         lanes,

@@ -8,12 +8,12 @@ from cwcli.signals.columns import FloatArray
 
 MAX_DOUBLINGS = 60
 """Largest number of passes of the doubling algorithm: 60 stand for 2^60 steps of the plain iteration."""
-TOLERANCE = 1e-13
+CONVERGENCE_TOLERANCE = 1e-13
 """Largest relative change of the covariance in a pass at which the iteration has converged. Chosen by hand near double
 precision."""
 
 
-def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+def steady_predicted_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
     """The predicted covariance P to which a Kalman filter converges, shape (n, n).
 
     P = Phi P Phi' + Q - Phi P H' (H P H' + R)^-1 H P Phi' (zhang2011, eq. 16, 17, 19 at rest). Each pass of the
@@ -43,12 +43,12 @@ def steady_covariance(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArr
             p = p + 0.5 * (step + step.T)
             if not np.all(np.isfinite(p)):
                 break
-            if np.abs(step).max() <= TOLERANCE * np.abs(p).max():
+            if np.abs(step).max() <= CONVERGENCE_TOLERANCE * np.abs(p).max():
                 return np.asarray(p)
     raise ValueError("the filter does not converge: an unstable or undamped part of the model is not observed")
 
 
-def steady_gain(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+def steady_kalman_gain(phi: FloatArray, h: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
     """The Kalman gain K = P H' (H P H' + R)^-1 (eq. 17) of the converged filter, shape (n, m)."""
-    p = steady_covariance(phi, h, q, r)
+    p = steady_predicted_covariance(phi, h, q, r)
     return np.asarray(np.linalg.solve(h @ p @ h.T + r, h @ p).T)

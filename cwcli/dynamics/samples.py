@@ -13,9 +13,9 @@ from cwcli.signals.columns import FloatArray, Int64Array
 
 STATE_NAMES = ("lateral_speed_mps", "yaw_rate_radps", "lateral_deviation_m", "heading_deviation_rad")
 """Names of the columns of `LateralTrack.state`: v_y, gamma, y_L and e_L, with their units."""
-PREVIEW_M = 33.5
+DEFAULT_PREVIEW_M = 33.5
 """Distance of the preview point ahead of the camera, m: D_L of zhang2011."""
-STEEPEST_RAD = 1.4
+MAX_HEADING_DEVIATION_RAD = 1.4
 """Largest heading deviation whose tangent is taken, rad; larger ones are clipped. Chosen by hand; not fitted."""
 
 
@@ -49,9 +49,9 @@ class LaneSamples:
         yaw_sigma_rad: Share of the camera's yaw in the sigmas. It is the same in all frames, so a filter that estimates
             it must not take it for noise.
         lines: Shape (n, 2, 3): the left and the right boundary beside the camera in the body frame, as curves of
-            `signals.arcs`; NaN where there is none, or the lane method gives no curve. None: not known.
+            `signals.lane_geometry`; NaN where there is none, or the lane method gives no curve. None: not known.
         curvature_change_1pm2: Shape (n,): change of the boundaries' curvature per metre, right positive; see
-            `arcs.arc_places_m`. None: not known.
+            `arcs.lateral_positions_of_arcs_m`. None: not known.
     """
 
     stamp_ns: Int64Array
@@ -69,13 +69,13 @@ class LaneSamples:
         return len(self.stamp_ns)
 
 
-def for_small_angles(lanes: LaneSamples) -> LaneSamples:
+def linearise_lanes(lanes: LaneSamples) -> LaneSamples:
     """Convert lanes for the observers' linear model: e_L becomes the lane's slope, K_L the second derivative.
 
     In gentle bends they are the same. In tight bends the lane's direction at the preview point is far from the car's.
     There the slope and the second derivative still change as eq. 8 and 9 say; the rest is added to the sigmas.
     """
-    slope = np.tan(np.clip(lanes.heading_deviation_rad, -STEEPEST_RAD, STEEPEST_RAD))
+    slope = np.tan(np.clip(lanes.heading_deviation_rad, -MAX_HEADING_DEVIATION_RAD, MAX_HEADING_DEVIATION_RAD))
 
     def widen_sigma(sigma: FloatArray | None, error: FloatArray) -> FloatArray | None:
         return None if sigma is None else np.hypot(sigma, np.nan_to_num(error))
@@ -90,7 +90,7 @@ def for_small_angles(lanes: LaneSamples) -> LaneSamples:
 
 
 @dataclass(frozen=True)
-class Samples:
+class ScalarSamples:
     """A scalar signal with its own times: speed (m/s), yaw rate (rad/s) or steering angle (rad), left positive.
 
     Attributes:
@@ -103,7 +103,7 @@ class Samples:
     values: FloatArray
     sigma: FloatArray | float | None = None
 
-    def sigmas(self, default: float) -> FloatArray:
+    def sigmas_or_default(self, default: float) -> FloatArray:
         """The sigma of each sample, shape (n,): its own where it is finite and positive, else the default."""
         given = np.broadcast_to(np.nan if self.sigma is None else np.asarray(self.sigma, np.float64), self.values.shape)
         return np.where(np.isfinite(given) & (given > 0.0), given, default)
@@ -146,6 +146,6 @@ class LateralTrack:
         return len(self.stamp_ns)
 
 
-def count_statuses(status: npt.NDArray[np.int8]) -> dict[str, int]:
+def count_frame_statuses(status: npt.NDArray[np.int8]) -> dict[str, int]:
     """How many frames have each status, by its name in small letters."""
     return {each.name.lower(): int(np.count_nonzero(status == each)) for each in FrameStatus}

@@ -19,11 +19,11 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 
 MIN_MODEL_SPEED_MPS = 2.0
-"""Lowest speed of the model, m/s: the tyres' slip angles divide by the speed (see `lateral_matrices`). Chosen by hand;
-not fitted."""
+"""Lowest speed of the model, m/s: the tyres' slip angles divide by the speed (see `lateral_state_matrices`). Chosen by
+hand; not fitted."""
 
 
-def lateral_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArray, FloatArray]:
+def lateral_state_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArray, FloatArray]:
     """A of shape (2, 2) and B of shape (2, 1) of d[v_y, gamma]/dt = A [v_y, gamma] + B delta, eq. 11 (corrected).
 
     Below `MIN_MODEL_SPEED_MPS` the model of that speed is kept and the steering input is scaled by v over that speed,
@@ -44,7 +44,7 @@ def lateral_matrices(vehicle: Vehicle, speed_mps: float) -> tuple[FloatArray, Fl
     return a, share * np.array([[kf / m], [lf * kf / inertia]])
 
 
-def lateral_rates(
+def lateral_state_derivatives(
     vehicle: Vehicle,
     speed_mps: FloatArray | float,
     lateral_mps: FloatArray,
@@ -59,7 +59,7 @@ def lateral_rates(
     return (front + rear) / vehicle.mass_kg - v * yaw_rate_radps, (lf * front - lr * rear) / vehicle.yaw_inertia_kgm2
 
 
-def preview_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float) -> tuple[FloatArray, FloatArray]:
+def preview_state_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float) -> tuple[FloatArray, FloatArray]:
     """A of shape (4, 4) and B of shape (4, 2) of eq. 21 (corrected).
 
     State [v_y, gamma, y_L, e_L], input [delta, K_L]; the signs are this module's.
@@ -71,7 +71,7 @@ def preview_matrices(vehicle: Vehicle, speed_mps: float, preview_m: float) -> tu
     """
     a = np.zeros((4, 4))
     b = np.zeros((4, 2))
-    a[:2, :2], b[:2, :1] = lateral_matrices(vehicle, speed_mps)
+    a[:2, :2], b[:2, :1] = lateral_state_matrices(vehicle, speed_mps)
     a[2] = 1.0, preview_m, 0.0, speed_mps  # eq. 20: dy_L = v e_L - v_y - gamma D_L in the paper's signs
     a[3, 1] = 1.0  # de_L = v K_L - gamma
     b[3, 1] = speed_mps
@@ -100,14 +100,14 @@ def steady_yaw_gain(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArr
     return v / (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2)
 
 
-def steady_lateral_lever(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
+def steady_lateral_speed_per_yaw_rate_m(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
     """The ratio v_y / gamma in a steady turn, m: l_r - m l_f v^2 / (k_r L), positive at low speed, negative at high."""
     v = np.asarray(speed_mps, dtype=np.float64)
     slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
     return vehicle.rear_axle_m - slip * v**2
 
 
-def steady_state(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
+def steady_turn_state(vehicle: Vehicle, speed_mps: float, steer_rad: float) -> tuple[float, float]:
     """The lateral speed v_y (m/s) and the yaw rate gamma (rad/s) of a steady turn."""
     yaw_rate = float(steady_yaw_gain(vehicle, speed_mps)) * steer_rad
-    return float(steady_lateral_lever(vehicle, speed_mps)) * yaw_rate, yaw_rate
+    return float(steady_lateral_speed_per_yaw_rate_m(vehicle, speed_mps)) * yaw_rate, yaw_rate

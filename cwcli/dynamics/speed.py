@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.dynamics.samples import Samples
+from cwcli.dynamics.samples import ScalarSamples
 from cwcli.errors import MissingSignalError
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 
 
-def speed_at(speed: Samples, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
+def speed_at_times_mps(speed: ScalarSamples, at_ns: Int64Array, max_gap_s: float) -> FloatArray:
     """Speed at the given times, shape (m,), m/s.
 
     It is linear between samples and that of the nearest one outside of them; NaN where they are farther than

@@ -9,13 +9,13 @@ from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-MIN_SPEED_MPS = 1.0
+MIN_VISION_STEERING_SPEED_MPS = 1.0
 """Lowest speed with a steering angle from vision, m/s: eq. 10 divides by the speed. Chosen by hand; not fitted."""
-WINDOW = 5
+SLOPE_WINDOW_FRAMES = 5
 """Number of frames of the median slope: one wrong frame of five does not change it. Chosen by hand; not fitted."""
 
 
-def correction(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
+def dynamic_steering_correction(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
     """The factor f(v) = (L + K_mu v^2) / L from kinematic to dynamic steering angle, eq. 13 (corrected).
 
     It takes the car's `correction_mass_kg`.
@@ -24,7 +24,7 @@ def correction(vehicle: Vehicle, speed_mps: FloatArray | float) -> FloatArray:
     return 1.0 + gradient / vehicle.wheelbase_m * np.asarray(speed_mps, dtype=np.float64) ** 2
 
 
-def raw_rate(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5) -> FloatArray:
+def rate_from_last_two_frames(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5) -> FloatArray:
     """The difference to the previous frame over the time between them, per second, shape (n,), as in the paper.
 
     NaN at the first frame, next to a missing value, and after a gap or a stamp that does not increase.
@@ -36,8 +36,8 @@ def raw_rate(stamp_ns: Int64Array, values: FloatArray, *, max_gap_s: float = 0.5
     return rate
 
 
-def robust_rate(
-    stamp_ns: Int64Array, values: FloatArray, *, window: int = WINDOW, max_gap_s: float = 0.5
+def median_slope_rate(
+    stamp_ns: Int64Array, values: FloatArray, *, window: int = SLOPE_WINDOW_FRAMES, max_gap_s: float = 0.5
 ) -> FloatArray:
     """The median of the slopes of all pairs among the last `window` frames (Theil-Sen); per second, shape (n,).
 
@@ -64,11 +64,11 @@ def robust_rate(
     return np.where((count > 0) & np.isfinite(values), middle, np.nan)
 
 
-RATES = {"raw": raw_rate, "robust": robust_rate}
+RATE_METHODS = {"raw": rate_from_last_two_frames, "robust": median_slope_rate}
 """The methods for the rate of the heading deviation by the name that `--steer-rate` takes."""
 
 
-def steer_from_vision(
+def steering_angle_from_vision_rad(
     vehicle: Vehicle,
     stamp_ns: Int64Array,
     heading_deviation_rad: FloatArray,
@@ -90,7 +90,7 @@ def steer_from_vision(
         Shape (n,), rad; NaN where something is missing or the car is slower than 1 m/s. Multiply by
         `correction` for the dynamic angle delta_D.
     """
-    change = RATES[rate](stamp_ns, heading_deviation_rad)
-    moving = speed_mps >= MIN_SPEED_MPS
+    change = RATE_METHODS[rate](stamp_ns, heading_deviation_rad)
+    moving = speed_mps >= MIN_VISION_STEERING_SPEED_MPS
     over_v = np.where(moving, 1.0 / np.where(moving, speed_mps, 1.0), np.nan)
     return -vehicle.wheelbase_m * (curvature_1pm - change * over_v)

@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 
-SIGMA_NAMES = (
+LATERAL_SIGMA_NAMES = (
     "lateral_speed_sigma_mps",
     "yaw_rate_sigma_radps",
     "lateral_deviation_sigma_m",
@@ -25,7 +25,7 @@ def observer_table(track: LateralTrack) -> Table:
         "status": [FrameStatus(code).name.lower() for code in track.status.tolist()],
         "speed_mps": track.speed_mps,
     }
-    for k, (name, sigma_name) in enumerate(zip(STATE_NAMES, SIGMA_NAMES, strict=True)):
+    for k, (name, sigma_name) in enumerate(zip(STATE_NAMES, LATERAL_SIGMA_NAMES, strict=True)):
         columns[name] = track.state[:, k]
         columns[sigma_name] = sigma[:, k]
     columns |= {

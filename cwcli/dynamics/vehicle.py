@@ -16,12 +16,12 @@ from cwcli.errors import InputError, UsageError
 from cwcli.input import read_file
 from cwcli.toml_text import parse_toml
 
-SUFFIX = ".toml"
+VEHICLE_FILE_SUFFIX = ".toml"
 """File name ending of vehicle files."""
 DEFAULT_VEHICLE = "zhang2011"
 """Name of the shipped car that is assumed if none is given: that of zhang2011 (table 5)."""
 
-RANGES: Mapping[str, tuple[float, float, str]] = {
+NUMBER_RANGES: Mapping[str, tuple[float, float, str]] = {
     "front_axle_m": (0.1, 10.0, "m ahead of the centre of gravity"),
     "rear_axle_m": (0.1, 10.0, "m behind the centre of gravity"),
     "front_stiffness_nprad": (1e3, 1e7, "N/rad for the whole axle, positive"),
@@ -32,11 +32,11 @@ RANGES: Mapping[str, tuple[float, float, str]] = {
 }
 """Number keys of a vehicle file: lowest and highest permitted value, and the unit in words. Chosen by hand: wide enough
 for all road vehicles, narrow enough to find a wrong unit or sign."""
-OPTIONAL: Mapping[str, float] = {"width_m": 1.8, "camera_forward_m": 0.0}
+OPTIONAL_KEY_DEFAULTS: Mapping[str, float] = {"width_m": 1.8, "camera_forward_m": 0.0}
 """Default values of the number keys that may be missing, m."""
-MASS_KG = (50.0, 60_000.0)
+MASS_RANGE_KG = (50.0, 60_000.0)
 """Lowest and highest permitted mass of a load, kg. Chosen by hand, from an empty quadricycle to a lorry."""
-USE = ("load", "correction_load")
+LOAD_CHOICE_KEYS = ("load", "correction_load")
 """Keys of the table `use` of a vehicle file: the load of the model and that of the steering correction."""
 
 
@@ -65,15 +65,15 @@ class Vehicle:
     mass_kg: float
     correction_mass_kg: float
     load_kg: Mapping[str, float] = field(default_factory=dict)
-    width_m: float = OPTIONAL["width_m"]
-    camera_forward_m: float = OPTIONAL["camera_forward_m"]
+    width_m: float = OPTIONAL_KEY_DEFAULTS["width_m"]
+    camera_forward_m: float = OPTIONAL_KEY_DEFAULTS["camera_forward_m"]
 
     @property
     def wheelbase_m(self) -> float:
         """The distance between the axles: L = l_f + l_r."""
         return self.front_axle_m + self.rear_axle_m
 
-    def loaded(self, load: str) -> Vehicle:
+    def with_load(self, load: str) -> Vehicle:
         """The same car with another load of its file; the mass of f(v) stays.
 
         Raises:
@@ -87,7 +87,13 @@ class Vehicle:
 def vehicle_names() -> tuple[str, ...]:
     """Names of the cars that come with cwcli."""
     folder = files("cwcli.dynamics") / "vehicles"
-    return tuple(sorted(entry.name.removesuffix(SUFFIX) for entry in folder.iterdir() if entry.name.endswith(SUFFIX)))
+    return tuple(
+        sorted(
+            entry.name.removesuffix(VEHICLE_FILE_SUFFIX)
+            for entry in folder.iterdir()
+            if entry.name.endswith(VEHICLE_FILE_SUFFIX)
+        )
+    )
 
 
 def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = None) -> Vehicle:
@@ -101,13 +107,13 @@ def load_vehicle(source: str | Path = DEFAULT_VEHICLE, *, load: str | None = Non
         UsageError: The file's content is wrong, or there is no such car or load.
         InputError: The file can't be read.
     """
-    text, where = _text_of(source)
+    text, where = _read_vehicle_text(source)
     try:
         table = parse_toml(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=where) from None
     vehicle = vehicle_from_table(table, where)
-    return vehicle if load is None else vehicle.loaded(load)
+    return vehicle if load is None else vehicle.with_load(load)
 
 
 def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
@@ -116,23 +122,23 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     Raises:
         UsageError: An unknown or missing key, a wrong type, a value outside its range.
     """
-    known = ("name", *RANGES, "load_kg", "use")
+    known = ("name", *NUMBER_RANGES, "load_kg", "use")
     for key in table:
         if key not in known:
-            raise _bad(where, key, "is unknown", ", ".join(known))
-    values = {key: _number(table, key, where) for key in RANGES}
-    loads = _loads(table.get("load_kg"), where)
+            raise _bad_key_error(where, key, "is unknown", ", ".join(known))
+    values = {key: _read_number(table, key, where) for key in NUMBER_RANGES}
+    loads = _read_loads_kg(table.get("load_kg"), where)
     use = table.get("use", {})
     if not isinstance(use, Mapping):
-        raise _bad(where, "use", f"is {use!r}", "a table")
+        raise _bad_key_error(where, "use", f"is {use!r}", "a table")
     for key in use:
-        if key not in USE:
-            raise _bad(where, f"use.{key}", "is unknown", ", ".join(USE))
+        if key not in LOAD_CHOICE_KEYS:
+            raise _bad_key_error(where, f"use.{key}", "is unknown", ", ".join(LOAD_CHOICE_KEYS))
     first = next(iter(loads))
-    chosen = {key: use.get(key, use.get("load", first)) for key in USE}
+    chosen = {key: use.get(key, use.get("load", first)) for key in LOAD_CHOICE_KEYS}
     for key, load in chosen.items():
         if not isinstance(load, str) or load not in loads:
-            raise _bad(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
+            raise _bad_key_error(where, f"use.{key}", f"is {load!r}", ", ".join(loads))
     return Vehicle(
         name=str(table.get("name", where)),
         **values,
@@ -142,14 +148,14 @@ def vehicle_from_table(table: Mapping[str, Any], where: str) -> Vehicle:
     )
 
 
-def _text_of(source: str | Path) -> tuple[str, str]:
+def _read_vehicle_text(source: str | Path) -> tuple[str, str]:
     """Read the text of a shipped or other vehicle file; also return its name for messages."""
     if str(source) in vehicle_names():
-        name = f"{source}{SUFFIX}"
+        name = f"{source}{VEHICLE_FILE_SUFFIX}"
         return (files("cwcli.dynamics") / "vehicles" / name).read_text(encoding="utf-8"), name
     path = Path(source)
-    if path.suffix != SUFFIX:
-        hint = f"a file ending in {SUFFIX}, or one of: {', '.join(vehicle_names())}"
+    if path.suffix != VEHICLE_FILE_SUFFIX:
+        hint = f"a file ending in {VEHICLE_FILE_SUFFIX}, or one of: {', '.join(vehicle_names())}"
         raise UsageError(f"there is no vehicle '{source}'", hint=hint)
     try:
         return read_file(path).decode(), str(source)
@@ -158,34 +164,37 @@ def _text_of(source: str | Path) -> tuple[str, str]:
         raise InputError(f"can't be read: {reason}", where=str(source)) from None
 
 
-def _number(table: Mapping[str, Any], key: str, where: str) -> float:
+def _read_number(table: Mapping[str, Any], key: str, where: str) -> float:
     """The checked number under a key, or its default if the key may be missing."""
-    low, high, unit = RANGES[key]
+    low, high, unit = NUMBER_RANGES[key]
     permitted = f"{low:g} to {high:g} {unit}"
     if key not in table:
-        if key in OPTIONAL:
-            return OPTIONAL[key]
-        raise _bad(where, key, "is missing", permitted)
-    return _checked(table[key], low, high, where, key, permitted)
+        if key in OPTIONAL_KEY_DEFAULTS:
+            return OPTIONAL_KEY_DEFAULTS[key]
+        raise _bad_key_error(where, key, "is missing", permitted)
+    return _require_number_in_range(table[key], low, high, where, key, permitted)
 
 
-def _loads(table: Any, where: str) -> dict[str, float]:
+def _read_loads_kg(table: Any, where: str) -> dict[str, float]:
     """The checked mass of each load, kg."""
     if not isinstance(table, Mapping) or not table:
-        raise _bad(where, "load_kg", "is missing or empty", "a table of names and masses")
-    low, high = MASS_KG
+        raise _bad_key_error(where, "load_kg", "is missing or empty", "a table of names and masses")
+    low, high = MASS_RANGE_KG
     permitted = f"{low:g} to {high:g} kg"
-    return {str(name): _checked(mass, low, high, where, f"load_kg.{name}", permitted) for name, mass in table.items()}
+    return {
+        str(name): _require_number_in_range(mass, low, high, where, f"load_kg.{name}", permitted)
+        for name, mass in table.items()
+    }
 
 
-def _checked(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
+def _require_number_in_range(value: Any, low: float, high: float, where: str, key: str, permitted: str) -> float:
     """Return a number inside a closed range; refuse other values."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:  # not a number is out of range too
-        raise _bad(where, key, f"is {value!r}", permitted)
+        raise _bad_key_error(where, key, f"is {value!r}", permitted)
     return float(value)
 
 
-def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
+def _bad_key_error(where: str, key: str, what: str, permitted: str) -> UsageError:
     """The one-line error for a key of a vehicle file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=where)

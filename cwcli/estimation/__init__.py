@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from cwcli.estimation.result import SourceReport, Track
     from cwcli.estimation.track import estimate_track, estimate_tracks
 
-_FILES = {
+MODULE_OF_NAME = {
     "EstimatorConfig": "config",
     "Kind": "measurements",
     "Latency": "latency",
@@ -44,6 +44,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name not in _FILES:
+    if name not in MODULE_OF_NAME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_FILES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{MODULE_OF_NAME[name]}"), name)

@@ -13,24 +13,26 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.estimation.calibration import UNKNOWN, Calibration, Constant, ConstantStatus
+from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, Constant, ConstantStatus
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references
+from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, is_reference_of_each_series
 from cwcli.estimation.measurements import QUANTITIES, Kind, Measurements
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus
-from cwcli.estimation.passes import Series
+from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.sensor_model import SensorModel, Slow
-from cwcli.estimation.sensor_search import FoundModel
+from cwcli.estimation.sensor_model import GaussMarkovError, SensorModel
+from cwcli.estimation.sensor_search import FoundSensorModel
 from cwcli.signals.columns import FloatArray
 
-FOUND = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
+FOUND_LATENCY_STATUSES = (LatencyStatus.APPLIED, LatencyStatus.NOT_SIGNIFICANT)
 """Statuses of latencies for which the search found a value in the log."""
 
 
-def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *, causal: bool) -> list[str]:
+def check_calibration_knows_sources(
+    calibration: Calibration, measurements: Sequence[Measurements], *, causal: bool
+) -> list[str]:
     """Check that a calibration knows the sources of a log; returns notes on the sources that it does not know.
 
     Raises:
@@ -39,7 +41,7 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
     sources = list(dict.fromkeys(m.source for m in measurements))
     known = [source for source in sources if source in calibration.sensors]
     positions = [m.source for m in measurements if m.kind is Kind.POSITION]
-    has_position = any(calibration.knows(source, Kind.POSITION) for source in positions)
+    has_position = any(calibration.has_quantity(source, Kind.POSITION) for source in positions)
     lacking = not known or (causal and not has_position)
     if lacking:
         what = "a position" if known else "any source"
@@ -58,58 +60,58 @@ def check_fits(calibration: Calibration, measurements: Sequence[Measurements], *
     ]
 
 
-def known_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
+def calibrated_imu_mountings(calibration: Calibration) -> dict[str, ImuMounting]:
     """Return the IMU mountings of a calibration by source, of those that it knows."""
     angles = {
-        source: [calibration.of(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
+        source: [calibration.find_constant(source, "imu", name) for name in ("nose_up_rad", "left_up_rad")]
         for source in calibration.sensors
     }
     return {
-        source: ImuMounting(nose.value, left.value, max(nose.drive_sigma, left.drive_sigma))
+        source: ImuMounting(nose.value, left.value, max(nose.sigma_in_another_drive, left.sigma_in_another_drive))
         for source, (nose, left) in angles.items()
-        if nose.is_known and left.is_known
+        if nose.has_value and left.has_value
     }
 
 
-def known_alone(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
+def keep_only_calibrated_series(prepared: Sequence[PreparedSeries], calibration: Calibration) -> list[PreparedSeries]:
     """Return the series with the noise of the calibration; series that it does not know become empty.
 
     If it knows no position source, positions keep the noise of their messages, because every state needs a position.
     """
     has_position = any(
-        p.series.kind is Kind.POSITION and calibration.knows(p.series.source, p.series.kind) for p in prepared
+        p.series.kind is Kind.POSITION and calibration.has_quantity(p.series.source, p.series.kind) for p in prepared
     )
     return [
-        replace(p, series=with_noise(p.series, calibration))
-        if calibration.knows(p.series.source, p.series.kind)
+        replace(p, series=with_calibrated_noise(p.series, calibration))
+        if calibration.has_quantity(p.series.source, p.series.kind)
         else p
         if p.series.kind is Kind.POSITION and not has_position
-        else replace(p, series=p.series.at(np.zeros(len(p.series), np.bool_)))
+        else replace(p, series=p.series.select_rows(np.zeros(len(p.series), np.bool_)))
         for p in prepared
     ]
 
 
-def with_noise(s: Series, calibration: Calibration) -> Series:
+def with_calibrated_noise(s: SensorSeries, calibration: Calibration) -> SensorSeries:
     """Return a series with the noise, the stamp error and the row interval of the calibration."""
-    sigma, scale = (calibration.of(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
-    interval_s = calibration.of(s.source, s.kind, "interval_s").value
+    sigma, scale = (calibration.find_constant(s.source, s.kind, name) for name in ("noise_sigma", "noise_scale"))
+    interval_s = calibration.find_constant(s.source, s.kind, "interval_s").value
     s = replace(s, interval_s=interval_s if interval_s > 0.0 else s.interval_s)
-    stamps = calibration.of(s.source, s.kind, "stamp_sigma_s")
-    if stamps.is_known:
-        s = replace(s, stamp_error=Parameter(stamps.value, stamps.drive_sigma, ParameterStatus.GIVEN))
-    if scale.is_known:
-        return replace(s.scaled(scale.value), noise_origin="calibration")
-    variance = sigma.value**2 if sigma.is_known else QUANTITIES[s.kind].default_sigma ** 2
+    stamps = calibration.find_constant(s.source, s.kind, "stamp_sigma_s")
+    if stamps.has_value:
+        s = replace(s, stamp_error=Parameter(stamps.value, stamps.sigma_in_another_drive, ParameterStatus.GIVEN))
+    if scale.has_value:
+        return replace(s.scale_noise_variance(scale.value), noise_origin="calibration")
+    variance = sigma.value**2 if sigma.has_value else QUANTITIES[s.kind].default_sigma ** 2
     noise = np.zeros_like(s.noise)
     noise[:, 0] = variance
-    if s.width == 2:
+    if s.n_values_per_row == 2:
         noise[:, 2] = variance
-    return replace(s, noise=noise, noise_origin="calibration" if sigma.is_known else "default")
+    return replace(s, noise=noise, noise_origin="calibration" if sigma.has_value else "default")
 
 
-def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> ModelParameters:
+def motion_with_calibrated_manoeuvres(parameters: MotionParameters, calibration: Calibration) -> MotionParameters:
     """Return the motion parameters with the jerk and yaw acceleration sigmas of the calibration."""
-    jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN).value for name in MANOEUVRE_SIGMAS)
+    jerk, yaw_accel = (calibration.motion.get(name, UNKNOWN_CONSTANT).value for name in MANOEUVRE_SIGMA_LIMITS)
     return replace(
         parameters,
         jerk_sigma_mps3=jerk if jerk > 0.0 else parameters.jerk_sigma_mps3,
@@ -117,27 +119,29 @@ def calibrated_motion(parameters: ModelParameters, calibration: Calibration) -> 
     )
 
 
-def calibrated_model(series: Sequence[Series], calibration: Calibration) -> FoundModel:
+def sensor_model_from_calibration(series: Sequence[SensorSeries], calibration: Calibration) -> FoundSensorModel:
     """Return the sensor model of the calibration; where there is a pitch gyroscope, gravity is compensated with it."""
-    slow: dict[int, Slow] = {}
+    slow: dict[int, GaussMarkovError] = {}
     follows, scaled, levered, ahead = set(), set(), set(), set()
     for i, s in enumerate(series):
-        sigma, time_s = (calibration.of(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s"))
-        if sigma.is_known and time_s.is_known and sigma.value > 0.0 and time_s.value > 0.0:
-            slow[i] = Slow(sigma.value, time_s.value)
+        sigma, time_s = (calibration.find_constant(s.source, s.kind, name) for name in ("slow_sigma", "slow_time_s"))
+        if sigma.has_value and time_s.has_value and sigma.value > 0.0 and time_s.value > 0.0:
+            slow[i] = GaussMarkovError(sigma.value, time_s.value)
             if s.pitch_rate is not None:
                 follows.add(i)
-        if s.kind is Kind.SPEED and calibration.of(s.source, s.kind, "scale").is_known:
+        if s.kind is Kind.SPEED and calibration.find_constant(s.source, s.kind, "scale").has_value:
             scaled.add(i)
-        if s.kind is Kind.SPEED and calibration.of(s.source, s.kind, "lever_arm_m").is_known:
+        if s.kind is Kind.SPEED and calibration.find_constant(s.source, s.kind, "lever_arm_m").has_value:
             levered.add(i)
-        if s.place_m is None and calibration.of(s.source, s.kind, "ahead_m").is_known:
+        if s.place_m is None and calibration.find_constant(s.source, s.kind, "ahead_m").has_value:
             ahead.add(i)
     model = SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
-    return FoundModel(model, dict.fromkeys(model.parts, ParameterStatus.GIVEN))
+    return FoundSensorModel(model, dict.fromkeys(model.modelled_errors, ParameterStatus.GIVEN))
 
 
-def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibration) -> tuple[FloatArray, FloatArray]:
+def parameter_priors_from_calibration(
+    series: Sequence[SensorSeries], prior: FloatArray, calibration: Calibration
+) -> tuple[FloatArray, FloatArray]:
     """Return prior means and variances (n,) of parameter states: biases, scales and lever arms of the calibration."""
     mean, prior = np.zeros_like(prior), prior.copy()
     for s in series:
@@ -145,15 +149,15 @@ def with_priors(series: Sequence[Series], prior: FloatArray, calibration: Calibr
             ("bias", s.bias_state, 0.0), ("scale", s.scale_state, 1.0), ("lever_arm_m", s.lever_state, 0.0),
             ("ahead_m", s.ahead_state, 0.0),
         ):  # fmt: skip
-            known = calibration.of(s.source, s.kind, name) if state >= 0 else UNKNOWN
-            if known.is_known:
+            known = calibration.find_constant(s.source, s.kind, name) if state >= 0 else UNKNOWN_CONSTANT
+            if known.has_value:
                 mean[state] = known.value - none
-                prior[state] = max(known.drive_sigma, 1e-9) ** 2
+                prior[state] = max(known.sigma_in_another_drive, 1e-9) ** 2
     return mean, prior
 
 
-def with_latencies(
-    series: Sequence[Series], found: Sequence[Latency], calibration: Calibration, *, causal: bool
+def fuse_latencies_with_calibration(
+    series: Sequence[SensorSeries], latencies_of_log: Sequence[Latency], calibration: Calibration, *, causal: bool
 ) -> tuple[list[Latency], list[str]]:
     """Combine the latencies of log and calibration, on the calibration's clock; returns them and notes.
 
@@ -165,41 +169,42 @@ def with_latencies(
     """
     reference = next(
         (
-            calibration.of(s.source, s.kind, "latency_s")
-            for s, is_reference in zip(series, references(series), strict=True)
-            if is_reference and calibration.of(s.source, s.kind, "latency_s").is_known
+            calibration.find_constant(s.source, s.kind, "latency_s")
+            for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True)
+            if is_reference and calibration.find_constant(s.source, s.kind, "latency_s").has_value
         ),
         Constant(value=0.0, sigma=0.0),
     )
     latencies, notes = [], []
-    for s, latency in zip(series, found, strict=True):
-        constant = calibration.of(s.source, s.kind, "latency_s")
+    for s, latency in zip(series, latencies_of_log, strict=True):
+        constant = calibration.find_constant(s.source, s.kind, "latency_s")
         if latency.status in (LatencyStatus.GIVEN, LatencyStatus.OFF):
             latencies.append(latency)
             continue
-        is_found = latency.status in FOUND
+        is_found = latency.status in FOUND_LATENCY_STATUSES
         own_s = latency.found_s + reference.value
-        if not constant.is_known:
+        if not constant.has_value:
             latencies.append(replace(latency, found_s=own_s) if is_found and not causal else latency)
             continue
-        known = Latency(LatencyStatus.CALIBRATED, constant.value, constant.drive_sigma, latency.bound_s)
+        known = Latency(LatencyStatus.CALIBRATED, constant.value, constant.sigma_in_another_drive, latency.bound_s)
         if not is_found and constant.status is ConstantStatus.REFERENCE:
             latencies.append(Latency(LatencyStatus.REFERENCE))
             continue
-        if not constant.is_clear_in_any_drive:
-            notes.append(_disagreement_note(s, constant, calibration))
+        if not constant.is_usable_in_any_drive:
+            notes.append(_disagreeing_drives_note(s, constant, calibration))
             unknown = Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=latency.bound_s)
             latencies.append(replace(latency, found_s=own_s) if is_found and not causal else unknown)
             continue
         if not is_found:
             latencies.append(known)
             continue
-        sigma_s = math.hypot(latency.sigma_s, reference.drive_sigma)
+        sigma_s = math.hypot(latency.sigma_s, reference.sigma_in_another_drive)
         is_contradicted = abs(own_s - known.found_s) > SIGNIFICANT_SIGMAS * math.hypot(sigma_s, known.sigma_s)
         if is_contradicted:
             notes.append(
-                f"{s.source}: {s.kind.name.lower()} is late by {_ms(own_s, sigma_s)} in this log, by "
-                f"{_ms(known.found_s, known.sigma_s)} in the calibration {calibration.name}; "
+                f"{s.source}: {s.kind.name.lower()} is late by {_format_value_and_sigma_ms(own_s, sigma_s)} in this "
+                "log, by "
+                f"{_format_value_and_sigma_ms(known.found_s, known.sigma_s)} in the calibration {calibration.name}; "
                 f"{'the calibration counts' if causal else 'the log counts'}"
             )
         if causal:
@@ -213,26 +218,28 @@ def with_latencies(
     return latencies, notes
 
 
-def _disagreement_note(s: Series, constant: Constant, calibration: Calibration) -> str:
+def _disagreeing_drives_note(s: SensorSeries, constant: Constant, calibration: Calibration) -> str:
     return (
         f"{s.source}: the drives of the calibration {calibration.name} disagree on the latency of "
-        f"{s.kind.name.lower()} ({_ms(constant.value, constant.sigma)}, from drive to drive by "
+        f"{s.kind.name.lower()} ({_format_value_and_sigma_ms(constant.value, constant.sigma)}, from drive to drive by "
         f"{1e3 * constant.spread:.0f} ms), so it is not used"
     )
 
 
-def bias_note(s: Series, bias: float, sigma: float, calibration: Calibration) -> list[str]:
+def bias_contradiction_notes(s: SensorSeries, bias: float, sigma: float, calibration: Calibration) -> list[str]:
     """Return a note if the bias found in the log differs significantly from that of the calibration."""
-    constant = calibration.of(s.source, s.kind, "bias")
-    allowed = SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.drive_sigma) if constant.is_known else math.inf
+    constant = calibration.find_constant(s.source, s.kind, "bias")
+    allowed = (
+        SIGNIFICANT_SIGMAS * math.hypot(sigma, constant.sigma_in_another_drive) if constant.has_value else math.inf
+    )
     if not abs(bias - constant.value) > allowed:
         return []
     unit, quantity = QUANTITIES[s.kind].unit, s.kind.name.lower().replace("_", " ")
     return [
         f"{s.source}: the bias of {quantity} is {bias:.3g} +- {sigma:.2g} {unit} in this log, "
-        f"{constant.value:.3g} +- {constant.drive_sigma:.2g} {unit} in the calibration {calibration.name}"
+        f"{constant.value:.3g} +- {constant.sigma_in_another_drive:.2g} {unit} in the calibration {calibration.name}"
     ]
 
 
-def _ms(value_s: float, sigma_s: float) -> str:
+def _format_value_and_sigma_ms(value_s: float, sigma_s: float) -> str:
     return f"{1e3 * value_s:.0f} +- {1e3 * sigma_s:.0f} ms"

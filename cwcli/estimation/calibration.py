@@ -27,14 +27,14 @@ from cwcli.input import read_file
 from cwcli.metrics.student import student_factor
 from cwcli.toml_text import parse_toml
 
-FORMAT_KEY, FORMAT = "cwcli_calibration", 1
+FORMAT_VERSION_KEY, FORMAT_VERSION = "cwcli_calibration", 1
 """Key of the format version in a calibration file, and the version that this code reads and writes."""
-MOTION = "motion"
+MOTION_TABLE_NAME = "motion"
 """Name of the table with the constants of the driver and the car, which belong to no sensor."""
 
 
 @dataclass(frozen=True)
-class Name:
+class ConstantSpec:
     """Specification of a constant that a calibration may hold.
 
     Attributes:
@@ -46,41 +46,41 @@ class Name:
     low: float
     high: float
     unit: str
-    of: tuple[str, ...]
+    quantities: tuple[str, ...]
 
 
-RATES = ("accel", "yaw_rate")
+RATE_QUANTITY_NAMES = ("accel", "yaw_rate")
 """Names of the quantities that may have a bias."""
-MEASURED = ("position", "velocity", "speed", "heading", *RATES)
+MEASURED_QUANTITY_NAMES = ("position", "velocity", "speed", "heading", *RATE_QUANTITY_NAMES)
 """Names of the quantities that the filter measures."""
-QUANTITIES = (*MEASURED, "imu", "camera")
+QUANTITY_NAMES = (*MEASURED_QUANTITY_NAMES, "imu", "camera")
 """Names of all quantities that a source may have in a calibration file."""
-NAMES: Mapping[str, Name] = {
-    "latency_s": Name(-3600.0, 3600.0, "s, positive is late", MEASURED),
-    "noise_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED),
-    "stamp_sigma_s": Name(0.0, 10.0, "s, one sigma from row to row", ("position",)),
-    "interval_s": Name(0.0, 3600.0, "s between two rows", MEASURED),
-    "noise_scale": Name(0.0, 1e8, "factor on the variance that the messages state", MEASURED),
-    "slow_sigma": Name(0.0, 1e4, "one sigma in the unit of the quantity", ("position", "accel")),
-    "slow_time_s": Name(0.0, 1e6, "s", ("position", "accel")),
-    "bias": Name(-1e3, 1e3, "in the unit of the quantity", RATES),
-    "scale": Name(0.5, 2.0, "read for a true 1", ("speed",)),
-    "lever_arm_m": Name(-20.0, 20.0, "m", ("speed",)),
-    "ahead_m": Name(-20.0, 20.0, "m", ("position", "velocity", "accel")),
-    "nose_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
-    "left_up_rad": Name(-1.0, 1.0, "rad", ("imu",)),
-    "pitch_rad": Name(-0.785, 0.785, "rad, nose down positive", ("camera",)),
-    "jerk_sigma_mps3": Name(0.0, 1e3, "m/s^3", (MOTION,)),
-    "yaw_accel_sigma_radps2": Name(0.0, 1e3, "rad/s^2", (MOTION,)),
+CONSTANT_SPECS: Mapping[str, ConstantSpec] = {
+    "latency_s": ConstantSpec(-3600.0, 3600.0, "s, positive is late", MEASURED_QUANTITY_NAMES),
+    "noise_sigma": ConstantSpec(0.0, 1e4, "one sigma in the unit of the quantity", MEASURED_QUANTITY_NAMES),
+    "stamp_sigma_s": ConstantSpec(0.0, 10.0, "s, one sigma from row to row", ("position",)),
+    "interval_s": ConstantSpec(0.0, 3600.0, "s between two rows", MEASURED_QUANTITY_NAMES),
+    "noise_scale": ConstantSpec(0.0, 1e8, "factor on the variance that the messages state", MEASURED_QUANTITY_NAMES),
+    "slow_sigma": ConstantSpec(0.0, 1e4, "one sigma in the unit of the quantity", ("position", "accel")),
+    "slow_time_s": ConstantSpec(0.0, 1e6, "s", ("position", "accel")),
+    "bias": ConstantSpec(-1e3, 1e3, "in the unit of the quantity", RATE_QUANTITY_NAMES),
+    "scale": ConstantSpec(0.5, 2.0, "read for a true 1", ("speed",)),
+    "lever_arm_m": ConstantSpec(-20.0, 20.0, "m", ("speed",)),
+    "ahead_m": ConstantSpec(-20.0, 20.0, "m", ("position", "velocity", "accel")),
+    "nose_up_rad": ConstantSpec(-1.0, 1.0, "rad", ("imu",)),
+    "left_up_rad": ConstantSpec(-1.0, 1.0, "rad", ("imu",)),
+    "pitch_rad": ConstantSpec(-0.785, 0.785, "rad, nose down positive", ("camera",)),
+    "jerk_sigma_mps3": ConstantSpec(0.0, 1e3, "m/s^3", (MOTION_TABLE_NAME,)),
+    "yaw_accel_sigma_radps2": ConstantSpec(0.0, 1e3, "rad/s^2", (MOTION_TABLE_NAME,)),
 }
 """Name of each constant -> its permitted range, its unit and the quantities that may have it; chosen by hand."""
-EVIDENCE = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
+EVIDENCE_KEYS = ("distance_km", "accel_rms_mps2", "yaw_rate_rms_radps")
 """Keys that tell how much driving a calibration comes from."""
-CLEAR_SIGMAS = 3.0
+MIN_SIGMAS_FROM_ZERO = 3.0
 """A constant on which drives disagree is used only if it is more than this many sigmas of their scatter from zero.
 
 Chosen as for the significance of a latency; not fitted."""
-FIELDS = ("status", "value", "sigma", "spread", "interval", "chi_square", "logs", "minutes")
+CONSTANT_TOML_KEYS = ("status", "value", "sigma", "spread", "interval", "chi_square", "logs", "minutes")
 """Keys that the table of one constant may have."""
 
 
@@ -124,12 +124,12 @@ class Constant:
     of_logs: tuple[tuple[str, float, float], ...] = field(default=(), compare=False)
 
     @property
-    def is_known(self) -> bool:
+    def has_value(self) -> bool:
         """Whether it has a value."""
         return math.isfinite(self.value)
 
     @property
-    def drive_sigma(self) -> float:
+    def sigma_in_another_drive(self) -> float:
         """One sigma of the constant in another drive: 1.96 of them hold 95 %.
 
         The variance is that of the mean plus that between drives (Higgins, Thompson and Spiegelhalter, 2009). With few
@@ -139,17 +139,17 @@ class Constant:
         return both * student_factor(self.n_logs - 1) if self.spread > 0.0 and self.n_logs > 1 else both
 
     @property
-    def is_clear_in_any_drive(self) -> bool:
+    def is_usable_in_any_drive(self) -> bool:
         """Whether it may be used in a drive that does not show it.
 
         That is so where the drives agree on it, or where it is farther from zero than they scatter.
         """
         if self.status is not ConstantStatus.DISAGREE:
-            return self.is_known
-        return abs(self.value) > CLEAR_SIGMAS * math.hypot(self.sigma, self.spread)
+            return self.has_value
+        return abs(self.value) > MIN_SIGMAS_FROM_ZERO * math.hypot(self.sigma, self.spread)
 
     @property
-    def between_drives(self) -> float:
+    def i_squared_between_drives(self) -> float:
         """I^2 (Higgins and Thompson, 2002): share of the scatter that the sigmas of the drives do not explain.
 
         NaN with one log.
@@ -157,12 +157,12 @@ class Constant:
         return max(0.0, 1.0 - 1.0 / self.chi_square) if self.chi_square > 0.0 else self.chi_square
 
     @property
-    def interval(self) -> tuple[float, float]:
+    def interval_95(self) -> tuple[float, float]:
         """Lower and upper bound of the value in 95 % of other drives."""
-        return self.value - 1.96 * self.drive_sigma, self.value + 1.96 * self.drive_sigma
+        return self.value - 1.96 * self.sigma_in_another_drive, self.value + 1.96 * self.sigma_in_another_drive
 
 
-UNKNOWN = Constant()
+UNKNOWN_CONSTANT = Constant()
 """Constant of which nothing is known."""
 Constants = Mapping[str, Constant]
 
@@ -187,12 +187,12 @@ class Calibration:
     minutes: float = 0.0
     evidence: Mapping[str, float] = field(default_factory=dict)
 
-    def of(self, source: str, kind: Kind | str, name: str) -> Constant:
+    def find_constant(self, source: str, kind: Kind | str, name: str) -> Constant:
         """Return a constant of a quantity of a source; `UNKNOWN` where there is none."""
         quantity = kind if isinstance(kind, str) else kind.name.lower()
-        return self.sensors.get(source, {}).get(quantity, {}).get(name, UNKNOWN)
+        return self.sensors.get(source, {}).get(quantity, {}).get(name, UNKNOWN_CONSTANT)
 
-    def knows(self, source: str, kind: Kind) -> bool:
+    def has_quantity(self, source: str, kind: Kind) -> bool:
         """Whether the calibration has constants of a quantity of a source."""
         return kind.name.lower() in self.sensors.get(source, {})
 
@@ -214,36 +214,40 @@ def load_calibration(source: str | Path) -> Calibration:
         table = parse_toml(text)
     except (ValueError, RecursionError) as error:
         raise UsageError(f"not TOML: {error}", where=where) from None
-    return calibration_from_table(table, where)
+    return parse_calibration_table(table, where)
 
 
-def calibration_from_table(table: Mapping[str, Any], where: str) -> Calibration:
+def parse_calibration_table(table: Mapping[str, Any], where: str) -> Calibration:
     """Convert the parsed TOML of a calibration file to a calibration.
 
     Raises:
         UsageError: An unknown key, a wrong type, a value outside its range, or another format.
     """
-    if FORMAT_KEY not in table:
+    if FORMAT_VERSION_KEY not in table:
         hint = "make one with `cwcli calibrate LOG... -o car.toml`"
-        raise UsageError(f"this is no calibration: {FORMAT_KEY} is missing", where=where, hint=hint)
-    if table[FORMAT_KEY] != FORMAT or isinstance(table[FORMAT_KEY], bool):
-        raise _bad(where, FORMAT_KEY, f"is {table[FORMAT_KEY]!r}", str(FORMAT))
+        raise UsageError(f"this is no calibration: {FORMAT_VERSION_KEY} is missing", where=where, hint=hint)
+    if table[FORMAT_VERSION_KEY] != FORMAT_VERSION or isinstance(table[FORMAT_VERSION_KEY], bool):
+        raise _invalid_key_error(where, FORMAT_VERSION_KEY, f"is {table[FORMAT_VERSION_KEY]!r}", str(FORMAT_VERSION))
     logs = table.get("logs", [])
     if not isinstance(logs, list) or not all(isinstance(log, str) for log in logs):
-        raise _bad(where, "logs", f"is {logs!r}", "a list of names")
-    numbers = {key: _number(table[key], 0.0, 1e9, where, key, "") for key in ("minutes", *EVIDENCE) if key in table}
+        raise _invalid_key_error(where, "logs", f"is {logs!r}", "a list of names")
+    numbers = {
+        key: _parse_number_in_range(table[key], 0.0, 1e9, where, key, "")
+        for key in ("minutes", *EVIDENCE_KEYS)
+        if key in table
+    }
     sensors: dict[str, dict[str, Constants]] = {}
     for source, quantities in table.items():
-        if source in (FORMAT_KEY, "logs", MOTION, *numbers):
+        if source in (FORMAT_VERSION_KEY, "logs", MOTION_TABLE_NAME, *numbers):
             continue
         if not isinstance(quantities, Mapping):
-            known = ", ".join((FORMAT_KEY, "logs", "minutes", *EVIDENCE, MOTION))
-            raise _bad(where, source, "is unknown", f"{known}, and a table of each source")
+            known = ", ".join((FORMAT_VERSION_KEY, "logs", "minutes", *EVIDENCE_KEYS, MOTION_TABLE_NAME))
+            raise _invalid_key_error(where, source, "is unknown", f"{known}, and a table of each source")
         for quantity in quantities:
-            if quantity not in QUANTITIES:
-                raise _bad(where, f"{source}.{quantity}", "is unknown", ", ".join(QUANTITIES))
+            if quantity not in QUANTITY_NAMES:
+                raise _invalid_key_error(where, f"{source}.{quantity}", "is unknown", ", ".join(QUANTITY_NAMES))
         sensors[source] = {
-            quantity: _constants(constants, quantity, where, f"{source}.{quantity}")
+            quantity: _parse_constants(constants, quantity, where, f"{source}.{quantity}")
             for quantity, constants in quantities.items()
         }
     if not sensors:
@@ -251,47 +255,52 @@ def calibration_from_table(table: Mapping[str, Any], where: str) -> Calibration:
     return Calibration(
         name=where,
         sensors=sensors,
-        motion=_constants(table.get(MOTION, {}), MOTION, where, MOTION),
+        motion=_parse_constants(table.get(MOTION_TABLE_NAME, {}), MOTION_TABLE_NAME, where, MOTION_TABLE_NAME),
         logs=tuple(logs),
         minutes=numbers.pop("minutes", 0.0),
         evidence=numbers,
     )
 
 
-def _constants(table: Any, quantity: str, where: str, key: str) -> dict[str, Constant]:
-    if not isinstance(table, Mapping):
-        raise _bad(where, key, f"is {table!r}", "a table")
-    permitted = [name for name, each in NAMES.items() if quantity in each.of]
-    for name in table:
+def _parse_constants(toml_table: Any, quantity: str, where: str, key: str) -> dict[str, Constant]:
+    if not isinstance(toml_table, Mapping):
+        raise _invalid_key_error(where, key, f"is {toml_table!r}", "a table")
+    permitted = [name for name, each in CONSTANT_SPECS.items() if quantity in each.quantities]
+    for name in toml_table:
         if name not in permitted:
-            raise _bad(where, f"{key}.{name}", "is unknown", ", ".join(permitted))
-    return {name: _constant(value, NAMES[name], where, f"{key}.{name}") for name, value in table.items()}
+            raise _invalid_key_error(where, f"{key}.{name}", "is unknown", ", ".join(permitted))
+    return {
+        name: _parse_constant(value, CONSTANT_SPECS[name], where, f"{key}.{name}") for name, value in toml_table.items()
+    }
 
 
-def _constant(table: Any, name: Name, where: str, key: str) -> Constant:
-    if not isinstance(table, Mapping):
-        raise _bad(where, key, f"is {table!r}", "a table, as { value = 0.1, sigma = 0.01 }")
-    for each in table:
-        if each not in FIELDS:
-            raise _bad(where, f"{key}.{each}", "is unknown", ", ".join(FIELDS))
-    status = table.get("status", ConstantStatus.FOUND.value)
+def _parse_constant(toml_table: Any, spec: ConstantSpec, where: str, key: str) -> Constant:
+    if not isinstance(toml_table, Mapping):
+        raise _invalid_key_error(where, key, f"is {toml_table!r}", "a table, as { value = 0.1, sigma = 0.01 }")
+    for each in toml_table:
+        if each not in CONSTANT_TOML_KEYS:
+            raise _invalid_key_error(where, f"{key}.{each}", "is unknown", ", ".join(CONSTANT_TOML_KEYS))
+    status = toml_table.get("status", ConstantStatus.FOUND.value)
     if status not in list(ConstantStatus):
-        raise _bad(where, f"{key}.status", f"is {status!r}", ", ".join(ConstantStatus))
-    most = name.high - name.low
+        raise _invalid_key_error(where, f"{key}.status", f"is {status!r}", ", ".join(ConstantStatus))
+    most = spec.high - spec.low
     bounds = {
-        "value": (name.low, name.high, name.unit),
-        "sigma": (0.0, most, name.unit),
-        "spread": (0.0, most, name.unit),
+        "value": (spec.low, spec.high, spec.unit),
+        "sigma": (0.0, most, spec.unit),
+        "spread": (0.0, most, spec.unit),
         "chi_square": (0.0, math.inf, ""),
         "logs": (0, 1_000_000_000, "logs"),
         "minutes": (0.0, 1e9, "minutes"),
     }
-    numbers = {each: _number(table[each], *bounds[each][:2], where, f"{key}.{each}", bounds[each][2])
-               for each in bounds if each in table}  # fmt: skip
+    numbers = {each: _parse_number_in_range(toml_table[each], *bounds[each][:2], where, f"{key}.{each}",
+    bounds[each][2])
+               for each in bounds if each in toml_table}  # fmt: skip
     if status == ConstantStatus.NOT_OBSERVABLE:
         return Constant(n_logs=int(numbers.get("logs", 0)), minutes=numbers.get("minutes", 0.0))
     if "value" not in numbers:
-        raise _bad(where, f"{key}.value", "is missing", f"{name.low:g} to {name.high:g} {name.unit}".strip())
+        raise _invalid_key_error(
+            where, f"{key}.value", "is missing", f"{spec.low:g} to {spec.high:g} {spec.unit}".strip()
+        )
     return Constant(
         status=ConstantStatus(status),
         value=numbers["value"],
@@ -303,64 +312,64 @@ def _constant(table: Any, name: Name, where: str, key: str) -> Constant:
     )
 
 
-def _number(value: Any, low: float, high: float, where: str, key: str, unit: str) -> float:
+def _parse_number_in_range(value: Any, low: float, high: float, where: str, key: str, unit: str) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not low <= value <= high:  # not a number is out of range too
-        raise _bad(where, key, f"is {value!r}", f"{low:g} to {high:g} {unit}".strip())
+        raise _invalid_key_error(where, key, f"is {value!r}", f"{low:g} to {high:g} {unit}".strip())
     return float(value)
 
 
-def _bad(where: str, key: str, what: str, permitted: str) -> UsageError:
-    return UsageError(f"{key} {what}; permitted: {permitted}", where=where)
+def _invalid_key_error(where: str, key: str, fault: str, permitted: str) -> UsageError:
+    return UsageError(f"{key} {fault}; permitted: {permitted}", where=where)
 
 
-def calibration_text(calibration: Calibration) -> str:
-    """Return a calibration as TOML; `calibration_from_table` reads it back."""
+def format_calibration_toml(calibration: Calibration) -> str:
+    """Return a calibration as TOML; `parse_calibration_table` reads it back."""
     lines = [
         "# Constants of a car's sensors, found by `cwcli calibrate`. `interval` holds 95 % of drives; `spread` is how",
         "# much a drive differs from the next beyond what each tells of itself, `chi_square` whether the logs agree.",
-        f"{FORMAT_KEY} = {FORMAT}",
-        f"logs = [{', '.join(map(_text, calibration.logs))}]",
-        f"minutes = {_digits(calibration.minutes)}",
-        *(f"{key} = {_digits(value)}" for key, value in calibration.evidence.items()),
+        f"{FORMAT_VERSION_KEY} = {FORMAT_VERSION}",
+        f"logs = [{', '.join(map(_quote_toml_string, calibration.logs))}]",
+        f"minutes = {_format_toml_float(calibration.minutes)}",
+        *(f"{key} = {_format_toml_float(value)}" for key, value in calibration.evidence.items()),
     ]
     for source, quantities in calibration.sensors.items():
         for quantity, constants in quantities.items():
-            lines += ["", f"[{_text(source)}.{quantity}]", *_constant_lines(constants)]
+            lines += ["", f"[{_quote_toml_string(source)}.{quantity}]", *_format_constant_lines(constants)]
     if calibration.motion:
-        lines += ["", f"[{MOTION}]", *_constant_lines(calibration.motion)]
+        lines += ["", f"[{MOTION_TABLE_NAME}]", *_format_constant_lines(calibration.motion)]
     return "\n".join(lines) + "\n"
 
 
-def calibration_entry(calibration: Calibration | None) -> dict[str, str]:
+def calibration_record_entry(calibration: Calibration | None) -> dict[str, str]:
     """Return the entry of a run's record with the content of the calibration file; empty without a calibration."""
-    return {} if calibration is None else {"calibration": calibration_text(calibration)}
+    return {} if calibration is None else {"calibration": format_calibration_toml(calibration)}
 
 
-def _constant_lines(constants: Constants) -> list[str]:
-    return [f"{name} = {{ {', '.join(_entries(constant))} }}" for name, constant in constants.items()]
+def _format_constant_lines(constants: Constants) -> list[str]:
+    return [f"{name} = {{ {', '.join(_format_constant_entries(constant))} }}" for name, constant in constants.items()]
 
 
-def _entries(constant: Constant) -> Sequence[str]:
+def _format_constant_entries(constant: Constant) -> Sequence[str]:
     entries = [f'status = "{constant.status.value}"']
-    if constant.is_known:
-        low, high = constant.interval
+    if constant.has_value:
+        low, high = constant.interval_95
         entries += [
-            f"value = {_digits(constant.value)}",
-            f"sigma = {_digits(constant.sigma)}",
-            f"interval = [{_digits(low)}, {_digits(high)}]",
-            f"spread = {_digits(constant.spread)}",
+            f"value = {_format_toml_float(constant.value)}",
+            f"sigma = {_format_toml_float(constant.sigma)}",
+            f"interval = [{_format_toml_float(low)}, {_format_toml_float(high)}]",
+            f"spread = {_format_toml_float(constant.spread)}",
         ]
         if math.isfinite(constant.chi_square):
-            entries.append(f"chi_square = {_digits(constant.chi_square)}")
-    return [*entries, f"logs = {constant.n_logs}", f"minutes = {_digits(constant.minutes)}"]
+            entries.append(f"chi_square = {_format_toml_float(constant.chi_square)}")
+    return [*entries, f"logs = {constant.n_logs}", f"minutes = {_format_toml_float(constant.minutes)}"]
 
 
-def _digits(value: float) -> str:
+def _format_toml_float(value: float) -> str:
     """Return a number with six digits as a TOML float."""
     text = f"{value:.6g}"
     return text if any(mark in text for mark in ".en") else f"{text}.0"
 
 
-def _text(value: str) -> str:
+def _quote_toml_string(value: str) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

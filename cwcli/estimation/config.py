@@ -17,7 +17,7 @@ Senders = Literal["plain", "j2945"]
 LatencyOption = Literal["auto", "none"] | Mapping[str, float]
 LeverArms = Mapping[str, tuple[float, float]]
 """Source -> lever arm: m ahead and to the left of the reference point, whose course is the heading."""
-MAX_AHEAD_M, MAX_LEFT_M = 20.0, 5.0
+MAX_LEVER_ARM_AHEAD_M, MAX_LEVER_ARM_LEFT_M = 20.0, 5.0
 """Greatest lever arm ahead and to the left that is accepted, m. Chosen beyond the size of any lorry; not fitted."""
 MS_PER_S = 1000.0
 """Milliseconds in a second."""
@@ -25,7 +25,7 @@ MAX_LATENCY_S = 3600.0
 """Greatest latency that is accepted as an option, s. Chosen to catch values in a wrong unit."""
 
 
-def parse_latency(entries: Sequence[str]) -> LatencyOption:
+def parse_latency_option(entries: Sequence[str]) -> LatencyOption:
     """Return `auto`, `none`, or the latency (s) of each source from `NAME=MS` entries.
 
     Raises:
@@ -52,7 +52,7 @@ def parse_latency(entries: Sequence[str]) -> LatencyOption:
     return found
 
 
-def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
+def parse_lever_arm_options(entries: Sequence[str]) -> LeverArms:
     """Return the lever arm (m ahead, m to the left) of each source from `NAME=AHEAD,LEFT` entries.
 
     Raises:
@@ -65,9 +65,10 @@ def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
             ahead_m, left_m = (float(part) for part in text.split(","))
         except ValueError:
             ahead_m = left_m = math.nan
-        if not name or not is_on_car(ahead_m, left_m):
+        if not name or not is_lever_arm_on_car(ahead_m, left_m):
             raise UsageError(
-                f"--lever-arm {entry!r} is not NAME=AHEAD,LEFT in metres, at most {MAX_AHEAD_M:g} and {MAX_LEFT_M:g}",
+                f"--lever-arm {entry!r} is not NAME=AHEAD,LEFT in metres, at most {MAX_LEVER_ARM_AHEAD_M:g} and "
+                f"{MAX_LEVER_ARM_LEFT_M:g}",
                 hint="for example --lever-arm /gps/fix=1.2,0",
             )
         if name in found:
@@ -76,9 +77,9 @@ def parse_lever_arms(entries: Sequence[str]) -> LeverArms:
     return found
 
 
-def is_on_car(ahead_m: float, left_m: float) -> bool:
+def is_lever_arm_on_car(ahead_m: float, left_m: float) -> bool:
     """Whether a lever arm (m) lies within the accepted bounds; False for NaN."""
-    return abs(ahead_m) <= MAX_AHEAD_M and abs(left_m) <= MAX_LEFT_M
+    return abs(ahead_m) <= MAX_LEVER_ARM_AHEAD_M and abs(left_m) <= MAX_LEVER_ARM_LEFT_M
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class EstimatorConfig:
             metavar="auto|none|NAME=MS",
             default="auto",
             kind=list[str],
-            parse=parse_latency,
+            parse=parse_latency_option,
         ),
     ] = "auto"
     sensor_model: Annotated[
@@ -145,7 +146,7 @@ class EstimatorConfig:
             "the states are then; else from the log's transforms. Repeatable.",
             metavar="NAME=AHEAD,LEFT",
             kind=list[str],
-            parse=parse_lever_arms,
+            parse=parse_lever_arm_options,
         ),
     ] = field(default_factory=dict)
     gate_probability: Annotated[
@@ -174,6 +175,6 @@ class EstimatorConfig:
     song2016_step_s: float = 0.05
 
     @property
-    def is_blind_online(self) -> bool:
+    def takes_no_online_parameter_from_log(self) -> bool:
         """Whether online states take no parameter from the log, due to a calibration or to `latency` being "none"."""
         return self.calibration is not None or self.latency == "none"

@@ -11,7 +11,7 @@ from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 
 
-def effective_count(values: FloatArray, max_lag: int = 200) -> float:
+def effective_sample_count(values: FloatArray, max_lag: int = 200) -> float:
     """Return how many independent values a correlated series is worth: n / (1 + 2 sum of its autocorrelations).
 
     The sum stops at the first autocorrelation below 0 (Geyer's initial positive sequence, simplified).
@@ -45,7 +45,7 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class ErrorRow:
+class ErrorTableRow:
     """Errors of one quantity before and after the filter: a row of song2016's table 1.
 
     Attributes:
@@ -67,9 +67,9 @@ class ErrorRow:
     change_percent: float
 
 
-def error_rows(
+def compare_errors_with_truth(
     truth: Mapping[str, FloatArray], measured: Mapping[str, FloatArray], estimated: Mapping[str, FloatArray]
-) -> list[ErrorRow]:
+) -> list[ErrorTableRow]:
     """Compare measurements and estimates with the truth, in the form of song2016's table 1.
 
     Args:
@@ -85,16 +85,16 @@ def error_rows(
     for name, unit in units.items():
         if name not in truth or name not in estimated:
             continue
-        n, after, after_bias = _sigma(name, truth[name], estimated[name])
+        n, after, after_bias = _error_count_rms_and_mean(name, truth[name], estimated[name])
         before, before_bias = float("nan"), float("nan")
         if name in measured:
-            _, before, before_bias = _sigma(name, truth[name], measured[name])
+            _, before, before_bias = _error_count_rms_and_mean(name, truth[name], measured[name])
         change = 100.0 * (after / before - 1.0) if before > 0 else float("nan")
-        rows.append(ErrorRow(name, unit, n, before, before_bias, after, after_bias, change))
+        rows.append(ErrorTableRow(name, unit, n, before, before_bias, after, after_bias, change))
     return rows
 
 
-def _sigma(name: str, truth: FloatArray, value: FloatArray) -> tuple[int, float, float]:
+def _error_count_rms_and_mean(name: str, truth: FloatArray, value: FloatArray) -> tuple[int, float, float]:
     """Return count, one-sigma error and mean error; a position's sigma is per axis."""
     error = value - truth
     if name == "heading":

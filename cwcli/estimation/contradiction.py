@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from cwcli.estimation.measurements import RATES, Kind
+from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.signals.role import Role
 
-_ROLES = {
+_ROLE_OF_KIND = {
     Kind.POSITION: Role.EGO_POSITION,
     Kind.VELOCITY: Role.EGO_VELOCITY,
     Kind.SPEED: Role.EGO_SPEED,
     Kind.HEADING: Role.EGO_HEADING,
 }
 """Role of the sources of each kind; all other kinds come from an IMU."""
-GRAVITY = "gravity"
+GRAVITY_TEXT = "gravity"
 """Name of gravity in texts, for an IMU that contradicts it."""
 
 
 @dataclass(frozen=True)
-class Quantity:
+class SourceQuantity:
     """A quantity of a source.
 
     Attributes:
@@ -32,9 +32,9 @@ class Quantity:
 
     def __str__(self) -> str:
         """The role, so that it can be named in `--topic` and `--map`, and the topic."""
-        if self.kind in RATES:
+        if self.kind in RATE_KINDS:
             return f"{Role.IMU} {self.kind.name.lower().replace('_', ' ')} ({self.source})"
-        return f"{_ROLES.get(self.kind, Role.IMU)} ({self.source})"
+        return f"{_ROLE_OF_KIND.get(self.kind, Role.IMU)} ({self.source})"
 
 
 @dataclass(frozen=True)
@@ -49,28 +49,28 @@ class Contradiction:
         left_out: The sources that were not used for the estimate: `who`, both, or neither.
     """
 
-    who: Quantity
-    against: Quantity | str
+    who: SourceQuantity
+    against: SourceQuantity | str
     what: str
-    allies: tuple[Quantity, ...] = ()
-    left_out: tuple[Quantity, ...] = ()
+    allies: tuple[SourceQuantity, ...] = ()
+    left_out: tuple[SourceQuantity, ...] = ()
 
-    def without(self, *sources: Quantity) -> Contradiction:
+    def with_left_out(self, *sources: SourceQuantity) -> Contradiction:
         """Return the contradiction with the sources that are left out of the estimate."""
         return replace(self, left_out=sources)
 
     @property
-    def sentence(self) -> str:
+    def contradiction_sentence(self) -> str:
         """Sentence on who contradicts whom, and by what."""
         return f"{self.who} contradicts {self.against}: {self.what}"
 
     @property
-    def consequence(self) -> str:
+    def consequence_text(self) -> str:
         """Text on the votes and on the sources that are left out."""
         if self.allies:
             why = f"{', '.join(str(each) for each in self.allies)} {'agree' if len(self.allies) > 1 else 'agrees'} with"
             done = f"{why} {self.against}"
-        elif self.against == GRAVITY:
+        elif self.against == GRAVITY_TEXT:
             done = ""
         else:
             done = "no third source tells which of them is wrong"

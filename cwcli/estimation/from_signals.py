@@ -9,7 +9,7 @@ import numpy as np
 from cwcli.errors import DataError, UsageError
 from cwcli.estimation.config import Senders
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.signals.bsm_sender import is_repeated, unfiltered
+from cwcli.signals.bsm_sender import is_latched_heading, undo_low_pass_filter
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -22,18 +22,18 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.remotes import joined_remotes
-from cwcli.signals.stitch import stitch
+from cwcli.signals.remotes import join_remote_signals
+from cwcli.signals.stitch import join_changed_ids
 from cwcli.signals.units import NS_PER_S
 
-MAX_SHOWN_PAIRS = 5
+MAX_LISTED_ID_CHANGES = 5
 """Greatest number of id changes that a note lists; chosen for short notes."""
-MAX_STATES = 20_000_000
+MAX_OUTPUT_STATES = 20_000_000
 """Greatest number of ego states. Chosen so that a wrong stamp ends as an error and does not exhaust the memory."""
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
-def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Measurements]:
+def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Measurements]:
     """Convert an ego signal to measurements, one per quantity that it carries.
 
     Args:
@@ -50,20 +50,20 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
                 hint = "name positions of one kind with --topic ego_position="
                 raise UsageError(f"{signal.source} is in degrees, and the position before it is Cartesian", hint=hint)
             x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
-            covariance = _symmetric(signal.covariance_m2)
+            covariance = _unpack_symmetric_matrices(signal.covariance_m2)
             values = np.column_stack([x_m, y_m])
             return [Measurements(signal.source, Kind.POSITION, stamp_ns, values, covariance, log_ns)]
         case PoseSignal():
             if local_map is not None:
                 hint = "name positions of one kind with --topic ego_position="
                 raise UsageError(f"{signal.source} is Cartesian, and the position before it is not", hint=hint)
-            return _pose_measurements(signal)
+            return _pose_to_measurements(signal)
         case VelocitySignal():
             values = np.column_stack([signal.east_mps, signal.north_mps])
-            covariance = _symmetric(signal.covariance_m2ps2)
+            covariance = _unpack_symmetric_matrices(signal.covariance_m2ps2)
             return [Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, covariance, log_ns)]
         case SpeedSignal():
-            return _given(
+            return _columns_to_measurements(
                 signal,
                 stamp_ns,
                 log_ns,
@@ -73,14 +73,18 @@ def ego_measurements(signal: EgoSignal, local_map: LocalMap | None) -> list[Meas
                 },
             )
         case HeadingSignal():
-            return _given(signal, stamp_ns, log_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)})
+            return _columns_to_measurements(
+                signal, stamp_ns, log_ns, {Kind.HEADING: (signal.heading_rad, signal.variance_rad2)}
+            )
         case ImuSignal():
             values = np.column_stack([signal.accel_mps2, signal.gyro_radps])
             variances = np.column_stack([signal.accel_variance, signal.gyro_variance])
             return [Measurements(signal.source, Kind.IMU, stamp_ns, values, variances, log_ns)]
 
 
-def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> tuple[list[Measurements], list[str]]:
+def drop_stretches_without_position(
+    measurements: Sequence[Measurements], max_pause_s: float
+) -> tuple[list[Measurements], list[str]]:
     """Drop rows that a long pause separates from every position; returns the measurements and notes.
 
     In a stretch without a position between two pauses of all sources the place of the vehicle is unknown. Usually the
@@ -105,11 +109,11 @@ def near_positions(measurements: Sequence[Measurements], max_pause_s: float) -> 
             told = f"{n_apart} {m.kind.name.lower().replace('_', ' ')} rows lie more than {max_pause_s:g} s from"
             notes.append(f"{m.source}: {told} any stretch with a position, left out")
         if rows.any():
-            near.append(m.at(rows) if n_apart else m)
+            near.append(m.select_rows(rows) if n_apart else m)
     return near, notes
 
 
-def placed_remotes(
+def merge_remotes_placed_in_map(
     signals: Sequence[Signal], position: Signal, local_map: LocalMap | None, *, is_stitched: bool = False
 ) -> tuple[RemoteSignal | None, tuple[str, ...]]:
     """Merge the signals of remote vehicles that can be placed in the ego's map; returns one signal and notes.
@@ -129,14 +133,14 @@ def placed_remotes(
         notes = (f"the ego position {lost}: remote vehicles can't be placed in its map and are left out",)
     if not placed:
         return None, notes
-    merged = joined_remotes(placed)
+    merged = join_remote_signals(placed)
     if not is_stitched:
         return merged, notes
-    joined, told = _joined(merged, local_map)
+    joined, told = _join_changed_ids(merged, local_map)
     return joined, (*notes, *told)
 
 
-def remote_measurements(
+def remote_station_to_measurements(
     remote: RemoteSignal, rows: Int64Array, local_map: LocalMap | None, senders: Senders = "plain"
 ) -> list[Measurements]:
     """Convert the messages of one station to measurements of its motion.
@@ -156,16 +160,16 @@ def remote_measurements(
             remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
         )
     stamp_ns, log_ns = remote.stamp_ns[rows], remote.log_time_ns[rows]
-    covariance = _symmetric(remote.position_covariance_m2[rows])
+    covariance = _unpack_symmetric_matrices(remote.position_covariance_m2[rows])
     heading, accel, gain = remote.heading_rad[rows], remote.accel_mps2[rows], np.ones(len(rows))
     if senders == "j2945" and np.isfinite(remote.message_count[rows]).all():  # a CAM counts no messages
-        heading = np.where(is_repeated(heading, remote.speed_mps[rows]), np.nan, heading)
-        accel, gain = unfiltered((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
+        heading = np.where(is_latched_heading(heading, remote.speed_mps[rows]), np.nan, heading)
+        accel, gain = undo_low_pass_filter((stamp_ns - stamp_ns[0]) / NS_PER_S, accel)
     return [
         Measurements(
             remote.source, Kind.POSITION, stamp_ns, np.column_stack([x_m, y_m]), covariance, log_ns, remote.is_exact
         ),
-        *_given(
+        *_columns_to_measurements(
             remote,
             stamp_ns,
             log_ns,
@@ -179,7 +183,7 @@ def remote_measurements(
     ]
 
 
-def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
+def _pose_to_measurements(pose: PoseSignal) -> list[Measurements]:
     """Return position and heading. The twist of an odometry has another role (ego speed), so that it counts once."""
     values = np.column_stack([pose.x_m, pose.y_m])
     variance = pose.yaw_variance_rad2
@@ -191,15 +195,15 @@ def _pose_measurements(pose: PoseSignal) -> list[Measurements]:
             Kind.POSITION,
             pose.stamp_ns,
             values,
-            _symmetric(pose.covariance_m2),
+            _unpack_symmetric_matrices(pose.covariance_m2),
             pose.log_time_ns,
             pose.is_exact,
         ),
-        *_given(pose, pose.stamp_ns, pose.log_time_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
+        *_columns_to_measurements(pose, pose.stamp_ns, pose.log_time_ns, {Kind.HEADING: (pose.yaw_rad, variance)}),
     ]
 
 
-def _given(
+def _columns_to_measurements(
     signal: Signal, stamp_ns: Int64Array, log_ns: Int64Array, columns: Mapping[Kind, tuple[FloatArray, FloatArray]]
 ) -> list[Measurements]:
     """Convert columns (values, variances) by kind to measurements; rows without a finite value are left out."""
@@ -215,12 +219,12 @@ def _given(
     return found
 
 
-def _symmetric(packed: FloatArray) -> FloatArray:
+def _unpack_symmetric_matrices(packed: FloatArray) -> FloatArray:
     """Convert (n, 3) columns xx, xy, yy to (n, 2, 2) matrices."""
     return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
-def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge_s: float) -> Int64Array:
+def ego_output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float, max_bridge_s: float) -> Int64Array:
     """Return the stamps (ns) of the ego's states: from its first position to its last measurement, at the given rate.
 
     Where nothing is measured for longer than `max_bridge_s`, recording was interrupted and there are no states.
@@ -232,7 +236,7 @@ def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge
     last_ns = max(int(m.stamp_ns[-1]) for m in measurements if len(m) and int(m.stamp_ns[0]) <= last_ns)
     step_ns = round(NS_PER_S / rate_hz)
     n = (last_ns - first_ns) // step_ns + 1
-    if n > MAX_STATES:
+    if n > MAX_OUTPUT_STATES:
         raise DataError(
             f"the measurements span {(last_ns - first_ns) / NS_PER_S:.0f} s, {n} states at {rate_hz:g} Hz",
             where=measurements[0].source,
@@ -245,13 +249,13 @@ def output_grid(measurements: Sequence[Measurements], rate_hz: float, max_bridge
     return grid_ns
 
 
-def _joined(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
+def _join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Join the ids of vehicles that changed their id; returns the signal and notes."""
-    found = stitch(signal, local_map)
+    found = join_changed_ids(signal, local_map)
     notes = []
     if found.joined:
-        pairs = ", ".join(f"{one} became {other}" for one, other in found.joined[:MAX_SHOWN_PAIRS])
-        more = ", ..." if len(found.joined) > MAX_SHOWN_PAIRS else ""
+        pairs = ", ".join(f"{one} became {other}" for one, other in found.joined[:MAX_LISTED_ID_CHANGES])
+        more = ", ..." if len(found.joined) > MAX_LISTED_ID_CHANGES else ""
         notes.append(f"changed ids joined by motion: {len(found.joined)} ({pairs}{more})")
     if found.n_undecided:
         notes.append(f"changed ids not joined, because more than one new id could follow: {found.n_undecided}")

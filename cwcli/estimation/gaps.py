@@ -9,22 +9,22 @@ import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.passes import N_MOTION, Series, Start
-from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_start
+from cwcli.estimation.passes import N_MOTION_STATES, FilterStart, SensorSeries
+from cwcli.estimation.start import MIN_DISPLACEMENT_M, find_filter_start
 
-UNTOLD_S = 5.0
+MAX_TIME_WITHOUT_HEADING_S = 5.0
 """Longest time without position, velocity or heading that the filter bridges, s.
 
-Chosen: a car may turn by half a radian in it (`start.UNKNOWN_TURN_RADPS`)."""
-MAX_GYRO_GAP_S = 0.5
+Chosen: a car may turn by half a radian in it (`start.UNMEASURED_TURN_SIGMA_RADPS`)."""
+MAX_GYROSCOPE_GAP_S = 0.5
 """A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
-STOOD_SIGMAS = 5.0
+MIN_MOVEMENT_SIGMAS = 5.0
 """The car has moved across a gap if its positions differ by more than this many sigmas. Chosen by hand; not fitted."""
-PLACED = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
+HEADING_EVIDENCE_KINDS = (Kind.POSITION, Kind.VELOCITY, Kind.HEADING)
 """Kinds from which the filter learns the heading."""
 
 
-def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start]:
+def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: bool) -> list[FilterStart]:
     """Return a new filter start behind each long gap in which the car moved and no source measured the heading.
 
     Behind such a gap the heading may be wrong by any angle. The filter, linearised about it, would become sure of a
@@ -32,41 +32,41 @@ def restarts_after_gaps(series: Sequence[Series], *, causal: bool) -> list[Start
 
     Args:
         series: Series with their final latencies and noise.
-        causal: See `find_start`: the restart then waits until a heading is known; there is none where that never
+        causal: See `find_filter_start`: the restart then waits until a heading is known; there is none where that never
             happens.
     """
-    times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in PLACED]))
+    times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in HEADING_EVIDENCE_KINDS]))
     gaps = [
         (begin, end)
         for begin, end in itertools.pairwise(times.tolist())
-        if end - begin > UNTOLD_S and not _has_gyroscope(series, begin, end)
+        if end - begin > MAX_TIME_WITHOUT_HEADING_S and not _is_yaw_rate_measured_between(series, begin, end)
     ]
     found = []
     for i, (begin, end) in enumerate(gaps):
         stop = gaps[i + 1][0] if i + 1 < len(gaps) else np.inf
-        later = [s.at((s.time_s - s.latency_s >= end) & (s.time_s - s.latency_s <= stop)) for s in series]
+        later = [s.select_rows((s.time_s - s.latency_s >= end) & (s.time_s - s.latency_s <= stop)) for s in series]
         if not any(s.kind is Kind.POSITION and len(s) for s in later):
             continue
-        start = find_start(later, N_MOTION, causal=causal)
-        known = [s.at(s.time_s - s.latency_s <= start.time_s) for s in series] if causal else series
-        if np.isfinite(start.time_s) and _has_moved(known, begin, end):
+        start = find_filter_start(later, N_MOTION_STATES, causal=causal)
+        known = [s.select_rows(s.time_s - s.latency_s <= start.time_s) for s in series] if causal else series
+        if np.isfinite(start.time_s) and _has_position_changed_between(known, begin, end):
             found.append(start)
     return found
 
 
-def _has_gyroscope(series: Sequence[Series], begin: float, end: float) -> bool:
+def _is_yaw_rate_measured_between(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
     """Whether a yaw rate was measured for more than half of the time between two times (s)."""
     for s in series:
         if s.kind is Kind.YAW_RATE:
             time = s.time_s - s.latency_s
             inside = time[(time > begin) & (time < end)]
             gap_s = np.diff(np.concatenate(([begin], inside, [end])))
-            if float(gap_s[gap_s > MAX_GYRO_GAP_S].sum()) < 0.5 * (end - begin):
+            if float(gap_s[gap_s > MAX_GYROSCOPE_GAP_S].sum()) < 0.5 * (end - begin):
                 return True
     return False
 
 
-def _has_moved(series: Sequence[Series], begin: float, end: float) -> bool:
+def _has_position_changed_between(series: Sequence[SensorSeries], begin: float, end: float) -> bool:
     """Whether the positions before and behind a gap (s) differ by more than their noise."""
     for s in series:
         if s.kind is Kind.POSITION and len(s) > 1:
@@ -74,6 +74,8 @@ def _has_moved(series: Sequence[Series], begin: float, end: float) -> bool:
             first = min(int(np.searchsorted(time, end)), len(s) - 1)
             last = max(int(np.searchsorted(time, begin, side="right")) - 1, 0)
             sigma = float(np.sqrt(max(median(s.noise[:, 0]), median(s.noise[:, 2]))))
-            if float(np.hypot(*(s.values[first] - s.values[last]))) > max(MIN_DISPLACEMENT_M, STOOD_SIGMAS * sigma):
+            if float(np.hypot(*(s.values[first] - s.values[last]))) > max(
+                MIN_DISPLACEMENT_M, MIN_MOVEMENT_SIGMAS * sigma
+            ):
                 return True
     return False

@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
-LEAST_GRAVITY_MPS2 = 5.0
+MIN_GRAVITY_MPS2 = 5.0
 """Least mean specific force that is taken for gravity, m/s^2; chosen as about half of it."""
-LEVEL_BLOCKS = 10
+N_MOUNTING_BLOCKS = 10
 """Number of parts of a log whose scatter gives the sigma of the mounting; chosen by hand."""
-INTERPOLATED_RUN = 15
+INTERPOLATION_WINDOW_SAMPLES = 15
 """Number of consecutive samples in which most must lie on a straight line to count as interpolated; chosen by hand."""
-INTERPOLATED_PART = 0.02
+MAX_INTERPOLATED_CURVATURE_RATIO = 0.02
 """Greatest curvature of an interpolated sample, relative to the median curvature of the signal; chosen by hand."""
 
 
@@ -34,29 +34,29 @@ class ImuMounting:
     sigma_rad: float = float("nan")
 
     @classmethod
-    def of(cls, force: FloatArray, gyro: FloatArray) -> ImuMounting | None:
+    def from_mean_specific_force(cls, force: FloatArray, gyro: FloatArray) -> ImuMounting | None:
         """Find the mounting by the mean direction of the specific force (n, 3); None without an upward gravity in it.
 
         The part that is proportional to the turn rate (n, 3) about that direction is acceleration in bends and is
         subtracted first: a drive with more turns to one side would otherwise seem rolled.
         """
-        force = _without_bends(force, gyro)
+        force = _remove_turning_from_specific_force(force, gyro)
         up = force.mean(axis=0) if len(force) else np.zeros(3)
         norm = float(np.linalg.norm(up))
-        if not (norm > LEAST_GRAVITY_MPS2 and up[2] > 0.5 * norm):
+        if not (norm > MIN_GRAVITY_MPS2 and up[2] > 0.5 * norm):
             return None
-        parts = [part.mean(axis=0)[:2] / norm for part in np.array_split(force, LEVEL_BLOCKS) if len(part)]
+        parts = [part.mean(axis=0)[:2] / norm for part in np.array_split(force, N_MOUNTING_BLOCKS) if len(part)]
         sigma_rad = float(np.mean(np.std(parts, axis=0, ddof=1))) / len(parts) ** 0.5 if len(parts) > 1 else np.nan
         return cls(float(np.arcsin(up[0] / norm)), float(np.arctan2(up[1], up[2])), sigma_rad)
 
     @property
-    def up(self) -> FloatArray:
+    def up_axis(self) -> FloatArray:
         """Unit vector of the vertical in the IMU's axes, (3,)."""
         level = np.cos(self.nose_up_rad)
         return np.array([np.sin(self.nose_up_rad), level * np.sin(self.left_up_rad), level * np.cos(self.left_up_rad)])
 
     @property
-    def left(self) -> FloatArray:
+    def left_axis(self) -> FloatArray:
         """Unit vector of the level left axis in the IMU's axes, (3,)."""
         return np.array([0.0, np.cos(self.left_up_rad), -np.sin(self.left_up_rad)])
 
@@ -70,7 +70,8 @@ class LevelledImu:
         accel_mps2: Shape (n,): along the body's forward axis, gravity through a pitched mount still in it (it is
             the bias that the filter finds).
         yaw_rate_radps: Shape (n,): about the vertical.
-        pitch_rate_radps: Shape (n,): about the left axis, nose down positive; see `_pitch_rate`.
+        pitch_rate_radps: Shape (n,): about the left axis, nose down positive; see
+            `_remove_bias_and_yaw_from_pitch_rate`.
         accel_variance, yaw_rate_variance: Shape (n,), NaN where the message does not say.
         n_interpolated: Samples left out because they were interpolated before the log was made.
         mounting: The mounting that was compensated; None: the axes are used unchanged.
@@ -100,10 +101,10 @@ def level_imu(
         variance: Shape (n, 6) or None.
         mounting: Known from other drives; None: found here.
     """
-    invented = interpolated_samples(time_s, values)
-    known, mounting = mounting, mounting or ImuMounting.of(values[:, :3], values[:, 3:])
+    invented = interpolated_sample_mask(time_s, values)
+    known, mounting = mounting, mounting or ImuMounting.from_mean_specific_force(values[:, :3], values[:, 3:])
     # An IMU whose gravity was taken out already, or no accelerometer: trust the mounting.
-    up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up
+    up = np.array([0.0, 0.0, 1.0]) if mounting is None else mounting.up_axis
     keep = ~invented
     yaw_rate = values[keep, 3:] @ up
     if variance is None:
@@ -112,7 +113,9 @@ def level_imu(
         time_s[keep],
         values[keep, 0],
         yaw_rate,
-        _pitch_rate(values[keep, 4], yaw_rate) if known is None else values[keep, 3:] @ known.left,
+        _remove_bias_and_yaw_from_pitch_rate(values[keep, 4], yaw_rate)
+        if known is None
+        else values[keep, 3:] @ known.left_axis,
         variance[keep, 0],
         variance[keep, 5],
         int(invented.sum()),
@@ -120,7 +123,7 @@ def level_imu(
     )
 
 
-def _without_bends(force: FloatArray, gyro: FloatArray) -> FloatArray:
+def _remove_turning_from_specific_force(force: FloatArray, gyro: FloatArray) -> FloatArray:
     """Return the specific force (n, 3) without acceleration in bends: each axis minus its regression on the yaw rate.
 
     The acceleration v w to the left has about the mean speed of the bends as its slope over w.
@@ -135,7 +138,7 @@ def _without_bends(force: FloatArray, gyro: FloatArray) -> FloatArray:
     return np.asarray(force - yaw_rate[:, None] * slope)
 
 
-def _pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
+def _remove_bias_and_yaw_from_pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
     """Return the turn rate about the left axis without its bias and without its share of the yaw rate.
 
     Pitching of road and body does not correlate with turning, so the part that does is due to a rolled mount. Least
@@ -152,7 +155,7 @@ def _pitch_rate(left: FloatArray, yaw_rate: FloatArray) -> FloatArray:
     return rest - np.median(rest) if len(rest) else rest
 
 
-def interpolated_samples(time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:
+def interpolated_sample_mask(time_s: FloatArray, values: FloatArray) -> npt.NDArray[np.bool_]:
     """Find runs of samples that lie on a straight line in every axis at once.
 
     Recorders and data sets fill gaps of an IMU by linear interpolation. Such samples carry no measurement; believed,
@@ -168,7 +171,7 @@ def interpolated_samples(time_s: FloatArray, values: FloatArray) -> npt.NDArray[
     """
     n = len(time_s)
     none = np.zeros(n, bool)
-    if n < 4 * INTERPOLATED_RUN:
+    if n < 4 * INTERPOLATION_WINDOW_SAMPLES:
         return none
     step = np.diff(time_s)
     slope = np.diff(values, axis=0) / np.maximum(step, 1e-9)[:, None]
@@ -178,8 +181,8 @@ def interpolated_samples(time_s: FloatArray, values: FloatArray) -> npt.NDArray[
     if not axes.any():
         return none
     straight = none.copy()
-    straight[1:-1] = (curvature[:, axes] < INTERPOLATED_PART * usual[axes]).all(axis=1)
+    straight[1:-1] = (curvature[:, axes] < MAX_INTERPOLATED_CURVATURE_RATIO * usual[axes]).all(axis=1)
     if straight.mean() > 0.5:
         return none
-    near = np.convolve(straight, np.ones(INTERPOLATED_RUN), mode="same")
-    return near > INTERPOLATED_RUN // 2
+    near = np.convolve(straight, np.ones(INTERPOLATION_WINDOW_SAMPLES), mode="same")
+    return near > INTERPOLATION_WINDOW_SAMPLES // 2

@@ -10,15 +10,15 @@ from enum import StrEnum
 import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.measurements import RATES, Kind
+from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
-from cwcli.estimation.passes import Series
-from cwcli.estimation.sensor_limits import LATENCY
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.sensor_limits import LATENCY_RANGE
 from cwcli.signals.columns import FloatArray
 
 SIGNIFICANT_SIGMAS = 3.0
 """A value is significant if it is more than this many sigmas from zero. Chosen by hand; not fitted."""
-DRIFT_REACH_S = 150.0
+MAX_DRIFT_REACH_S = 150.0
 """Time from the middle up to which a drift is extrapolated, s: half of the window of the search."""
 
 
@@ -48,7 +48,12 @@ class LatencyStatus(StrEnum):
     OFF = "off"
 
 
-CORRECTED = (LatencyStatus.APPLIED, LatencyStatus.DRIFTS, LatencyStatus.GIVEN, LatencyStatus.CALIBRATED)
+CORRECTED_LATENCY_STATUSES = (
+    LatencyStatus.APPLIED,
+    LatencyStatus.DRIFTS,
+    LatencyStatus.GIVEN,
+    LatencyStatus.CALIBRATED,
+)
 """Statuses of latencies that are corrected."""
 
 
@@ -76,55 +81,57 @@ class Latency:
     @property
     def applied_s(self) -> float:
         """Correction that is subtracted from the stamps, s; of a drift that in the middle."""
-        return self.found_s if self.status in CORRECTED else 0.0
+        return self.found_s if self.status in CORRECTED_LATENCY_STATUSES else 0.0
 
     @property
-    def left_s(self) -> float:
+    def remaining_sigma_s(self) -> float:
         """One sigma of the remaining latency of the corrected stamps, s; infinite where unknown."""
         if self.status in (LatencyStatus.OFF, LatencyStatus.GIVEN, LatencyStatus.REFERENCE):
             return 0.0
         left_s = math.hypot(self.found_s - self.applied_s, self.sigma_s)
         return left_s if math.isfinite(left_s) else math.inf
 
-    def drifted_s(self, time_s: FloatArray) -> FloatArray:
+    def drift_correction_s(self, time_s: FloatArray) -> FloatArray:
         """Return the correction (n,), s, relative to that in the middle, for stamps (n,), s since the epoch.
 
         It is constant farther from the middle than DRIFT_REACH_S, beyond the window in which the line was found.
         """
-        return np.asarray(self.drift * np.clip(time_s - self.middle_s, -DRIFT_REACH_S, DRIFT_REACH_S))
+        return np.asarray(self.drift * np.clip(time_s - self.middle_s, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S))
 
 
-def within_limits(latency: Latency) -> Latency:
+def reject_latency_beyond_limits(latency: Latency) -> Latency:
     """Return the latency, marked as a contradiction and not corrected where no sensor can be so late."""
     found = latency.status in (LatencyStatus.APPLIED, LatencyStatus.DRIFTS)
-    if not found or LATENCY.holds(latency.found_s):
+    if not found or LATENCY_RANGE.contains(latency.found_s):
         return latency
     return replace(latency, status=LatencyStatus.CONTRADICTS, drift=0.0)
 
 
-def straightened(series: Series, latency: Latency) -> Series:
+def remove_latency_drift(series: SensorSeries, latency: Latency) -> SensorSeries:
     """Correct the stamps of a series for the drift, so that the remaining latency is constant."""
-    return replace(series, time_s=series.time_s - latency.drifted_s(series.time_s)) if latency.drift else series
+    return (
+        replace(series, time_s=series.time_s - latency.drift_correction_s(series.time_s)) if latency.drift else series
+    )
 
 
 NO_LATENCY = Latency(LatencyStatus.OFF)
 """Latency that was not searched."""
 
 
-def given_latency(series: Series, config: EstimatorConfig) -> Latency | None:
+def latency_given_by_user(series: SensorSeries, config: EstimatorConfig) -> Latency | None:
     """Return the latency that the user gave for this source and kind, or for the source; None where there is none."""
     given: Mapping[str, float] = {} if isinstance(config.latency, str) else config.latency
     named = given.get(f"{series.source}:{series.kind.name.lower()}", given.get(series.source))
     return None if named is None else Latency(LatencyStatus.GIVEN, float(named))
 
 
-def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Latency | None]:
+def predetermine_latencies(series: Sequence[SensorSeries], config: EstimatorConfig) -> list[Latency | None]:
     """Return for each series its latency if it is the reference, given or not observable; None if it is to be found."""
     if config.latency == "none":
         return [NO_LATENCY for _ in series]
     roles: list[Latency | None] = []
-    for s, is_reference in zip(series, references(series), strict=True):
-        if (given := given_latency(s, config)) is not None:
+    for s, is_reference in zip(series, is_reference_of_each_series(series), strict=True):
+        if (given := latency_given_by_user(s, config)) is not None:
             roles.append(given)
         elif is_reference:
             roles.append(Latency(LatencyStatus.REFERENCE))
@@ -137,23 +144,23 @@ def latency_roles(series: Sequence[Series], config: EstimatorConfig) -> list[Lat
     return roles
 
 
-def references(series: Sequence[Series]) -> list[bool]:
+def is_reference_of_each_series(series: Sequence[SensorSeries]) -> list[bool]:
     """Return for each series whether it is a reference of the others: see `_reference`."""
-    source, kinds = _reference(series)
+    source, kinds = _reference_source_and_kinds(series)
     return [s.source == source and s.kind in kinds for s in series]
 
 
-def _reference(series: Sequence[Series]) -> tuple[str, tuple[Kind, ...]]:
+def _reference_source_and_kinds(series: Sequence[SensorSeries]) -> tuple[str, tuple[Kind, ...]]:
     """Return source and kinds of the reference: the IMU, else the speed (with its yaw rate), else the position."""
     for s in series:
         if s.bias_state >= 0 and len(s):
-            return s.source, RATES
+            return s.source, RATE_KINDS
     for s in series:
         if s.kind is Kind.SPEED and len(s):
-            return s.source, (Kind.SPEED, *RATES)
+            return s.source, (Kind.SPEED, *RATE_KINDS)
     for s in series:
-        if s.kind in RATES and len(s):
-            return s.source, RATES
+        if s.kind in RATE_KINDS and len(s):
+            return s.source, RATE_KINDS
     for s in series:
         if s.kind is Kind.POSITION and len(s):
             return s.source, (Kind.POSITION,)

@@ -17,7 +17,7 @@ from cwcli.estimation.measurements import Kind
 
 
 @dataclass(frozen=True)
-class Told:
+class SourceLatency:
     """Latency of a quantity of a source.
 
     Attributes:
@@ -32,7 +32,7 @@ class Told:
     latency: Latency
 
 
-def on_agreed_clock(told: Sequence[Told]) -> tuple[list[Latency], list[str]]:
+def shift_latencies_to_agreed_clock(source_latencies: Sequence[SourceLatency]) -> tuple[list[Latency], list[str]]:
     """Move latencies to the clock on which the sources agree.
 
     Nothing is moved where the user gives a latency, because that names a clock.
@@ -43,26 +43,30 @@ def on_agreed_clock(told: Sequence[Told]) -> tuple[list[Latency], list[str]]:
     Returns:
         The latencies, and a note where they were moved.
     """
-    latencies = [each.latency for each in told]
+    latencies = [each.latency for each in source_latencies]
     statuses = {latency.status for latency in latencies}
     if LatencyStatus.REFERENCE not in statuses or LatencyStatus.GIVEN in statuses:
         return latencies, []
-    early = [each for each in told if each.latency.status is LatencyStatus.APPLIED and each.latency.found_s < 0.0]
-    groups = [[other for other in early if _agree(other.latency, each.latency)] for each in early]
-    group = max(groups, key=_votes, default=[])
-    others = [each for each in told if each.is_reference or _is_with_reference(each.latency, group)]
-    if _votes(group) < len({each.source for each in others}):
+    early = [
+        each for each in source_latencies if each.latency.status is LatencyStatus.APPLIED and each.latency.found_s < 0.0
+    ]
+    groups = [[other for other in early if _do_latencies_agree(other.latency, each.latency)] for each in early]
+    group = max(groups, key=_count_source_votes, default=[])
+    others = [each for each in source_latencies if each.is_reference or _agrees_with_reference(each.latency, group)]
+    if _count_source_votes(group) < len({each.source for each in others}):
         return latencies, []
-    return _moved(told, group)
+    return _shift_latencies_to_group_mean(source_latencies, group)
 
 
-def _moved(told: Sequence[Told], group: Sequence[Told]) -> tuple[list[Latency], list[str]]:
-    """Shift latencies to the mean clock of a group of sources that agree; see `on_agreed_clock`."""
+def _shift_latencies_to_group_mean(
+    source_latencies: Sequence[SourceLatency], group: Sequence[SourceLatency]
+) -> tuple[list[Latency], list[str]]:
+    """Shift latencies to the mean clock of a group of sources that agree; see `shift_latencies_to_agreed_clock`."""
     weight = np.array([each.latency.sigma_s**-2.0 for each in group])
     early_s = float(weight @ [each.latency.found_s for each in group] / weight.sum())
     sigma_s = float(weight.sum() ** -0.5)
     moved = []
-    for each in told:
+    for each in source_latencies:
         latency = each.latency
         if each.is_reference:
             bound_s = max(one.latency.bound_s for one in group)
@@ -80,20 +84,22 @@ def _moved(told: Sequence[Told], group: Sequence[Told]) -> tuple[list[Latency], 
         else:
             moved.append(latency)
     names = ", ".join(dict.fromkeys(each.source for each in group))
-    late = next(each.source for each in told if each.is_reference)
+    late = next(each.source for each in source_latencies if each.is_reference)
     ahead = f"{names}: {-1e3 * early_s:.0f} ms ahead of {late}"
     return moved, [f"{ahead}, so {late} is late; states are on the clock of {names}"]
 
 
-def _agree(one: Latency, other: Latency) -> bool:
+def _do_latencies_agree(one: Latency, other: Latency) -> bool:
     return abs(one.found_s - other.found_s) <= SIGNIFICANT_SIGMAS * float(np.hypot(one.sigma_s, other.sigma_s))
 
 
-def _is_with_reference(latency: Latency, group: Sequence[Told]) -> bool:
+def _agrees_with_reference(latency: Latency, group: Sequence[SourceLatency]) -> bool:
     """Whether a latency differs significantly from the group but not from the reference."""
-    return latency.status is LatencyStatus.NOT_SIGNIFICANT and not any(_agree(latency, one.latency) for one in group)
+    return latency.status is LatencyStatus.NOT_SIGNIFICANT and not any(
+        _do_latencies_agree(latency, one.latency) for one in group
+    )
 
 
-def _votes(group: Sequence[Told]) -> float:
+def _count_source_votes(group: Sequence[SourceLatency]) -> float:
     """Return the number of sources in a group, plus a half for a position, which decides a tie."""
     return len({each.source for each in group}) + 0.5 * any(each.kind is Kind.POSITION for each in group)

@@ -14,22 +14,22 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-BLOCK_S = 10.0
+SCATTER_BLOCK_S = 10.0
 """Length of the blocks whose scatter gives the sigma, s. Chosen longer than a manoeuvre."""
-MIN_BLOCKS = 8
+N_BLOCKS_OF_SHORT_LOG = 8
 """Number of blocks of a short log, which are then shorter. Chosen by hand; not fitted."""
-GAIN = 4.5
+MIN_DRIFT_LIKELIHOOD_GAIN = 4.5
 """Least gain of log-likelihood of a drift: three sigma."""
-LEAST_BLOCKS = 3
+MIN_SCATTER_BLOCKS = 3
 """Least number of long blocks. Chosen: two have only one degree of freedom."""
-FEW_BLOCKS = 2.0
+MIN_EFFECTIVE_BLOCKS = 2.0
 """Least effective number of blocks for a sigma by scatter. Chosen by hand; not fitted."""
-FEW_BLOCKS_FACTOR = 3.0
+FEW_BLOCKS_SIGMA_FACTOR = 3.0
 """Least ratio of the sigma to the formal one with fewer effective blocks. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Evidence:
+class LatencyEvidence:
     """The negative log-likelihood of each of k rows as a parabola in the latency tau:
 
     level + slope (tau - centre) + bend (tau - centre)^2 / 2.
@@ -47,9 +47,9 @@ class Evidence:
     bend: FloatArray
 
     @classmethod
-    def of(
+    def from_three_passes(
         cls, time_s: FloatArray, centre_s: float, probe_s: float, less: FloatArray, just: FloatArray, more: FloatArray
-    ) -> Evidence:
+    ) -> LatencyEvidence:
         """Lay the parabolas through three passes; rows that are not finite in one of them are left out.
 
         Args:
@@ -64,73 +64,75 @@ class Evidence:
         return cls(time_s[order], centre_s, just[order], slope[order], bend[order])
 
     @property
-    def latency_s(self) -> float:
+    def likeliest_latency_s(self) -> float:
         """The vertex of the sum; NaN where it has none."""
-        return _vertex(self.centre_s, float(self.slope.sum()), float(self.bend.sum()))
+        return _parabola_vertex_s(self.centre_s, float(self.slope.sum()), float(self.bend.sum()))
 
     @property
-    def formal_s(self) -> float:
+    def formal_sigma_s(self) -> float:
         """One sigma by the bend alone: true where the model is; infinity where the sum has no vertex."""
         information = float(self.bend.sum())
         return information**-0.5 if information > 0.0 else float("inf")
 
     @property
-    def sigma_s(self) -> float:
+    def block_scatter_sigma_s(self) -> float:
         """A quarter of the 95 % interval, by the scatter of the slopes at the vertex over blocks.
 
         The largest one of the scatters over blocks of BLOCK_S (of short logs: MIN_BLOCKS blocks), over blocks twice
         as long, because errors that last for longer than a block err alike in neighbours, and, where these are still
-        shorter than BLOCK_S, over as few as LEAST_BLOCKS. Never less than `formal_s`: a small scatter of a few blocks
-        is luck.
+        shorter than BLOCK_S, over as few as LEAST_BLOCKS. Never less than `formal_sigma_s`: a small scatter of a few
+        blocks is luck.
         """
-        if not np.isfinite(self.formal_s):
-            return self.formal_s
-        n_whole = int((self.time_s[-1] - self.time_s[0]) / BLOCK_S)
-        n_blocks = max(n_whole, MIN_BLOCKS)
-        lengths = {n_blocks, n_blocks // 2, min(n_blocks // 2, max(n_whole, LEAST_BLOCKS))}
-        return max(self.formal_s, *(self._scatter_s(n) for n in sorted(lengths)))
+        if not np.isfinite(self.formal_sigma_s):
+            return self.formal_sigma_s
+        n_whole = int((self.time_s[-1] - self.time_s[0]) / SCATTER_BLOCK_S)
+        n_blocks = max(n_whole, N_BLOCKS_OF_SHORT_LOG)
+        lengths = {n_blocks, n_blocks // 2, min(n_blocks // 2, max(n_whole, MIN_SCATTER_BLOCKS))}
+        return max(self.formal_sigma_s, *(self._sigma_from_block_scatter_s(n) for n in sorted(lengths)))
 
-    def _scatter_s(self, n_blocks: int) -> float:
+    def _sigma_from_block_scatter_s(self, n_blocks: int) -> float:
         """The sigma by the scatter over so many blocks of equal length, for as few degrees of freedom as they have."""
         span_s = float(self.time_s[-1] - self.time_s[0])
         block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
         bend = np.bincount(block, self.bend, n_blocks)
         told = np.maximum(bend, 0.0)
         n_effective = float(told.sum()) ** 2 / float(told @ told)
-        n_used = max(n_effective, FEW_BLOCKS)
-        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.latency_s - self.centre_s)
+        n_used = max(n_effective, MIN_EFFECTIVE_BLOCKS)
+        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.likeliest_latency_s - self.centre_s)
         # The slopes add up to zero; of blocks that scatter as their bends say, the mean of the sum of their squares is
         # the whole bend times 1 - 1 / n_used.
-        scatter_s = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_used))) * self.formal_s**2
-        least_s = FEW_BLOCKS_FACTOR * self.formal_s if n_effective < FEW_BLOCKS else 0.0
-        return max(_student_factor(n_used - 1.0) * scatter_s, least_s)
+        scatter_s = float(np.sqrt(slope @ slope / (1.0 - 1.0 / n_used))) * self.formal_sigma_s**2
+        least_s = FEW_BLOCKS_SIGMA_FACTOR * self.formal_sigma_s if n_effective < MIN_EFFECTIVE_BLOCKS else 0.0
+        return max(_student_to_normal_quantile_ratio(n_used - 1.0) * scatter_s, least_s)
 
-    def drift(self) -> tuple[float, float] | None:
+    def find_drift_rate_and_middle_s(self) -> tuple[float, float] | None:
         """How much the latency grows in a second, and the time about which it does; None where it may be constant.
 
         A line is found in two blocks of BLOCK_S of four and judged in the others, and the other way round. It must
         predict these better than a constant that was found like it, by GAIN.
         """
         span_s = float(self.time_s[-1] - self.time_s[0])
-        n_blocks = int(span_s / BLOCK_S)
-        if n_blocks < MIN_BLOCKS or not np.isfinite(self.formal_s):
+        n_blocks = int(span_s / SCATTER_BLOCK_S)
+        if n_blocks < N_BLOCKS_OF_SHORT_LOG or not np.isfinite(self.formal_sigma_s):
             return None
         block = np.minimum(((self.time_s - self.time_s[0]) * (n_blocks / span_s)).astype(np.int64), n_blocks - 1)
         bend = np.bincount(block, self.bend, n_blocks)
-        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.latency_s - self.centre_s)
+        slope = np.bincount(block, self.slope, n_blocks) + bend * (self.likeliest_latency_s - self.centre_s)
         told = np.asarray(np.maximum(bend, 0.0))
         middle_s = self.time_s[0] + (np.arange(n_blocks) + 0.5) * (span_s / n_blocks)
         about_s = float(told @ middle_s / told.sum())
         away_s = middle_s - about_s
         gain, first = 0.0, np.arange(n_blocks) // 2 % 2 == 0
         for found, judged in ((first, ~first), (~first, first)):
-            offset_s, rate = _line(away_s[found], slope[found], told[found])
-            constant_s = _vertex(0.0, float(slope[found].sum()), float(told[found].sum()))
-            gain += _cost(constant_s, slope[judged], told[judged])
-            gain -= _cost(offset_s + rate * away_s[judged], slope[judged], told[judged])
-        return (_line(away_s, slope, told)[1], about_s) if gain > GAIN else None
+            offset_s, rate = _fit_line_offset_and_rate(away_s[found], slope[found], told[found])
+            constant_s = _parabola_vertex_s(0.0, float(slope[found].sum()), float(told[found].sum()))
+            gain += _sum_of_parabolas(constant_s, slope[judged], told[judged])
+            gain -= _sum_of_parabolas(offset_s + rate * away_s[judged], slope[judged], told[judged])
+        return (
+            (_fit_line_offset_and_rate(away_s, slope, told)[1], about_s) if gain > MIN_DRIFT_LIKELIHOOD_GAIN else None
+        )
 
-    def crossed(self) -> float:
+    def cross_validated_neg_log_likelihood(self) -> float:
         """The negative log-likelihood of all rows, each half's with the latency that the other half says.
 
         The halves have equal parts of the information. NaN where one of them says nothing.
@@ -143,17 +145,17 @@ class Evidence:
         )
         total = 0.0
         for (level, slope, bend), (_, other_slope, other_bend) in ((first, second), (second, first)):
-            move_s = _vertex(0.0, other_slope, other_bend)
+            move_s = _parabola_vertex_s(0.0, other_slope, other_bend)
             total += level + slope * move_s + 0.5 * bend * move_s**2
         return total
 
 
-def _student_factor(dof: float) -> float:
+def _student_to_normal_quantile_ratio(dof: float) -> float:
     """Student's 97.5 % quantile over the normal distribution's (Abramowitz and Stegun 26.7.5); dof >= 1."""
     return 1.0 + (1.210 + (1.440 + 1.304 / dof) / dof) / dof
 
 
-def _line(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[float, float]:
+def _fit_line_offset_and_rate(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[float, float]:
     """Offset and rate of the likeliest line through blocks with these slopes and bends; NaN where there is none."""
     total, first, second = float(bend.sum()), float(bend @ away_s), float(bend @ away_s**2)
     determinant = total * second - first**2
@@ -163,9 +165,9 @@ def _line(away_s: FloatArray, slope: FloatArray, bend: FloatArray) -> tuple[floa
     return (first * by_rate - second * at_zero) / determinant, (first * at_zero - total * by_rate) / determinant
 
 
-def _cost(move_s: FloatArray | float, slope: FloatArray, bend: FloatArray) -> float:
+def _sum_of_parabolas(move_s: FloatArray | float, slope: FloatArray, bend: FloatArray) -> float:
     return float((slope * move_s + 0.5 * bend * np.square(move_s)).sum())
 
 
-def _vertex(centre_s: float, slope: float, bend: float) -> float:
+def _parabola_vertex_s(centre_s: float, slope: float, bend: float) -> float:
     return centre_s - slope / bend if bend > 0.0 else float("nan")

@@ -25,68 +25,74 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.latency import SIGNIFICANT_SIGMAS, Latency, LatencyStatus, references, straightened
-from cwcli.estimation.latency_evidence import Evidence
-from cwcli.estimation.measurements import RATES, Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_factor
-from cwcli.estimation.passes import PassResult, Series, run_pass
-from cwcli.estimation.prepare import thinned, thinned_to
-from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.latency import (
+    SIGNIFICANT_SIGMAS,
+    Latency,
+    LatencyStatus,
+    is_reference_of_each_series,
+    remove_latency_drift,
+)
+from cwcli.estimation.latency_evidence import LatencyEvidence
+from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_variance_factor
+from cwcli.estimation.passes import PassResult, SensorSeries, run_filter_pass
+from cwcli.estimation.prepare import average_row_blocks, average_rows_to_rate
+from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-GRID_STEP_S = 0.25
+LATENCY_GRID_STEP_S = 0.25
 """Step of the grid of latencies, s. Chosen finer than the manoeuvres that show one."""
-GRID_S = np.arange(-0.5, 2.01, GRID_STEP_S)
+LATENCY_GRID_S = np.arange(-0.5, 2.01, LATENCY_GRID_STEP_S)
 """Grid of latencies that are tried, s; positive is late. Chosen by hand; not fitted."""
-PROBES_S = (0.05, 0.1, 0.2, 0.4)
+PROBE_OFFSETS_S = (0.05, 0.1, 0.2, 0.4)
 """Distances from the likeliest latency at which a parabola is laid, s. Chosen by hand; not fitted."""
-FALL = 0.5 * SIGNIFICANT_SIGMAS**2
+LIKELIHOOD_FALL_AT_THREE_SIGMA = 0.5 * SIGNIFICANT_SIGMAS**2
 """Fall of the log-likelihood at three sigma from its top."""
-OBSERVABLE_S = 0.05
+MAX_OBSERVABLE_SIGMA_S = 0.05
 """A latency with a larger bound is reported only if it is significant, s. Chosen by hand; not fitted."""
-TOLD_S = 0.1
+MAX_REPORTED_SIGMA_S = 0.1
 """A latency with a larger bound is not reported, s. Chosen by hand; not fitted."""
-THINNED_HZ = 25.0
+IMU_AVERAGING_HZ = 25.0
 """Rate to which an IMU is averaged, Hz. Chosen for speed; not fitted."""
-COARSE_HZ = 10.0
+COARSE_SEARCH_HZ = 10.0
 """Rate to which frequent sources are averaged for the grid, Hz. Chosen for speed; not fitted."""
-WINDOW_S = 300.0
+SEARCH_WINDOW_S = 300.0
 """Longest span of a log that is searched, s. Chosen for speed; not fitted."""
 GATE_PROBABILITY = 1.0 - 1e-5
 """Probability with which the gate keeps a good row during the search. Chosen by hand; not fitted."""
-SETTLED = 1.1
+SETTLED_NOISE_FACTOR = 1.1
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-MAX_MATCHINGS = 3
+MAX_NOISE_MATCHINGS = 3
 """Greatest number of rounds of innovation matching. Chosen for speed; not fitted."""
-MAX_STATES = 24
+MAX_KERNEL_STATES = 24
 """Greatest number of states of the kernel; the slow error takes two."""
-SLOW_SIGMAS_M = (0.3, 1.0, 3.0)
+SLOW_ERROR_SIGMAS_M = (0.3, 1.0, 3.0)
 """Sigmas of slow errors of positions that are tried, m. Chosen by hand; not fitted."""
-SLOW_TIMES_S = (1.0, 3.0, 10.0)
+SLOW_ERROR_TIME_CONSTANTS_S = (1.0, 3.0, 10.0)
 """Time constants of slow errors that are tried, s. Chosen by hand; not fitted."""
-SLOW_GAIN = 9.0
+MIN_SLOW_ERROR_LIKELIHOOD_GAIN = 9.0
 """Least gain of log-likelihood of a slow error: 4.5 for each of its two parameters."""
-MAX_WEIGHINGS = 4
+MAX_EVIDENCE_ITERATIONS = 4
 """Greatest number of iterations at one probe distance. Chosen for speed; not fitted."""
-LEAD_IN_S = 2.5
+REFERENCE_LEAD_IN_S = 2.5
 """Time before the target's first row from which the reference is used, s: the longest latency and a little."""
-FAR_M = 100.0
+START_POSITION_SIGMA_M = 100.0
 """One sigma of the start's position, m. Chosen large, so that the first position does not count twice."""
 LOOSE_JERK_MPS3 = 20.0
 """Jerk sigma with an IMU as reference, m/s^3. Chosen large, so that the state follows the IMU."""
 LOOSE_YAW_ACCEL_RADPS2 = 4.0
 """Yaw acceleration sigma with an IMU as reference, rad/s^2. Chosen large, so that the state follows the IMU."""
-SIDE_SLIP_M = 0.03
+SEARCH_SIDE_SLIP_M = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: a latency needs a long memory."""
 
 
 def find_latencies(
-    series: Sequence[Series],
-    roles: Sequence[Latency | None],
-    parameters: ModelParameters,
+    series: Sequence[SensorSeries],
+    predetermined: Sequence[Latency | None],
+    parameters: MotionParameters,
     walk: FloatArray,
     prior: FloatArray,
 ) -> list[Latency]:
@@ -94,45 +100,47 @@ def find_latencies(
 
     Args:
         series: All series, bias states set.
-        roles: Parallel to `series`, see `latency_roles`.
+        roles: Parallel to `series`, see `predetermine_latencies`.
         parameters: Motion model.
         walk, prior: Shape (n,): random walk and prior variances of the parameter states.
     """
-    decided = [role for role in roles if role is not None]
-    if len(decided) == len(roles):
+    decided = [role for role in predetermined if role is not None]
+    if len(decided) == len(predetermined):
         return decided
     reference = [
         replace(s, time_s=s.time_s - role.applied_s)
-        for s, role, is_reference in zip(series, roles, references(series), strict=True)
+        for s, role, is_reference in zip(series, predetermined, is_reference_of_each_series(series), strict=True)
         if is_reference and role is not None
     ]
-    begin, end = _window(series, reference)
+    begin, end = _most_excited_window_s(series, reference)
     reference = [
-        replace(cut, gate_nis=gate_nis(GATE_PROBABILITY, cut.width))
-        for cut in (_thin(_cut(s, begin, end)) for s in reference)
+        replace(cut, gate_nis=gate_nis(GATE_PROBABILITY, cut.n_values_per_row))
+        for cut in (_average_imu_rows(_cut_rows_to_window(s, begin, end)) for s in reference)
     ]
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
             parameters,
             jerk_sigma_mps3=LOOSE_JERK_MPS3,
             yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2,
-            side_slip_m=SIDE_SLIP_M,
+            side_slip_m=SEARCH_SIDE_SLIP_M,
         )
     found = []
-    for s, role in zip(series, roles, strict=True):
+    for s, role in zip(series, predetermined, strict=True):
         if role is not None:
             found.append(role)
             continue
-        target = _thin(_cut(s, begin, end))
+        target = _average_imu_rows(_cut_rows_to_window(s, begin, end))
         # What the reference says long before the target's first row only adds a start that is badly known.
-        first = float(target.time_s[0]) - LEAD_IN_S if len(target) else begin
-        search = _Search(target, [_cut(r, first, end) for r in reference], parameters, walk, prior)
-        found.append(search.latency())
+        first = float(target.time_s[0]) - REFERENCE_LEAD_IN_S if len(target) else begin
+        search = _LatencySearch(
+            target, [_cut_rows_to_window(r, first, end) for r in reference], parameters, walk, prior
+        )
+        found.append(search.find_latency())
     return found
 
 
 @dataclass(frozen=True)
-class _Profile:
+class _LatencyLikelihoodProfile:
     """How likely each latency of the grid is, with the noise that goes with it.
 
     Attributes:
@@ -144,30 +152,33 @@ class _Profile:
     noise: FloatArray
 
     @property
-    def top(self) -> tuple[float, float]:
+    def likeliest_latency_and_likelihood(self) -> tuple[float, float]:
         """The likeliest latency and its log-likelihood, by a parabola through the best one and its neighbours."""
         best = int(self.likelihood.argmax())
-        latency_s, most = float(GRID_S[best]), float(self.likelihood[best])
-        if not 0 < best < len(GRID_S) - 1:
+        latency_s, most = float(LATENCY_GRID_S[best]), float(self.likelihood[best])
+        if not 0 < best < len(LATENCY_GRID_S) - 1:
             return latency_s, most
         less, more = self.likelihood[best - 1], self.likelihood[best + 1]
         move = 0.5 * float(more - less) / max(float(2.0 * most - less - more), 1e-9)
-        return latency_s + move * GRID_STEP_S, most + 0.25 * move * float(more - less)
+        return latency_s + move * LATENCY_GRID_STEP_S, most + 0.25 * move * float(more - less)
 
-    def least_sigma_s(self, evidence: Evidence) -> float:
+    def sigma_covering_possible_latencies_s(self, evidence: LatencyEvidence) -> float:
         """The least sigma with which all latencies that the log does not exclude lie within three sigma.
 
         A parabola knows nothing of a second top. What lies FALL below the first one is excluded, or more where the
         scatter over the blocks says that the likelihood is too sure.
         """
-        away_s = np.abs(GRID_S - evidence.latency_s)
-        least = self.top[1] - FALL * (evidence.sigma_s / evidence.formal_s) ** 2
-        possible = (self.likelihood > least) & (away_s > GRID_STEP_S)
+        away_s = np.abs(LATENCY_GRID_S - evidence.likeliest_latency_s)
+        least = (
+            self.likeliest_latency_and_likelihood[1]
+            - LIKELIHOOD_FALL_AT_THREE_SIGMA * (evidence.block_scatter_sigma_s / evidence.formal_sigma_s) ** 2
+        )
+        possible = (self.likelihood > least) & (away_s > LATENCY_GRID_STEP_S)
         return float(away_s[possible].max(initial=0.0)) / SIGNIFICANT_SIGMAS
 
 
 @dataclass(frozen=True)
-class _Search:
+class _LatencySearch:
     """The search for one source's latency against the reference.
 
     Attributes:
@@ -176,87 +187,92 @@ class _Search:
         parameters, walk, prior: See `find_latencies`.
     """
 
-    target: Series
-    reference: Sequence[Series]
-    parameters: ModelParameters
+    target: SensorSeries
+    reference: Sequence[SensorSeries]
+    parameters: MotionParameters
     walk: FloatArray
     prior: FloatArray
 
-    def latency(self) -> Latency:
+    def find_latency(self) -> Latency:
         """Find the latency and decide what is made of it."""
-        if not self._has_rows:
+        if not self._has_enough_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        profile = self._profile()
-        search = self._at_top(profile)._without_outliers()
-        if not search._has_rows:
+        profile = self._scan_latency_grid()
+        search = self._move_to_likeliest_latency(profile)._drop_outliers()
+        if not search._has_enough_rows:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        weighed = search._weighed()
-        slow = None if weighed is None else replace(search, target=weighed[0])._with_slow_error()
+        weighed = search._refine_latency_evidence()
+        slow = None if weighed is None else replace(search, target=weighed[0])._add_slow_error_if_likelier()
         if slow is not None:
-            profile = slow._profile()
-            weighed = slow._at_top(profile)._weighed()
+            profile = slow._scan_latency_grid()
+            weighed = slow._move_to_likeliest_latency(profile)._refine_latency_evidence()
         if weighed is None:
             return Latency(LatencyStatus.NOT_OBSERVABLE)
-        return (slow or search)._decided(*weighed, profile)
+        return (slow or search)._decide_latency_status(*weighed, profile)
 
     @property
-    def _has_rows(self) -> bool:
+    def _has_enough_rows(self) -> bool:
         return len(self.target) >= MIN_ROWS_FOR_NOISE and any(len(s) for s in self.reference)
 
-    def _profile(self) -> _Profile:
+    def _scan_latency_grid(self) -> _LatencyLikelihoodProfile:
         """Try all latencies, with fewer rows of what comes often: enough to see where the likelihood is high."""
         coarse = replace(
             self,
-            target=thinned_to(self.target, COARSE_HZ),
-            reference=[thinned_to(s, COARSE_HZ) for s in self.reference],
+            target=average_rows_to_rate(self.target, COARSE_SEARCH_HZ),
+            reference=[average_rows_to_rate(s, COARSE_SEARCH_HZ) for s in self.reference],
         )
         now, likelihood, noise = coarse.target, [], []
-        for latency_s in GRID_S.tolist():
-            now = coarse._matched(replace(now, latency_s=latency_s))
-            likelihood.append(coarse._likelihood(now))
+        for latency_s in LATENCY_GRID_S.tolist():
+            now = coarse._match_noise_to_innovations(replace(now, latency_s=latency_s))
+            likelihood.append(coarse._log_likelihood(now))
             noise.append(float(now.noise[0, 0] / coarse.target.noise[0, 0]))
-        return _Profile(np.array(likelihood), np.array(noise))
+        return _LatencyLikelihoodProfile(np.array(likelihood), np.array(noise))
 
-    def _at_top(self, profile: _Profile) -> _Search:
+    def _move_to_likeliest_latency(self, profile: _LatencyLikelihoodProfile) -> _LatencySearch:
         """The same search with the likeliest latency, and the noise that goes with it."""
-        target = self.target.scaled(float(profile.noise[profile.likelihood.argmax()]))
-        return replace(self, target=self._matched(replace(target, latency_s=profile.top[0])))
+        target = self.target.scale_noise_variance(float(profile.noise[profile.likelihood.argmax()]))
+        return replace(
+            self,
+            target=self._match_noise_to_innovations(
+                replace(target, latency_s=profile.likeliest_latency_and_likelihood[0])
+            ),
+        )
 
-    def _matched(self, target: Series) -> Series:
+    def _match_noise_to_innovations(self, target: SensorSeries) -> SensorSeries:
         """The target with the noise that its innovations show."""
-        for _ in range(MAX_MATCHINGS):
-            factor = noise_factor(target, self._pass([target, *self.reference]).nis[0])
-            target = target.scaled(factor)
-            if 1.0 / SETTLED < factor < SETTLED:
+        for _ in range(MAX_NOISE_MATCHINGS):
+            factor = noise_variance_factor(target, self._run_filter([target, *self.reference]).nis[0])
+            target = target.scale_noise_variance(factor)
+            if 1.0 / SETTLED_NOISE_FACTOR < factor < SETTLED_NOISE_FACTOR:
                 break
         return target
 
-    def _without_outliers(self) -> _Search:
+    def _drop_outliers(self) -> _LatencySearch:
         """The same search with the rows that the filter believes."""
         series = [self.target, *self.reference]
-        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in series]
-        status = self._pass(gated).status
-        kept, *reference = (s.at(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
+        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in series]
+        status = self._run_filter(gated).status
+        kept, *reference = (s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
         return replace(self, target=kept, reference=reference)
 
-    def _with_slow_error(self) -> _Search | None:
+    def _add_slow_error_if_likelier(self) -> _LatencySearch | None:
         """The same search with a slow error of the positions, where the log is clearly likelier with one.
 
         Errors of fixes last for seconds. Taken for white noise they make the filter follow them, and the latency is as
         sure as it is wrong. Of a few sizes and time constants the likeliest counts.
         """
-        if self.target.kind is not Kind.POSITION or len(self.walk) + 2 > MAX_STATES:
+        if self.target.kind is not Kind.POSITION or len(self.walk) + 2 > MAX_KERNEL_STATES:
             return None
         search = None
-        least = self._likelihood(self.target) + SLOW_GAIN
-        for time_s in SLOW_TIMES_S:
-            for sigma_m in SLOW_SIGMAS_M:
-                trial = self._slower(sigma_m, time_s)
-                if (likelihood := trial._likelihood(trial.target)) > least:
+        least = self._log_likelihood(self.target) + MIN_SLOW_ERROR_LIKELIHOOD_GAIN
+        for time_s in SLOW_ERROR_TIME_CONSTANTS_S:
+            for sigma_m in SLOW_ERROR_SIGMAS_M:
+                trial = self._add_slow_error(sigma_m, time_s)
+                if (likelihood := trial._log_likelihood(trial.target)) > least:
                     least, search = likelihood, trial
         return search
 
-    def _slower(self, sigma_m: float, time_s: float) -> _Search:
+    def _add_slow_error(self, sigma_m: float, time_s: float) -> _LatencySearch:
         """With a slow error of this sigma on each axis and this time constant, and the noise that then is left."""
         n = len(self.walk)
         slower = replace(
@@ -268,143 +284,155 @@ class _Search:
             walk=np.append(self.walk, [2.0 * sigma_m**2 / time_s] * 2),
             prior=np.append(self.prior, [sigma_m**2] * 2),
         )
-        return replace(slower, target=slower._matched(slower.target))
+        return replace(slower, target=slower._match_noise_to_innovations(slower.target))
 
-    def _likelihood(self, target: Series) -> float:
+    def _log_likelihood(self, target: SensorSeries) -> float:
         """The log-likelihood of all telling rows."""
-        return -float(np.nansum(self._surprise(target)))
+        return -float(np.nansum(self._row_negative_log_likelihoods(target)))
 
-    def _decided(self, target: Series, evidence: Evidence, profile: _Profile) -> Latency:
+    def _decide_latency_status(
+        self, target: SensorSeries, evidence: LatencyEvidence, profile: _LatencyLikelihoodProfile
+    ) -> Latency:
         """What is made of a latency that was weighed."""
-        if (drifting := self._drifting(target, evidence, profile)) is not None:
+        if (drifting := self._find_drifting_latency(target, evidence, profile)) is not None:
             return drifting
-        found_s, bound_s = evidence.latency_s, evidence.formal_s
-        if not (bound_s < TOLD_S and GRID_S[0] < found_s < GRID_S[-1]):
+        found_s, bound_s = evidence.likeliest_latency_s, evidence.formal_sigma_s
+        if not (bound_s < MAX_REPORTED_SIGMA_S and LATENCY_GRID_S[0] < found_s < LATENCY_GRID_S[-1]):
             return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
-        sigma_s = max(evidence.sigma_s, profile.least_sigma_s(evidence))
-        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts(target, evidence):
+        sigma_s = max(evidence.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(evidence))
+        if abs(found_s) > SIGNIFICANT_SIGMAS * sigma_s and self._predicts_better_than_zero_latency(target, evidence):
             return Latency(LatencyStatus.APPLIED, found_s, sigma_s, bound_s)
-        if not bound_s < OBSERVABLE_S:
+        if not bound_s < MAX_OBSERVABLE_SIGMA_S:
             return Latency(LatencyStatus.NOT_OBSERVABLE, bound_s=bound_s)
         return Latency(LatencyStatus.NOT_SIGNIFICANT, found_s, sigma_s, bound_s)
 
-    def _drifting(self, target: Series, evidence: Evidence, profile: _Profile) -> Latency | None:
+    def _find_drifting_latency(
+        self, target: SensorSeries, evidence: LatencyEvidence, profile: _LatencyLikelihoodProfile
+    ) -> Latency | None:
         """The latency as one that changes along the log, where that is likelier than a constant and than none."""
-        drift = evidence.drift()
+        drift = evidence.find_drift_rate_and_middle_s()
         if drift is None:
             return None
         rate, about_s = drift
-        line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.latency_s)
-        weighed = replace(self, target=self._matched(straightened(target, line)))._weighed()
+        line = Latency(LatencyStatus.DRIFTS, drift=rate, middle_s=about_s + evidence.likeliest_latency_s)
+        weighed = replace(
+            self, target=self._match_noise_to_innovations(remove_latency_drift(target, line))
+        )._refine_latency_evidence()
         if weighed is None:
             return None
         straight, found = weighed
-        bent = replace(target, noise=straight.noise, latency_s=evidence.latency_s)
-        gain = self._likelihood(replace(straight, latency_s=found.latency_s)) - self._likelihood(bent)
-        if not (gain > FALL and found.formal_s < TOLD_S and self._predicts(bent, found)):
+        bent = replace(target, noise=straight.noise, latency_s=evidence.likeliest_latency_s)
+        gain = self._log_likelihood(replace(straight, latency_s=found.likeliest_latency_s)) - self._log_likelihood(bent)
+        if not (
+            gain > LIKELIHOOD_FALL_AT_THREE_SIGMA
+            and found.formal_sigma_s < MAX_REPORTED_SIGMA_S
+            and self._predicts_better_than_zero_latency(bent, found)
+        ):
             return None
-        sigma_s = max(found.sigma_s, profile.least_sigma_s(found))
-        return replace(line, found_s=found.latency_s, sigma_s=sigma_s, bound_s=found.formal_s)
+        sigma_s = max(found.block_scatter_sigma_s, profile.sigma_covering_possible_latencies_s(found))
+        return replace(line, found_s=found.likeliest_latency_s, sigma_s=sigma_s, bound_s=found.formal_sigma_s)
 
-    def _weighed(self) -> tuple[Series, Evidence] | None:
+    def _refine_latency_evidence(self) -> tuple[SensorSeries, LatencyEvidence] | None:
         """Weigh the evidence about the likeliest latency until it and the noise stay; None where nothing stays.
 
         The probes lie as far from it as it takes to see the likelihood fall by three sigma. Nearer it is rugged, as
         rows come before others or after them, and a parabola would be sure where nothing is to be seen.
         """
         target, evidence = self.target, None
-        for probe_s in PROBES_S:
+        for probe_s in PROBE_OFFSETS_S:
             evidence = None
-            for _ in range(MAX_WEIGHINGS):
+            for _ in range(MAX_EVIDENCE_ITERATIONS):
                 centre_s = target.latency_s
                 less, just, more = (
-                    self._surprise(replace(target, latency_s=latency_s))
+                    self._row_negative_log_likelihoods(replace(target, latency_s=latency_s))
                     for latency_s in (centre_s - probe_s, centre_s, centre_s + probe_s)
                 )
-                weighed = Evidence.of(self._times(target), centre_s, probe_s, less, just, more)
-                move_s = weighed.latency_s - centre_s
+                weighed = LatencyEvidence.from_three_passes(
+                    self._informative_row_times_s(target), centre_s, probe_s, less, just, more
+                )
+                move_s = weighed.likeliest_latency_s - centre_s
                 if not np.isfinite(move_s):
                     break
                 if abs(move_s) < 0.5 * probe_s:
                     evidence = (target, weighed)
                     break
                 moved = replace(target, latency_s=centre_s + float(np.clip(move_s, -probe_s, probe_s)))
-                target = self._matched(moved)
-            if evidence is not None and SIGNIFICANT_SIGMAS * evidence[1].formal_s <= probe_s:
+                target = self._match_noise_to_innovations(moved)
+            if evidence is not None and SIGNIFICANT_SIGMAS * evidence[1].formal_sigma_s <= probe_s:
                 break
         return evidence
 
-    def _predicts(self, target: Series, evidence: Evidence) -> bool:
+    def _predicts_better_than_zero_latency(self, target: SensorSeries, evidence: LatencyEvidence) -> bool:
         """Are the rows of each half predicted better with the latency that the other half says than with zero?
 
         Better by SIGNIFICANT_SIGMAS, and zero is tried, not read off the parabolas, which hold near the latency alone.
         Both halves together: a latency that drifts may be wrong for one of them and still be far better than none.
         """
-        with_zero = -self._likelihood(replace(target, latency_s=0.0))
-        return with_zero - evidence.crossed() > FALL
+        with_zero = -self._log_likelihood(replace(target, latency_s=0.0))
+        return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
 
-    def _telling(self, target: Series) -> list[Series]:
+    def _informative_series(self, target: SensorSeries) -> list[SensorSeries]:
         """Whose rows tell how likely a latency is: the target's, and the reference's as far as the motion predicts it.
 
         An IMU is not predicted: the motion is loose, so that the state follows it.
         """
         return [target, *(s for s in self.reference if s.bias_state < 0)]
 
-    def _times(self, target: Series) -> FloatArray:
+    def _informative_row_times_s(self, target: SensorSeries) -> FloatArray:
         """When the telling rows were measured."""
-        return np.concatenate([s.time_s - s.latency_s for s in self._telling(target)])
+        return np.concatenate([s.time_s - s.latency_s for s in self._informative_series(target)])
 
-    def _surprise(self, target: Series) -> FloatArray:
+    def _row_negative_log_likelihoods(self, target: SensorSeries) -> FloatArray:
         """Of each telling row how unlikely it is after all before it; NaN where it lies before the start.
 
         It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
         """
-        telling = self._telling(target)
+        telling = self._informative_series(target)
         behind = [s for s in self.reference if s.bias_state >= 0]
-        nis = self._pass([*telling, *behind]).nis
+        nis = self._run_filter([*telling, *behind]).nis
         return np.concatenate(
             [
-                0.5 * (np.minimum(each[:, 0], gate_nis(GATE_PROBABILITY, s.width)) + np.log(each[:, 3]))
+                0.5 * (np.minimum(each[:, 0], gate_nis(GATE_PROBABILITY, s.n_values_per_row)) + np.log(each[:, 3]))
                 for s, each in zip(telling, nis, strict=False)
             ]
         )
 
-    def _pass(self, series: Sequence[Series]) -> PassResult:
+    def _run_filter(self, series: Sequence[SensorSeries]) -> PassResult:
         """One pass of the filter."""
-        start = start_with_parameters(series, self.prior, causal=False)
+        start = find_start_with_parameter_states(series, self.prior, causal=False)
         # The first position must not count twice: at constant speed a shift in time is a shift in place.
-        start.covariance[0, 0] = start.covariance[1, 1] = FAR_M**2
-        motion = self.parameters.motion(self.walk)
-        return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50)
+        start.covariance[0, 0] = start.covariance[1, 1] = START_POSITION_SIGMA_M**2
+        motion = self.parameters.to_process_model(self.walk)
+        return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50)
 
 
-def _window(series: Sequence[Series], reference: Sequence[Series]) -> tuple[float, float]:
+def _most_excited_window_s(series: Sequence[SensorSeries], reference: Sequence[SensorSeries]) -> tuple[float, float]:
     """Return the span of at most WINDOW_S in which the reference is most excited."""
     rows = [s for s in reference if len(s) > 1]
     begin = min((float(s.time_s[0]) for s in series if len(s)), default=0.0)
     end = max((float(s.time_s[-1]) for s in series if len(s)), default=0.0)
-    if end - begin <= WINDOW_S or not rows:
+    if end - begin <= SEARCH_WINDOW_S or not rows:
         return begin, end
-    edges = np.arange(begin, end, WINDOW_S / 10)
+    edges = np.arange(begin, end, SEARCH_WINDOW_S / 10)
     energy = np.zeros(len(edges))
     for s in rows:
         value = s.values[:, 0] - np.median(s.values[:, 0])
-        slot = np.clip(((s.time_s - begin) / (WINDOW_S / 10)).astype(np.int64), 0, len(edges) - 1)
+        slot = np.clip(((s.time_s - begin) / (SEARCH_WINDOW_S / 10)).astype(np.int64), 0, len(edges) - 1)
         power = np.bincount(slot, weights=value**2, minlength=len(edges))
         energy += power / max(float(power.sum()), 1e-12)
     best = int(np.convolve(energy, np.ones(10), mode="valid").argmax()) if len(energy) >= 10 else 0
-    return float(edges[best]), float(edges[best]) + WINDOW_S
+    return float(edges[best]), float(edges[best]) + SEARCH_WINDOW_S
 
 
-def _cut(s: Series, begin: float, end: float) -> Series:
+def _cut_rows_to_window(s: SensorSeries, begin: float, end: float) -> SensorSeries:
     inside = (s.time_s >= begin) & (s.time_s <= end)
     if inside.all():
         return s
     return replace(s, time_s=s.time_s[inside], values=s.values[inside], noise=s.noise[inside])
 
 
-def _thin(s: Series) -> Series:
+def _average_imu_rows(s: SensorSeries) -> SensorSeries:
     """Average an IMU down to about THINNED_HZ."""
-    if s.kind not in RATES or len(s) < 3:
+    if s.kind not in RATE_KINDS or len(s) < 3:
         return s
-    return thinned(s, int(1.0 / (THINNED_HZ * max(float(np.median(np.diff(s.time_s))), 1e-4)) + 0.25))
+    return average_row_blocks(s, int(1.0 / (IMU_AVERAGING_HZ * max(float(np.median(np.diff(s.time_s))), 1e-4)) + 0.25))

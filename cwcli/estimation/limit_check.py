@@ -5,94 +5,100 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
-from cwcli.estimation.contradiction import Contradiction, Quantity
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.latency import LatencyStatus
-from cwcli.estimation.measurements import RATES, Kind
+from cwcli.estimation.measurements import RATE_KINDS, Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport
 from cwcli.estimation.sensor_limits import (
-    ACCEL_BIAS,
-    LATENCY,
-    STAMP_SIGMA,
-    WHITE_NOISE,
-    YAW_RATE_BIAS,
-    Limit,
-    limit_of_error,
+    ACCEL_BIAS_RANGE,
+    LATENCY_RANGE,
+    STAMP_SIGMA_RANGE,
+    WHITE_NOISE_RANGES,
+    YAW_RATE_BIAS_RANGE,
+    ParameterRange,
+    range_of_sensor_error,
 )
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-CAR = "how a car moves"
+CAR_MOTION_TEXT = "how a car moves"
 """Text for what a source contradicts if there is no other source."""
 
 
-def beyond_limits(reports: Sequence[SourceReport], known: Sequence[Contradiction] = ()) -> tuple[Contradiction, ...]:
+def find_values_beyond_sensor_limits(
+    reports: Sequence[SourceReport], known_contradictions: Sequence[Contradiction] = ()
+) -> tuple[Contradiction, ...]:
     """Return contradictions for the sources with a constant beyond the limits of such sensors.
 
     Args:
         reports: Reports of one vehicle's sources.
         known: Known contradictions: their sources are not reported again.
     """
-    told = {quantity for each in known for quantity in (each.who, each.against)}
+    told = {quantity for each in known_contradictions for quantity in (each.who, each.against)}
     found = []
     for report in reports:
-        who = Quantity(report.source, report.kind)
-        words = next(iter(_words(report)), None)
+        who = SourceQuantity(report.source, report.kind)
+        words = next(iter(_iter_texts_on_exceeded_limits(report)), None)
         if words is not None and who not in told:
-            found.append(Contradiction(who, _reference_of(report, reports), words))
+            found.append(Contradiction(who, _quantity_compared_with(report, reports), words))
     return tuple(found)
 
 
-def is_bias_possible(report: SourceReport) -> bool:
+def is_bias_within_sensor_limits(report: SourceReport) -> bool:
     """Whether a sensor can have the bias that was found; gravity through the mounting is subtracted first."""
     if report.kind is Kind.YAW_RATE:
-        return YAW_RATE_BIAS.holds(report.bias)
+        return YAW_RATE_BIAS_RANGE.contains(report.bias)
     mounted = 0.0 if report.mounting is None else STANDARD_GRAVITY_MPS2 * math.sin(report.mounting.nose_up_rad)
-    return ACCEL_BIAS.holds(report.bias - mounted)
+    return ACCEL_BIAS_RANGE.contains(report.bias - mounted)
 
 
-def _words(report: SourceReport) -> Iterator[str]:
+def _iter_texts_on_exceeded_limits(report: SourceReport) -> Iterator[str]:
     """Yield a text on each constant that no such sensor has."""
-    if not is_bias_possible(report):
-        limit = YAW_RATE_BIAS if report.kind is Kind.YAW_RATE else ACCEL_BIAS
-        yield _beyond("a bias", report.bias, limit)
+    if not is_bias_within_sensor_limits(report):
+        limit = YAW_RATE_BIAS_RANGE if report.kind is Kind.YAW_RATE else ACCEL_BIAS_RANGE
+        yield _exceeded_limit_text("a bias", report.bias, limit)
     for name, part, parameter in (
         ("a scale", "scale", report.scale),
         ("a lever arm", "lever", report.lever_arm_m),
         ("a place ahead", "ahead", report.ahead_m),
     ):
-        limit = limit_of_error(part, report.kind)
-        if parameter.status is ParameterStatus.CONTRADICTS or _is_beyond(parameter, limit):
-            yield _beyond(name, parameter.value, limit)
+        limit = range_of_sensor_error(part, report.kind)
+        if parameter.status is ParameterStatus.CONTRADICTS or _is_used_beyond_limit(parameter, limit):
+            yield _exceeded_limit_text(name, parameter.value, limit)
     if report.stamp_error.status is ParameterStatus.CONTRADICTS:
-        yield f"its stamps err by more than {STAMP_SIGMA.high:g} s from row to row"
+        yield f"its stamps err by more than {STAMP_SIGMA_RANGE.high:g} s from row to row"
     if report.slow_error.status is ParameterStatus.CONTRADICTS:
-        yield _beyond("a slow error", report.slow_error.sigma, limit_of_error("slow", report.kind))
+        yield _exceeded_limit_text("a slow error", report.slow_error.sigma, range_of_sensor_error("slow", report.kind))
     if report.latency.status is LatencyStatus.CONTRADICTS:
-        yield _beyond("a latency", report.latency.found_s, LATENCY)
-    if report.kind in WHITE_NOISE and not WHITE_NOISE[report.kind].holds(report.sigma) and report.n_used:
-        yield _beyond("white noise", report.sigma, WHITE_NOISE[report.kind])
+        yield _exceeded_limit_text("a latency", report.latency.found_s, LATENCY_RANGE)
+    if (
+        report.kind in WHITE_NOISE_RANGES
+        and not WHITE_NOISE_RANGES[report.kind].contains(report.sigma)
+        and report.n_used
+    ):
+        yield _exceeded_limit_text("white noise", report.sigma, WHITE_NOISE_RANGES[report.kind])
 
 
-def _is_beyond(parameter: Parameter, limit: Limit) -> bool:
+def _is_used_beyond_limit(parameter: Parameter, limit: ParameterRange) -> bool:
     """Whether a parameter that was found and used lies beyond its limit; given ones are not checked."""
-    return parameter.status is ParameterStatus.USED and not limit.holds(parameter.value)
+    return parameter.status is ParameterStatus.USED and not limit.contains(parameter.value)
 
 
-def _beyond(name: str, value: float, limit: Limit) -> str:
+def _exceeded_limit_text(name: str, value: float, limit: ParameterRange) -> str:
     unit = f" {limit.unit}" if limit.unit else ""
     bound = limit.high if value >= limit.high else limit.low
     return f"together they need {name} of {value:.3g}{unit}, and such a sensor has at most {bound:g}{unit}"
 
 
-def _reference_of(report: SourceReport, reports: Sequence[SourceReport]) -> Quantity | str:
+def _quantity_compared_with(report: SourceReport, reports: Sequence[SourceReport]) -> SourceQuantity | str:
     """Return what a source was compared with: the position; for a position the best source of motion."""
     used = [r for r in reports if r.n_used and (r.source, r.kind) != (report.source, report.kind)]
     if report.kind is Kind.POSITION:
-        order: tuple[Kind, ...] = (Kind.SPEED, *RATES, Kind.VELOCITY, Kind.HEADING, Kind.POSITION)
+        order: tuple[Kind, ...] = (Kind.SPEED, *RATE_KINDS, Kind.VELOCITY, Kind.HEADING, Kind.POSITION)
     else:
         order = (Kind.POSITION,)
     for kind in order:
         for r in used:
             if r.kind is kind:
-                return Quantity(r.source, r.kind)
-    return CAR
+                return SourceQuantity(r.source, r.kind)
+    return CAR_MOTION_TEXT

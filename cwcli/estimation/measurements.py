@@ -37,7 +37,7 @@ class Kind(IntEnum):
 
 
 @dataclass(frozen=True)
-class Quantity:
+class MeasuredQuantity:
     """Prior knowledge about a kind of measurement.
 
     Attributes:
@@ -53,17 +53,17 @@ class Quantity:
     floor_sigma: float
 
 
-QUANTITIES: dict[Kind, Quantity] = {
-    Kind.POSITION: Quantity(2, "m", 1.0, 0.05),
-    Kind.VELOCITY: Quantity(2, "m/s", 0.3, 0.05),
-    Kind.SPEED: Quantity(1, "m/s", 0.3, 0.05),
-    Kind.HEADING: Quantity(1, "rad", 0.035, 5e-3),
-    Kind.ACCEL: Quantity(1, "m/s^2", 0.2, 5e-3),
-    Kind.YAW_RATE: Quantity(1, "rad/s", 0.01, 1e-4),
-    Kind.IMU: Quantity(6, "", math.nan, math.nan),  # ACCEL and YAW_RATE are used instead
+QUANTITIES: dict[Kind, MeasuredQuantity] = {
+    Kind.POSITION: MeasuredQuantity(2, "m", 1.0, 0.05),
+    Kind.VELOCITY: MeasuredQuantity(2, "m/s", 0.3, 0.05),
+    Kind.SPEED: MeasuredQuantity(1, "m/s", 0.3, 0.05),
+    Kind.HEADING: MeasuredQuantity(1, "rad", 0.035, 5e-3),
+    Kind.ACCEL: MeasuredQuantity(1, "m/s^2", 0.2, 5e-3),
+    Kind.YAW_RATE: MeasuredQuantity(1, "rad/s", 0.01, 1e-4),
+    Kind.IMU: MeasuredQuantity(6, "", math.nan, math.nan),  # ACCEL and YAW_RATE are used instead
 }
 """Width, unit, default sigma and least sigma of each kind. Chosen for common automotive sensors; not fitted."""
-RATES = (Kind.ACCEL, Kind.YAW_RATE)
+RATE_KINDS = (Kind.ACCEL, Kind.YAW_RATE)
 """Kinds that an IMU measures as well: they may come a hundred times a second, and with a bias."""
 
 
@@ -127,14 +127,14 @@ class Measurements:
         """Times at which the rows were received, (n,), ns."""
         return self.stamp_ns if self.log_time_ns is None else self.log_time_ns
 
-    def at(self, rows: npt.NDArray[np.bool_]) -> Measurements:
+    def select_rows(self, row_mask: npt.NDArray[np.bool_]) -> Measurements:
         """Return the measurements in the rows of a mask (n,)."""
-        covariance = None if self.covariance is None else self.covariance[rows]
-        log_time_ns = None if self.log_time_ns is None else self.log_time_ns[rows]
+        covariance = None if self.covariance is None else self.covariance[row_mask]
+        log_time_ns = None if self.log_time_ns is None else self.log_time_ns[row_mask]
         return replace(
             self,
-            stamp_ns=self.stamp_ns[rows],
-            values=self.values[rows],
+            stamp_ns=self.stamp_ns[row_mask],
+            values=self.values[row_mask],
             covariance=covariance,
             log_time_ns=log_time_ns,
         )

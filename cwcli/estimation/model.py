@@ -12,7 +12,7 @@ from cwcli.signals.columns import FloatArray
 
 
 @dataclass(frozen=True)
-class ModelParameters:
+class MotionParameters:
     """Motion model of the eight-state filter.
 
     Acceleration and yaw rate follow a damped second-order process: white noise drives the jerk (the yaw acceleration),
@@ -63,7 +63,7 @@ class ModelParameters:
     time_constant_s: Mapping[int, float] = field(default_factory=dict)
     turn_noise: Mapping[int, float] = field(default_factory=dict)
 
-    def motion(self, walk: FloatArray) -> ekf.ProcessModel:
+    def to_process_model(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""
         time_constant_s, turn_noise = np.zeros(len(walk)), np.zeros(len(walk))
         for array, given in ((time_constant_s, self.time_constant_s), (turn_noise, self.turn_noise)):
@@ -97,7 +97,7 @@ SIMULATED_YAW_ACCEL_RADPS2 = 10.0
 """Yaw acceleration sigma of a simulated car, rad/s^2: a yaw rate of 1 rad/s within the longest step of a trace."""
 
 
-def simulated_motion(parameters: ModelParameters) -> ModelParameters:
+def motion_of_simulated_vehicle(parameters: MotionParameters) -> MotionParameters:
     """Return the motion parameters of a simulated vehicle, whose acceleration may change within one step.
 
     With the jerk of a driver the filter would round off such changes, and a time to collision at a small closing speed

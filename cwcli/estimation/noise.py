@@ -9,50 +9,50 @@ from typing import Any
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, pass_input, run_pass
-from cwcli.estimation.prepare import thinned_to
-from cwcli.estimation.stamp_noise import NoiseFit, may_err, with_stamp_errors
-from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input, run_filter_pass
+from cwcli.estimation.prepare import average_rows_to_rate
+from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
+from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import matching_factor
 from cwcli.signals.columns import FloatArray
 
 MIN_ROWS_FOR_NOISE = 50
 """Least number of rows from which noise is estimated. Chosen by hand; not fitted."""
-MAX_FACTOR = 64.0
+MAX_NOISE_FACTOR_PER_CALL = 64.0
 """Greatest factor by which one call changes a noise variance. Chosen by hand; not fitted."""
-BISECTIONS = 16
+N_BISECTIONS = 16
 """Number of bisections for the factor: it is exact to 64^(2 / 2^16)."""
-MAX_NIS = 9.0
+MAX_COUNTED_NIS = 9.0
 """Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
-THINNED_HZ = 10.0
+AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""
-MAX_UPDATES = 30_000
+MAX_WINDOW_ROWS_WITH_IMU = 30_000
 """Greatest number of rows in the window with an IMU. Chosen: about ten minutes of a drive."""
-MAX_UPDATES_SLOW = 1_500
+MAX_WINDOW_ROWS_WITHOUT_IMU = 1_500
 """Greatest number of rows in the window without an IMU. Chosen for speed, as a log may hold many remote vehicles."""
-ENOUGH_ROWS = 300
+ENOUGH_WINDOW_ROWS = 300
 """Number of rows in the window from which the whole log is not needed for the noise. Chosen by hand; not fitted."""
-SCALE_STEP = np.log(2.0)
+LOG_SIGMA_STEP = np.log(2.0)
 """Step of the parabola over a sigma of the motion, natural logarithm: half, once and twice the value are tried."""
-MANOEUVRE_SIGMAS: dict[str, tuple[float, float]] = {
+MANOEUVRE_SIGMA_LIMITS: dict[str, tuple[float, float]] = {
     "jerk_sigma_mps3": (1.0 / 8.0, 2.0),
     "yaw_accel_sigma_radps2": (1.0 / 8.0, 2.0),
 }
 """Fitted sigma of the motion -> least and greatest factor on its first value, chosen by what a driver can do."""
-ROUNDS = 2
+N_MATCHING_ROUNDS = 2
 """Number of rounds of innovation matching. Chosen by hand; not fitted."""
-SETTLED = 1.05
+SETTLED_NOISE_FACTOR = 1.05
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-LEAD_IN_S = 2.5
+FIRST_POSITION_LEAD_IN_S = 2.5
 """Rows earlier than this before the first position are not used, s.
 
 Chosen as the longest latency of the search and a little more."""
 
 
-def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> float:
+def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None = None) -> float:
     """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
 
     The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
@@ -72,8 +72,10 @@ def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> flo
     if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact or s.stamp_error.status is ParameterStatus.USED:
         return 1.0
     nu2, prior = nis[:, 1], nis[:, 2]
-    r = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
-    factor = matching_factor(nu2, prior, np.ascontiguousarray(r), most=MAX_FACTOR, n_steps=BISECTIONS, limit=MAX_NIS)
+    r = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
+    factor = matching_factor(
+        nu2, prior, np.ascontiguousarray(r), most=MAX_NOISE_FACTOR_PER_CALL, n_steps=N_BISECTIONS, limit=MAX_COUNTED_NIS
+    )
     if s.slow_state < 0:
         if s.noise_origin == "message":
             return factor if factor > 1.1 else 1.0
@@ -82,14 +84,14 @@ def noise_factor(s: Series, nis: FloatArray, so_far: float | None = None) -> flo
     return max(factor, s.floor**2 / float(r.mean()))
 
 
-def settle_noise(
-    series: Sequence[Series],
-    parameters: ModelParameters,
+def estimate_noise_and_manoeuvres(
+    series: Sequence[SensorSeries],
+    parameters: MotionParameters,
     walk: FloatArray,
     prior: FloatArray,
     *,
     every_row: bool = True,
-) -> tuple[list[Series], ModelParameters]:
+) -> tuple[list[SensorSeries], MotionParameters]:
     """Find the noise of the series that do not state it, and how strongly the car manoeuvres.
 
     Works on a window of the log. Each round matches the innovations and moves the jerk's and the yaw acceleration's
@@ -98,65 +100,67 @@ def settle_noise(
     Args:
         series: All series, latencies corrected.
         parameters: Motion model to begin with.
-        walk, prior: Shape (n,): see `run_pass`, `start_with_parameters`.
+        walk, prior: Shape (n,): see `run_filter_pass`, `find_start_with_parameter_states`.
         every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that of the
             averaged window.
 
     Returns:
         The series with settled noise; the motion model.
     """
-    window = [replace(s, gate_nis=0.0) for s in _window(_from_first_position(series))]
+    window = [replace(s, gate_nis=0.0) for s in _cut_to_busiest_window(_drop_rows_before_first_position(series))]
     if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
         len(s) and s.kind is Kind.POSITION for s in window
     ):
         return list(series), parameters
-    begin, orders = parameters, dict[float, TimeOrder]()
+    begin, orders = parameters, dict[float, RowTimeOrder]()
 
-    def scale_manoeuvres(parameters: ModelParameters, factors: Sequence[float]) -> ModelParameters:
-        for (name, limits), factor in zip(MANOEUVRE_SIGMAS.items(), factors, strict=True):
-            parameters = _within(parameters, name, float(getattr(parameters, name)) * factor, limits, begin)
+    def scale_manoeuvres(parameters: MotionParameters, factors: Sequence[float]) -> MotionParameters:
+        for (name, limits), factor in zip(MANOEUVRE_SIGMA_LIMITS.items(), factors, strict=True):
+            parameters = _set_sigma_within_limits(
+                parameters, name, float(getattr(parameters, name)) * factor, limits, begin
+            )
         return parameters
 
     may: list[bool] = []
 
     def refit_noise_and_motion(fit: NoiseFit) -> NoiseFit:
-        result = _Trials(fit.series, walk, prior, orders).result(fit.parameters)
-        may[:] = [may_err(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
-        fit = _matched(fit, result)
-        trials, parameters = _Trials(fit.series, walk, prior, orders), fit.parameters
-        base = trials.likelihood(parameters)
-        for name, limits in MANOEUVRE_SIGMAS.items():
-            parameters, base = _refit_sigma(trials, parameters, name, limits, base, begin)
+        result = _MotionModelTrials(fit.series, walk, prior, orders).pass_result_of(fit.parameters)
+        may[:] = [may_have_stamp_errors(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
+        fit = _match_noise_to_innovations(fit, result)
+        trials, parameters = _MotionModelTrials(fit.series, walk, prior, orders), fit.parameters
+        base = trials.log_likelihood_of(parameters)
+        for name, limits in MANOEUVRE_SIGMA_LIMITS.items():
+            parameters, base = _refit_manoeuvre_sigma(trials, parameters, name, limits, base, begin)
         return replace(fit, parameters=parameters)
 
     fit = NoiseFit(tuple(window), (1.0,) * len(window), parameters)
-    for _ in range(ROUNDS):
+    for _ in range(N_MATCHING_ROUNDS):
         fit = refit_noise_and_motion(fit)
     if every_row and any(may):
-        start = start_with_parameters(fit.series, prior, causal=False)
+        start = find_start_with_parameter_states(fit.series, prior, causal=False)
 
-        def run_filter(series: Sequence[Series], parameters: ModelParameters) -> PassResult:
-            motion = parameters.motion(walk)
-            return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=orders)
+        def run_filter(series: Sequence[SensorSeries], parameters: MotionParameters) -> PassResult:
+            motion = parameters.to_process_model(walk)
+            return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=orders)
 
-        found = with_stamp_errors(fit, may, run_filter, scale_manoeuvres)
+        found = fit_stamp_errors(fit, may, run_filter, scale_manoeuvres)
         fit = fit if found is fit else refit_noise_and_motion(found)
     parameters, factors = fit.parameters, np.array(fit.factors)
     series = [replace(s, stamp_error=w.stamp_error) for s, w in zip(series, fit.series, strict=True)]
-    settled = [replace(s.scaled(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
+    settled = [replace(s.scale_noise_variance(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
     # The window shows the motion; the noise of single rows and of the slow sources needs the whole log.
     whole = every_row and any(
-        len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_ROWS))
+        len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_WINDOW_ROWS))
         for s, w in zip(series, window, strict=True)
     )
-    late = _from_first_position(settled)
-    for _ in range(ROUNDS if whole else 0):
-        result = _Trials(late, walk, prior, {}).result(parameters)
-        change = [noise_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
-        late = [s.scaled(f) for s, f in zip(late, change, strict=True)]
-        settled = [s.scaled(f) for s, f in zip(settled, change, strict=True)]
+    late = _drop_rows_before_first_position(settled)
+    for _ in range(N_MATCHING_ROUNDS if whole else 0):
+        result = _MotionModelTrials(late, walk, prior, {}).pass_result_of(parameters)
+        change = [noise_variance_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
+        late = [s.scale_noise_variance(f) for s, f in zip(late, change, strict=True)]
+        settled = [s.scale_noise_variance(f) for s, f in zip(settled, change, strict=True)]
         factors *= change
-        if max(np.abs(np.log(change))) < np.log(SETTLED):
+        if max(np.abs(np.log(change))) < np.log(SETTLED_NOISE_FACTOR):
             break
     for i, (s, factor) in enumerate(zip(settled, factors.tolist(), strict=True)):
         if factor != 1.0:
@@ -164,98 +168,98 @@ def settle_noise(
     return settled, parameters
 
 
-def _matched(fit: NoiseFit, result: PassResult) -> NoiseFit:
+def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
     """Return the fit with each noise scaled until it agrees with the innovations of a pass."""
-    change = [noise_factor(*each) for each in zip(fit.series, result.nis, fit.factors, strict=True)]
+    change = [noise_variance_factor(*each) for each in zip(fit.series, result.nis, fit.factors, strict=True)]
     series = []
     for s, factor in zip(fit.series, change, strict=True):
         origin = s.noise_origin
         if factor != 1.0:
             origin = "message, scaled" if origin.startswith("message") else "log"
-        series.append(replace(s.scaled(factor), noise_origin=origin))
+        series.append(replace(s.scale_noise_variance(factor), noise_origin=origin))
     factors = tuple(old * new for old, new in zip(fit.factors, change, strict=True))
     return replace(fit, series=tuple(series), factors=factors)
 
 
-class _Trials:
+class _MotionModelTrials:
     """Passes over the same series with different motion models; start and time order stay."""
 
     def __init__(
-        self, series: Sequence[Series], walk: FloatArray, prior: FloatArray, orders: dict[float, TimeOrder]
+        self, series: Sequence[SensorSeries], walk: FloatArray, prior: FloatArray, orders: dict[float, RowTimeOrder]
     ) -> None:
-        self._start = start_with_parameters(series, prior, causal=False)
+        self._start = find_start_with_parameter_states(series, prior, causal=False)
         self._walk = walk
-        self._input = pass_input(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
+        self._input = build_pass_input(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
 
-    def _run(self, parameters: ModelParameters) -> ekf.Pass:
-        return self._input.run(self._start, parameters.motion(self._walk), smooth=False)
+    def _run_filter(self, parameters: MotionParameters) -> ekf.Pass:
+        return self._input.run_filter(self._start, parameters.to_process_model(self._walk), smooth=False)
 
-    def likelihood(self, parameters: ModelParameters) -> float:
+    def log_likelihood_of(self, parameters: MotionParameters) -> float:
         """Run the filter and return only the log-likelihood."""
-        return self._run(parameters).log_likelihood
+        return self._run_filter(parameters).log_likelihood
 
-    def result(self, parameters: ModelParameters) -> PassResult:
+    def pass_result_of(self, parameters: MotionParameters) -> PassResult:
         """Run the filter and return the result, split by series."""
-        return self._input.by_series(self._run(parameters))
+        return self._input.split_result_by_series(self._run_filter(parameters))
 
 
-def _refit_sigma(
-    trials: _Trials,
-    parameters: ModelParameters,
+def _refit_manoeuvre_sigma(
+    trials: _MotionModelTrials,
+    parameters: MotionParameters,
     name: str,
     limits: tuple[float, float],
     base: float,
-    begin: ModelParameters,
-) -> tuple[ModelParameters, float]:
+    begin: MotionParameters,
+) -> tuple[MotionParameters, float]:
     """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
     now, first = float(getattr(parameters, name)), float(getattr(begin, name))
-    likelihood = [trials.likelihood(_with(parameters, name, now * f)) for f in (0.5, 2.0)]
+    likelihood = [trials.log_likelihood_of(_replace_parameter(parameters, name, now * f)) for f in (0.5, 2.0)]
     left, right = likelihood
     bend = left - 2.0 * base + right
     if bend < 0.0:
-        move = 0.5 * (left - right) / bend * SCALE_STEP
-        move = float(np.clip(move, -2.0 * SCALE_STEP, 2.0 * SCALE_STEP))
+        move = 0.5 * (left - right) / bend * LOG_SIGMA_STEP
+        move = float(np.clip(move, -2.0 * LOG_SIGMA_STEP, 2.0 * LOG_SIGMA_STEP))
     else:
-        move = SCALE_STEP * (1.0 if right > left else -1.0)
+        move = LOG_SIGMA_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
-    better = _with(parameters, name, first * float(np.exp(scale)))
-    reached = trials.likelihood(better)
+    better = _replace_parameter(parameters, name, first * float(np.exp(scale)))
+    reached = trials.log_likelihood_of(better)
     options = [(base, parameters), (reached, better)]
-    options += [(v, _with(parameters, name, now * f)) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
+    options += [(v, _replace_parameter(parameters, name, now * f)) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
     best = max(options, key=lambda option: option[0])
-    return _within(best[1], name, float(getattr(best[1], name)), limits, begin), best[0]
+    return _set_sigma_within_limits(best[1], name, float(getattr(best[1], name)), limits, begin), best[0]
 
 
-def _within(
-    parameters: ModelParameters, name: str, value: float, limits: tuple[float, float], begin: ModelParameters
-) -> ModelParameters:
+def _set_sigma_within_limits(
+    parameters: MotionParameters, name: str, value: float, limits: tuple[float, float], begin: MotionParameters
+) -> MotionParameters:
     """Return the motion parameters with a new value of one sigma, kept within limits relative to its first value."""
     first = float(getattr(begin, name))
     limited = float(np.clip(np.log(value / first), *np.log(limits)))
-    return _with(parameters, name, first * float(np.exp(limited)))
+    return _replace_parameter(parameters, name, first * float(np.exp(limited)))
 
 
-def _with(parameters: ModelParameters, name: str, value: float) -> ModelParameters:
+def _replace_parameter(parameters: MotionParameters, name: str, value: float) -> MotionParameters:
     change: dict[str, Any] = {name: value}
     return replace(parameters, **change)
 
 
-def _from_first_position(series: Sequence[Series]) -> list[Series]:
+def _drop_rows_before_first_position(series: Sequence[SensorSeries]) -> list[SensorSeries]:
     """Leave out what lies long before the first position: a start that is badly known looks like noise."""
     firsts = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
     first = min(firsts, default=-np.inf)
-    return [s.at(s.time_s - s.latency_s >= first - LEAD_IN_S) for s in series]
+    return [s.select_rows(s.time_s - s.latency_s >= first - FIRST_POSITION_LEAD_IN_S) for s in series]
 
 
-def _window(series: Sequence[Series]) -> list[Series]:
+def _cut_to_busiest_window(series: Sequence[SensorSeries]) -> list[SensorSeries]:
     """Thin the series of a log with an IMU, and cut all to a window where the vehicle goes farthest.
 
     Without an IMU the window is short, and averages of a short one hide how fast the vehicle changes its speed.
     """
     has_imu = any(s.bias_state >= 0 for s in series)
-    series = [thinned_to(s, THINNED_HZ) if has_imu else s for s in series]
+    series = [average_rows_to_rate(s, AVERAGING_HZ) if has_imu else s for s in series]
     total = sum(len(s) for s in series)
-    most = MAX_UPDATES if has_imu else MAX_UPDATES_SLOW
+    most = MAX_WINDOW_ROWS_WITH_IMU if has_imu else MAX_WINDOW_ROWS_WITHOUT_IMU
     if total <= most:
         return list(series)
     begin = min(float(s.time_s[0]) for s in series if len(s))
@@ -264,15 +268,15 @@ def _window(series: Sequence[Series]) -> list[Series]:
     # A slow source needs enough rows in it to show its noise.
     slowest = max((float(np.median(np.diff(s.time_s))) for s in series if len(s) > MIN_ROWS_FOR_NOISE), default=0.0)
     span = min(max(span, 2.0 * MIN_ROWS_FOR_NOISE * slowest), end - begin)
-    left = busiest_window(series, begin, end, span)
+    left = busiest_window_start_s(series, begin, end, span)
     cut = []
     for s in series:
         time = s.time_s - s.latency_s
-        cut.append(s.at((time >= left) & (time <= left + span)))
+        cut.append(s.select_rows((time >= left) & (time <= left + span)))
     return cut
 
 
-def busiest_window(series: Sequence[Series], begin: float, end: float, span: float) -> float:
+def busiest_window_start_s(series: Sequence[SensorSeries], begin: float, end: float, span: float) -> float:
     """Return where a window of `span` seconds covers the longest way, by the positions."""
     position = next((s for s in series if s.kind is Kind.POSITION and len(s) > 2), None)
     if position is None:

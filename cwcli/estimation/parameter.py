@@ -59,7 +59,7 @@ class SlowError:
 
 NO_PARAMETER = Parameter()
 """Parameter that was not looked for."""
-EXACT_STAMPS = Parameter(0.0)
+NO_STAMP_ERROR = Parameter(0.0)
 """Stamp error of a source whose stamps are taken as exact."""
 NO_SLOW_ERROR = SlowError()
 """Slow error that was not looked for."""

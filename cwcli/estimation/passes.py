@@ -9,34 +9,34 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
+from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.parameter import EXACT_STAMPS, Parameter
+from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter
 from cwcli.kernels import ekf
 from cwcli.kernels.estimation import lay_steps
 from cwcli.signals.columns import FloatArray
 
-N_MOTION = 8
+N_MOTION_STATES = 8
 """Number of motion states; parameter states follow them."""
 START_TOLERANCE_S = 1e-9
 """A row that is earlier than the start by at most this is used, s: rounding of stamps to floating point."""
-MAX_STEP_S = 0.1
+MAX_PREDICTION_STEP_S = 0.1
 """Longest prediction step, s; chosen because the transition is a first-order expansion in the heading."""
-MAX_PIECES = 600
+MAX_STEPS_PER_GAP = 600
 """Greatest number of steps across a gap: a longer gap counts as a minute, so that no covariance overflows."""
-RATE_PATIENCE = 2
+MAX_RATE_REJECTIONS = 2
 """Rejections in a row after which an inertial sensor is used again: a longer deviation is a manoeuvre and no spike."""
-PATIENCE_S = 3.0
+MAX_REJECTION_TIME_S = 3.0
 """Time of rejections after which a slow source is used again, s. Chosen by hand; not fitted."""
-MAX_PITCH_GAP_S = 0.2
+MAX_PITCH_RATE_GAP_S = 0.2
 """The pitch rate is taken as zero in a longer gap of the gyroscope, s. Chosen by hand; not fitted."""
-BEFORE_START = -1
+ROW_BEFORE_START = -1
 """Status of a row that is earlier than the start of the filter."""
 IntArray = npt.NDArray[np.int32]
 
 
 @dataclass(frozen=True)
-class PitchRate:
+class PitchRateSeries:
     """Time series of the pitch rate: the turn rate about the body's left axis.
 
     Attributes:
@@ -47,17 +47,19 @@ class PitchRate:
     time_s: FloatArray
     value_radps: FloatArray
 
-    def at(self, time_s: FloatArray) -> FloatArray:
-        """Interpolate the rate (rad/s) at times (m,), s; it is zero in gaps longer than `MAX_PITCH_GAP_S`."""
+    def interpolate_rate_radps(self, time_s: FloatArray) -> FloatArray:
+        """Interpolate the rate (rad/s) at times (m,), s; it is zero in gaps longer than `MAX_PITCH_RATE_GAP_S`."""
         value = np.interp(time_s, self.time_s, self.value_radps)
         after = np.clip(np.searchsorted(self.time_s, time_s), 1, len(self.time_s) - 1)
-        is_known = self.time_s[after] - self.time_s[after - 1] < MAX_PITCH_GAP_S
-        is_known &= (time_s >= self.time_s[0] - MAX_PITCH_GAP_S) & (time_s <= self.time_s[-1] + MAX_PITCH_GAP_S)
+        is_known = self.time_s[after] - self.time_s[after - 1] < MAX_PITCH_RATE_GAP_S
+        is_known &= (time_s >= self.time_s[0] - MAX_PITCH_RATE_GAP_S) & (
+            time_s <= self.time_s[-1] + MAX_PITCH_RATE_GAP_S
+        )
         return np.asarray(np.where(is_known, value, 0.0))
 
 
 @dataclass(frozen=True)
-class Series:
+class SensorSeries:
     """One source's measurements of one kind, ready for the filter.
 
     Attributes:
@@ -88,7 +90,7 @@ class Series:
     noise: FloatArray
     noise_origin: str = "default"
     latency_s: float = 0.0
-    stamp_error: Parameter = EXACT_STAMPS
+    stamp_error: Parameter = NO_STAMP_ERROR
     bias_state: int = -1
     latency_state: int = -1
     slow_state: int = -1
@@ -96,7 +98,7 @@ class Series:
     lever_state: int = -1
     place_m: tuple[float, float] | None = None
     ahead_state: int = -1
-    pitch_rate: PitchRate | None = None
+    pitch_rate: PitchRateSeries | None = None
     gate_nis: float = 0.0
     floor: float = 0.0
     interval_s: float = float("nan")
@@ -106,21 +108,21 @@ class Series:
         return len(self.time_s)
 
     @property
-    def width(self) -> int:
+    def n_values_per_row(self) -> int:
         """Number of values in a row, which are its degrees of freedom."""
         return QUANTITIES[self.kind].width
 
-    def at(self, rows: npt.NDArray[np.bool_]) -> Series:
+    def select_rows(self, row_mask: npt.NDArray[np.bool_]) -> SensorSeries:
         """Return the series in the rows of a mask (n,)."""
-        return replace(self, time_s=self.time_s[rows], values=self.values[rows], noise=self.noise[rows])
+        return replace(self, time_s=self.time_s[row_mask], values=self.values[row_mask], noise=self.noise[row_mask])
 
-    def scaled(self, factor: float) -> Series:
+    def scale_noise_variance(self, factor: float) -> SensorSeries:
         """Return the series with its noise variance multiplied by `factor`."""
         return replace(self, noise=self.noise * factor)
 
 
 @dataclass(frozen=True)
-class Start:
+class FilterStart:
     """Start of a filter pass: time and the full state with its covariance."""
 
     time_s: float
@@ -151,7 +153,7 @@ class PassResult:
 
 
 @dataclass(frozen=True)
-class TimeOrder:
+class RowTimeOrder:
     """Time order of the rows of all series; it stays valid while only the noise and the motion model change.
 
     Attributes:
@@ -169,7 +171,9 @@ class TimeOrder:
     patience: IntArray
 
 
-def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, reset_after: int) -> TimeOrder:
+def order_rows_by_time(
+    series: Sequence[SensorSeries], start_s: float, output_s: FloatArray, reset_after: int
+) -> RowTimeOrder:
     """Return the time order of the rows of a pass from `start_s` on.
 
     Args:
@@ -179,21 +183,21 @@ def time_order(series: Sequence[Series], start_s: float, output_s: FloatArray, r
         reset_after: Rejections in a row after which a source is used again.
     """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
-    series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
-    patience = np.array([_patience(s, reset_after) for s in series], np.int32)
-    return TimeOrder(in_time, *_merge(series, start_s, output_s), patience)
+    series = [s if rows.all() else s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
+    patience = np.array([_max_consecutive_rejections(s, reset_after) for s in series], np.int32)
+    return RowTimeOrder(in_time, *_merge_rows_and_outputs_into_steps(series, start_s, output_s), patience)
 
 
-def run_pass(
-    series: Sequence[Series],
-    start: Start,
+def run_filter_pass(
+    series: Sequence[SensorSeries],
+    start: FilterStart,
     motion: ekf.ProcessModel,
     output_s: FloatArray,
     *,
     smooth: bool,
     reset_after: int,
-    orders: dict[float, TimeOrder] | None = None,
-    restarts: Sequence[Start] = (),
+    orders: dict[float, RowTimeOrder] | None = None,
+    restarts: Sequence[FilterStart] = (),
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
 
@@ -207,8 +211,10 @@ def run_pass(
         orders: Cache of time orders by start time, for passes over the same times, outputs and patience.
         restarts: Starts that replace the motion states at their times, in time order: see `ekf.Restarts`.
     """
-    prepared = pass_input(series, start.time_s, output_s, reset_after=reset_after, orders=orders, restarts=restarts)
-    return prepared.by_series(prepared.run(start, motion, smooth=smooth))
+    prepared = build_pass_input(
+        series, start.time_s, output_s, reset_after=reset_after, orders=orders, restarts=restarts
+    )
+    return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=smooth))
 
 
 @dataclass(frozen=True)
@@ -218,8 +224,8 @@ class PassInput:
     Attributes:
         events, sources: See `ekf.run`.
         n_output: Number of output states.
-        in_time, order: See `TimeOrder`.
-        restarts: See `run_pass`.
+        in_time, order: See `RowTimeOrder`.
+        restarts: See `run_filter_pass`.
     """
 
     events: ekf.Events
@@ -229,14 +235,14 @@ class PassInput:
     order: npt.NDArray[np.intp]
     restarts: ekf.Restarts | None = None
 
-    def run(self, start: Start, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
+    def run_filter(self, start: FilterStart, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
         """Run a pass; `nis` and `status` of the result are in time order."""
         return ekf.run(
             self.events, self.sources, motion, start.state, start.covariance, self.n_output,
             smooth=smooth, restarts=self.restarts,
         )  # fmt: skip
 
-    def by_series(self, result: ekf.Pass) -> PassResult:
+    def split_result_by_series(self, result: ekf.Pass) -> PassResult:
         """Return the result with `nis` and `status` split by series, in the order of their rows."""
         nis, status = np.empty_like(result.nis), np.empty_like(result.status)
         nis[self.order], status[self.order] = result.nis, result.status
@@ -248,7 +254,7 @@ class PassInput:
                 found_status.append(status[i:j])
                 continue
             found_nis.append(np.full((len(rows), 5), np.nan))
-            found_status.append(np.full(len(rows), BEFORE_START, np.int8))
+            found_status.append(np.full(len(rows), ROW_BEFORE_START, np.int8))
             found_nis[-1][rows], found_status[-1][rows] = nis[i:j], status[i:j]
         return PassResult(
             result.state,
@@ -261,23 +267,25 @@ class PassInput:
         )
 
 
-def pass_input(
-    series: Sequence[Series],
+def build_pass_input(
+    series: Sequence[SensorSeries],
     start_s: float,
     output_s: FloatArray,
     *,
     reset_after: int,
-    orders: dict[float, TimeOrder] | None = None,
-    restarts: Sequence[Start] = (),
+    orders: dict[float, RowTimeOrder] | None = None,
+    restarts: Sequence[FilterStart] = (),
 ) -> PassInput:
-    """Put the series into time order from `start_s` on; for the arguments see `run_pass`."""
+    """Put the series into time order from `start_s` on; for the arguments see `run_filter_pass`."""
     known = None if orders is None else orders.get(start_s)
-    order_of = known or time_order(series, start_s, output_s, reset_after)
+    order_of = known or order_rows_by_time(series, start_s, output_s, reset_after)
     if orders is not None:
         orders[start_s] = order_of
     in_time, order = order_of.in_time, order_of.order
-    series = [s if rows.all() else s.at(rows) for s, rows in zip(series, in_time, strict=True)]
-    values = np.concatenate([_values(s) for s in series])[order] if len(order) else np.zeros((0, 2))
+    series = [s if rows.all() else s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
+    values = (
+        np.concatenate([_measured_values_with_pitch_rate(s) for s in series])[order] if len(order) else np.zeros((0, 2))
+    )
     noise = np.concatenate([s.noise for s in series])[order] if len(order) else np.zeros((0, 3))
     sources = ekf.SourceTable(
         sensor=np.array([s.kind for s in series], np.int32),
@@ -301,11 +309,13 @@ def pass_input(
         values=values,
         noise=noise,
     )
-    again = _restarts(series, start_s, order_of, restarts) if restarts else None
+    again = _place_restarts_in_time_order(series, start_s, order_of, restarts) if restarts else None
     return PassInput(events, sources, len(output_s), in_time, order, again)
 
 
-def _restarts(series: Sequence[Series], start_s: float, order_of: TimeOrder, restarts: Sequence[Start]) -> ekf.Restarts:
+def _place_restarts_in_time_order(
+    series: Sequence[SensorSeries], start_s: float, order_of: RowTimeOrder, restarts: Sequence[FilterStart]
+) -> ekf.Restarts:
     """Place each restart before the first update that is not older; restarts after the last update are left out."""
     update_s = np.concatenate([np.maximum(s.time_s - s.latency_s, start_s) for s in series])[order_of.order]
     update = np.searchsorted(update_s, [each.time_s - START_TOLERANCE_S for each in restarts])
@@ -313,45 +323,47 @@ def _restarts(series: Sequence[Series], start_s: float, order_of: TimeOrder, res
     step = np.searchsorted(order_of.first, update[: len(restarts)], side="right") - 1
     return ekf.Restarts(
         step=step.astype(np.int32),
-        state=np.array([each.state[:N_MOTION] for each in restarts]).reshape(-1, N_MOTION),
-        variance=np.array([np.diagonal(each.covariance)[:N_MOTION] for each in restarts]).reshape(-1, N_MOTION),
+        state=np.array([each.state[:N_MOTION_STATES] for each in restarts]).reshape(-1, N_MOTION_STATES),
+        variance=np.array([np.diagonal(each.covariance)[:N_MOTION_STATES] for each in restarts]).reshape(
+            -1, N_MOTION_STATES
+        ),
     )
 
 
-def _values(s: Series) -> FloatArray:
+def _measured_values_with_pitch_rate(s: SensorSeries) -> FloatArray:
     """Return the values (n, 2) for the kernel; the second column of a speed with a lever arm is the pitch rate."""
     if s.pitch_rate is None or s.lever_state < 0:
         return s.values
-    return np.column_stack([s.values[:, 0], s.pitch_rate.at(s.time_s - s.latency_s)])
+    return np.column_stack([s.values[:, 0], s.pitch_rate.interpolate_rate_radps(s.time_s - s.latency_s)])
 
 
-def old_rows(series: Sequence[Series], result: PassResult) -> list[str]:
+def notes_on_rows_before_start(series: Sequence[SensorSeries], result: PassResult) -> list[str]:
     """Return notes on rows that are earlier than the start of the filter."""
     return [
         f"{s.source}: {n} {s.kind.name.lower()} rows before the first heading, left out of the filter"
         for s, status in zip(series, result.status, strict=True)
-        if (n := int((status == BEFORE_START).sum()))
+        if (n := int((status == ROW_BEFORE_START).sum()))
     ]
 
 
-def _patience(s: Series, reset_after: int) -> int:
+def _max_consecutive_rejections(s: SensorSeries, reset_after: int) -> int:
     """Return the number of rejections in a row after which a source is used again.
 
-    It is at most `reset_after`, and at most `PATIENCE_S` of a slow source. Where the rate of the rows is unknown it is
-    two, and the kernel's own limit in seconds applies.
+    It is at most `reset_after`, and at most `MAX_REJECTION_TIME_S` of a slow source. Where the rate of the rows is
+    unknown it is two, and the kernel's own limit in seconds applies.
     """
-    if s.kind in RATES:
-        return RATE_PATIENCE
+    if s.kind in RATE_KINDS:
+        return MAX_RATE_REJECTIONS
     interval_s = s.interval_s
     if not interval_s > 0.0:
         if len(s) < 2:
             return reset_after
         interval_s = median(np.diff(s.time_s))
-    return int(np.clip(PATIENCE_S / max(interval_s, 1e-3), 2, reset_after))
+    return int(np.clip(MAX_REJECTION_TIME_S / max(interval_s, 1e-3), 2, reset_after))
 
 
-def _merge(
-    series: Sequence[Series], start_s: float, output_s: FloatArray
+def _merge_rows_and_outputs_into_steps(
+    series: Sequence[SensorSeries], start_s: float, output_s: FloatArray
 ) -> tuple[FloatArray, IntArray, IntArray, npt.NDArray[np.intp], IntArray]:
     """Merge measurement and output times into steps.
 
@@ -364,19 +376,23 @@ def _merge(
     order = np.argsort(update_s, kind="stable")
     update_s = update_s[order]
     time, first, out_row = lay_steps(
-        update_s, np.maximum(output_s, start_s), start_s=start_s, max_step_s=MAX_STEP_S, max_pieces=MAX_PIECES
+        update_s,
+        np.maximum(output_s, start_s),
+        start_s=start_s,
+        max_step_s=MAX_PREDICTION_STEP_S,
+        max_pieces=MAX_STEPS_PER_GAP,
     )
-    return _without_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
+    return _shorten_long_pauses(time), first, out_row, order, np.ascontiguousarray(which[order])
 
 
-def _without_pauses(time_s: FloatArray) -> FloatArray:
+def _shorten_long_pauses(time_s: FloatArray) -> FloatArray:
     """Return the step times with each gap of more than MAX_PIECES steps shortened to that; only differences matter.
 
     Times before a gap stay the same to the bit, so that the gap does not change earlier states.
     """
     step_s = np.diff(time_s)
-    is_long = step_s > MAX_STEP_S + START_TOLERANCE_S
+    is_long = step_s > MAX_PREDICTION_STEP_S + START_TOLERANCE_S
     if not is_long.any():
         return np.ascontiguousarray(time_s)
-    excess_s = np.where(is_long, step_s - MAX_STEP_S, 0.0)
+    excess_s = np.where(is_long, step_s - MAX_PREDICTION_STEP_S, 0.0)
     return np.ascontiguousarray(time_s - np.concatenate(([0.0], np.cumsum(excess_s))))

@@ -16,31 +16,31 @@ import numpy as np
 
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
 from cwcli.estimation.latency import Latency, LatencyStatus
-from cwcli.estimation.latency_clock import Told, on_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus
 from cwcli.estimation.result import SourceReport, Track
 from cwcli.metrics.chi_square import chi_square_quantile
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 
-AGREE = 0.99
+AGREEMENT_PROBABILITY = 0.99
 """Logs disagree if their chi-square exceeds this quantile of its distribution. Chosen by hand; not fitted."""
-SCATTER = 0.95
+SPREAD_PROBABILITY = 0.95
 """Logs get a spread if their chi-square exceeds this quantile of its distribution.
 
 Chosen low, because Cochran's test has little power with few drives, and a false spread costs less than a missed one."""
-OBSERVABLE_S = 0.05
+MAX_LATENCY_SIGMA_S = 0.05
 """A pooled latency with a larger sigma counts as not observable, s; the same as in the search for latencies."""
-FITTED = 0.1
+FITTED_RELATIVE_SIGMA = 0.1
 """Relative sigma of a fitted sigma of the motion and of a row interval. Chosen by hand; not fitted."""
 SECONDS_PER_MINUTE = 60.0
 """Seconds in a minute."""
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveEvidence:
     """Estimate from the log of one drive.
 
     Attributes:
@@ -54,14 +54,14 @@ class Drive:
     camera_pitch_rad: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
-    def minutes(self) -> float:
+    def duration_minutes(self) -> float:
         """Minutes from the first to the last state."""
         stamp_ns = self.track.stamp_ns
         return float(stamp_ns[-1] - stamp_ns[0]) / NS_PER_S / SECONDS_PER_MINUTE if len(stamp_ns) else 0.0
 
 
 @dataclass(frozen=True)
-class Said:
+class ConstantOfDrive:
     """Value of a constant from one log: value, one sigma, minutes and name of the log."""
 
     value: float
@@ -70,36 +70,38 @@ class Said:
     log: str = ""
 
 
-def pooled(said: Sequence[Said]) -> Constant:
+def pool_constant_over_drives(constants: Sequence[ConstantOfDrive]) -> Constant:
     """Pool the values of a constant from several logs; values without a finite sigma are ignored."""
-    said = [each for each in said if math.isfinite(each.value) and math.isfinite(each.sigma) and each.sigma > 0.0]
-    minutes = sum(each.minutes for each in said)
-    if not said:
+    constants = [
+        each for each in constants if math.isfinite(each.value) and math.isfinite(each.sigma) and each.sigma > 0.0
+    ]
+    minutes = sum(each.minutes for each in constants)
+    if not constants:
         return Constant()
-    value, variance = (np.array([getattr(each, name) for each in said]) for name in ("value", "sigma"))
+    value, variance = (np.array([getattr(each, name) for each in constants]) for name in ("value", "sigma"))
     variance = variance**2
-    mean, sigma, chi_square = _weighted(value, variance)
-    dof, spread = len(said) - 1, 0.0
+    mean, sigma, chi_square = _weighted_mean_sigma_and_chi_square(value, variance)
+    dof, spread = len(constants) - 1, 0.0
     status = ConstantStatus.FOUND
-    if dof and chi_square > chi_square_quantile(SCATTER, dof):
+    if dof and chi_square > chi_square_quantile(SPREAD_PROBABILITY, dof):
         weight = 1.0 / variance
         left = (chi_square - dof) / float(weight.sum() - (weight**2).sum() / weight.sum())
         spread = math.sqrt(max(left, 0.0))
-        mean, sigma, _ = _weighted(value, variance + spread**2)
-        status = ConstantStatus.DISAGREE if chi_square > chi_square_quantile(AGREE, dof) else status
+        mean, sigma, _ = _weighted_mean_sigma_and_chi_square(value, variance + spread**2)
+        status = ConstantStatus.DISAGREE if chi_square > chi_square_quantile(AGREEMENT_PROBABILITY, dof) else status
     reduced = chi_square / dof if dof else math.nan
-    of_logs = tuple((each.log, each.value, each.sigma) for each in said)
-    return Constant(status, mean, sigma, spread, reduced, len(said), minutes, of_logs)
+    of_logs = tuple((each.log, each.value, each.sigma) for each in constants)
+    return Constant(status, mean, sigma, spread, reduced, len(constants), minutes, of_logs)
 
 
-def _weighted(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
+def _weighted_mean_sigma_and_chi_square(value: np.ndarray, variance: np.ndarray) -> tuple[float, float, float]:
     """Return the mean weighted by inverse variance, its sigma, and the chi-square of the values about it."""
     weight = 1.0 / variance
     mean = float(weight @ value / weight.sum())
     return mean, float(weight.sum() ** -0.5), float((value - mean) ** 2 @ weight)
 
 
-def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
+def calibrate_from_drives(drives: Sequence[DriveEvidence], name: str = "") -> Calibration:
     """Calibrate a car from its drives.
 
     Args:
@@ -108,121 +110,141 @@ def calibrated(drives: Sequence[Drive], name: str = "") -> Calibration:
     """
     reports = [(report, drive) for drive in drives for report in drive.track.sources if report.n_used]
     keys = dict.fromkeys((report.source, report.kind) for report, _ in reports)
-    latencies = _latencies(keys, reports)
+    latencies = _pool_latencies(keys, reports)
     sensors: dict[str, dict[str, dict[str, Constant]]] = {}
     for key in keys:
         own = [(report, drive) for report, drive in reports if (report.source, report.kind) == key]
         constants = {"latency_s": latencies[key]}
-        for constant, of in OF_REPORT.items():
-            said = [replace(each, log=drive.log) for report, drive in own for each in of(report, drive.minutes)]
+        for constant, of in CONSTANT_READERS.items():
+            said = [
+                replace(each, log=drive.log) for report, drive in own for each in of(report, drive.duration_minutes)
+            ]
             if said:
-                constants[constant] = pooled(said)
+                constants[constant] = pool_constant_over_drives(said)
         sensors.setdefault(key[0], {})[key[1].name.lower()] = constants
-    for source, mounting in _mountings(drives).items():
+    for source, mounting in _pool_imu_mountings(drives).items():
         sensors[source]["imu"] = mounting
     for topic in dict.fromkeys(topic for drive in drives for topic in drive.camera_pitch_rad):
-        said = [Said(*d.camera_pitch_rad[topic], d.minutes, d.log) for d in drives if topic in d.camera_pitch_rad]
-        sensors.setdefault(topic, {})["camera"] = {"pitch_rad": pooled(said)}
-    total_s = sum(drive.minutes for drive in drives) * SECONDS_PER_MINUTE
+        said = [
+            ConstantOfDrive(*d.camera_pitch_rad[topic], d.duration_minutes, d.log)
+            for d in drives
+            if topic in d.camera_pitch_rad
+        ]
+        sensors.setdefault(topic, {})["camera"] = {"pitch_rad": pool_constant_over_drives(said)}
+    total_s = sum(drive.duration_minutes for drive in drives) * SECONDS_PER_MINUTE
     return Calibration(
         name=name,
         sensors=sensors,
         motion={
-            name: pooled(
-                [Said(d.track.manoeuvre[name], FITTED * d.track.manoeuvre[name], d.minutes, d.log) for d in drives]
+            name: pool_constant_over_drives(
+                [
+                    ConstantOfDrive(
+                        d.track.manoeuvre_sigmas[name],
+                        FITTED_RELATIVE_SIGMA * d.track.manoeuvre_sigmas[name],
+                        d.duration_minutes,
+                        d.log,
+                    )
+                    for d in drives
+                ]
             )
-            for name in MANOEUVRE_SIGMAS
+            for name in MANOEUVRE_SIGMA_LIMITS
         },
         logs=tuple(drive.log for drive in drives),
         minutes=total_s / SECONDS_PER_MINUTE,
-        evidence=_evidence(drives),
+        evidence=_driving_evidence(drives),
     )
 
 
-def _noise(report: SourceReport, minutes: float) -> Iterator[Said]:
+def _iter_noise_sigma(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
     """Yield the noise sigma if it was found from the log; its relative sigma from n rows is 1 / sqrt(2 n)."""
     if report.noise_origin == "log":
-        yield Said(report.sigma, report.sigma / math.sqrt(2.0 * report.n_used), minutes)
+        yield ConstantOfDrive(report.sigma, report.sigma / math.sqrt(2.0 * report.n_used), minutes)
 
 
-def _noise_scale(report: SourceReport, minutes: float) -> Iterator[Said]:
+def _iter_noise_scale(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
     """Yield the factor on the variances that the messages state."""
     if report.noise_origin.startswith("message"):
-        yield Said(report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used), minutes)
+        yield ConstantOfDrive(report.noise_scale, report.noise_scale * math.sqrt(2.0 / report.n_used), minutes)
 
 
-def _interval(report: SourceReport, minutes: float) -> Iterator[Said]:
-    yield Said(report.interval_s, FITTED * report.interval_s, minutes)
+def _iter_row_interval(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
+    yield ConstantOfDrive(report.interval_s, FITTED_RELATIVE_SIGMA * report.interval_s, minutes)
 
 
-def _bias(report: SourceReport, minutes: float) -> Iterator[Said]:
+def _iter_bias(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
     if math.isfinite(report.bias):
-        yield Said(report.bias, report.bias_sigma, minutes)
+        yield ConstantOfDrive(report.bias, report.bias_sigma, minutes)
 
 
-def _parameter(of: Callable[[SourceReport], Parameter]) -> Callable[[SourceReport, float], Iterator[Said]]:
-    def iter_parameter(report: SourceReport, minutes: float) -> Iterator[Said]:
-        parameter = of(report)
+def _make_parameter_reader(
+    select_parameter: Callable[[SourceReport], Parameter],
+) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
+    def iter_parameter(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
+        parameter = select_parameter(report)
         if parameter.status in (ParameterStatus.USED, ParameterStatus.NOT_BETTER):
-            yield Said(parameter.value, parameter.sigma, minutes)
+            yield ConstantOfDrive(parameter.value, parameter.sigma, minutes)
 
     return iter_parameter
 
 
-def _slow(name: str) -> Callable[[SourceReport, float], Iterator[Said]]:
-    def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[Said]:
-        value, time_s = getattr(report.slow_error, name), report.slow_error.time_s
+def _make_slow_error_reader(field_name: str) -> Callable[[SourceReport, float], Iterator[ConstantOfDrive]]:
+    def iter_slow_error(report: SourceReport, minutes: float) -> Iterator[ConstantOfDrive]:
+        value, time_s = getattr(report.slow_error, field_name), report.slow_error.time_s
         if report.slow_error.status is ParameterStatus.USED:
             # A drive has as many independent values of the error as it has time constants.
             n = max(minutes * SECONDS_PER_MINUTE / time_s, 1.0)
-            yield Said(value, value / math.sqrt(2.0 * n) if name == "sigma" else value * math.sqrt(2.0 / n), minutes)
+            yield ConstantOfDrive(
+                value, value / math.sqrt(2.0 * n) if field_name == "sigma" else value * math.sqrt(2.0 / n), minutes
+            )
 
     return iter_slow_error
 
 
-OF_REPORT: dict[str, Callable[[SourceReport, float], Iterator[Said]]] = {
-    "noise_sigma": _noise,
-    "noise_scale": _noise_scale,
-    "stamp_sigma_s": _parameter(lambda report: report.stamp_error),
-    "interval_s": _interval,
-    "slow_sigma": _slow("sigma"),
-    "slow_time_s": _slow("time_s"),
-    "bias": _bias,
-    "scale": _parameter(lambda report: report.scale),
-    "lever_arm_m": _parameter(lambda report: report.lever_arm_m),
-    "ahead_m": _parameter(lambda report: report.ahead_m),
+CONSTANT_READERS: dict[str, Callable[[SourceReport, float], Iterator[ConstantOfDrive]]] = {
+    "noise_sigma": _iter_noise_sigma,
+    "noise_scale": _iter_noise_scale,
+    "stamp_sigma_s": _make_parameter_reader(lambda report: report.stamp_error),
+    "interval_s": _iter_row_interval,
+    "slow_sigma": _make_slow_error_reader("sigma"),
+    "slow_time_s": _make_slow_error_reader("time_s"),
+    "bias": _iter_bias,
+    "scale": _make_parameter_reader(lambda report: report.scale),
+    "lever_arm_m": _make_parameter_reader(lambda report: report.lever_arm_m),
+    "ahead_m": _make_parameter_reader(lambda report: report.ahead_m),
 }
 """Name of a constant -> function that yields its value from the report of a source, if there is one."""
 
 
-def _latencies(
+def _pool_latencies(
     keys: Collection[tuple[str, Kind]],
-    reports: Sequence[tuple[SourceReport, Drive]],
+    reports: Sequence[tuple[SourceReport, DriveEvidence]],
 ) -> dict[tuple[str, Kind], Constant]:
     """Pool the latencies relative to the reference of the search, then shift them to the agreed clock."""
     found: dict[tuple[str, Kind], Constant] = {}
     told = []
     for key in keys:
-        own = [(r.compared, drive) for r, drive in reports if (r.source, r.kind) == key]
-        constant = pooled(
+        own = [(r.latency_to_reference, drive) for r, drive in reports if (r.source, r.kind) == key]
+        constant = pool_constant_over_drives(
             [
-                Said(latency.found_s, latency.sigma_s, drive.minutes, drive.log)
+                ConstantOfDrive(latency.found_s, latency.sigma_s, drive.duration_minutes, drive.log)
                 for latency, drive in own
                 if latency.status is not LatencyStatus.DRIFTS  # no constant of the car
             ]
         )
-        if constant.status is ConstantStatus.FOUND and constant.sigma > OBSERVABLE_S:
+        if constant.status is ConstantStatus.FOUND and constant.sigma > MAX_LATENCY_SIGMA_S:
             constant = replace(constant, status=ConstantStatus.NOT_OBSERVABLE, value=math.nan)
         is_reference = any(latency.status is LatencyStatus.REFERENCE for latency, _ in own)
         if is_reference:
-            minutes = sum(drive.minutes for _, drive in own)
+            minutes = sum(drive.duration_minutes for _, drive in own)
             constant = Constant(ConstantStatus.REFERENCE, 0.0, 0.0, 0.0, math.nan, len(own), minutes)
         found[key] = constant
-        told.append(Told(*key, is_reference=is_reference, latency=_as_latency(constant, is_reference)))
-    moved, _ = on_agreed_clock(told)
+        told.append(
+            SourceLatency(*key, is_reference=is_reference, latency=_constant_to_latency(constant, is_reference))
+        )
+    moved, _ = shift_latencies_to_agreed_clock(told)
     for each, latency in zip(told, moved, strict=True):
         key = (each.source, each.kind)
-        if latency == each.latency or not found[key].is_known:
+        if latency == each.latency or not found[key].has_value:
             continue
         if latency.status is LatencyStatus.REFERENCE:
             found[key] = replace(found[key], status=ConstantStatus.REFERENCE, value=0.0)
@@ -232,30 +254,33 @@ def _latencies(
     return found
 
 
-def _as_latency(constant: Constant, is_reference: bool) -> Latency:
+def _constant_to_latency(constant: Constant, is_reference: bool) -> Latency:
     if is_reference:
         return Latency(LatencyStatus.REFERENCE)
-    if not constant.is_known:
+    if not constant.has_value:
         return Latency(LatencyStatus.NOT_OBSERVABLE)
-    is_clear = constant.is_clear_in_any_drive and abs(constant.value) > 3.0 * constant.sigma
+    is_clear = constant.is_usable_in_any_drive and abs(constant.value) > 3.0 * constant.sigma
     status = LatencyStatus.APPLIED if is_clear else LatencyStatus.NOT_SIGNIFICANT
     return Latency(status, constant.value, constant.sigma, constant.sigma)
 
 
-def _mountings(drives: Sequence[Drive]) -> dict[str, dict[str, Constant]]:
+def _pool_imu_mountings(drives: Sequence[DriveEvidence]) -> dict[str, dict[str, Constant]]:
     """Return the pooled mounting angles of each source with an IMU."""
-    found: dict[str, dict[str, list[Said]]] = {}
+    found: dict[str, dict[str, list[ConstantOfDrive]]] = {}
     for drive in drives:
         for report in drive.track.sources:
             if report.mounting is not None and report.kind is Kind.ACCEL and report.n_used:
                 mine = found.setdefault(report.source, {"nose_up_rad": [], "left_up_rad": []})
                 for name, angles in mine.items():
                     value, sigma = getattr(report.mounting, name), report.mounting.sigma_rad
-                    angles.append(Said(value, sigma, drive.minutes, drive.log))
-    return {source: {name: pooled(said) for name, said in angles.items()} for source, angles in found.items()}
+                    angles.append(ConstantOfDrive(value, sigma, drive.duration_minutes, drive.log))
+    return {
+        source: {name: pool_constant_over_drives(said) for name, said in angles.items()}
+        for source, angles in found.items()
+    }
 
 
-def _evidence(drives: Sequence[Drive]) -> dict[str, float]:
+def _driving_evidence(drives: Sequence[DriveEvidence]) -> dict[str, float]:
     """Return the distance driven and the root mean squares of acceleration and yaw rate, by the keys of `EVIDENCE`."""
     state = [drive.track.state for drive in drives if len(drive.track.stamp_ns) > 1]
     if not state:

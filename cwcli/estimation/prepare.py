@@ -9,19 +9,19 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.imu import ImuMounting, level_imu
-from cwcli.estimation.measurements import QUANTITIES, RATES, Kind, Measurements
-from cwcli.estimation.odd_sensors import first_row_is_apart, in_si_units, stuck_rows
-from cwcli.estimation.passes import PitchRate, Series
+from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind, Measurements
+from cwcli.estimation.odd_sensors import convert_imu_to_si_units, is_first_row_contradicted, stuck_row_mask
+from cwcli.estimation.passes import PitchRateSeries, SensorSeries
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-NOTHING_KNOWN: Mapping[str, ImuMounting] = {}
+NO_KNOWN_MOUNTINGS: Mapping[str, ImuMounting] = {}
 """Empty mapping: no mounting is known."""
-CONSTANT_MIN_ROWS = 50
+MIN_ROWS_OF_CONSTANT_FIELD = 50
 """Least number of rows from which a rate that never changes counts as an unfilled field. Chosen by hand."""
-BURST_ROWS, BURST_PART = 4, 0.5
+MIN_BURST_GAPS, MAX_BURST_GAP_RATIO = 4, 0.5
 """Least number of short gaps in a burst, and the part of the usual gap below which one is short. Chosen by hand."""
-ROUGHNESS_PART = 0.5
+MIN_NOISE_TO_ROUGHNESS_RATIO = 0.5
 """Least noise of an IMU relative to what its second differences show. Chosen by hand; not fitted."""
 
 
@@ -35,13 +35,13 @@ class PreparedSeries:
         n_read: Rows handed in.
         n_not_finite: Rows left out because a value or stamp was not finite.
         n_interpolated: IMU rows left out because they were interpolated before the log was made.
-        n_held_back: Rows left out because they came in a burst (see `held_back`).
+        n_held_back: Rows left out because they came in a burst (see `burst_row_mask`).
         mounting: How the IMU was levelled, or None.
         mean_force_mps2: Shape (3,): an IMU's mean specific force (forward, left, up) in m/s^2, or None.
     """
 
-    series: Series
-    biased: bool
+    series: SensorSeries
+    has_bias: bool
     n_read: int
     n_not_finite: int
     n_interpolated: int = 0
@@ -50,18 +50,18 @@ class PreparedSeries:
     mean_force_mps2: FloatArray | None = None
 
 
-def epoch_ns(measurements: Sequence[Measurements]) -> int:
+def earliest_stamp_ns(measurements: Sequence[Measurements]) -> int:
     """Return the earliest stamp."""
     return min(int(m.stamp_ns.min()) for m in measurements if len(m))
 
 
-def seconds(stamp_ns: Int64Array, epoch: int) -> FloatArray:
+def seconds_since_epoch(stamp_ns: Int64Array, epoch: int) -> FloatArray:
     """Convert stamps (n,), ns, to seconds (n,) since `epoch` (ns); the difference is taken in integers."""
     return (stamp_ns - epoch) / NS_PER_S
 
 
-def prepare(
-    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NOTHING_KNOWN
+def clean_measurements(
+    measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting] = NO_KNOWN_MOUNTINGS
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Clean, sort and split the measurements.
 
@@ -78,23 +78,23 @@ def prepare(
     for m in measurements:
         finite = np.isfinite(m.values).all(axis=1)
         lost = int((~finite).sum())
-        time = seconds(m.stamp_ns[finite], epoch)
+        time = seconds_since_epoch(m.stamp_ns[finite], epoch)
         order = np.argsort(time, kind="stable")
         time, values = time[order], m.values[finite][order]
         covariance = None if m.covariance is None else m.covariance[finite][order]
-        stuck = stuck_rows(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
+        stuck = stuck_row_mask(m.kind, time, values) if not m.is_exact else np.zeros(len(time), np.bool_)
         if stuck.any():
             told = f"{int(stuck.sum())} {m.kind.name.lower()} rows repeat one value for long (stuck sensor), left out"
             notes.append(f"{m.source}: {told}")
             time, values = time[~stuck], values[~stuck]
             covariance = None if covariance is None else covariance[~stuck]
-        if not m.is_exact and first_row_is_apart(m.kind, time, values):
+        if not m.is_exact and is_first_row_contradicted(m.kind, time, values):
             notes.append(f"{m.source}: the first {m.kind.name.lower()} row contradicts the following rows, left out")
             time, values = time[1:], values[1:]
             covariance = None if covariance is None else covariance[1:]
         if m.kind is Kind.IMU:
             variance = None if covariance is None else np.diagonal(covariance, axis1=1, axis2=2)
-            values, variance, words = in_si_units(values, variance)
+            values, variance, words = convert_imu_to_si_units(values, variance)
             notes += [f"{m.source}: {each}" for each in words]
             imu = level_imu(time, values, variance, mountings.get(m.source))
             if imu.n_interpolated:
@@ -104,9 +104,9 @@ def prepare(
                 (Kind.YAW_RATE, imu.yaw_rate_radps, imu.yaw_rate_variance),
             )
             for kind, value, var in pairs:
-                series = _with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
+                series = _build_series_with_noise(m.source, kind, imu.time_s, value[:, None], var[:, None, None])
                 if kind is Kind.ACCEL and len(series):
-                    series = replace(series, pitch_rate=PitchRate(imu.time_s, imu.pitch_rate_radps))
+                    series = replace(series, pitch_rate=PitchRateSeries(imu.time_s, imu.pitch_rate_radps))
                 prepared.append(
                     PreparedSeries(
                         series, True, len(m), lost, imu.n_interpolated,
@@ -114,24 +114,26 @@ def prepare(
                     )
                 )  # fmt: skip
             continue
-        late = held_back(time) if not m.is_exact else np.zeros(len(time), np.bool_)
+        late = burst_row_mask(time) if not m.is_exact else np.zeros(len(time), np.bool_)
         if late.any():
             told = f"{int(late.sum())} {m.kind.name.lower()} rows arrived in bursts with late stamps, left out"
             notes.append(f"{m.source}: {told}")
             time, values = time[~late], values[~late]
             covariance = None if covariance is None else covariance[~late]
-        if _is_constant(m.kind, values):
+        if _is_unfilled_rate_field(m.kind, values):
             notes.append(f"{m.source}: {m.kind.name.lower()} never changes; taken as not measured")
             prepared.append(
-                PreparedSeries(_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost)
+                PreparedSeries(
+                    _build_series_with_noise(m.source, m.kind, time[:0], values[:0], None), False, len(m), lost
+                )
             )
             continue
-        series = replace(_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
+        series = replace(_build_series_with_noise(m.source, m.kind, time, values, covariance), is_exact=m.is_exact)
         prepared.append(PreparedSeries(series, False, len(m), lost, n_held_back=int(late.sum())))
     return prepared, notes
 
 
-def prepare_blind(
+def prepare_without_looking_ahead(
     measurements: Sequence[Measurements], epoch: int, mountings: Mapping[str, ImuMounting]
 ) -> list[PreparedSeries]:
     """Sort and split the measurements without using later rows: nothing is cleaned.
@@ -148,29 +150,29 @@ def prepare_blind(
         finite = np.flatnonzero(np.isfinite(m.values).all(axis=1))
         rows = finite[np.argsort(m.stamp_ns[finite], kind="stable")]
         lost = len(m) - len(rows)
-        if m.kind in RATES:
+        if m.kind in RATE_KINDS:
             changes = np.flatnonzero((m.values[rows] != m.values[rows[:1]]).any(axis=1))
             rows = rows[changes[0] :] if len(changes) else rows[:0]
-        time = seconds(m.stamp_ns[rows], epoch)
+        time = seconds_since_epoch(m.stamp_ns[rows], epoch)
         covariance = None if m.covariance is None else m.covariance[rows]
         if m.kind is not Kind.IMU:
-            series = _with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
+            series = _build_series_with_noise(m.source, m.kind, time, m.values[rows], covariance, looks_ahead=False)
             series = replace(series, is_exact=m.is_exact)
             prepared.append(PreparedSeries(series, False, len(m), lost))
             continue
         mounting = mountings.get(m.source, ImuMounting(0.0, 0.0))
         for kind, values, axis in (
             (Kind.ACCEL, m.values[rows, 0], 0),
-            (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up, 5),
+            (Kind.YAW_RATE, m.values[rows, 3:] @ mounting.up_axis, 5),
         ):
             variance = None if covariance is None else covariance[:, axis : axis + 1, axis : axis + 1]
-            series = _with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
+            series = _build_series_with_noise(m.source, kind, time, values[:, None], variance, looks_ahead=False)
             force = m.values[rows, :3].mean(axis=0) if len(rows) else None
             prepared.append(PreparedSeries(series, True, len(m), lost, mounting=mounting, mean_force_mps2=force))
     return prepared
 
 
-def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
+def burst_row_mask(time_s: FloatArray) -> npt.NDArray[np.bool_]:
     """Find rows of a burst: messages that a stalled link delivered all at once with late stamps.
 
     Only the last row of a burst is current; the others are older than their stamps, and the car seems too fast. A burst
@@ -183,25 +185,25 @@ def held_back(time_s: FloatArray) -> npt.NDArray[np.bool_]:
         Shape (n,), True for rows of a burst except its last.
     """
     late = np.zeros(len(time_s), bool)
-    if len(time_s) < 10 * BURST_ROWS:
+    if len(time_s) < 10 * MIN_BURST_GAPS:
         return late
     gap = np.diff(time_s)
-    short = (gap < BURST_PART * float(np.median(gap))).astype(np.int8)
+    short = (gap < MAX_BURST_GAP_RATIO * float(np.median(gap))).astype(np.int8)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], short, [0]))))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - begin >= BURST_ROWS:
+        if end - begin >= MIN_BURST_GAPS:
             late[begin:end] = True
     return late
 
 
-def _is_constant(kind: Kind, values: FloatArray) -> bool:
+def _is_unfilled_rate_field(kind: Kind, values: FloatArray) -> bool:
     """Whether a yaw rate or acceleration has one value for the whole log: then its field is not filled."""
-    if kind not in RATES or len(values) < CONSTANT_MIN_ROWS:
+    if kind not in RATE_KINDS or len(values) < MIN_ROWS_OF_CONSTANT_FIELD:
         return False
     return bool((values == values[0]).all())
 
 
-def _with_noise(
+def _build_series_with_noise(
     source: str,
     kind: Kind,
     time: FloatArray,
@@ -209,7 +211,7 @@ def _with_noise(
     covariance: FloatArray | None,
     *,
     looks_ahead: bool = True,
-) -> Series:
+) -> SensorSeries:
     """Build a series with the covariance of the messages where they state one, else with an initial guess.
 
     The guess comes from the roughness of the signal. Without `looks_ahead` it is the default, and the interval of the
@@ -227,7 +229,7 @@ def _with_noise(
             said = (noise[:, 0] > 0) & (noise[:, 2] > 0) & (determinant > 0) & np.isfinite(noise).all(axis=1)
         else:
             said = (noise[:, 0] > 0) & np.isfinite(noise[:, 0])
-    guess = (_first_guess(kind, time, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
+    guess = (_initial_noise_sigma(kind, time, values) if looks_ahead else QUANTITIES[kind].default_sigma) ** 2
     noise[~said] = (guess, 0.0, guess)
     if width == 1:
         noise[:, 1:] = 0.0
@@ -235,23 +237,23 @@ def _with_noise(
     padded = np.zeros((n, 2))
     padded[:, :width] = values
     floor = QUANTITIES[kind].floor_sigma
-    if kind in RATES:
-        floor = max(floor, ROUGHNESS_PART * guess**0.5)
+    if kind in RATE_KINDS:
+        floor = max(floor, MIN_NOISE_TO_ROUGHNESS_RATIO * guess**0.5)
     interval_s = float("nan") if looks_ahead else float("inf")
-    return Series(source, kind, time, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
+    return SensorSeries(source, kind, time, padded, noise, noise_origin=origin, floor=floor, interval_s=interval_s)
 
 
-def _first_guess(kind: Kind, time: FloatArray, values: FloatArray) -> float:
+def _initial_noise_sigma(kind: Kind, time: FloatArray, values: FloatArray) -> float:
     """Return a starting sigma: an IMU's from its second differences, which the motion hardly touches at its rate."""
     default = QUANTITIES[kind].default_sigma
-    if kind not in RATES or len(time) < 200:
+    if kind not in RATE_KINDS or len(time) < 200:
         return default
     second = values[2:, 0] - 2.0 * values[1:-1, 0] + values[:-2, 0]
     rough = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0)
     return float(max(rough, 0.1 * default))
 
 
-def thinned(series: Series, factor: int) -> Series:
+def average_row_blocks(series: SensorSeries, factor: int) -> SensorSeries:
     """Average blocks of `factor` rows, which suffices for slow parameters; blocks with a gap are dropped."""
     if factor < 2 or len(series) < 10 * factor:
         return series
@@ -267,8 +269,8 @@ def thinned(series: Series, factor: int) -> Series:
     )
 
 
-def thinned_to(series: Series, rate_hz: float) -> Series:
+def average_rows_to_rate(series: SensorSeries, rate_hz: float) -> SensorSeries:
     """Average an inertial series or a speed down to about `rate_hz`; other series are returned unchanged."""
-    if series.kind not in (*RATES, Kind.SPEED) or len(series) < 3:
+    if series.kind not in (*RATE_KINDS, Kind.SPEED) or len(series) < 3:
         return series
-    return thinned(series, int(1.0 / (rate_hz * max(float(np.median(np.diff(series.time_s))), 1e-4)) + 0.25))
+    return average_row_blocks(series, int(1.0 / (rate_hz * max(float(np.median(np.diff(series.time_s))), 1e-4)) + 0.25))

@@ -12,8 +12,8 @@ from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.latency import NO_LATENCY, Latency
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.parameter import EXACT_STAMPS, NO_PARAMETER, NO_SLOW_ERROR, Parameter, SlowError
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings
+from cwcli.estimation.parameter import NO_PARAMETER, NO_SLOW_ERROR, NO_STAMP_ERROR, Parameter, SlowError
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, repeat_string
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class SourceReport:
         nis_mean: Mean normalised innovation squared over the used rows; expectation `nis_dof`.
         nis_dof: Degrees of freedom of one row.
         nis_bounds: 95 % chi-square bounds of the mean for as many independent rows as the autocorrelation of
-            the series leaves (`consistency.effective_count`).
+            the series leaves (`consistency.effective_sample_count`).
         nis_inside: True if the mean lies inside the bounds; None with fewer than 20 rows.
         sigma: One-sigma measurement noise used (root mean variance over rows and axes).
         noise_origin: "message", "message, scaled" (raised until the innovations agree), "log" (found from the
@@ -72,10 +72,10 @@ class SourceReport:
     sigma: float = float("nan")
     noise_origin: str = "default"
     noise_scale: float = float("nan")
-    stamp_error: Parameter = EXACT_STAMPS
+    stamp_error: Parameter = NO_STAMP_ERROR
     interval_s: float = float("nan")
     latency: Latency = NO_LATENCY
-    compared: Latency = NO_LATENCY
+    latency_to_reference: Latency = NO_LATENCY
     bias: float = float("nan")
     bias_sigma: float = float("nan")
     scale: Parameter = NO_PARAMETER
@@ -87,7 +87,7 @@ class SourceReport:
 
 
 @dataclass(frozen=True)
-class Gated:
+class GatedMeasurements:
     """Measurements that the chi-square gate rejected, k rows in the order of their stamps.
 
     Attributes:
@@ -106,7 +106,9 @@ class Gated:
         return len(self.stamp_ns)
 
 
-NOTHING_GATED = Gated(np.zeros(0, np.int64), constant_strings("", 0), constant_strings("", 0), np.zeros(0), np.zeros(0))
+NO_GATED_MEASUREMENTS = GatedMeasurements(
+    np.zeros(0, np.int64), repeat_string("", 0), repeat_string("", 0), np.zeros(0), np.zeros(0)
+)
 """Empty list of rejected measurements."""
 
 
@@ -123,7 +125,7 @@ class Track:
         sources: One report per source and kind.
         log_likelihood: Of the innovations of the forward pass.
         notes: One-line remarks for the user (resets, what could not be observed).
-        manoeuvre: Name of a manoeuvre sigma of `model.ModelParameters` -> value that was found or given.
+        manoeuvre: Name of a manoeuvre sigma of `model.MotionParameters` -> value that was found or given.
         gated: Rows that the gate rejected; empty for the paper's filter, which has no gate.
         contradictions: Sources that contradict each other, the most important first.
     """
@@ -135,6 +137,6 @@ class Track:
     sources: tuple[SourceReport, ...] = ()
     log_likelihood: float = float("nan")
     notes: tuple[str, ...] = field(default=())
-    manoeuvre: Mapping[str, float] = field(default_factory=dict)
-    gated: Gated = NOTHING_GATED
+    manoeuvre_sigmas: Mapping[str, float] = field(default_factory=dict)
+    gated: GatedMeasurements = NO_GATED_MEASUREMENTS
     contradictions: tuple[Contradiction, ...] = ()

@@ -7,47 +7,47 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cwcli.estimation.measurements import RATES
-from cwcli.estimation.passes import PassResult, Series
+from cwcli.estimation.measurements import RATE_KINDS
+from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 GATE_PROBABILITY = 1.0 - 1e-5
 """Probability of the chi-square quantile to which a larger squared innovation is reduced. Chosen by hand."""
-GAIN = 4.5
+MIN_LIKELIHOOD_GAIN_PER_PARAMETER = 4.5
 """Least gain of log-likelihood per fitted parameter: three sigma of a parabola."""
-CLEAR_SIGMAS = 3.0
+MIN_GAIN_SIGMAS = 3.0
 """Least gain in sigmas of the scatter between rows. Chosen as for other significance tests; not fitted."""
 
 
-def prediction_score(series: Sequence[Series], result: PassResult) -> float:
+def prediction_log_likelihood(series: Sequence[SensorSeries], result: PassResult) -> float:
     """Return the log-likelihood of all rows but those of inertial sensors; the loss of an outlier is bounded."""
     if not np.isfinite(result.last_state).all():
         return -np.inf
     total = 0.0
     for s, nis in zip(series, result.nis, strict=True):
-        if s.kind not in RATES and len(s):
-            total += float(np.nansum(row_scores(s, nis)))
+        if s.kind not in RATE_KINDS and len(s):
+            total += float(np.nansum(row_log_likelihoods(s, nis)))
     return total
 
 
-def row_scores(s: Series, nis: FloatArray) -> FloatArray:
+def row_log_likelihoods(s: SensorSeries, nis: FloatArray) -> FloatArray:
     """Return the log-likelihood (n,) of each row of a series, without constants; NaN before the start."""
-    limit = gate_nis(GATE_PROBABILITY, s.width)
+    limit = gate_nis(GATE_PROBABILITY, s.n_values_per_row)
     return np.asarray(-0.5 * (np.minimum(nis[:, 0], limit) + np.log(nis[:, 3])))
 
 
-def clearly_better(gain: FloatArray, least: float) -> bool:
+def is_prediction_clearly_better(gain: FloatArray, min_gain: float) -> bool:
     """Whether rows are predicted better by more than `least` in both halves, and in the whole by three sigma more.
 
     The sigma is that of the scatter between rows, because with errors that last a few rows may prefer a wrong model by
     chance. A real gain shows in both halves.
 
     Args:
-        gain: Shape (n,): gain of each row of one source in `row_scores`; NaN is ignored.
+        gain: Shape (n,): gain of each row of one source in `row_log_likelihoods`; NaN is ignored.
         least: Least gain of each half.
     """
     gain = gain[np.isfinite(gain)]
-    if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= least:
+    if not len(gain) or min(float(half.sum()) for half in np.array_split(gain, 2)) <= min_gain:
         return False
-    return float(gain.sum()) > least + CLEAR_SIGMAS * float(gain.std()) * math.sqrt(len(gain))
+    return float(gain.sum()) > min_gain + MIN_GAIN_SIGMAS * float(gain.std()) * math.sqrt(len(gain))

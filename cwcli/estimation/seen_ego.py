@@ -14,20 +14,20 @@ from cwcli.estimation.result import Track
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.remotes import perceived_rows, taken_rows
-from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.remotes import perceived_rows_mask, select_remote_rows
+from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED, X, Y
 
-USUAL_LENGTH_M = 4.5
+DEFAULT_CAR_LENGTH_M = 4.5
 """Length of a car of unknown size, m. Chosen as a common car's."""
-USUAL_WIDTH_M = 1.8
+DEFAULT_CAR_WIDTH_M = 1.8
 """Width of a car of unknown size, m. Chosen as a common car's."""
-MAX_AGE_S = 1.0
+MAX_EGO_STATE_AGE_S = 1.0
 """Greatest age of the ego state that is compared with an object, s. Chosen by hand; not fitted."""
 
 
-def without_seen_ego(
+def drop_ego_seen_by_others(
     signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap | None
 ) -> tuple[RemoteSignal, tuple[str, ...]]:
     """Remove the perceived objects that are the ego; returns the signal and notes.
@@ -40,13 +40,13 @@ def without_seen_ego(
         size_m: Length and width of the ego, None where unknown.
         local_map: Map of the track; without one no object can be placed.
     """
-    perceived = perceived_rows(signal)
+    perceived = perceived_rows_mask(signal)
     if local_map is None or not perceived.any() or not len(ego.stamp_ns):
         return signal, ()
-    overlaps = _overlaps(signal, ego, size_m, local_map)
+    overlaps = _overlaps_ego_mask(signal, ego, size_m, local_map)
     is_ego = np.zeros(len(perceived), np.bool_)
     n_objects = 0
-    for _, rows in rows_by_id(signal.station):
+    for _, rows in iter_rows_by_id(signal.station):
         own = rows[perceived[rows]]
         so_far = np.cumsum(overlaps[own])
         is_ego[own] = 2 * so_far > np.arange(1, len(own) + 1)
@@ -54,10 +54,10 @@ def without_seen_ego(
     if not n_objects:
         return signal, ()
     note = f"{n_objects} perceived objects are the ego itself: {int(is_ego.sum())} times, left out"
-    return taken_rows(signal, np.flatnonzero(~is_ego)), (note,)
+    return select_remote_rows(signal, np.flatnonzero(~is_ego)), (note,)
 
 
-def _overlaps(
+def _overlaps_ego_mask(
     signal: RemoteSignal, ego: Track, size_m: Sequence[float | None], local_map: LocalMap
 ) -> npt.NDArray[np.bool_]:
     """Return a mask (n,) of the objects that overlap the ego, whose newest state is extrapolated to their stamps."""
@@ -70,15 +70,15 @@ def _overlaps(
     dy = y_m - (state[:, Y] + age_s * state[:, SPEED] * sin)
     along, across = dx * cos + dy * sin, dy * cos - dx * sin
     length_m, width_m = (
-        0.5 * ((own or usual) + _or(theirs, usual))
+        0.5 * ((own or usual) + _replace_missing(theirs, usual))
         for own, theirs, usual in zip(
-            size_m, (signal.length_m, signal.width_m), (USUAL_LENGTH_M, USUAL_WIDTH_M), strict=True
+            size_m, (signal.length_m, signal.width_m), (DEFAULT_CAR_LENGTH_M, DEFAULT_CAR_WIDTH_M), strict=True
         )
     )
-    is_told = (row >= 0) & (age_s <= MAX_AGE_S)
+    is_told = (row >= 0) & (age_s <= MAX_EGO_STATE_AGE_S)
     return np.asarray(is_told & (np.abs(along) < length_m) & (np.abs(across) < width_m))
 
 
-def _or(values: FloatArray, usual: float) -> FloatArray:
+def _replace_missing(values: FloatArray, default: float) -> FloatArray:
     """Replace values that are not finite by a default."""
-    return np.where(np.isfinite(values), values, usual)
+    return np.where(np.isfinite(values), values, default)

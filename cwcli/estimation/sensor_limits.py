@@ -13,7 +13,7 @@ from cwcli.estimation.measurements import Kind
 
 
 @dataclass(frozen=True)
-class Limit:
+class ParameterRange:
     """The range of a parameter.
 
     Attributes:
@@ -27,12 +27,12 @@ class Limit:
     unit: str
     source: str
 
-    def holds(self, value: float) -> bool:
+    def contains(self, value: float) -> bool:
         """Whether a value lies inside; True for NaN, which means that none was found."""
         return not (value <= self.low or value >= self.high)
 
 
-SPEED_SCALE = Limit(
+SPEED_SCALE_RANGE = ParameterRange(
     0.85,
     1.2,
     "",
@@ -40,7 +40,7 @@ SPEED_SCALE = Limit(
     "and worn tyres read less, by a few percent each",
 )
 """Range of the scale of a speed; its field `source` has the reasons, as in all ranges here."""
-ACCEL_BIAS = Limit(
+ACCEL_BIAS_RANGE = ParameterRange(
     -1.5,
     1.5,
     "m/s^2",
@@ -48,14 +48,14 @@ ACCEL_BIAS = Limit(
     "vertical axis); beside it 0.7 m/s^2 of a road that rises by 7 % on the whole",
 )
 """Bias without gravity through the mounting of the IMU, which `imu.ImuMounting` has."""
-YAW_RATE_BIAS = Limit(
+YAW_RATE_BIAS_RANGE = ParameterRange(
     -0.1,
     0.1,
     "rad/s",
     "zero-rate offset of a phone's MEMS gyroscope (Bosch BMI160): 3 degrees/s, 0.05 rad/s; twice that",
 )
 """Range of the bias of a gyroscope."""
-SLOW_POSITION_SIGMA = Limit(
+SLOW_POSITION_SIGMA_RANGE = ParameterRange(
     0.0,
     10.0,
     "m",
@@ -63,11 +63,11 @@ SLOW_POSITION_SIGMA = Limit(
     "is room for reflections between houses",
 )
 """Range of the sigma of a slow error of positions, per axis."""
-GRADE_SIGMA = Limit(
+GRADE_SIGMA_RANGE = ParameterRange(
     0.0, 1.2, "m/s^2", "gravity through a road whose grade scatters by 12 %: the steepest roads of a hilly town"
 )
 """Range of the sigma of gravity through the grade of the road."""
-LATENCY = Limit(
+LATENCY_RANGE = ParameterRange(
     -0.5,
     1.25,
     "s",
@@ -75,27 +75,31 @@ LATENCY = Limit(
     "early by more than the period of half a second that slow buses have",
 )
 """Range of a latency; positive is late."""
-STAMP_SIGMA = Limit(
+STAMP_SIGMA_RANGE = ParameterRange(
     0.0, 0.2, "s", "twice the interval of fixes ten times a second: more than that are fixes that are repeated or stall"
 )
 """Range of the sigma of stamp errors."""
-SPEED_LEVER_ARM = Limit(-3.0, 3.0, "m", "from the road to the roof of a van")
+SPEED_LEVER_ARM_RANGE = ParameterRange(-3.0, 3.0, "m", "from the road to the roof of a van")
 """Range of the height of the estimated point above the point of a speed."""
-AHEAD = Limit(-6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm")
+AHEAD_RANGE = ParameterRange(
+    -6.0, 6.0, "m", "from the rear axle to the front of a van; a longer vehicle needs --lever-arm"
+)
 """Range of the lever arm ahead."""
-WHITE_NOISE: Mapping[Kind, Limit] = {
-    Kind.POSITION: Limit(0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"),
-    Kind.VELOCITY: Limit(0.0, 3.0, "m/s", "ten times that of a GNSS velocity by Doppler shifts in a town"),
-    Kind.SPEED: Limit(0.0, 3.0, "m/s", "ten times the 1 km/h to which a bus rounds a speed"),
-    Kind.HEADING: Limit(0.0, 0.5, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"),
-    Kind.ACCEL: Limit(0.0, 5.0, "m/s^2", "half of gravity: an IMU on a shaking mount"),
-    Kind.YAW_RATE: Limit(0.0, 0.3, "rad/s", "as much as a car turns at a street corner"),
+WHITE_NOISE_RANGES: Mapping[Kind, ParameterRange] = {
+    Kind.POSITION: ParameterRange(
+        0.0, 30.0, "m", "a phone's fix by cells and wireless networks; GNSS alone has 1 to 5 m"
+    ),
+    Kind.VELOCITY: ParameterRange(0.0, 3.0, "m/s", "ten times that of a GNSS velocity by Doppler shifts in a town"),
+    Kind.SPEED: ParameterRange(0.0, 3.0, "m/s", "ten times the 1 km/h to which a bus rounds a speed"),
+    Kind.HEADING: ParameterRange(0.0, 0.5, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"),
+    Kind.ACCEL: ParameterRange(0.0, 5.0, "m/s^2", "half of gravity: an IMU on a shaking mount"),
+    Kind.YAW_RATE: ParameterRange(0.0, 0.3, "rad/s", "as much as a car turns at a street corner"),
 }
 """Range of the noise sigma of each kind."""
 
 
-def limit_of_error(name: str, kind: Kind) -> Limit:
+def range_of_sensor_error(name: str, kind: Kind) -> ParameterRange:
     """Return the range of an error of the sensor model (`sensor_model.Part`) for a source of a kind."""
     if name == "slow":
-        return GRADE_SIGMA if kind is Kind.ACCEL else SLOW_POSITION_SIGMA
-    return {"scale": SPEED_SCALE, "lever": SPEED_LEVER_ARM, "ahead": AHEAD}[name]
+        return GRADE_SIGMA_RANGE if kind is Kind.ACCEL else SLOW_POSITION_SIGMA_RANGE
+    return {"scale": SPEED_SCALE_RANGE, "lever": SPEED_LEVER_ARM_RANGE, "ahead": AHEAD_RANGE}[name]

@@ -23,23 +23,23 @@ from typing import Literal
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import MAX_PITCH_GAP_S, PitchRate, Series
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import MAX_PITCH_RATE_GAP_S, PitchRateSeries, SensorSeries
 from cwcli.kernels.estimation import fading_integral
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-SCALE_PRIOR = 0.02
+SPEED_SCALE_PRIOR_SIGMA = 0.02
 """One sigma of the scale of a speed. Chosen: tyres differ by wear, pressure and size by a couple of percent."""
-LEVER_PRIOR_M = 1.0
+LEVER_ARM_PRIOR_SIGMA_M = 1.0
 """One sigma of the height of an IMU above the wheels, m. Chosen: between the axles and a truck's roof."""
-AHEAD_PRIOR_M = 2.0
+AHEAD_PRIOR_SIGMA_M = 2.0
 """One sigma of the lever arm ahead, m. Chosen: an antenna stands between the front and the rear of a car."""
-TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
+GRAVITY_CHANGE_PER_TURN_MPS2 = STANDARD_GRAVITY_MPS2 * 0.035
 """One sigma of the change of gravity's forward part while a car turns by a radian, m/s^2.
 
 Chosen: roads are sloped by 2 degrees (one sigma) in both directions, and a turn on a slope causes no pitch rate."""
-MAX_STATES = 23
+MAX_FILTER_STATES = 23
 """Greatest number of states: the 24 of the kernel less one that the search for a latency adds."""
 
 
@@ -48,7 +48,7 @@ Part = tuple[int, Literal["slow", "scale", "lever", "ahead"]]
 
 
 @dataclass(frozen=True)
-class Slow:
+class GaussMarkovError:
     """A Gauss-Markov error.
 
     Attributes:
@@ -71,14 +71,14 @@ class SensorModel:
         ahead: POSITION, VELOCITY and ACCEL series that stand ahead of the point whose course is the heading.
     """
 
-    slow: Mapping[int, Slow] = field(default_factory=dict)
-    follows: frozenset[int] = frozenset()
+    slow: Mapping[int, GaussMarkovError] = field(default_factory=dict)
+    pitch_compensated: frozenset[int] = frozenset()
     scaled: frozenset[int] = frozenset()
     levered: frozenset[int] = frozenset()
     ahead: frozenset[int] = frozenset()
 
     @property
-    def parts(self) -> list[Part]:
+    def modelled_errors(self) -> list[Part]:
         """All modelled errors: index of the series and name."""
         return [
             *((i, "slow") for i in sorted(self.slow)),
@@ -87,12 +87,12 @@ class SensorModel:
             *((i, "ahead") for i in sorted(self.ahead)),
         ]
 
-    def without(self, part: Part) -> SensorModel:
+    def without_error(self, error: Part) -> SensorModel:
         """Return the model without one of its errors."""
-        i, name = part
+        i, name = error
         if name == "slow":
             slow = {k: v for k, v in self.slow.items() if k != i}
-            return replace(self, slow=slow, follows=self.follows - {i})
+            return replace(self, slow=slow, pitch_compensated=self.pitch_compensated - {i})
         if name == "scale":
             return replace(self, scaled=self.scaled - {i})
         if name == "ahead":
@@ -101,7 +101,7 @@ class SensorModel:
 
 
 @dataclass(frozen=True)
-class Layout:
+class StateLayout:
     """Layout of the filter state: series and their parameter states.
 
     Attributes:
@@ -111,13 +111,13 @@ class Layout:
             motion states.
     """
 
-    series: list[Series]
-    parameters: ModelParameters
+    series: list[SensorSeries]
+    parameters: MotionParameters
     walk: FloatArray
     prior: FloatArray
 
 
-def lay_out(base: Layout, model: SensorModel) -> Layout:
+def add_sensor_error_states(base: StateLayout, model: SensorModel) -> StateLayout:
     """Add the states of a sensor model; what does not fit into the kernel is left out.
 
     Args:
@@ -126,12 +126,12 @@ def lay_out(base: Layout, model: SensorModel) -> Layout:
     """
     series, walk, prior = list(base.series), base.walk.tolist(), base.prior.tolist()
     time_constant_s, turn_noise = dict(base.parameters.time_constant_s), dict(base.parameters.turn_noise)
-    imu_rate = pitch_rate_of(series)
+    imu_rate = find_pitch_rate(series)
 
     def add(n: int, prior_variance: float, walk_variance: float, time_s: float = 0.0) -> int:
         """Lay n states of one kind behind each other; returns the first one's index, -1 where there is no room."""
         first = len(walk)
-        if first + n > MAX_STATES:
+        if first + n > MAX_FILTER_STATES:
             return -1
         walk.extend([walk_variance] * n)
         prior.extend([prior_variance] * n)
@@ -146,33 +146,33 @@ def lay_out(base: Layout, model: SensorModel) -> Layout:
             state = add(n, slow.sigma**2, 2.0 * slow.sigma**2 / slow.time_s, slow.time_s)
             series[i] = replace(s, slow_state=state)
             if s.kind is Kind.ACCEL and state >= 0:
-                turn_noise[state] = TURN_MPS2**2
-            if i in model.follows and s.pitch_rate is not None:
-                series[i] = without_gravity(series[i], slow.time_s)
+                turn_noise[state] = GRAVITY_CHANGE_PER_TURN_MPS2**2
+            if i in model.pitch_compensated and s.pitch_rate is not None:
+                series[i] = remove_gravity_of_pitch(series[i], slow.time_s)
         if i in model.scaled and len(s):
-            series[i] = replace(series[i], scale_state=add(1, SCALE_PRIOR**2, 0.0))
+            series[i] = replace(series[i], scale_state=add(1, SPEED_SCALE_PRIOR_SIGMA**2, 0.0))
         if i in model.levered and len(s) and imu_rate is not None:
-            series[i] = replace(series[i], lever_state=add(1, LEVER_PRIOR_M**2, 0.0), pitch_rate=imu_rate)
+            series[i] = replace(series[i], lever_state=add(1, LEVER_ARM_PRIOR_SIGMA_M**2, 0.0), pitch_rate=imu_rate)
         if i in model.ahead and len(s):
-            series[i] = replace(series[i], ahead_state=add(1, AHEAD_PRIOR_M**2, 0.0))
+            series[i] = replace(series[i], ahead_state=add(1, AHEAD_PRIOR_SIGMA_M**2, 0.0))
     parameters = replace(base.parameters, time_constant_s=time_constant_s, turn_noise=turn_noise)
-    return Layout(series, parameters, np.array(walk), np.array(prior))
+    return StateLayout(series, parameters, np.array(walk), np.array(prior))
 
 
-def pitch_rate_of(series: Sequence[Series]) -> PitchRate | None:
+def find_pitch_rate(series: Sequence[SensorSeries]) -> PitchRateSeries | None:
     """Return the first IMU's pitch rate on the clock of the corrected stamps; None without one."""
     for s in series:
         if s.kind is Kind.ACCEL and s.pitch_rate is not None:
-            return PitchRate(s.pitch_rate.time_s - s.latency_s, s.pitch_rate.value_radps)
+            return PitchRateSeries(s.pitch_rate.time_s - s.latency_s, s.pitch_rate.value_radps)
     return None
 
 
-def without_gravity(s: Series, time_s: float) -> Series:
+def remove_gravity_of_pitch(s: SensorSeries, time_s: float) -> SensorSeries:
     """Subtract gravity from an ACCEL series by its pitch: the gyroscope integrated with time constant `time_s`."""
     if s.pitch_rate is None:
         return s
     rate = s.pitch_rate
-    pitch = fading_integral(rate.time_s, rate.value_radps, decay_s=time_s, max_gap_s=MAX_PITCH_GAP_S)
+    pitch = fading_integral(rate.time_s, rate.value_radps, decay_s=time_s, max_gap_s=MAX_PITCH_RATE_GAP_S)
     values = s.values.copy()
     values[:, 0] += STANDARD_GRAVITY_MPS2 * np.interp(s.time_s, s.pitch_rate.time_s, pitch)
     return replace(s, values=values)

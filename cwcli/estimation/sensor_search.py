@@ -15,59 +15,72 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cwcli.estimation.measurements import QUANTITIES, RATES, Kind
-from cwcli.estimation.noise import LEAD_IN_S, MIN_ROWS_FOR_NOISE, busiest_window, noise_factor
+from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
+from cwcli.estimation.noise import (
+    FIRST_POSITION_LEAD_IN_S,
+    MIN_ROWS_FOR_NOISE,
+    busiest_window_start_s,
+    noise_variance_factor,
+)
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, Series, TimeOrder, run_pass
-from cwcli.estimation.prepare import thinned_to
-from cwcli.estimation.score import GAIN, GATE_PROBABILITY, prediction_score
-from cwcli.estimation.sensor_limits import limit_of_error
-from cwcli.estimation.sensor_model import AHEAD_PRIOR_M, Layout, Part, SensorModel, Slow, lay_out, pitch_rate_of
-from cwcli.estimation.start import start_with_parameters
+from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, run_filter_pass
+from cwcli.estimation.prepare import average_rows_to_rate
+from cwcli.estimation.score import GATE_PROBABILITY, MIN_LIKELIHOOD_GAIN_PER_PARAMETER, prediction_log_likelihood
+from cwcli.estimation.sensor_limits import range_of_sensor_error
+from cwcli.estimation.sensor_model import (
+    AHEAD_PRIOR_SIGMA_M,
+    GaussMarkovError,
+    Part,
+    SensorModel,
+    StateLayout,
+    add_sensor_error_states,
+    find_pitch_rate,
+)
+from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-MIN_SPAN_S = 60.0
+MIN_LOG_SPAN_S = 60.0
 """Least span of a log that is searched, s. Chosen: a slow error has to come and go a few times."""
-WINDOW_S = 240.0
+SEARCH_WINDOW_S = 240.0
 """Longest span that is searched, s. Chosen for speed; not fitted."""
-THINNED_HZ = 10.0
+AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen for speed; not fitted."""
-N_FITTED = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
+N_FITTED_PARAMETERS = {"slow": 2, "scale": 1, "lever": 1, "ahead": 1}
 """Number of fitted parameters of each error."""
-GRADE = Slow(0.2, 15.0)
+INITIAL_GRADE_ERROR = GaussMarkovError(0.2, 15.0)
 """Initial error of an accelerometer by the grade (m/s^2, s). Chosen: 1.2 degrees, a hill of a few hundred metres."""
-POSITION_TIME_S = 10.0
+INITIAL_POSITION_TIME_CONSTANT_S = 10.0
 """Time constant at which the search for a slow error of positions begins, s. Chosen by hand; not fitted."""
-TIME_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
+TIME_CONSTANT_LIMITS_S = {Kind.POSITION: (1.0, 300.0), Kind.ACCEL: (5.0, 300.0)}
 """Least and greatest time constant of a slow error, s. Chosen: a slope lasts longer than the pitch of a body."""
-SIDE_SLIP_M = 0.03
+SEARCH_SIDE_SLIP_M = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: slow errors need a long memory."""
-MIN_TURNS = 5.0
+MIN_TIME_CONSTANTS_IN_LOG = 5.0
 """Least number of time constants in a log. Chosen by hand; not fitted."""
-STEPS = (3.0, 3.0**0.5)
+CLIMB_STEP_FACTORS = (3.0, 3.0**0.5)
 """Step factors of the climb, on the time constant or on sigma^2. Chosen by hand; not fitted."""
-RIDGE = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
+AVERAGED_TIME_CONSTANT_FACTORS = (1.0 / 9.0, 1.0 / 3.0, 3.0, 9.0)
 """Factors on the time constant over which a slow error is averaged. Chosen by hand; not fitted."""
-MIN_TURN_RAD = 0.5
+MIN_HEADING_RANGE_RAD = 0.5
 """Least range of the heading from which a lever arm is searched, rad. Chosen: without a turn nothing shows one."""
-WAY_S = 2.0
+SPEED_SAMPLING_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
-CLEAR_SIGMAS = 3.0
+MIN_AHEAD_SIGMAS = 3.0
 """Least lever arm ahead in sigmas, including those of the latency. Chosen as for other significance tests."""
-MAX_CLIMB = 9
+MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
-SETTLED = 1.1
+SETTLED_NOISE_FACTOR = 1.1
 """The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-MAX_MATCHINGS = 3
+MAX_NOISE_MATCHINGS = 3
 """Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
-NARROWED = 0.5
+MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
 """A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class FoundModel:
+class FoundSensorModel:
     """Sensor model that was found in a log.
 
     Attributes:
@@ -82,7 +95,7 @@ class FoundModel:
     ahead_m: Mapping[int, tuple[float, float]] = field(default_factory=dict)
     beyond: Mapping[Part, float] = field(default_factory=dict)
 
-    def without_ahead(self, series: Sequence[int]) -> FoundModel:
+    def drop_ahead_of_series(self, series: Sequence[int]) -> FoundSensorModel:
         """Return the result with the lever arms ahead of some series marked as not observable."""
         parts: list[Part] = [(i, "ahead") for i in series]
         model = replace(self.model, ahead=self.model.ahead - set(series))
@@ -92,8 +105,8 @@ class FoundModel:
 
 
 def find_sensor_model(
-    base: Layout, before: FoundModel | None = None, left_s: Sequence[float] | None = None
-) -> FoundModel:
+    base: StateLayout, before: FoundSensorModel | None = None, remaining_latency_sigma_s: Sequence[float] | None = None
+) -> FoundSensorModel:
     """Find which errors the log shows, and sigma and time constant of the slow ones.
 
     Args:
@@ -102,44 +115,58 @@ def find_sensor_model(
         left_s: Parallel to the series: one sigma of what the stamps are still late by; None: nothing. A car that turns
             while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
-    first, last = _window(base.series)
-    slack_m = _slack_m(base.series, [0.0] * len(base.series) if left_s is None else left_s)
-    whole = _whole_model(base.series, SensorModel() if before is None else before.model, slack_m)
-    if last - first < MIN_SPAN_S or not whole.parts:
-        return FoundModel()
-    trials = _Trials(base, slack_m)
-    trial = trials.try_model(whole)
+    first, last = _search_window_s(base.series)
+    slack_m = _ahead_sigma_from_latency_m(
+        base.series, [0.0] * len(base.series) if remaining_latency_sigma_s is None else remaining_latency_sigma_s
+    )
+    whole = _model_with_all_possible_errors(base.series, SensorModel() if before is None else before.model, slack_m)
+    if last - first < MIN_LOG_SPAN_S or not whole.modelled_errors:
+        return FoundSensorModel()
+    trials = _SensorModelTrials(base, slack_m)
+    trial = trials.score_model(whole)
     for i in whole.slow:
-        trial = trials.climbed(trial, i)
-    if whole.follows:
-        still = trials.try_model(replace(trial.model, follows=frozenset()), trial)
+        trial = trials.climb_slow_error(trial, i)
+    if whole.pitch_compensated:
+        still = trials.score_model(replace(trial.model, pitch_compensated=frozenset()), trial)
         trial = max(trial, still, key=lambda t: t.score)
-    found = _reduced(trials, trial)
+    found = _drop_useless_errors(trials, trial)
     known = {} if before is None else before.status
-    return found.without_ahead([i for i, name in known if name == "ahead" and (i, name) not in found.status])
+    return found.drop_ahead_of_series([i for i, name in known if name == "ahead" and (i, name) not in found.status])
 
 
-def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence[float]) -> SensorModel:
+def _model_with_all_possible_errors(
+    series: Sequence[SensorSeries], known: SensorModel, slack_m: Sequence[float]
+) -> SensorModel:
     """Return a model with all errors that the sources can have; slow errors begin at the known ones."""
-    slow: dict[int, Slow] = {}
+    slow: dict[int, GaussMarkovError] = {}
     follows, scaled, levered, ahead = set(), set(), set(), set()
     has_ground = any(s.kind in (Kind.POSITION, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
     # Of positions alone a slow error can't be told from the way.
     has_motion = any(s.kind in (Kind.ACCEL, Kind.SPEED, Kind.VELOCITY) and len(s) >= MIN_ROWS_FOR_NOISE for s in series)
-    has_pitch = pitch_rate_of(series) is not None
-    has_turns = _turned_rad(series) > MIN_TURN_RAD
+    has_pitch = find_pitch_rate(series) is not None
+    has_turns = _heading_range_rad(series) > MIN_HEADING_RANGE_RAD
     for i, s in enumerate(series):
         if len(s) < MIN_ROWS_FOR_NOISE or s.is_exact:
             continue
-        may_stand = has_turns and has_ground and s.place_m is None and slack_m[i] < NARROWED * AHEAD_PRIOR_M
+        may_stand = (
+            has_turns
+            and has_ground
+            and s.place_m is None
+            and slack_m[i] < MAX_OBSERVED_SIGMA_TO_PRIOR * AHEAD_PRIOR_SIGMA_M
+        )
         if may_stand and s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.ACCEL):
             ahead.add(i)
         if s.kind is Kind.ACCEL and s.bias_state >= 0 and has_ground:
-            slow[i] = known.slow.get(i, GRADE)
+            slow[i] = known.slow.get(i, INITIAL_GRADE_ERROR)
             if has_pitch:
                 follows.add(i)
         elif s.kind is Kind.POSITION and has_motion:
-            slow[i] = known.slow.get(i, Slow(max(_sigma(s), QUANTITIES[s.kind].floor_sigma), POSITION_TIME_S))
+            slow[i] = known.slow.get(
+                i,
+                GaussMarkovError(
+                    max(_root_mean_noise_variance(s), QUANTITIES[s.kind].floor_sigma), INITIAL_POSITION_TIME_CONSTANT_S
+                ),
+            )
         elif s.kind is Kind.SPEED:
             if has_ground:
                 scaled.add(i)
@@ -148,19 +175,21 @@ def _whole_model(series: Sequence[Series], known: SensorModel, slack_m: Sequence
     return SensorModel(slow, frozenset(follows), frozenset(scaled), frozenset(levered), frozenset(ahead))
 
 
-def _slack_m(series: Sequence[Series], left_s: Sequence[float]) -> list[float]:
+def _ahead_sigma_from_latency_m(
+    series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
+) -> list[float]:
     """Return one sigma (m) of the error of each lever arm ahead that the remaining latency may cause."""
     fixes = max((s for s in series if s.kind is Kind.POSITION), key=len)
-    span_s = max(float(np.ptp(fixes.time_s)), WAY_S)
-    few = fixes.values[:: max(1, int(WAY_S * len(fixes) / span_s))]
+    span_s = max(float(np.ptp(fixes.time_s)), SPEED_SAMPLING_S)
+    few = fixes.values[:: max(1, int(SPEED_SAMPLING_S * len(fixes) / span_s))]
     speed_mps = float(np.hypot(*np.diff(few, axis=0).T).sum() / span_s)
     return [
         speed_mps * each if s.kind in (Kind.POSITION, Kind.VELOCITY) else 0.0
-        for s, each in zip(series, left_s, strict=True)
+        for s, each in zip(series, remaining_latency_sigma_s, strict=True)
     ]
 
 
-def _turned_rad(series: Sequence[Series]) -> float:
+def _heading_range_rad(series: Sequence[SensorSeries]) -> float:
     """Return the range (rad) of the car's heading, by gyroscopes and headings."""
     turned = 0.0
     for s in series:
@@ -173,18 +202,18 @@ def _turned_rad(series: Sequence[Series]) -> float:
     return turned
 
 
-def _sigma(s: Series) -> float:
-    variance = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
+def _root_mean_noise_variance(s: SensorSeries) -> float:
+    variance = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     return float(np.sqrt(variance.mean()))
 
 
 @dataclass(frozen=True)
-class _Trial:
+class _SensorModelTrial:
     """Trial of a sensor model with its score.
 
     Attributes:
         model: The model.
-        score: See `prediction_score`.
+        score: See `prediction_log_likelihood`.
         factors: On the noise of each series, so that its innovations are as large as they should be.
         state, sigma: Each state and its sigma at the end, by its index.
         layout: Where these states are.
@@ -195,103 +224,108 @@ class _Trial:
     factors: tuple[float, ...]
     state: FloatArray
     sigma: FloatArray
-    layout: Layout
+    layout: StateLayout
 
 
-class _Trials:
+class _SensorModelTrials:
     """Passes over the same rows with different sensor models."""
 
-    def __init__(self, base: Layout, slack_m: Sequence[float]) -> None:
+    def __init__(self, base: StateLayout, slack_m: Sequence[float]) -> None:
         """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
-        begin, end = _window(base.series)
-        cut = [
-            replace(thinned_to(s.at((s.time_s - s.latency_s >= begin) & (s.time_s - s.latency_s <= end)), THINNED_HZ),
-                    gate_nis=gate_nis(GATE_PROBABILITY, s.width))
-            for s in base.series
-        ]  # fmt: skip
+        begin, end = _search_window_s(base.series)
+        cut = []
+        for s in base.series:
+            measured_s = s.time_s - s.latency_s
+            inside = average_rows_to_rate(s.select_rows((measured_s >= begin) & (measured_s <= end)), AVERAGING_HZ)
+            cut.append(replace(inside, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)))
         self.span_s, self.slack_m = end - begin, slack_m
-        self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SIDE_SLIP_M))
-        self._orders: dict[float, TimeOrder] = {}
-        result = self._pass(cut, self.base)
+        self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_SIDE_SLIP_M))
+        self._orders: dict[float, RowTimeOrder] = {}
+        result = self._run_filter(cut, self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
         kept = [
-            replace(s.at((status >= UpdateStatus.USED) | (s.kind in RATES)), gate_nis=0.0)
+            replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in RATE_KINDS)), gate_nis=0.0)
             for s, status in zip(cut, result.status, strict=True)
         ]
         self.base = replace(self.base, series=kept)
         self._orders.clear()
 
-    def try_model(self, model: SensorModel, near: _Trial | None = None) -> _Trial:
+    def score_model(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
         """Run the filter until the noise agrees with the innovations.
 
         Args:
             model: The model.
             near: A trial whose noise is a good first guess.
         """
-        layout = lay_out(self.base, model)
+        layout = add_sensor_error_states(self.base, model)
         series = layout.series
         factors = np.ones(len(series)) if near is None else np.array(near.factors)
-        for _ in range(MAX_MATCHINGS):
-            scaled = [s.scaled(float(f)) for s, f in zip(series, factors, strict=True)]
-            result = self._pass(scaled, layout)
-            change = np.array([noise_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
-            if (np.abs(np.log(change)) < np.log(SETTLED)).all():
+        for _ in range(MAX_NOISE_MATCHINGS):
+            scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
+            result = self._run_filter(scaled, layout)
+            change = np.array([noise_variance_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
+            if (np.abs(np.log(change)) < np.log(SETTLED_NOISE_FACTOR)).all():
                 break
             factors *= change
-        score = prediction_score(scaled, result)
+        score = prediction_log_likelihood(scaled, result)
         sigma = np.sqrt(np.maximum(np.diagonal(result.last_covariance), 0.0))
-        return _Trial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
+        return _SensorModelTrial(model, score, tuple(factors.tolist()), result.last_state, sigma, layout)
 
-    def climbed(self, trial: _Trial, i: int) -> _Trial:
+    def climb_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
         """Move sigma and time constant of one slow error to where the log is predicted best.
 
         What rows close to each other show is sigma^2 / time constant alone, so one kind of step keeps that. Along it
         the likelihood is flat: its mean is taken, not its top, which would as often be far too sure as too careful.
         """
-        left = MAX_CLIMB
-        for step in STEPS:
+        left = MAX_CLIMB_TRIALS
+        for step in CLIMB_STEP_FACTORS:
             moved = True
             while moved and left > 0:
                 moved = False
                 for wider, longer in ((step**0.5, step), (step**-0.5, 1.0 / step), (step**0.5, 1.0), (step**-0.5, 1.0)):
-                    slow = self._moved(self.base.series[i].kind, trial.model.slow[i], wider, longer)
+                    slow = self._scale_slow_error(self.base.series[i].kind, trial.model.slow[i], wider, longer)
                     if slow is None or left <= 0:
                         continue
                     left -= 1
-                    other = self.try_model(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
+                    other = self.score_model(replace(trial.model, slow={**trial.model.slow, i: slow}), trial)
                     if other.score > trial.score:
                         trial, moved = other, True
                         break
-        return self._averaged(trial, i)
+        return self._average_slow_error(trial, i)
 
-    def _averaged(self, trial: _Trial, i: int) -> _Trial:
+    def _average_slow_error(self, trial: _SensorModelTrial, i: int) -> _SensorModelTrial:
         """Average sigma^2, weighted by likelihood, along constant sigma^2 / time constant."""
         top = trial.model.slow[i]
-        slows = [self._moved(self.base.series[i].kind, top, factor**0.5, factor) for factor in RIDGE]
+        slows = [
+            self._scale_slow_error(self.base.series[i].kind, top, factor**0.5, factor)
+            for factor in AVERAGED_TIME_CONSTANT_FACTORS
+        ]
         known = [top, *(slow for slow in slows if slow is not None)]
         models = [replace(trial.model, slow={**trial.model.slow, i: slow}) for slow in known]
-        score = np.array([trial.score, *(self.try_model(model, trial).score for model in models[1:])])
+        score = np.array([trial.score, *(self.score_model(model, trial).score for model in models[1:])])
         weight = np.exp(score - score.max())
         longer = float(weight @ [slow.time_s / top.time_s for slow in known] / weight.sum())
         said = self.base.series[i]
         if said.noise_origin == "message":  # of the whole error: what the innovations show is a part of it
-            longer = max(longer, (_sigma(said) / top.sigma) ** 2)
-        mean = Slow(top.sigma * longer**0.5, top.time_s * longer)
-        return self.try_model(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
+            longer = max(longer, (_root_mean_noise_variance(said) / top.sigma) ** 2)
+        mean = GaussMarkovError(top.sigma * longer**0.5, top.time_s * longer)
+        return self.score_model(replace(trial.model, slow={**trial.model.slow, i: mean}), trial)
 
-    def _moved(self, kind: Kind, slow: Slow, wider: float, longer: float) -> Slow | None:
+    def _scale_slow_error(
+        self, kind: Kind, slow: GaussMarkovError, wider: float, longer: float
+    ) -> GaussMarkovError | None:
         """Return a slow error scaled by two factors; None where its time constant leaves its limits."""
-        shortest, longest = TIME_LIMITS_S[kind]
-        moved = Slow(slow.sigma * wider, slow.time_s * longer)
-        return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TURNS) else None
+        shortest, longest = TIME_CONSTANT_LIMITS_S[kind]
+        moved = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
+        return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TIME_CONSTANTS_IN_LOG) else None
 
-    def _pass(self, series: Sequence[Series], layout: Layout) -> PassResult:
-        start = start_with_parameters(series, layout.prior, causal=False)
-        motion = layout.parameters.motion(layout.walk)
-        return run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=self._orders)
+    def _run_filter(self, series: Sequence[SensorSeries], layout: StateLayout) -> PassResult:
+        start = find_start_with_parameter_states(series, layout.prior, causal=False)
+        motion = layout.parameters.to_process_model(layout.walk)
+        return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=self._orders)
 
 
-def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
+def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:
     """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one.
 
     Args:
@@ -300,59 +334,72 @@ def if_better(found: FoundModel, plain: Layout, modelled: Layout) -> FoundModel:
     """
     scores = []
     for layout in (plain, modelled):
-        thin = [thinned_to(s, THINNED_HZ) for s in layout.series]
-        series = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in thin]
-        start = start_with_parameters(series, layout.prior, causal=False)
-        motion = replace(layout.parameters, side_slip_m=SIDE_SLIP_M).motion(layout.walk)
+        thin = [average_rows_to_rate(s, AVERAGING_HZ) for s in layout.series]
+        series = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in thin]
+        start = find_start_with_parameter_states(series, layout.prior, causal=False)
+        motion = replace(layout.parameters, side_slip_m=SEARCH_SIDE_SLIP_M).to_process_model(layout.walk)
         scores.append(
-            prediction_score(series, run_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20))
+            prediction_log_likelihood(
+                series, run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=20)
+            )
         )
     if scores[1] > scores[0]:
         return found
     status = {
-        part: ParameterStatus.NOT_BETTER if part in found.model.parts else was for part, was in found.status.items()
+        part: ParameterStatus.NOT_BETTER if part in found.model.modelled_errors else was
+        for part, was in found.status.items()
     }
-    return FoundModel(SensorModel(), status, beyond=found.beyond)
+    return FoundSensorModel(SensorModel(), status, beyond=found.beyond)
 
 
-def _reduced(trials: _Trials, trial: _Trial) -> FoundModel:
+def _drop_useless_errors(trials: _SensorModelTrials, trial: _SensorModelTrial) -> FoundSensorModel:
     """Drop errors without which the log is predicted as well, one after the other, the least useful first."""
-    status = {part: _observed(trial, part) for part in trial.model.parts}
+    status = {part: _observability_of_error(trial, part) for part in trial.model.modelled_errors}
     for part, verdict in status.items():
         if verdict is ParameterStatus.NOT_OBSERVABLE:
-            trial = trials.try_model(trial.model.without(part), trial)
-    while parts := trial.model.parts:
-        others = [trials.try_model(trial.model.without(part), trial) for part in parts]
-        loss = [trial.score - other.score - GAIN * N_FITTED[part[1]] for part, other in zip(parts, others, strict=True)]
+            trial = trials.score_model(trial.model.without_error(part), trial)
+    while parts := trial.model.modelled_errors:
+        others = [trials.score_model(trial.model.without_error(part), trial) for part in parts]
+        loss = [
+            trial.score - other.score - MIN_LIKELIHOOD_GAIN_PER_PARAMETER * N_FITTED_PARAMETERS[part[1]]
+            for part, other in zip(parts, others, strict=True)
+        ]
         least = int(np.argmin(loss))
         if loss[least] > 0.0:
-            unclear = [parts.index((i, "ahead")) for i in _unclear(_ahead_m(trial), trials.slack_m)]
+            unclear = [
+                parts.index((i, "ahead"))
+                for i in _series_with_unclear_ahead(_ahead_and_sigma_by_series_m(trial), trials.slack_m)
+            ]
             if not unclear:
                 break
             least = unclear[0]
         status[parts[least]], trial = ParameterStatus.NOT_BETTER, others[least]
-    trial, beyond = _without_beyond(trials, trial)
+    trial, beyond = _drop_errors_beyond_limits(trials, trial)
     status.update(dict.fromkeys(beyond, ParameterStatus.CONTRADICTS))
-    return FoundModel(trial.model, status, _ahead_m(trial), beyond)
+    return FoundSensorModel(trial.model, status, _ahead_and_sigma_by_series_m(trial), beyond)
 
 
-def _without_beyond(trials: _Trials, trial: _Trial) -> tuple[_Trial, dict[Part, float]]:
+def _drop_errors_beyond_limits(
+    trials: _SensorModelTrials, trial: _SensorModelTrial
+) -> tuple[_SensorModelTrial, dict[Part, float]]:
     """Leave out every error that is beyond what such a sensor can have, until none is; returns what they were."""
     beyond: dict[Part, float] = {}
     while found := {
         part: value
-        for part in trial.model.parts
-        if not limit_of_error(part[1], trial.layout.series[part[0]].kind).holds(value := _value(trial, part))
+        for part in trial.model.modelled_errors
+        if not range_of_sensor_error(part[1], trial.layout.series[part[0]].kind).contains(
+            value := _estimated_value_of_error(trial, part)
+        )
     }:
         beyond.update(found)
         model = trial.model
         for part in found:
-            model = model.without(part)
-        trial = trials.try_model(model, trial)
+            model = model.without_error(part)
+        trial = trials.score_model(model, trial)
     return trial, beyond
 
 
-def _value(trial: _Trial, part: Part) -> float:
+def _estimated_value_of_error(trial: _SensorModelTrial, part: Part) -> float:
     """Of a slow error its sigma, of another its value, as they are reported."""
     i, name = part
     if name == "slow":
@@ -362,39 +409,46 @@ def _value(trial: _Trial, part: Part) -> float:
     return float(trial.state[state]) + (name == "scale") if state >= 0 else float("nan")
 
 
-def _observed(trial: _Trial, part: Part) -> ParameterStatus:
+def _observability_of_error(trial: _SensorModelTrial, part: Part) -> ParameterStatus:
     """Return whether the log narrowed the prior of an error's parameter: USED or NOT_OBSERVABLE."""
     i, name = part
     s = trial.layout.series[i]
     state = {"scale": s.scale_state, "lever": s.lever_state, "ahead": s.ahead_state}.get(name, -1)
     if name == "slow":
         return ParameterStatus.USED
-    if state < 0 or trial.sigma[state] > NARROWED * trial.layout.prior[state] ** 0.5:
+    if state < 0 or trial.sigma[state] > MAX_OBSERVED_SIGMA_TO_PRIOR * trial.layout.prior[state] ** 0.5:
         return ParameterStatus.NOT_OBSERVABLE
     return ParameterStatus.USED
 
 
-def _ahead_m(trial: _Trial) -> dict[int, tuple[float, float]]:
+def _ahead_and_sigma_by_series_m(trial: _SensorModelTrial) -> dict[int, tuple[float, float]]:
     states = {i: trial.layout.series[i].ahead_state for i in sorted(trial.model.ahead)}
     return {i: (float(trial.state[k]), float(trial.sigma[k])) for i, k in states.items()}
 
 
-def _unclear(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
+def _series_with_unclear_ahead(ahead_m: Mapping[int, tuple[float, float]], slack_m: Sequence[float]) -> list[int]:
     """Return the series whose lever arm ahead is not significant against its sigma and that of the latency."""
-    return [i for i, (value, sigma) in ahead_m.items() if not abs(value) > CLEAR_SIGMAS * np.hypot(sigma, slack_m[i])]
+    return [
+        i for i, (value, sigma) in ahead_m.items() if not abs(value) > MIN_AHEAD_SIGMAS * np.hypot(sigma, slack_m[i])
+    ]
 
 
-def unclear_places(found: FoundModel, series: Sequence[Series], left_s: Sequence[float]) -> list[int]:
+def series_whose_ahead_may_be_latency(
+    found: FoundSensorModel, series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
+) -> list[int]:
     """Return the series whose lever arm ahead may as well be a latency; for `left_s` see `find_sensor_model`."""
-    return _unclear({i: at for i, at in found.ahead_m.items() if i in found.model.ahead}, _slack_m(series, left_s))
+    return _series_with_unclear_ahead(
+        {i: at for i, at in found.ahead_m.items() if i in found.model.ahead},
+        _ahead_sigma_from_latency_m(series, remaining_latency_sigma_s),
+    )
 
 
-def _window(series: Sequence[Series]) -> tuple[float, float]:
+def _search_window_s(series: Sequence[SensorSeries]) -> tuple[float, float]:
     """Return the searched span (s): from the first position; of long logs the WINDOW_S with the longest path."""
     positions = [s for s in series if s.kind is Kind.POSITION and len(s)]
-    begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - LEAD_IN_S
+    begin = min((float(s.time_s[0] - s.latency_s) for s in positions), default=0.0) - FIRST_POSITION_LEAD_IN_S
     end = max((float(s.time_s[-1] - s.latency_s) for s in series if len(s)), default=0.0)
-    if end - begin <= WINDOW_S:
+    if end - begin <= SEARCH_WINDOW_S:
         return begin, end
-    begin = busiest_window(series, begin, end, WINDOW_S)
-    return begin, begin + WINDOW_S
+    begin = busiest_window_start_s(series, begin, end, SEARCH_WINDOW_S)
+    return begin, begin + SEARCH_WINDOW_S

@@ -14,24 +14,34 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import NO_LATENCY, given_latency
+from cwcli.estimation.latency import NO_LATENCY, latency_given_by_user
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.passes import N_MOTION, Series, old_rows, run_pass
-from cwcli.estimation.prepare import epoch_ns, prepare, prepare_blind, seconds
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries, notes_on_rows_before_start, run_filter_pass
+from cwcli.estimation.prepare import (
+    clean_measurements,
+    earliest_stamp_ns,
+    prepare_without_looking_ahead,
+    seconds_since_epoch,
+)
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.start import UNKNOWN_SIGMA, find_start, hold_before_start, within_reach
-from cwcli.estimation.trust import state_flags
+from cwcli.estimation.start import (
+    UNKNOWN_STATE_SIGMAS,
+    find_filter_start,
+    hold_position_before_start,
+    move_infinite_start_behind_rows,
+)
+from cwcli.estimation.state_flags import compute_state_flags
 from cwcli.kernels import ekf
 from cwcli.kernels.ekf import UpdateStatus
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_RATE
 
-STEP_S = 0.05
+SAMPLING_TIME_S = 0.05
 """Sampling time dT of eq. 2, s."""
-JERK_SIGMA = 0.2
+JERK_ROOT_SPECTRAL_DENSITY = 0.2
 """Root of the jerk's spectral density, m/s^3 per root Hz. Chosen: see `process_noise`."""
-YAW_ACCEL_SIGMA = 0.02
+YAW_ACCEL_ROOT_SPECTRAL_DENSITY = 0.02
 """Root of the yaw acceleration's spectral density, rad/s^2 per root Hz. Chosen: see `process_noise`."""
 DERIVATIVE_SAMPLES = 8
 """Number of samples (0.35 s) whose least-squares slope gives jerk and yaw acceleration.
@@ -40,14 +50,16 @@ The paper says that they are "computed from the measured" values, not how. Chose
 models with jerk are the worse ones, and a longer window sees a manoeuvre too late for fig. 9."""
 MAX_PAUSE_S = 60.0
 """Longer pauses of all measurements have no steps, s, because the filter counts such a pause as a minute."""
-DERIVED = slice(ACCEL, YAW_RATE + 1)
+DIFFERENTIATED_STATES = slice(ACCEL, YAW_RATE + 1)
 """Slice of the states whose slopes are appended: acceleration and yaw rate."""
 
-VECTOR_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
+MEASUREMENT_VECTOR_KINDS = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
 """Kinds of the paper's measurement vector, in its order."""
 
 
-def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YAW_ACCEL_SIGMA) -> FloatArray:
+def process_noise_covariance(
+    step_s: float, jerk: float = JERK_ROOT_SPECTRAL_DENSITY, yaw_accel: float = YAW_ACCEL_ROOT_SPECTRAL_DENSITY
+) -> FloatArray:
     """Return Q of eq. 4, which the paper leaves open.
 
     Eq. 2 holds a and the yaw rate constant over a step. Their changes within it are taken as white noise: a jerk
@@ -73,7 +85,7 @@ def process_noise(step_s: float, jerk: float = JERK_SIGMA, yaw_accel: float = YA
     return q
 
 
-def estimate_song2016(
+def estimate_track_with_song2016(
     measurements: Sequence[Measurements], config: EstimatorConfig, output_stamp_ns: Int64Array | None
 ) -> Track:
     """Run the paper's filter on a log: see `estimate_track` for arguments and errors.
@@ -81,14 +93,19 @@ def estimate_song2016(
     The paper's measurement vector is synchronous. A log's sensors are not: each measurement goes to the nearest step
     of a 0.05 s grid (the last one where several meet), and a component that was not measured at a step is left out of
     the update there, never invented. Latencies are corrected only where given. Jerk and yaw acceleration are no states
-    of this model: see `with_derivatives`. Without `causal` the same model is smoothed, which the paper does not do.
+    of this model: see `append_jerk_and_yaw_acceleration`. Without `causal` the same model is smoothed, which the paper
+    does not do.
     """
-    epoch = epoch_ns(measurements)
-    prepared, notes = (prepare_blind(measurements, epoch, {}), []) if config.blind else prepare(measurements, epoch)
-    latencies = [given_latency(p.series, config) or NO_LATENCY for p in prepared]
+    epoch = earliest_stamp_ns(measurements)
+    prepared, notes = (
+        (prepare_without_looking_ahead(measurements, epoch, {}), [])
+        if config.blind
+        else clean_measurements(measurements, epoch)
+    )
+    latencies = [latency_given_by_user(p.series, config) or NO_LATENCY for p in prepared]
     step = config.song2016_step_s
     series = [
-        _on_grid(replace(p.series, latency_s=latency.applied_s), step)
+        _move_stamps_to_nearest_step(replace(p.series, latency_s=latency.applied_s), step)
         for p, latency in zip(prepared, latencies, strict=True)
     ]
     if not any(s.kind is Kind.POSITION and len(s) for s in series):
@@ -97,38 +114,40 @@ def estimate_song2016(
     if output_stamp_ns is None:
         output_stamp_ns = np.arange(epoch, epoch + round(end * NS_PER_S) + 1, round(step * NS_PER_S), dtype=np.int64)
     # The states are known at the steps; between them the step before holds.
-    wanted = seconds(output_stamp_ns, epoch)
-    start = within_reach(find_start(series, 6, causal=config.causal), series, wanted)
+    wanted = seconds_since_epoch(output_stamp_ns, epoch)
+    start = move_infinite_start_behind_rows(find_filter_start(series, 6, causal=config.causal), series, wanted)
     begin = round(start.time_s / step) * step
     wanted_step = np.maximum(np.floor(wanted / step + 1e-6).astype(np.int64), round(begin / step))
-    steps = _steps(series, round(begin / step), wanted_step, step)
-    result = run_pass(
-        series, replace(start, time_s=begin), ekf.ProcessModel.song2016(process_noise(step)),
+    steps = _step_numbers_without_pauses(series, round(begin / step), wanted_step, step)
+    result = run_filter_pass(
+        series, replace(start, time_s=begin), ekf.ProcessModel.song2016(process_noise_covariance(step)),
         np.asarray(steps * step, float), smooth=not config.causal, reset_after=config.reset_after,
     )  # fmt: skip
-    all_states, all_covariances = with_derivatives(result.state, result.covariance, steps, step)
+    all_states, all_covariances = append_jerk_and_yaw_acceleration(result.state, result.covariance, steps, step)
     row = np.searchsorted(steps, wanted_step)
     state, covariance = all_states[row], all_covariances[row]
-    _carry(state, np.maximum(wanted - steps[row] * step, 0.0))
+    _extrapolate_states(state, np.maximum(wanted - steps[row] * step, 0.0))
     if config.causal:
-        hold_before_start(state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION))
-        notes += old_rows(series, result)
+        hold_position_before_start(
+            state, covariance, series, start_s=begin, output_s=wanted, prior=np.zeros(N_MOTION_STATES)
+        )
+        notes += notes_on_rows_before_start(series, result)
     reports = tuple(
         SourceReport(
             s.source, s.kind, n_read=p.n_read, n_used=int((status >= UpdateStatus.USED).sum()),
             n_gated=int((status == UpdateStatus.GATED).sum()),
-            n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean(nis[:, 0]),
-            nis_dof=s.width, noise_origin=s.noise_origin, latency=latency,
+            n_not_finite=p.n_not_finite, n_interpolated=p.n_interpolated, nis_mean=_mean_or_nan(nis[:, 0]),
+            nis_dof=s.n_values_per_row, noise_origin=s.noise_origin, latency=latency,
             sigma=float(np.sqrt(s.noise[:, 0].mean())) if len(s) else float("nan"),
         )
         for p, s, latency, nis, status in zip(prepared, series, latencies, result.nis, result.status, strict=True)
     )  # fmt: skip
-    flags = state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
+    flags = compute_state_flags(series, result.status, wanted, start=replace(start, time_s=begin), causal=config.causal)
     return Track(output_stamp_ns, state, covariance, flags, reports, result.log_likelihood, tuple(notes))
 
 
-def with_derivatives(
-    state: FloatArray, covariance: FloatArray, steps: Int64Array, step_s: float = STEP_S
+def append_jerk_and_yaw_acceleration(
+    state: FloatArray, covariance: FloatArray, steps: Int64Array, step_s: float = SAMPLING_TIME_S
 ) -> tuple[FloatArray, FloatArray]:
     """Add the jerk and the yaw acceleration that eq. 10 needs: see `DERIVATIVE_SAMPLES`.
 
@@ -147,33 +166,40 @@ def with_derivatives(
     is_known = np.zeros(n, np.bool_)
     is_known[before:] = steps[before:] - steps[: max(n - before, 0)] == before
     more_state = np.column_stack([trailing_slope(state[:, k], step_s=step_s) for k in (ACCEL, YAW_RATE)])
-    weights = slope_weights(DERIVATIVE_SAMPLES, step_s)
+    weights = least_squares_slope_weights(DERIVATIVE_SAMPLES, step_s)
     more = np.where(
         is_known[:, None, None],
-        weights @ weights * covariance[:, DERIVED, DERIVED],
-        np.diag(np.square(UNKNOWN_SIGMA[JERK:])),
+        weights @ weights * covariance[:, DIFFERENTIATED_STATES, DIFFERENTIATED_STATES],
+        np.diag(np.square(UNKNOWN_STATE_SIGMAS[JERK:])),
     )
-    whole = np.zeros((n, N_MOTION, N_MOTION))
+    whole = np.zeros((n, N_MOTION_STATES, N_MOTION_STATES))
     whole[:, :JERK, :JERK], whole[:, JERK:, JERK:] = covariance, more
     return np.column_stack([state, np.where(is_known[:, None], more_state, 0.0)]), whole
 
 
-def slope_weights(samples: int, step_s: float) -> FloatArray:
+def least_squares_slope_weights(samples: int, step_s: float) -> FloatArray:
     """Return the weights (samples,), oldest first, that give the least-squares slope per second."""
     offsets = np.arange(samples) - (samples - 1) / 2.0
     return np.asarray(offsets / (offsets @ offsets) / step_s)
 
 
-def trailing_slope(values: FloatArray, samples: int = DERIVATIVE_SAMPLES, *, step_s: float = STEP_S) -> FloatArray:
+def trailing_slope(
+    values: FloatArray, samples: int = DERIVATIVE_SAMPLES, *, step_s: float = SAMPLING_TIME_S
+) -> FloatArray:
     """Return the least-squares slope per second over the last `samples` values, (n,); 0 until there are so many."""
     slope = np.zeros_like(values)
     if len(values) >= samples:
-        slope[samples - 1 :] = np.convolve(values, slope_weights(samples, step_s)[::-1], mode="valid")
+        slope[samples - 1 :] = np.convolve(values, least_squares_slope_weights(samples, step_s)[::-1], mode="valid")
     return slope
 
 
-def filter_vectors(
-    z: FloatArray, sigma: Sequence[float], *, step_s: float = STEP_S, q: FloatArray | None = None, smooth: bool = False
+def filter_measurement_matrix(
+    z: FloatArray,
+    sigma: Sequence[float],
+    *,
+    step_s: float = SAMPLING_TIME_S,
+    q: FloatArray | None = None,
+    smooth: bool = False,
 ) -> tuple[FloatArray, FloatArray]:
     """Run eq. 8 over a synchronous measurement matrix, as in the paper.
 
@@ -190,11 +216,11 @@ def filter_vectors(
     n = len(z)
     variance: FloatArray = np.square(np.asarray(sigma, dtype=np.float64))
     # Five updates a step (the position is one of width 2), the first vector being the start.
-    values = np.zeros((n, len(VECTOR_KINDS), 2))
+    values = np.zeros((n, len(MEASUREMENT_VECTOR_KINDS), 2))
     values[:, 0] = z[:, :2]
     values[:, 1:, 0] = z[:, 2:]
     measured = np.isfinite(values).all(axis=2) & (np.arange(n) > 0)[:, None]
-    noise = np.zeros((len(VECTOR_KINDS), 3))
+    noise = np.zeros((len(MEASUREMENT_VECTOR_KINDS), 3))
     noise[0, [0, 2]] = variance[:2]
     noise[1:, 0] = variance[2:]
     step, kind = np.nonzero(measured)
@@ -206,7 +232,7 @@ def filter_vectors(
         values=values[step, kind],
         noise=noise[kind],
     )
-    sensor = np.array(VECTOR_KINDS, np.int32)
+    sensor = np.array(MEASUREMENT_VECTOR_KINDS, np.int32)
     sources = ekf.SourceTable(
         sensor=sensor,
         parameters=np.full((len(sensor), 6), -1, np.int32),
@@ -215,16 +241,18 @@ def filter_vectors(
         gate_nis=np.zeros(len(sensor)),
         patience=np.ones(len(sensor), np.int32),
     )
-    motion = ekf.ProcessModel.song2016(process_noise(step_s) if q is None else q)
+    motion = ekf.ProcessModel.song2016(process_noise_covariance(step_s) if q is None else q)
     result = ekf.run(events, sources, motion, np.array(z[0], dtype=np.float64), np.diag(variance), n, smooth=smooth)
     return result.state, result.covariance
 
 
-def _mean(values: FloatArray) -> float:
+def _mean_or_nan(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
-def _steps(series: Sequence[Series], first: int, wanted: Int64Array, step_s: float) -> Int64Array:
+def _step_numbers_without_pauses(
+    series: Sequence[SensorSeries], first: int, wanted: Int64Array, step_s: float
+) -> Int64Array:
     """Return the step numbers from `first` to the last measurement, without long pauses, and the wanted ones."""
     measured = np.concatenate([np.round(s.time_s / step_s).astype(np.int64) for s in series])
     ends = np.unique(np.append(measured[measured >= first], first))
@@ -234,7 +262,7 @@ def _steps(series: Sequence[Series], first: int, wanted: Int64Array, step_s: flo
     return np.unique(np.concatenate([np.repeat(ends[:-1], each) + within, ends[-1:], wanted]))
 
 
-def _on_grid(s: Series, step: float) -> Series:
+def _move_stamps_to_nearest_step(s: SensorSeries, step: float) -> SensorSeries:
     """Move the stamps, corrected for the latency, to the nearest step; the last row of a step stays."""
     slot = np.round((s.time_s - s.latency_s) / step).astype(np.int64)
     last = np.append(slot[1:] != slot[:-1], True) if len(slot) else np.zeros(0, bool)
@@ -243,7 +271,7 @@ def _on_grid(s: Series, step: float) -> Series:
     )
 
 
-def _carry(state: FloatArray, dt: FloatArray) -> None:
+def _extrapolate_states(state: FloatArray, dt: FloatArray) -> None:
     """Carry states forward by less than a step with eq. 2 (in place)."""
     distance = state[:, 2] * dt + 0.5 * state[:, 4] * dt**2
     state[:, 0] += distance * np.cos(state[:, 3])

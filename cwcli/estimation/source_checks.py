@@ -16,60 +16,70 @@ from itertools import combinations
 
 import numpy as np
 
-from cwcli.estimation.check_words import Check
-from cwcli.estimation.contradiction import Contradiction, Quantity
+from cwcli.estimation.check_texts import SourceComparisonCheck
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.passes import Series
-from cwcli.estimation.sensor_limits import ACCEL_BIAS, SPEED_SCALE, YAW_RATE_BIAS, Limit
+from cwcli.estimation.passes import SensorSeries
+from cwcli.estimation.sensor_limits import ACCEL_BIAS_RANGE, SPEED_SCALE_RANGE, YAW_RATE_BIAS_RANGE, ParameterRange
 from cwcli.estimation.step_motion import (
-    LEAST_CHORD_M,
     MEDIAN_ABSOLUTE_TO_SIGMA,
+    MIN_CHORD_M,
     StepMotion,
-    motion_in_steps,
-    step_edges,
+    compute_step_motion,
+    step_edges_s,
 )
 from cwcli.signals.columns import FloatArray
 
-STEPS_S = (1.0, 2.0, 4.0, 8.0)
+STEP_LENGTHS_S = (1.0, 2.0, 4.0, 8.0)
 """Lengths of the steps, s: as long as a manoeuvre takes, and longer than sensors are late."""
-MIN_STEPS = 4
+MIN_STEPS_OF_ONE_LENGTH = 4
 """Least number of clear steps of one length. Chosen: three agree by chance."""
-ENOUGH_STEPS = 8
+MIN_STEPS_OF_ALL_LENGTHS = 8
 """Least number of clear steps of all lengths together. Chosen: a car turns five times in four minutes of town."""
-STUDENT_99: Mapping[int, float] = {4: 5.84, 5: 4.60, 6: 4.03, 7: 3.71, 8: 3.50, 9: 3.36, 10: 3.25, 15: 2.98, 20: 2.86}
+STUDENT_99_QUANTILES: Mapping[int, float] = {
+    4: 5.84,
+    5: 4.60,
+    6: 4.03,
+    7: 3.71,
+    8: 3.50,
+    9: 3.36,
+    10: 3.25,
+    15: 2.98,
+    20: 2.86,
+}
 """Number of values -> half the width of the 99 % interval in sigma of the mean (Student, two-sided); more: 2.86."""
-MEDIAN_EFFICIENCY = 1.2533
+MEDIAN_TO_MEAN_SIGMA_RATIO = 1.2533
 """Sigma of a median of normal values over that of their mean."""
-LEAST_ROWS = 20
+MIN_ROWS = 20
 """Least number of rows of a source that is compared. Chosen by hand; not fitted."""
-TURN_RATIO = Limit(
+TURN_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "a MEMS gyroscope's scale errs by 3 %; the rest is room for latencies and for courses of short ways"
 )
 """Range of the ratio of two changes of heading."""
-SPEED_CHANGE_RATIO = Limit(
+SPEED_CHANGE_RATIO_RANGE = ParameterRange(
     0.6, 1.6, "", "an accelerometer's scale errs by 3 %; the rest is room for slopes, latencies and the noise of fixes"
 )
 """Range of the ratio of two changes of speed."""
-HEADING_OFFSET = Limit(
+HEADING_OFFSET_RANGE = ParameterRange(
     -math.pi / 6.0, math.pi / 6.0, "rad", "a magnetic compass beside a car's iron errs by up to 30 degrees"
 )
 """Range of the difference of two headings or courses."""
-LEAST_TURN_RAD = 0.25
+MIN_TURN_RAD = 0.25
 """Change of heading from one step to the next that is a turn and not a lane's curve or noise, rad."""
-LEAST_COURSE_TURN_RAD = 0.5
+MIN_COURSE_TURN_RAD = 0.5
 """The same beside a course by fixes, rad: the chord of a step in which the car brakes and turns is off by up to 0.2."""
-CLEAR_SIGMAS = 4.0
+MIN_CHANGE_SIGMAS = 4.0
 """Least turn or change of speed in sigmas of the noise of fixes. Chosen by hand; not fitted."""
-LEAST_SPEED_CHANGE_MPS = 2.0
+MIN_SPEED_CHANGE_MPS = 2.0
 """Change of mean speed from one step to the next that is braking or accelerating and not a slope, m/s."""
-MOST_TURN_RAD = 2.5
+MAX_TURN_RAD = 2.5
 """A larger change of heading from one step to the next may have gone round the other way, rad."""
-LEAST_COURSE_SPEED_MPS = 4.0
+MIN_COURSE_SPEED_MPS = 4.0
 """Slower, a car may drive backwards for long, m/s; 14 km/h."""
-FIXES = (Kind.POSITION, Kind.VELOCITY)
+FIX_KINDS = (Kind.POSITION, Kind.VELOCITY)
 """Kinds that come from fixes."""
-BIASES = (Check.YAW_RATE_BIAS, Check.ACCEL_BIAS)
+BIAS_CHECKS = (SourceComparisonCheck.YAW_RATE_BIAS, SourceComparisonCheck.ACCEL_BIAS)
 """Comparisons that can only contradict: agreement without motion does not show that units and signs agree."""
 
 
@@ -88,7 +98,7 @@ class Judgement(StrEnum):
 
 
 @dataclass(frozen=True)
-class Comparison:
+class SourceComparison:
     """Result of the comparison of two sources.
 
     Attributes:
@@ -98,25 +108,25 @@ class Comparison:
         number: `one` relative to `other`: a ratio, or a difference in SI units.
     """
 
-    check: Check
-    one: Quantity
-    other: Quantity
+    check: SourceComparisonCheck
+    one: SourceQuantity
+    other: SourceQuantity
     judgement: Judgement
     number: float
 
-    def has(self, quantity: Quantity) -> bool:
+    def involves(self, quantity: SourceQuantity) -> bool:
         """Whether a source is one of the two."""
         return quantity in (self.one, self.other)
 
-    def opposite(self, quantity: Quantity) -> Quantity:
+    def other_source(self, quantity: SourceQuantity) -> SourceQuantity:
         """Return the other one of the two sources."""
         return self.other if quantity == self.one else self.one
 
-    def contradiction(self, who: Quantity) -> Contradiction:
+    def to_contradiction(self, who: SourceQuantity) -> Contradiction:
         """Return it as a contradiction with one of the two blamed."""
-        number = self.number if who == self.one else self.check.inverse(self.number)
-        against = self.opposite(who)
-        return Contradiction(who, against, self.check.words(who.kind, against.kind, number))
+        number = self.number if who == self.one else self.check.number_with_sources_exchanged(self.number)
+        against = self.other_source(who)
+        return Contradiction(who, against, self.check.contradiction_text(who.kind, against.kind, number))
 
 
 @dataclass(frozen=True)
@@ -135,27 +145,27 @@ class MedianInterval:
     n: int = 0
 
     @classmethod
-    def of(cls, values: FloatArray) -> MedianInterval:
+    def from_values(cls, values: FloatArray) -> MedianInterval:
         """Compute median and interval of a column (n,); unknown with fewer than MIN_STEPS values."""
         n = len(values)
-        if n < MIN_STEPS:
+        if n < MIN_STEPS_OF_ONE_LENGTH:
             return cls()
         middle = median(values)
-        spread = MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_EFFICIENCY * median(np.abs(values - middle))
-        half = STUDENT_99[max(size for size in STUDENT_99 if size <= n)] * spread / math.sqrt(n)
+        spread = MEDIAN_ABSOLUTE_TO_SIGMA * MEDIAN_TO_MEAN_SIGMA_RATIO * median(np.abs(values - middle))
+        half = STUDENT_99_QUANTILES[max(size for size in STUDENT_99_QUANTILES if size <= n)] * spread / math.sqrt(n)
         return cls(middle, middle - half, middle + half, n)
 
-    def judged(self, limit: Limit) -> Judgement:
+    def judge_against_range(self, limit: ParameterRange) -> Judgement:
         """Judge the interval against a range: it agrees inside, contradicts outside, and is unknown across a bound."""
         if math.isnan(self.value):
             return Judgement.UNKNOWN
         if self.low > limit.high or self.high < limit.low:
             return Judgement.CONTRADICT
-        return Judgement.AGREE if limit.holds(self.low) and limit.holds(self.high) else Judgement.UNKNOWN
+        return Judgement.AGREE if limit.contains(self.low) and limit.contains(self.high) else Judgement.UNKNOWN
 
 
 @dataclass(frozen=True)
-class Measured:
+class StepComparison:
     """Comparison of a pair in steps of one length.
 
     Attributes:
@@ -173,46 +183,51 @@ class Measured:
     is_possible: bool = False
 
     @classmethod
-    def of(cls, interval: MedianInterval, limit: Limit) -> Measured:
+    def from_median_interval(cls, interval: MedianInterval, limit: ParameterRange) -> StepComparison:
         """Compare a median with a range."""
         half = 0.5 * (interval.high - interval.low)
-        return cls(interval.judged(limit), interval.value, interval.n, half, limit.holds(interval.value))
+        return cls(
+            interval.judge_against_range(limit), interval.value, interval.n, half, limit.contains(interval.value)
+        )
 
 
-NOTHING = Measured()
+UNKNOWN_STEP_COMPARISON = StepComparison()
 """Comparison of a pair that cannot be compared."""
 
 
-def compare_sources(series: Sequence[Series]) -> list[Comparison]:
+def compare_all_source_pairs(series: Sequence[SensorSeries]) -> list[SourceComparison]:
     """Compare each pair of sources in all quantities that both have.
 
     Args:
         series: Series with at least one position, positions first; stamps uncorrected.
     """
-    usable = [s for s in series if len(s) >= LEAST_ROWS and not s.is_exact]
+    usable = [s for s in series if len(s) >= MIN_ROWS and not s.is_exact]
     if len(usable) < 2 or not any(s.kind is Kind.POSITION for s in usable):
         return []
     by_length = []
-    for step_s in STEPS_S:
-        edges_s = step_edges(usable, step_s)
-        if len(edges_s) > MIN_STEPS + 1:
-            motions = [motion_in_steps(s, edges_s) for s in usable]
-            by_length.append((step_s, with_reversing(motions)))
+    for step_s in STEP_LENGTHS_S:
+        edges_s = step_edges_s(usable, step_s)
+        if len(edges_s) > MIN_STEPS_OF_ONE_LENGTH + 1:
+            motions = [compute_step_motion(s, edges_s) for s in usable]
+            by_length.append((step_s, turn_fixes_while_reversing(motions)))
     found = []
     for j, i in combinations(range(len(usable)), 2):
-        one, other = (Quantity(usable[k].source, usable[k].kind) for k in (i, j))
-        for check, measure in _MEASURES.items():
+        one, other = (SourceQuantity(usable[k].source, usable[k].kind) for k in (i, j))
+        for check, measure in _COMPARE_FUNCTIONS.items():
             measured = [measure(motions[i], motions[j], step_s) for step_s, motions in by_length]
-            judgement, number = joint_judgement(measured)
-            if judgement is Judgement.UNKNOWN or (check in BIASES and judgement is Judgement.AGREE):
+            judgement, number = judge_all_step_lengths(measured)
+            if judgement is Judgement.UNKNOWN or (check in BIAS_CHECKS and judgement is Judgement.AGREE):
                 continue
-            found.append(Comparison(check, one, other, judgement, number))
-            if judgement is Judgement.CONTRADICT and check in (Check.TURN, Check.SPEED_CHANGE):
+            found.append(SourceComparison(check, one, other, judgement, number))
+            if judgement is Judgement.CONTRADICT and check in (
+                SourceComparisonCheck.TURN,
+                SourceComparisonCheck.SPEED_CHANGE,
+            ):
                 break  # what differs by a factor differs by a constant, too
     return found
 
 
-def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
+def judge_all_step_lengths(measured: Sequence[StepComparison]) -> tuple[Judgement, float]:
     """Judge steps of all lengths together; returns the judgement and the most precise number.
 
     They contradict where one length does, every other length shows an impossible number too, and there are enough steps
@@ -222,14 +237,14 @@ def joint_judgement(measured: Sequence[Measured]) -> tuple[Judgement, float]:
     if not known:
         return Judgement.UNKNOWN, math.nan
     contrary = [each for each in known if each.judgement is Judgement.CONTRADICT]
-    is_enough = sum(each.n for each in known) >= ENOUGH_STEPS
+    is_enough = sum(each.n for each in known) >= MIN_STEPS_OF_ALL_LENGTHS
     if contrary and is_enough and not any(each.is_possible for each in known):
         return Judgement.CONTRADICT, min(contrary, key=lambda each: each.half).number
     agrees = any(each.judgement is Judgement.AGREE for each in known) and not contrary
     return Judgement.AGREE if agrees else Judgement.UNKNOWN, min(known, key=lambda each: each.half).number
 
 
-def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
+def turn_fixes_while_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
     """Reverse course and distance of fixes in steps in which the car drives backwards.
 
     There a speed is negative and a heading points against the course; one of both alone is a wrong sensor.
@@ -243,7 +258,7 @@ def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
         return list(motions)
     found = []
     for m in motions:
-        if m.kind not in FIXES:
+        if m.kind not in FIX_KINDS:
             found.append(m)
             continue
         with np.errstate(invalid="ignore"):
@@ -254,101 +269,114 @@ def with_reversing(motions: Sequence[StepMotion]) -> list[StepMotion]:
     return found
 
 
-def _ratio(one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: Limit) -> Measured:
+def _median_ratio(
+    one: FloatArray, other: FloatArray, least: FloatArray | float, most: float, limit: ParameterRange
+) -> StepComparison:
     """Compare the median of one / other, over steps in which the other one clearly differs from zero, with a range."""
     with np.errstate(invalid="ignore"):
         rows = (np.abs(other) > least) & (np.abs(other) < most) & np.isfinite(one)
-    return Measured.of(MedianInterval.of(one[rows] / other[rows]), limit)
+    return StepComparison.from_median_interval(MedianInterval.from_values(one[rows] / other[rows]), limit)
 
 
-def _ratio_both_ways(
-    one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: Limit
-) -> Measured:
+def _median_ratio_in_both_directions(
+    one: FloatArray, other: FloatArray, least: Sequence[FloatArray | float], most: float, limit: ParameterRange
+) -> StepComparison:
     """Compare one / other with a range, over steps in which the other clearly moves and those in which the one does.
 
     A sensor that never reacts shows only in steps that are chosen by the other one.
     """
-    forth = _ratio(one, other, least[1], most, limit)
-    back = _ratio(other, one, least[0], most, Limit(1.0 / limit.high, 1.0 / limit.low, "", ""))
+    forth = _median_ratio(one, other, least[1], most, limit)
+    back = _median_ratio(other, one, least[0], most, ParameterRange(1.0 / limit.high, 1.0 / limit.low, "", ""))
     if math.isnan(back.number) or forth.judgement is back.judgement:
         return forth
     if math.isnan(forth.number):
-        return replace(back, number=Check.TURN.inverse(back.number))
+        return replace(back, number=SourceComparisonCheck.TURN.number_with_sources_exchanged(back.number))
     return replace(forth, judgement=Judgement.UNKNOWN, is_possible=forth.is_possible or back.is_possible)
 
 
-def _way(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
+def _compare_distances(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     pair = (one.kind, other.kind)
-    if not set(pair) <= {*FIXES, Kind.SPEED} or pair == (Kind.POSITION, Kind.POSITION):
-        return NOTHING
-    limit = SPEED_SCALE
-    if one.kind in FIXES and other.kind is Kind.SPEED:
-        limit = Limit(1.0 / SPEED_SCALE.high, 1.0 / SPEED_SCALE.low, "", "")
-    return _ratio(one.distance_m, other.distance_m, LEAST_CHORD_M, math.inf, limit)
+    if not set(pair) <= {*FIX_KINDS, Kind.SPEED} or pair == (Kind.POSITION, Kind.POSITION):
+        return UNKNOWN_STEP_COMPARISON
+    limit = SPEED_SCALE_RANGE
+    if one.kind in FIX_KINDS and other.kind is Kind.SPEED:
+        limit = ParameterRange(1.0 / SPEED_SCALE_RANGE.high, 1.0 / SPEED_SCALE_RANGE.low, "", "")
+    return _median_ratio(one.distance_m, other.distance_m, MIN_CHORD_M, math.inf, limit)
 
 
-def _turn(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
-    by_course = one.kind in FIXES or other.kind in FIXES
-    least_rad = LEAST_COURSE_TURN_RAD if by_course else LEAST_TURN_RAD
-    least = [np.fmax(least_rad, CLEAR_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
-    return _ratio_both_ways(one.turn_rad, other.turn_rad, least, MOST_TURN_RAD, TURN_RATIO)
+def _compare_turns(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
+    by_course = one.kind in FIX_KINDS or other.kind in FIX_KINDS
+    least_rad = MIN_COURSE_TURN_RAD if by_course else MIN_TURN_RAD
+    least = [np.fmax(least_rad, MIN_CHANGE_SIGMAS * m.turn_sigma_rad) for m in (one, other)]
+    return _median_ratio_in_both_directions(one.turn_rad, other.turn_rad, least, MAX_TURN_RAD, TURN_RATIO_RANGE)
 
 
-def _yaw_rate_bias(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
+def _compare_yaw_rates_going_straight(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if Kind.YAW_RATE not in (one.kind, other.kind):
-        return NOTHING
+        return UNKNOWN_STEP_COMPARISON
     difference = one.turn_rad - other.turn_rad
-    small = np.abs(other.turn_rad if one.kind is Kind.YAW_RATE else one.turn_rad) < LEAST_TURN_RAD
-    return Measured.of(MedianInterval.of(difference[small & np.isfinite(difference)] / step_s), YAW_RATE_BIAS)
-
-
-def _course(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
-    fixes = [m for m in (one, other) if m.kind in FIXES]
-    if not (one.has_zero_angle and other.has_zero_angle and fixes):
-        return NOTHING
-    difference = one.angle_rad - other.angle_rad
-    with np.errstate(invalid="ignore"):
-        rows = np.isfinite(difference) & (np.abs(fixes[0].speed_mps) > LEAST_COURSE_SPEED_MPS)
-    if not rows.any():
-        return NOTHING
-    middle = float(np.angle(np.exp(1j * difference[rows]).mean()))
-    interval = MedianInterval.of((difference[rows] - middle + np.pi) % (2.0 * np.pi) - np.pi)
-    # About the mean direction the median is small; the range moves with it.
-    if math.isnan(interval.value):
-        return NOTHING
-    moved = middle - 2.0 * np.pi * round((middle + interval.value) / (2.0 * np.pi))
-    return Measured.of(
-        MedianInterval(moved + interval.value, moved + interval.low, moved + interval.high, interval.n), HEADING_OFFSET
+    small = np.abs(other.turn_rad if one.kind is Kind.YAW_RATE else one.turn_rad) < MIN_TURN_RAD
+    return StepComparison.from_median_interval(
+        MedianInterval.from_values(difference[small & np.isfinite(difference)] / step_s), YAW_RATE_BIAS_RANGE
     )
 
 
-def _speed_changes(m: StepMotion) -> FloatArray:
+def _compare_courses(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
+    fixes = [m for m in (one, other) if m.kind in FIX_KINDS]
+    if not (one.has_zero_angle and other.has_zero_angle and fixes):
+        return UNKNOWN_STEP_COMPARISON
+    difference = one.angle_rad - other.angle_rad
+    with np.errstate(invalid="ignore"):
+        rows = np.isfinite(difference) & (np.abs(fixes[0].speed_mps) > MIN_COURSE_SPEED_MPS)
+    if not rows.any():
+        return UNKNOWN_STEP_COMPARISON
+    middle = float(np.angle(np.exp(1j * difference[rows]).mean()))
+    interval = MedianInterval.from_values((difference[rows] - middle + np.pi) % (2.0 * np.pi) - np.pi)
+    # About the mean direction the median is small; the range moves with it.
+    if math.isnan(interval.value):
+        return UNKNOWN_STEP_COMPARISON
+    moved = middle - 2.0 * np.pi * round((middle + interval.value) / (2.0 * np.pi))
+    return StepComparison.from_median_interval(
+        MedianInterval(moved + interval.value, moved + interval.low, moved + interval.high, interval.n),
+        HEADING_OFFSET_RANGE,
+    )
+
+
+def _speed_changes_without_accel_bias(m: StepMotion) -> FloatArray:
     """Return the changes of speed; from those of an accelerometer the median is subtracted."""
     change = m.speed_change_mps
     known = change[np.isfinite(change)]
     return change - median(known) if m.kind is Kind.ACCEL and len(known) else change
 
 
-def _speed_change(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
+def _compare_speed_changes(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if Kind.ACCEL not in (one.kind, other.kind):
-        return NOTHING
-    least = [max(LEAST_SPEED_CHANGE_MPS, CLEAR_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
-    return _ratio_both_ways(_speed_changes(one), _speed_changes(other), least, math.inf, SPEED_CHANGE_RATIO)
+        return UNKNOWN_STEP_COMPARISON
+    least = [max(MIN_SPEED_CHANGE_MPS, MIN_CHANGE_SIGMAS * m.speed_change_sigma_mps) for m in (one, other)]
+    return _median_ratio_in_both_directions(
+        _speed_changes_without_accel_bias(one),
+        _speed_changes_without_accel_bias(other),
+        least,
+        math.inf,
+        SPEED_CHANGE_RATIO_RANGE,
+    )
 
 
-def _accel_bias(one: StepMotion, other: StepMotion, step_s: float) -> Measured:
+def _compare_accelerations(one: StepMotion, other: StepMotion, step_s: float) -> StepComparison:
     if (one.kind is Kind.ACCEL) == (other.kind is Kind.ACCEL):
-        return NOTHING
+        return UNKNOWN_STEP_COMPARISON
     difference = one.speed_change_mps - other.speed_change_mps
-    return Measured.of(MedianInterval.of(difference[np.isfinite(difference)] / step_s), ACCEL_BIAS)
+    return StepComparison.from_median_interval(
+        MedianInterval.from_values(difference[np.isfinite(difference)] / step_s), ACCEL_BIAS_RANGE
+    )
 
 
-_MEASURES: dict[Check, Callable[[StepMotion, StepMotion, float], Measured]] = {
-    Check.WAY: _way,
-    Check.TURN: _turn,
-    Check.YAW_RATE_BIAS: _yaw_rate_bias,
-    Check.COURSE: _course,
-    Check.SPEED_CHANGE: _speed_change,
-    Check.ACCEL_BIAS: _accel_bias,
+_COMPARE_FUNCTIONS: dict[SourceComparisonCheck, Callable[[StepMotion, StepMotion, float], StepComparison]] = {
+    SourceComparisonCheck.WAY: _compare_distances,
+    SourceComparisonCheck.TURN: _compare_turns,
+    SourceComparisonCheck.YAW_RATE_BIAS: _compare_yaw_rates_going_straight,
+    SourceComparisonCheck.COURSE: _compare_courses,
+    SourceComparisonCheck.SPEED_CHANGE: _compare_speed_changes,
+    SourceComparisonCheck.ACCEL_BIAS: _compare_accelerations,
 }
 """Function of each comparison: motions of two sources and step length (s) -> result."""

@@ -12,26 +12,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.check_words import Check
-from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
-from cwcli.estimation.measurements import RATES, Kind
-from cwcli.estimation.passes import Series
+from cwcli.estimation.check_texts import SourceComparisonCheck
+from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
+from cwcli.estimation.measurements import RATE_KINDS, Kind
+from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.source_checks import Comparison, Judgement, compare_sources
+from cwcli.estimation.source_checks import Judgement, SourceComparison, compare_all_source_pairs
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 
-LEAST_GRAVITY_PART = 0.5
+MIN_GRAVITY_SHARE = 0.5
 """Least mean specific force relative to gravity that shows the vertical. Chosen by hand; not fitted.
 
 An IMU whose gravity was removed has none."""
-MOST_TILT_PART = 0.5
+MIN_VERTICAL_GRAVITY_SHARE = 0.5
 """Least share of gravity along the vertical axis of an IMU that is not tilted: cos 60 degrees."""
-AXES = ("forward", "left", "vertical")
+IMU_AXIS_NAMES = ("forward", "left", "vertical")
 """Names of the axes of an IMU in texts."""
 
 
 @dataclass(frozen=True)
-class Vote:
+class SourceVoteResult:
     """Result of the vote of the sources.
 
     Attributes:
@@ -43,26 +43,26 @@ class Vote:
     contradictions: tuple[Contradiction, ...]
 
 
-def vote(prepared: Sequence[PreparedSeries]) -> Vote:
+def leave_out_outvoted_sources(prepared: Sequence[PreparedSeries]) -> SourceVoteResult:
     """Compare the sources and leave out those that cannot be right.
 
     Args:
         prepared: Series of one vehicle, positions first.
     """
-    tilted = _tilted(prepared)
-    out = {Quantity(each.who.source, kind) for each in tilted for kind in RATES}
-    upright = [p for p in prepared if _quantity(p) not in out]
-    compared = compare_sources([p.series for p in upright])
+    tilted = _find_tilted_imus(prepared)
+    out = {SourceQuantity(each.who.source, kind) for each in tilted for kind in RATE_KINDS}
+    upright = [p for p in prepared if _quantity_of_series(p) not in out]
+    compared = compare_all_source_pairs([p.series for p in upright])
     # Where gravity shows how the IMU is mounted, a bias is mostly gravity, and no fault.
-    level = {_quantity(p) for p in prepared if p.mounting is not None}
-    compared = [c for c in compared if not (c.check is Check.ACCEL_BIAS and {c.one, c.other} & level)]
-    voted = judge_comparisons(compared)
+    level = {_quantity_of_series(p) for p in prepared if p.mounting is not None}
+    compared = [c for c in compared if not (c.check is SourceComparisonCheck.ACCEL_BIAS and {c.one, c.other} & level)]
+    voted = find_contradicting_sources(compared)
     out |= {quantity for each in voted for quantity in each.left_out}
-    kept = [replace(p, series=without_rows(p.series)) if _quantity(p) in out else p for p in prepared]
-    return Vote(kept, (*tilted, *voted))
+    kept = [replace(p, series=empty_series(p.series)) if _quantity_of_series(p) in out else p for p in prepared]
+    return SourceVoteResult(kept, (*tilted, *voted))
 
 
-def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
+def find_contradicting_sources(comparisons: Sequence[SourceComparison]) -> list[Contradiction]:
     """Find the wrong sources one after the other: the one that most others contradict comes first.
 
     Args:
@@ -72,76 +72,81 @@ def judge_comparisons(comparisons: Sequence[Comparison]) -> list[Contradiction]:
     found = []
     while contrary := [each for each in left if each.judgement is Judgement.CONTRADICT]:
         suspects = dict.fromkeys(who for each in contrary for who in (each.one, each.other))
-        accused = [_accusation(left, who) for who in suspects]
+        accused = [_contradiction_and_votes_against(left, who) for who in suspects]
         # A position is blamed only where it is outvoted, since without it there is no estimate.
         worst = max(accused, key=lambda each: (bool(each[0].allies), each[0].who.kind is not Kind.POSITION, each[1]))[0]
-        by_position = isinstance(worst.against, Quantity) and worst.against.kind is Kind.POSITION
-        out: tuple[Quantity, ...] = (worst.who,)
+        by_position = isinstance(worst.against, SourceQuantity) and worst.against.kind is Kind.POSITION
+        out: tuple[SourceQuantity, ...] = (worst.who,)
         if worst.who.kind is Kind.POSITION:
             out = ()
-        elif not worst.allies and not by_position and isinstance(worst.against, Quantity):
+        elif not worst.allies and not by_position and isinstance(worst.against, SourceQuantity):
             out = (worst.who, worst.against)  # either may be wrong, and the positions are left
-        found.append(worst.without(*out))
-        left = [each for each in left if not any(each.has(quantity) for quantity in (worst.who, *out))]
+        found.append(worst.with_left_out(*out))
+        left = [each for each in left if not any(each.involves(quantity) for quantity in (worst.who, *out))]
     return found
 
 
-def _accusation(comparisons: Sequence[Comparison], who: Quantity) -> tuple[Contradiction, int]:
+def _contradiction_and_votes_against(
+    comparisons: Sequence[SourceComparison], who: SourceQuantity
+) -> tuple[Contradiction, int]:
     """Return the main contradiction of a source, with allies if it is outvoted, and the votes against it."""
-    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.has(who)]
-    main = min(contrary, key=lambda each: each.opposite(who).kind is not Kind.POSITION)
-    votes = _votes_against(comparisons, who)
-    allies = _allies(comparisons, who, main.opposite(who), contrary) if votes > 0 else ()
-    return replace(main.contradiction(who), allies=allies), votes
+    contrary = [each for each in comparisons if each.judgement is Judgement.CONTRADICT and each.involves(who)]
+    main = min(contrary, key=lambda each: each.other_source(who).kind is not Kind.POSITION)
+    votes = _count_votes_against(comparisons, who)
+    allies = _sources_agreeing_against(comparisons, who, main.other_source(who), contrary) if votes > 0 else ()
+    return replace(main.to_contradiction(who), allies=allies), votes
 
 
-def without_rows(s: Series) -> Series:
+def empty_series(s: SensorSeries) -> SensorSeries:
     """Return the series without its rows: it stays in the tables but is not used."""
-    return s.at(np.zeros(len(s), np.bool_))
+    return s.select_rows(np.zeros(len(s), np.bool_))
 
 
-def _votes_against(comparisons: Sequence[Comparison], who: Quantity) -> int:
+def _count_votes_against(comparisons: Sequence[SourceComparison], who: SourceQuantity) -> int:
     """Return the number of other topics that contradict a source minus the number that agree with it."""
     contrary, agreeing = (
-        {each.opposite(who).source for each in comparisons if each.has(who) and each.judgement is judgement}
+        {each.other_source(who).source for each in comparisons if each.involves(who) and each.judgement is judgement}
         - {who.source}
         for judgement in (Judgement.CONTRADICT, Judgement.AGREE)
     )
     return len(contrary) - len(agreeing - contrary)
 
 
-def _allies(
-    comparisons: Sequence[Comparison], who: Quantity, against: Quantity, contrary: Sequence[Comparison]
-) -> tuple[Quantity, ...]:
+def _sources_agreeing_against(
+    comparisons: Sequence[SourceComparison],
+    who: SourceQuantity,
+    against: SourceQuantity,
+    contrary: Sequence[SourceComparison],
+) -> tuple[SourceQuantity, ...]:
     """Return sources of other topics that contradict `who` and agree with the source that it contradicts."""
-    accusers = dict.fromkeys(each.opposite(who) for each in contrary)
+    accusers = dict.fromkeys(each.other_source(who) for each in contrary)
     return tuple(
         each
         for each in accusers
         if each.source not in (who.source, against.source)
-        and any(c.has(each) and c.has(against) and c.judgement is Judgement.AGREE for c in comparisons)
+        and any(c.involves(each) and c.involves(against) and c.judgement is Judgement.AGREE for c in comparisons)
     )
 
 
-def _tilted(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
+def _find_tilted_imus(prepared: Sequence[PreparedSeries]) -> list[Contradiction]:
     """Return contradictions for IMUs whose vertical axis is not vertical, so that no axis measures what it should."""
     found = []
     for p in prepared:
         if p.mean_force_mps2 is None or p.series.kind is not Kind.ACCEL or not len(p.series):
             continue
         norm = float(np.linalg.norm(p.mean_force_mps2))
-        if norm < LEAST_GRAVITY_PART * STANDARD_GRAVITY_MPS2 or p.mean_force_mps2[2] > MOST_TILT_PART * norm:
+        if norm < MIN_GRAVITY_SHARE * STANDARD_GRAVITY_MPS2 or p.mean_force_mps2[2] > MIN_VERTICAL_GRAVITY_SHARE * norm:
             continue
         axis = int(np.argmax(np.abs(p.mean_force_mps2)))
         what = (
-            f"on average it reads {p.mean_force_mps2[axis]:.1f} m/s^2 along its {AXES[axis]} axis"
+            f"on average it reads {p.mean_force_mps2[axis]:.1f} m/s^2 along its {IMU_AXIS_NAMES[axis]} axis"
             + (f" and {p.mean_force_mps2[2]:.1f} along its vertical one" if axis != 2 else ", downward")
             + ": it is not mounted with x forward and z up"
         )
-        imu = Quantity(p.series.source, Kind.IMU)
-        found.append(Contradiction(imu, GRAVITY, what).without(imu))
+        imu = SourceQuantity(p.series.source, Kind.IMU)
+        found.append(Contradiction(imu, GRAVITY_TEXT, what).with_left_out(imu))
     return found
 
 
-def _quantity(p: PreparedSeries) -> Quantity:
-    return Quantity(p.series.source, p.series.kind)
+def _quantity_of_series(p: PreparedSeries) -> SourceQuantity:
+    return SourceQuantity(p.series.source, p.series.kind)

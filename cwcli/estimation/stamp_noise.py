@@ -18,33 +18,40 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.parameter import EXACT_STAMPS, Parameter, ParameterStatus
-from cwcli.estimation.passes import PassResult, Series
-from cwcli.estimation.score import CLEAR_SIGMAS, GAIN, GATE_PROBABILITY, clearly_better, prediction_score, row_scores
-from cwcli.estimation.sensor_limits import STAMP_SIGMA
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.parameter import NO_STAMP_ERROR, Parameter, ParameterStatus
+from cwcli.estimation.passes import PassResult, SensorSeries
+from cwcli.estimation.score import (
+    GATE_PROBABILITY,
+    MIN_GAIN_SIGMAS,
+    MIN_LIKELIHOOD_GAIN_PER_PARAMETER,
+    is_prediction_clearly_better,
+    prediction_log_likelihood,
+    row_log_likelihoods,
+)
+from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-FIRST_S = 0.005
+STAMP_SIGMA_AT_STEP_ZERO_S = 0.005
 """Sigma of the stamp error at step 0 of the grid, s. Chosen by hand; not fitted."""
-OCTAVE = 4
+GRID_STEPS_PER_OCTAVE = 4
 """Number of grid steps in a factor of two, for all sigmas of the grid. Chosen by hand."""
-LOWEST, HIGHEST = -2 * OCTAVE, 7 * OCTAVE
+MIN_STAMP_SIGMA_STEP, MAX_STAMP_SIGMA_STEP = -2 * GRID_STEPS_PER_OCTAVE, 7 * GRID_STEPS_PER_OCTAVE
 """Least and greatest grid step of the stamp error: 1.3 ms and 0.64 s."""
-STRIDES = (OCTAVE, OCTAVE // 2)
+CLIMB_STRIDES = (GRID_STEPS_PER_OCTAVE, GRID_STEPS_PER_OCTAVE // 2)
 """Strides of the climb in grid steps: octaves, then half octaves."""
-MOST_TRIALS = 150
+MAX_TRIALS = 150
 """Greatest number of filter passes of one search. Chosen to bound the time; not fitted."""
-TRIED = (0, 2 * OCTAVE)
+FIRST_TRIED_STEPS = (0, 2 * GRID_STEPS_PER_OCTAVE)
 """Grid steps that are tried first, 5 and 20 ms: if neither helps, the search ends."""
-WHITE_STEP = 2.0
+WHITE_VARIANCE_STEP_FACTOR = 2.0
 """Step factor of the white noise variance in the final refinement. Chosen by hand; not fitted."""
-MOST_WHITE_STEPS = 16
+MAX_WHITE_VARIANCE_STEPS = 16
 """Greatest number of such steps in one direction. Chosen by hand; not fitted."""
-MIN_ROWS = 50
+MIN_POSITION_ROWS = 50
 """Least number of rows of a position that is examined. Chosen by hand; not fitted."""
-WAY_S = 2.0
+SPEED_SAMPLING_S = 2.0
 """Time between two fixes from which a speed is taken, s. Chosen so that their distance exceeds the noise."""
 
 Point = tuple[int | None, int, int, int]
@@ -61,25 +68,33 @@ class NoiseFit:
         parameters: The motion model.
     """
 
-    series: tuple[Series, ...]
+    series: tuple[SensorSeries, ...]
     factors: tuple[float, ...]
-    parameters: ModelParameters
+    parameters: MotionParameters
 
 
-Run = Callable[[Sequence[Series], ModelParameters], PassResult]
+Run = Callable[[Sequence[SensorSeries], MotionParameters], PassResult]
 
 
-def may_err(s: Series, nis: FloatArray) -> bool:
+def may_have_stamp_errors(s: SensorSeries, nis: FloatArray) -> bool:
     """Whether the innovations of a position hint at stamp errors, by the score in `ekf.Pass`; outliers are bounded."""
-    if s.kind is not Kind.POSITION or s.is_exact or len(s) < MIN_ROWS or np.ptp(s.time_s) < 2.0 * WAY_S:
+    if (
+        s.kind is not Kind.POSITION
+        or s.is_exact
+        or len(s) < MIN_POSITION_ROWS
+        or np.ptp(s.time_s) < 2.0 * SPEED_SAMPLING_S
+    ):
         return False
-    limit = gate_nis(GATE_PROBABILITY, s.width)
+    limit = gate_nis(GATE_PROBABILITY, s.n_values_per_row)
     slope = nis[:, 4] * limit / np.maximum(nis[:, 0], limit)
-    return bool(np.nansum(slope) > CLEAR_SIGMAS * np.sqrt(np.nansum(slope**2)))
+    return bool(np.nansum(slope) > MIN_GAIN_SIGMAS * np.sqrt(np.nansum(slope**2)))
 
 
-def with_stamp_errors(
-    fit: NoiseFit, may: Sequence[bool], run: Run, scaled: Callable[[ModelParameters, Sequence[float]], ModelParameters]
+def fit_stamp_errors(
+    fit: NoiseFit,
+    has_hint: Sequence[bool],
+    run_filter: Run,
+    scale_manoeuvres: Callable[[MotionParameters, Sequence[float]], MotionParameters],
 ) -> NoiseFit:
     """Return the fit with stamp errors for those positions whose log is predicted better with them.
 
@@ -87,25 +102,28 @@ def with_stamp_errors(
 
     Args:
         fit: Fit without stamp errors.
-        may: For each series, see `may_err`.
+        may: For each series, see `may_have_stamp_errors`.
         run: Runs a filter pass.
         scaled: Scales jerk and yaw acceleration sigma by two factors, within their limits.
     """
-    for i in np.flatnonzero(may).tolist():
-        fit = _Search(fit, i, run, scaled).found()
+    for i in np.flatnonzero(has_hint).tolist():
+        fit = _StampErrorSearch(fit, i, run_filter, scale_manoeuvres).search_best_fit()
     return fit
 
 
-class _Search:
+class _StampErrorSearch:
     """Trials of one position's noise on a grid of logarithms."""
 
     def __init__(
-        self, fit: NoiseFit, i: int, run: Run, scaled: Callable[[ModelParameters, Sequence[float]], ModelParameters]
+        self, fit: NoiseFit, i: int, run: Run, scaled: Callable[[MotionParameters, Sequence[float]], MotionParameters]
     ) -> None:
         self._fit, self._i, self._run, self._scaled = fit, i, run, scaled
         s = fit.series[i]
         self._variance = 0.5 * float((s.noise[:, 0] + s.noise[:, 2]).mean())
-        few = s.at(np.arange(len(s)) % max(1, int(WAY_S * len(s) / max(float(np.ptp(s.time_s)), WAY_S))) == 0)
+        few = s.select_rows(
+            np.arange(len(s)) % max(1, int(SPEED_SAMPLING_S * len(s) / max(float(np.ptp(s.time_s)), SPEED_SAMPLING_S)))
+            == 0
+        )
         speed_mps = np.hypot(*np.diff(few.values, axis=0).T) / np.maximum(np.diff(few.time_s), 1e-3)
         self._speed2 = float(np.median(speed_mps)) ** 2
         stated = s.noise_origin.startswith("message") and s.slow_state < 0
@@ -113,119 +131,134 @@ class _Search:
         self._least = 1.0 / fit.factors[i] if stated else s.floor**2 / self._variance
         self._scores: dict[Point, float] = {}
 
-    def found(self) -> NoiseFit:
+    def search_best_fit(self) -> NoiseFit:
         """Return the fit with the stamp error and its noise and motion; the given fit if the log shows none."""
-        plain = self._climbed((None, 0, 0, 0), (1, 2, 3), STRIDES[:1])
-        if not any(self._score((step, *plain[1:])) > self._score(plain) for step in TRIED):
+        plain = self._climb_to_best_point((None, 0, 0, 0), (1, 2, 3), CLIMB_STRIDES[:1])
+        if not any(
+            self._log_likelihood_at((step, *plain[1:])) > self._log_likelihood_at(plain) for step in FIRST_TRIED_STEPS
+        ):
             return self._fit
-        plain = self._climbed(plain, (1, 2, 3))
-        best = self._climbed((0, *plain[1:]), (0, 1, 2, 3))
-        plain = max(plain, self._climbed((None, *best[1:]), (1, 2, 3)), key=self._score)
-        gains = self._score(best) > self._score(plain) + GAIN
-        if not gains or not clearly_better(self._rows(best) - self._rows(plain), GAIN):
+        plain = self._climb_to_best_point(plain, (1, 2, 3))
+        best = self._climb_to_best_point((0, *plain[1:]), (0, 1, 2, 3))
+        plain = max(plain, self._climb_to_best_point((None, *best[1:]), (1, 2, 3)), key=self._log_likelihood_at)
+        gains = self._log_likelihood_at(best) > self._log_likelihood_at(plain) + MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+        if not gains or not is_prediction_clearly_better(
+            self._row_log_likelihoods_at(best) - self._row_log_likelihoods_at(plain), MIN_LIKELIHOOD_GAIN_PER_PARAMETER
+        ):
             return self._fit
-        return self._known(best)
+        return self._fit_at_parabola_vertex(best)
 
-    def _known(self, best: Point) -> NoiseFit:
+    def _fit_at_parabola_vertex(self, best: Point) -> NoiseFit:
         """Return the fit at the vertex of the parabola through the best point and its neighbours in log(sigma_t).
 
         The curvature gives the sigma of the stamp error; white noise and motion are optimised at each of the three.
         """
-        stride = STRIDES[-1]
+        stride = CLIMB_STRIDES[-1]
         while True:
             assert best[0] is not None
             at: list[Point] = [(best[0] - stride, *best[1:]), (best[0] + stride, *best[1:])]
-            if len(self._scores) >= MOST_TRIALS or not LOWEST <= best[0] - stride < best[0] + stride <= HIGHEST:
+            if (
+                len(self._scores) >= MAX_TRIALS
+                or not MIN_STAMP_SIGMA_STEP <= best[0] - stride < best[0] + stride <= MAX_STAMP_SIGMA_STEP
+            ):
                 return self._fit  # the top has not been reached: nothing is known
-            sides = [self._climbed(side, (1, 2, 3)) for side in at]
-            better = max(sides, key=self._score)
-            if not self._score(better) > self._score(best):
+            sides = [self._climb_to_best_point(side, (1, 2, 3)) for side in at]
+            better = max(sides, key=self._log_likelihood_at)
+            if not self._log_likelihood_at(better) > self._log_likelihood_at(best):
                 break
             best = better
-        before, top, after = (self._score(point) for point in (sides[0], best, sides[1]))
+        before, top, after = (self._log_likelihood_at(point) for point in (sides[0], best, sides[1]))
         bend = 2.0 * top - before - after
-        unit = math.log(2.0) * stride / OCTAVE
+        unit = math.log(2.0) * stride / GRID_STEPS_PER_OCTAVE
         move = 0.5 * (after - before) / bend if bend > 0.0 else 0.0
-        value = FIRST_S * 2.0 ** (best[0] / OCTAVE) * math.exp(unit * move)
+        value = STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (best[0] / GRID_STEPS_PER_OCTAVE) * math.exp(unit * move)
         sigma = value * unit / math.sqrt(bend) if bend > 0.0 else math.nan
-        if not STAMP_SIGMA.holds(value):
-            return self._refused()
-        return self._with_white(best, Parameter(value, sigma, ParameterStatus.USED))
+        if not STAMP_SIGMA_RANGE.contains(value):
+            return self._fit_without_impossible_stamp_error()
+        return self._refine_white_noise(best, Parameter(value, sigma, ParameterStatus.USED))
 
-    def _refused(self) -> NoiseFit:
+    def _fit_without_impossible_stamp_error(self) -> NoiseFit:
         """The fit without an error of the stamps, because no link has one as large as what was found."""
         series = list(self._fit.series)
         series[self._i] = replace(series[self._i], stamp_error=Parameter(0.0, status=ParameterStatus.CONTRADICTS))
         return replace(self._fit, series=tuple(series))
 
-    def _with_white(self, best: Point, error: Parameter) -> NoiseFit:
+    def _refine_white_noise(self, best: Point, error: Parameter) -> NoiseFit:
         """Return the fit with the likeliest white noise for a given stamp error.
 
         On the grid white noise is total noise minus the stamps' share, which is coarse where that share is large.
         """
-        white = self._white(best, error)
-        score = self._passed_score(best, error, white)
-        for factor in (1.0 / WHITE_STEP, WHITE_STEP):
-            for _ in range(MOST_WHITE_STEPS):
+        white = self._white_noise_variance_factor(best, error)
+        score = self._log_likelihood_with_white_noise(best, error, white)
+        for factor in (1.0 / WHITE_VARIANCE_STEP_FACTOR, WHITE_VARIANCE_STEP_FACTOR):
+            for _ in range(MAX_WHITE_VARIANCE_STEPS):
                 other = max(white * factor, self._least)
-                better = self._passed_score(best, error, other) if other != white else -math.inf
+                better = self._log_likelihood_with_white_noise(best, error, other) if other != white else -math.inf
                 if not better > score:
                     break
                 white, score = other, better
-        return self._at(best, error, white)
+        return self._noise_fit_at(best, error, white)
 
-    def _climbed(self, point: Point, axes: Sequence[int], strides: Sequence[int] = STRIDES) -> Point:
+    def _climb_to_best_point(self, point: Point, axes: Sequence[int], strides: Sequence[int] = CLIMB_STRIDES) -> Point:
         """Climb along the axes, one after the other, to the likeliest point."""
         for stride in strides:
             moved = True
-            while moved and len(self._scores) < MOST_TRIALS:
+            while moved and len(self._scores) < MAX_TRIALS:
                 moved = False
                 for axis in axes:
                     for step in (stride, -stride):
-                        while (other := _moved(point, axis, step)) and self._score(other) > self._score(point):
+                        while (other := _neighbouring_point(point, axis, step)) and self._log_likelihood_at(
+                            other
+                        ) > self._log_likelihood_at(point):
                             point, moved = other, True
         return point
 
-    def _score(self, point: Point) -> float:
+    def _log_likelihood_at(self, point: Point) -> float:
         if point not in self._scores:
-            self._scores[point] = prediction_score(*self._passed(point))
+            self._scores[point] = prediction_log_likelihood(*self._run_filter_at(point))
         return self._scores[point]
 
-    def _rows(self, point: Point) -> FloatArray:
-        series, result = self._passed(point)
-        return row_scores(series[self._i], result.nis[self._i])
+    def _row_log_likelihoods_at(self, point: Point) -> FloatArray:
+        series, result = self._run_filter_at(point)
+        return row_log_likelihoods(series[self._i], result.nis[self._i])
 
-    def _passed_score(self, point: Point, error: Parameter, white: float) -> float:
-        return prediction_score(*self._passed_with(self._at(point, error, white)))
+    def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
+        return prediction_log_likelihood(*self._run_filter_with_fit(self._noise_fit_at(point, error, white)))
 
-    def _passed(self, point: Point) -> tuple[list[Series], PassResult]:
-        error = EXACT_STAMPS if point[0] is None else Parameter(FIRST_S * 2.0 ** (point[0] / OCTAVE))
-        return self._passed_with(self._at(point, error, self._white(point, error)))
+    def _run_filter_at(self, point: Point) -> tuple[list[SensorSeries], PassResult]:
+        error = (
+            NO_STAMP_ERROR
+            if point[0] is None
+            else Parameter(STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (point[0] / GRID_STEPS_PER_OCTAVE))
+        )
+        return self._run_filter_with_fit(
+            self._noise_fit_at(point, error, self._white_noise_variance_factor(point, error))
+        )
 
-    def _passed_with(self, fit: NoiseFit) -> tuple[list[Series], PassResult]:
-        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.width)) for s in fit.series]
+    def _run_filter_with_fit(self, fit: NoiseFit) -> tuple[list[SensorSeries], PassResult]:
+        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in fit.series]
         return gated, self._run(gated, fit.parameters)
 
-    def _white(self, point: Point, error: Parameter) -> float:
+    def _white_noise_variance_factor(self, point: Point, error: Parameter) -> float:
         """Return the factor on the white noise variance at a point."""
         # What the stamps add is taken off, in the mean over the axes: a step of theirs keeps the whole.
-        white = 4.0 ** (point[1] / OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
+        white = 4.0 ** (point[1] / GRID_STEPS_PER_OCTAVE) - 0.5 * error.value**2 * self._speed2 / self._variance
         return max(float(white), self._least)
 
-    def _at(self, point: Point, error: Parameter, white: float) -> NoiseFit:
+    def _noise_fit_at(self, point: Point, error: Parameter, white: float) -> NoiseFit:
         series, factors = list(self._fit.series), list(self._fit.factors)
-        series[self._i] = replace(series[self._i].scaled(white), stamp_error=error)
+        series[self._i] = replace(series[self._i].scale_noise_variance(white), stamp_error=error)
         factors[self._i] *= white
-        motion = [2.0 ** (step / OCTAVE) for step in point[2:]]
+        motion = [2.0 ** (step / GRID_STEPS_PER_OCTAVE) for step in point[2:]]
         return NoiseFit(tuple(series), tuple(factors), self._scaled(self._fit.parameters, motion))
 
 
-def _moved(point: Point, axis: int, step: int) -> Point | None:
+def _neighbouring_point(point: Point, axis: int, step: int) -> Point | None:
     """Return the point a step away along an axis; None where the stamp error leaves its bounds."""
     here = list(point)
     at = here[axis]
     assert at is not None
     here[axis] = at + step
-    if axis == 0 and not LOWEST <= at + step <= HIGHEST:
+    if axis == 0 and not MIN_STAMP_SIGMA_STEP <= at + step <= MAX_STAMP_SIGMA_STEP:
         return None
     return here[0], *here[1:]  # type: ignore[return-value]

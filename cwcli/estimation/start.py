@@ -8,32 +8,32 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.passes import N_MOTION, START_TOLERANCE_S, Series, Start
+from cwcli.estimation.passes import N_MOTION_STATES, START_TOLERANCE_S, FilterStart, SensorSeries
 from cwcli.signals.columns import FloatArray
 
 MIN_DISPLACEMENT_M = 2.0
 """Least displacement that shows a heading, m. Chosen by hand; not fitted."""
 MIN_DISPLACEMENT_S = 0.5
 """Least time over which a displacement gives a speed, s. Chosen so that a burst of rows gives none."""
-CLEAR_SIGMAS = 10.0
+MIN_DISPLACEMENT_SIGMAS = 10.0
 """Least displacement that shows a heading, in sigmas of the position.
 
 Chosen: the heading is then good to about 0.15 rad, which the filter's linearisation bears."""
-UNKNOWN_HEADING_RAD = 1.8
+UNKNOWN_HEADING_SIGMA_RAD = 1.8
 """One sigma of an unknown heading, rad: that of a uniform distribution over the circle."""
-UNKNOWN_TURN_RADPS = 0.1
+UNMEASURED_TURN_SIGMA_RADPS = 0.1
 """One sigma of the turn while no source measures it, rad per second. Chosen by hand; not fitted."""
-GYRO_BIAS_RADPS = 0.01
+GYROSCOPE_BIAS_SIGMA_RADPS = 0.01
 """One sigma of a gyroscope's bias before it is estimated, rad/s. Chosen by hand; not fitted."""
-MAX_GYRO_GAP_S = 0.5
+MAX_GYROSCOPE_GAP_S = 0.5
 """A longer gap of a gyroscope counts as not measured, s. Chosen by hand; not fitted."""
-UNKNOWN_SPEED_MPS = 10.0
+UNKNOWN_SPEED_SIGMA_MPS = 10.0
 """One sigma of an unknown speed, m/s. Chosen by hand; not fitted."""
-UNKNOWN_SIGMA = (0.0, 0.0, UNKNOWN_SPEED_MPS, UNKNOWN_HEADING_RAD, 2.0, 0.3, 1.0, 0.2)
+UNKNOWN_STATE_SIGMAS = (0.0, 0.0, UNKNOWN_SPEED_SIGMA_MPS, UNKNOWN_HEADING_SIGMA_RAD, 2.0, 0.3, 1.0, 0.2)
 """Sigmas of the eight states before a heading is known; the position has that of its measurement."""
 
 
-def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Start:
+def find_filter_start(series: Sequence[SensorSeries], n_states: int, *, causal: bool) -> FilterStart:
     """Find start time and initial state of the filter.
 
     The smoother may look ahead: it starts at the first measurement with the heading that a later displacement or
@@ -50,46 +50,48 @@ def find_start(series: Sequence[Series], n_states: int, *, causal: bool) -> Star
         infinite where no heading ever becomes known.
     """
     if causal:
-        begin = _known_s(series)
+        begin = _heading_and_position_known_time_s(series)
         if not np.isfinite(begin):
-            return Start(np.inf, np.zeros(n_states), np.eye(n_states))
-        series = [s.at(s.time_s - s.latency_s <= begin) for s in series]
-        _, heading, heading_sigma, speed, speed_sigma = max(_headings(series, newest=True))
+            return FilterStart(np.inf, np.zeros(n_states), np.eye(n_states))
+        series = [s.select_rows(s.time_s - s.latency_s <= begin) for s in series]
+        _, heading, heading_sigma, speed, speed_sigma = max(_heading_candidates(series, newest=True))
     else:
         begin = min(float(s.time_s[0] - s.latency_s) for s in series if len(s))
-        heading_s, heading, heading_sigma, speed, speed_sigma = _first_heading(series)
+        heading_s, heading, heading_sigma, speed, speed_sigma = _earliest_heading_candidate(series)
     if not causal and heading_s > begin:
-        turned, turned_sigma = _turned(series, begin, heading_s)
+        turned, turned_sigma = _turned_angle_and_sigma_rad(series, begin, heading_s)
         heading -= turned
-        heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_RAD)
-        speed, speed_sigma = _speed_at(series, begin)
-    x, y, position_sigma = _position_at(series, begin, speed if np.isfinite(heading) else 0.0)
+        heading_sigma = min(np.hypot(heading_sigma, turned_sigma), UNKNOWN_HEADING_SIGMA_RAD)
+        speed, speed_sigma = _speed_and_sigma_at(series, begin)
+    x, y, position_sigma = _position_and_sigma_at(series, begin, speed if np.isfinite(heading) else 0.0)
     state, sigma = np.zeros(n_states), np.zeros(n_states)
     state[:4] = x, y, speed, heading
     sigma[:6] = position_sigma, position_sigma, speed_sigma, heading_sigma, 2.0, 0.3
-    if n_states >= N_MOTION:
+    if n_states >= N_MOTION_STATES:
         sigma[6:8] = 1.0, 0.2
-    return Start(begin, state, np.diag(sigma**2))
+    return FilterStart(begin, state, np.diag(sigma**2))
 
 
-def first_heading_s(series: Sequence[Series]) -> float:
+def first_heading_time_s(series: Sequence[SensorSeries]) -> float:
     """Return the time (s) at which a heading is first known; infinity if never."""
-    return min((each[0] for each in _headings(series)), default=np.inf)
+    return min((each[0] for each in _heading_candidates(series)), default=np.inf)
 
 
-def _known_s(series: Sequence[Series]) -> float:
+def _heading_and_position_known_time_s(series: Sequence[SensorSeries]) -> float:
     """Return the time (s) at which a heading and a position are first known; infinity if never."""
     positions = [float(s.time_s[0] - s.latency_s) for s in series if s.kind is Kind.POSITION and len(s)]
-    return max(first_heading_s(series), min(positions, default=np.inf))
+    return max(first_heading_time_s(series), min(positions, default=np.inf))
 
 
-def _first_heading(series: Sequence[Series]) -> tuple[float, float, float, float, float]:
+def _earliest_heading_candidate(series: Sequence[SensorSeries]) -> tuple[float, float, float, float, float]:
     """Return time, heading, its sigma, speed and its sigma of the earliest source that shows a heading."""
-    return min(_headings(series), default=(0.0, 0.0, UNKNOWN_HEADING_RAD, 0.0, UNKNOWN_SPEED_MPS))
+    return min(_heading_candidates(series), default=(0.0, 0.0, UNKNOWN_HEADING_SIGMA_RAD, 0.0, UNKNOWN_SPEED_SIGMA_MPS))
 
 
-def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[float, float, float, float, float]]:
-    """Return the first heading of each source that shows one, as tuples like that of `_first_heading`.
+def _heading_candidates(
+    series: Sequence[SensorSeries], *, newest: bool = False
+) -> list[tuple[float, float, float, float, float]]:
+    """Return the first heading of each source that shows one, as tuples like that of `_earliest_heading_candidate`.
 
     Args:
         series: All series.
@@ -103,7 +105,7 @@ def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[f
         if s.kind is Kind.HEADING:
             i = -1 if newest else 0
             said = float(s.values[i, 0]), float(np.sqrt(s.noise[i, 0]))
-            candidates.append((float(time[i]), *said, *_speed_at(series, float(time[i]))))
+            candidates.append((float(time[i]), *said, *_speed_and_sigma_at(series, float(time[i]))))
         elif s.kind is Kind.VELOCITY:
             speed = np.hypot(s.values[:, 0], s.values[:, 1])
             sigma = np.sqrt(np.maximum(s.noise[:, 0], s.noise[:, 2]))
@@ -113,25 +115,33 @@ def _headings(series: Sequence[Series], *, newest: bool = False) -> list[tuple[f
                 angle = float(np.arctan2(s.values[i, 1], s.values[i, 0]))
                 heading_sigma, speed_sigma = float(sigma[i] / speed[i]) + 0.02, float(sigma[i]) + 0.1
                 candidates.append(
-                    _heading_of_course(series, float(time[i]), angle, heading_sigma, float(speed[i]), speed_sigma)
+                    _heading_candidate_from_course(
+                        series, float(time[i]), angle, heading_sigma, float(speed[i]), speed_sigma
+                    )
                 )
         elif s.kind is Kind.POSITION:
-            displacement = _first_displacement(s)
+            displacement = _first_significant_displacement(s)
             if displacement is not None:
-                candidates.append(_heading_of_course(series, *displacement))
+                candidates.append(_heading_candidate_from_course(series, *displacement))
     return candidates
 
 
-def _heading_of_course(
-    series: Sequence[Series], when: float, course: float, course_sigma: float, speed_mps: float, speed_sigma: float
+def _heading_candidate_from_course(
+    series: Sequence[SensorSeries],
+    when: float,
+    course: float,
+    course_sigma: float,
+    speed_mps: float,
+    speed_sigma: float,
 ) -> tuple[float, float, float, float, float]:
-    """Convert a course to a tuple like that of `_first_heading`; a reversing vehicle is turned by half a turn."""
-    if _sign_at(series, when) < 0:
+    """Convert a course to a tuple like that of `_earliest_heading_candidate`; a reversing vehicle is turned by half a
+    turn."""
+    if _driving_direction_sign_at(series, when) < 0:
         return when, course + np.pi, course_sigma, -abs(speed_mps), speed_sigma
     return when, course, course_sigma, speed_mps, speed_sigma
 
 
-def _first_displacement(s: Series) -> tuple[float, float, float, float, float] | None:
+def _first_significant_displacement(s: SensorSeries) -> tuple[float, float, float, float, float] | None:
     """Return the first displacement that is clear of the noise, from a point that may itself lie later.
 
     The noise is that of the rows so far, so that later rows do not change when a heading becomes known. The share of
@@ -139,8 +149,8 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     """
     time = s.time_s - s.latency_s
     variance = np.maximum(s.noise[:, 0], s.noise[:, 2])
-    sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1) + _stamp_variance(s))
-    limit = np.maximum(MIN_DISPLACEMENT_M, CLEAR_SIGMAS * sigmas)
+    sigmas = np.sqrt(np.cumsum(variance) / np.arange(1, len(s) + 1) + _stamp_error_variances_m2(s))
+    limit = np.maximum(MIN_DISPLACEMENT_M, MIN_DISPLACEMENT_SIGMAS * sigmas)
     anchor = s.values[0]
     distance = np.hypot(s.values[:, 0] - anchor[0], s.values[:, 1] - anchor[1])
     beyond = np.flatnonzero(distance > limit)
@@ -161,13 +171,13 @@ def _first_displacement(s: Series) -> tuple[float, float, float, float, float] |
     return (
         float(time[j]),
         float(np.arctan2(dy, dx)),
-        min(np.sqrt(2.0) * sigma / length + 0.05, UNKNOWN_HEADING_RAD),
+        min(np.sqrt(2.0) * sigma / length + 0.05, UNKNOWN_HEADING_SIGMA_RAD),
         length / dt,
         uncertain / dt + 1.0,
     )
 
 
-def _stamp_variance(s: Series) -> FloatArray:
+def _stamp_error_variances_m2(s: SensorSeries) -> FloatArray:
     """Return the variance (n,), m^2, that stamp errors add to each row: (sigma_t v)^2.
 
     The speed is that over the time before the row, long enough against the stamp errors, so that nothing looks ahead.
@@ -176,65 +186,69 @@ def _stamp_variance(s: Series) -> FloatArray:
     sigma_s = s.stamp_error.value
     if s.kind is not Kind.POSITION or not sigma_s > 0.0 or not len(s):
         return np.zeros(len(s))
-    span = max(MIN_DISPLACEMENT_S, CLEAR_SIGMAS * sigma_s)
+    span = max(MIN_DISPLACEMENT_S, MIN_DISPLACEMENT_SIGMAS * sigma_s)
     before = np.maximum(np.searchsorted(s.time_s, s.time_s - span, side="right") - 1, 0)
     way = np.hypot(*(s.values - s.values[before]).T)
     return np.asarray((sigma_s * way / np.maximum(s.time_s - s.time_s[before], sigma_s)) ** 2)
 
 
-def _stamp_variance_at(s: Series, i: int) -> float:
+def _stamp_error_variance_of_row_m2(s: SensorSeries, i: int) -> float:
     """Return the variance (m^2) that stamp errors add to a row; the first rows use the speed of later ones."""
-    span = max(MIN_DISPLACEMENT_S, CLEAR_SIGMAS * s.stamp_error.value)
+    span = max(MIN_DISPLACEMENT_S, MIN_DISPLACEMENT_SIGMAS * s.stamp_error.value)
     known = min(int(np.searchsorted(s.time_s, s.time_s[0] + span)), len(s) - 1)
-    return float(_stamp_variance(s)[max(i, known)])
+    return float(_stamp_error_variances_m2(s)[max(i, known)])
 
 
-def _at(s: Series, when: float) -> int:
+def _index_of_last_row_not_after(s: SensorSeries, when: float) -> int:
     """Return the index of the last row not after `when`, or of the first row."""
     return max(int(np.searchsorted(s.time_s - s.latency_s, when, side="right")) - 1, 0)
 
 
-def _speed_at(series: Sequence[Series], when: float) -> tuple[float, float]:
+def _speed_and_sigma_at(series: Sequence[SensorSeries], when: float) -> tuple[float, float]:
     """Return speed and sigma about a time."""
     for kind in (Kind.SPEED, Kind.VELOCITY):
         for s in series:
             if s.kind is kind and len(s):
-                i = _at(s, when)
+                i = _index_of_last_row_not_after(s, when)
                 late = abs(float(s.time_s[i] - s.latency_s - when))
                 sigma = float(np.sqrt(s.noise[i, 0])) + 2.0 * late + 0.1
                 value = s.values[i, 0] if kind is Kind.SPEED else np.hypot(*s.values[i])
-                return float(value), min(sigma, UNKNOWN_SPEED_MPS)
+                return float(value), min(sigma, UNKNOWN_SPEED_SIGMA_MPS)
     for s in series:
         if s.kind is Kind.POSITION and len(s) > 1:
             time = s.time_s - s.latency_s
             j = min(int(np.searchsorted(time, when + 1.0)) + 1, len(s) - 1)
-            i = _at(s, when)
+            i = _index_of_last_row_not_after(s, when)
             if j > i and time[j] > time[i]:
                 span = float(time[j] - time[i])
                 speed = float(np.hypot(*(s.values[j] - s.values[i]))) / span
                 late = abs(float(time[i]) - when)
-                sigma = float(np.sqrt(2.0 * (s.noise[i, 0] + _stamp_variance_at(s, i)))) / span + 2.0 + 2.0 * late
-                return speed, min(sigma, UNKNOWN_SPEED_MPS)
-    return 0.0, UNKNOWN_SPEED_MPS
+                sigma = (
+                    float(np.sqrt(2.0 * (s.noise[i, 0] + _stamp_error_variance_of_row_m2(s, i)))) / span
+                    + 2.0
+                    + 2.0 * late
+                )
+                return speed, min(sigma, UNKNOWN_SPEED_SIGMA_MPS)
+    return 0.0, UNKNOWN_SPEED_SIGMA_MPS
 
 
-def _sign_at(series: Sequence[Series], when: float) -> float:
+def _driving_direction_sign_at(series: Sequence[SensorSeries], when: float) -> float:
     """Return -1 if a speed source says that the vehicle was reversing."""
     for s in series:
         if s.kind is Kind.SPEED and len(s):
-            i = _at(s, when)
+            i = _index_of_last_row_not_after(s, when)
             return -1.0 if s.values[i, 0] < -max(0.3, 3.0 * float(np.sqrt(s.noise[i, 0]))) else 1.0
     return 1.0
 
 
-def _position_at(series: Sequence[Series], when: float, speed: float) -> tuple[float, float, float]:
+def _position_and_sigma_at(series: Sequence[SensorSeries], when: float, speed: float) -> tuple[float, float, float]:
     """Return x, y and sigma about a time."""
     best: tuple[float, float, float, float] | None = None
     for s in series:
         if s.kind is Kind.POSITION and len(s):
-            i = _at(s, when)
+            i = _index_of_last_row_not_after(s, when)
             late = abs(float(s.time_s[i] - s.latency_s - when))
-            sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2]) + _stamp_variance_at(s, i)))
+            sigma = float(np.sqrt(max(s.noise[i, 0], s.noise[i, 2]) + _stamp_error_variance_of_row_m2(s, i)))
             if best is None or late < best[0]:
                 reach = late * (abs(speed) + 3.0)
                 best = (late, float(s.values[i, 0]), float(s.values[i, 1]), float(np.hypot(3.0 * sigma, reach)) + 1.0)
@@ -243,7 +257,7 @@ def _position_at(series: Sequence[Series], when: float, speed: float) -> tuple[f
     return best[1:]
 
 
-def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, float]:
+def _turned_angle_and_sigma_rad(series: Sequence[SensorSeries], begin: float, end: float) -> tuple[float, float]:
     """Return the angle turned between two times by the gyroscope, and its sigma; (0, something large) without one."""
     span = end - begin
     for s in series:
@@ -252,31 +266,33 @@ def _turned(series: Sequence[Series], begin: float, end: float) -> tuple[float, 
             inside = (time >= begin) & (time <= end)
             t, w = time[inside], s.values[inside, 0]
             gap = np.diff(np.concatenate(([begin], t, [end])))
-            missing = float(gap[gap > MAX_GYRO_GAP_S].sum())
+            missing = float(gap[gap > MAX_GYROSCOPE_GAP_S].sum())
             if len(t) > 1 and missing < 0.5 * span:
-                sigma = np.hypot(UNKNOWN_TURN_RADPS * missing, GYRO_BIAS_RADPS * span)
-                return _trapezoid(w, t), float(np.hypot(0.02, sigma))
-    return 0.0, max(0.3, UNKNOWN_TURN_RADPS * span)
+                sigma = np.hypot(UNMEASURED_TURN_SIGMA_RADPS * missing, GYROSCOPE_BIAS_SIGMA_RADPS * span)
+                return _integrate_by_trapezoids(w, t), float(np.hypot(0.02, sigma))
+    return 0.0, max(0.3, UNMEASURED_TURN_SIGMA_RADPS * span)
 
 
-def _trapezoid(values: FloatArray, time: FloatArray) -> float:
+def _integrate_by_trapezoids(values: FloatArray, time: FloatArray) -> float:
     return float((0.5 * (values[1:] + values[:-1]) * np.diff(time)).sum())
 
 
-def start_with_parameters(series: Sequence[Series], prior: FloatArray, *, causal: bool) -> Start:
-    """Return `find_start` with the prior variances of the parameter states put in.
+def find_start_with_parameter_states(series: Sequence[SensorSeries], prior: FloatArray, *, causal: bool) -> FilterStart:
+    """Return `find_filter_start` with the prior variances of the parameter states put in.
 
     Args:
-        series, causal: See `find_start`.
+        series, causal: See `find_filter_start`.
         prior: Shape (n,): variances; the first eight are not used.
     """
-    start = find_start(series, len(prior), causal=causal)
-    index = np.arange(N_MOTION, len(prior))
+    start = find_filter_start(series, len(prior), causal=causal)
+    index = np.arange(N_MOTION_STATES, len(prior))
     start.covariance[index, index] = prior[index]
     return start
 
 
-def within_reach(start: Start, series: Sequence[Series], output_s: FloatArray) -> Start:
+def move_infinite_start_behind_rows(
+    start: FilterStart, series: Sequence[SensorSeries], output_s: FloatArray
+) -> FilterStart:
     """Return the start; an infinite time is replaced by one after all rows and outputs, so that a pass can run."""
     if np.isfinite(start.time_s):
         return start
@@ -284,10 +300,10 @@ def within_reach(start: Start, series: Sequence[Series], output_s: FloatArray) -
     return replace(start, time_s=max([*ends, *output_s[-1:].tolist()]) + 1.0)
 
 
-def hold_before_start(
+def hold_position_before_start(
     state: FloatArray,
     covariance: FloatArray,
-    series: Sequence[Series],
+    series: Sequence[SensorSeries],
     *,
     start_s: float,
     output_s: FloatArray,
@@ -312,8 +328,10 @@ def hold_before_start(
     state[early, :2] = position.values[row]
     covariance[early] = 0.0
     index = np.arange(state.shape[1])
-    covariance[early[:, None], index, index] = np.concatenate((np.square(UNKNOWN_SIGMA), prior[N_MOTION:]))
+    covariance[early[:, None], index, index] = np.concatenate(
+        (np.square(UNKNOWN_STATE_SIGMAS), prior[N_MOTION_STATES:])
+    )
     # A position may be old by the time from its stamp, which may err, at an unknown speed.
     age = np.hypot(output_s[early] - time[row], position.stamp_error.value)
     for axis in (0, 1):
-        covariance[early, axis, axis] = position.noise[row, 2 * axis] + (UNKNOWN_SPEED_MPS * age) ** 2
+        covariance[early, axis, axis] = position.noise[row, 2 * axis] + (UNKNOWN_SPEED_SIGMA_MPS * age) ** 2

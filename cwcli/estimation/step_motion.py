@@ -15,23 +15,23 @@ import numpy.typing as npt
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.median import median
-from cwcli.estimation.passes import Series
+from cwcli.estimation.passes import SensorSeries
 from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
-LEAST_GAP_S = 1.0
+MAX_BRIDGED_GAP_S = 1.0
 """Longest pause of a source that is interpolated linearly, s: the shortest step. Chosen by hand; not fitted."""
-GAP_INTERVALS = 2.5
+MAX_BRIDGED_GAP_INTERVALS = 2.5
 """Longest pause of a slow source that is interpolated, in its median intervals. Chosen by hand; not fitted."""
-LEAST_POSITION_SIGMA_M = 0.05
+MIN_POSITION_SIGMA_M = 0.05
 """Least sigma of a position, m: that of `measurements.QUANTITIES`."""
-CLEAR_CHORD_SIGMAS = 6.0
+MIN_CHORD_SIGMAS = 6.0
 """Least distance between two fixes, in sigmas of its noise, that gives a speed and a course. Chosen by hand."""
-SHARED_FIX = 1.5**0.5
+SHARED_FIX_SIGMA_FACTOR = 1.5**0.5
 """The fix that ends a step begins the next one: the difference x2 - 2 x1 + x0 has 6 and not 4 variances of a fix."""
 VELOCITY_COURSE_SIGMA_RAD = 0.05
 """One sigma of the course of a GNSS velocity over a step of at least LEAST_CHORD_M, rad: 0.1 m/s of some 2 m/s."""
-LEAST_CHORD_M = 5.0
+MIN_CHORD_M = 5.0
 """Least distance between two fixes that gives a speed and a course, m. Chosen: a car's length, to exclude parking."""
 MEDIAN_ABSOLUTE_TO_SIGMA = 1.4826
 """Factor from the median of the absolute values of normal errors to their standard deviation."""
@@ -51,7 +51,7 @@ class StepMotion:
         has_zero_angle: The angle counts from east.
     """
 
-    series: Series
+    series: SensorSeries
     distance_m: FloatArray
     speed_mps: FloatArray
     angle_rad: FloatArray
@@ -78,7 +78,7 @@ class StepMotion:
     @property
     def turn_sigma_rad(self) -> FloatArray:
         """One sigma of `turn_rad` by the noise of fixes, (n - 1,)."""
-        return np.asarray(SHARED_FIX * np.hypot(self.angle_sigma_rad[:-1], self.angle_sigma_rad[1:]))
+        return np.asarray(SHARED_FIX_SIGMA_FACTOR * np.hypot(self.angle_sigma_rad[:-1], self.angle_sigma_rad[1:]))
 
     @property
     def speed_change_mps(self) -> FloatArray:
@@ -88,10 +88,10 @@ class StepMotion:
     @property
     def speed_change_sigma_mps(self) -> float:
         """One sigma of `speed_change_mps` by the noise of fixes."""
-        return SHARED_FIX * math.sqrt(2.0) * self.speed_sigma_mps
+        return SHARED_FIX_SIGMA_FACTOR * math.sqrt(2.0) * self.speed_sigma_mps
 
 
-def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
+def compute_step_motion(s: SensorSeries, edges_s: FloatArray) -> StepMotion:
     """Compute the motion by a source between neighbouring edges.
 
     Args:
@@ -101,15 +101,15 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
     n = len(edges_s) - 1
     step_s = float(edges_s[1] - edges_s[0])
     nothing, exact = np.full(n, np.nan), np.zeros(n)
-    known = _is_covered(s.time_s, edges_s)
+    known = _covered_step_mask(s.time_s, edges_s)
     if s.kind in (Kind.POSITION, Kind.VELOCITY):
         if s.kind is Kind.POSITION:
             moved = np.column_stack([np.diff(np.interp(edges_s, s.time_s, s.values[:, k])) for k in (0, 1)])
-            chord_sigma_m = math.sqrt(2.0) * _white_sigma(s)
-            least_m = max(LEAST_CHORD_M, CLEAR_CHORD_SIGMAS * chord_sigma_m)
+            chord_sigma_m = math.sqrt(2.0) * _white_noise_sigma_m(s)
+            least_m = max(MIN_CHORD_M, MIN_CHORD_SIGMAS * chord_sigma_m)
         else:
-            moved = np.column_stack([_means(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
-            chord_sigma_m, least_m = 0.0, LEAST_CHORD_M
+            moved = np.column_stack([_means_between_edges(s.time_s, s.values[:, k], edges_s) for k in (0, 1)]) * step_s
+            chord_sigma_m, least_m = 0.0, MIN_CHORD_M
         distance = np.where(known, np.hypot(*moved.T), np.nan)
         clear = np.where(distance > least_m, distance, np.nan)
         course = np.where(distance > least_m, np.arctan2(moved[:, 1], moved[:, 0]), np.nan)
@@ -119,8 +119,8 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
     if s.kind is Kind.HEADING:
         values = np.unwrap(values)
     elif s.kind is not Kind.SPEED:
-        values = _integral(s.time_s, values)
-    mean = np.where(known, _means(s.time_s, values, edges_s), np.nan)
+        values = _trapezoidal_integral(s.time_s, values)
+    mean = np.where(known, _means_between_edges(s.time_s, values, edges_s), np.nan)
     if s.kind is Kind.SPEED:
         return StepMotion(s, mean * step_s, mean, nothing, 0.0, exact, False)
     if s.kind is Kind.ACCEL:
@@ -128,27 +128,27 @@ def motion_in_steps(s: Series, edges_s: FloatArray) -> StepMotion:
     return StepMotion(s, nothing, nothing, mean, 0.0, exact, s.kind is Kind.HEADING)
 
 
-def step_edges(series: Sequence[Series], step_s: float) -> FloatArray:
+def step_edges_s(series: Sequence[SensorSeries], step_s: float) -> FloatArray:
     """Return the edges (n + 1,), s, of steps over the time of the positions; fewer than two if it is shorter."""
     times = [s.time_s for s in series if s.kind is Kind.POSITION and len(s)]
     first, last = min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
     return np.asarray(first + step_s * np.arange(int((last - first) / step_s) + 1))
 
 
-def _integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
+def _trapezoidal_integral(time_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return the trapezoidal integral from the first row on, (n,)."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
 
 
-def _means(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
+def _means_between_edges(time_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
     """Return the means (n,) of a column between neighbouring edges."""
-    return np.asarray(np.diff(np.interp(edges_s, time_s, _integral(time_s, values))) / np.diff(edges_s))
+    return np.asarray(np.diff(np.interp(edges_s, time_s, _trapezoidal_integral(time_s, values))) / np.diff(edges_s))
 
 
-def _is_covered(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
+def _covered_step_mask(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     """Return a mask (n,) of the steps that lie within the rows and overlap no pause."""
     gap_s = np.diff(time_s)
-    pauses = np.flatnonzero(gap_s > max(LEAST_GAP_S, GAP_INTERVALS * median(gap_s)))
+    pauses = np.flatnonzero(gap_s > max(MAX_BRIDGED_GAP_S, MAX_BRIDGED_GAP_INTERVALS * median(gap_s)))
     n = len(edges_s) - 1
     change = np.zeros(n + 1, np.int64)
     np.add.at(change, np.clip(np.searchsorted(edges_s, time_s[pauses], side="right") - 1, 0, n), 1)
@@ -157,9 +157,9 @@ def _is_covered(time_s: FloatArray, edges_s: FloatArray) -> BoolArray:
     return np.asarray(inside & (np.cumsum(change)[:n] == 0))
 
 
-def _white_sigma(s: Series) -> float:
+def _white_noise_sigma_m(s: SensorSeries) -> float:
     """Return the white noise sigma (m) of positions per axis, from second differences, which motion hardly affects."""
     if len(s) < 3:
-        return LEAST_POSITION_SIGMA_M
+        return MIN_POSITION_SIGMA_M
     rough = s.values[2:] - 2.0 * s.values[1:-1] + s.values[:-2]
-    return max(LEAST_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / math.sqrt(6.0))
+    return max(MIN_POSITION_SIGMA_M, MEDIAN_ABSOLUTE_TO_SIGMA * median(np.abs(rough).ravel()) / math.sqrt(6.0))

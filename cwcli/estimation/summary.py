@@ -12,11 +12,11 @@ import numpy as np
 from cwcli.estimation.contradiction import Contradiction
 from cwcli.estimation.measurements import QUANTITIES
 from cwcli.estimation.result import SourceReport, Track
-from cwcli.estimation.verdict import Nees, verdict
-from cwcli.metrics.table import MetricRow, Table, metric_table
+from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
+from cwcli.metrics.table import MetricRow, Table, table_of_metric_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import StateFlag
-from cwcli.text import finite
+from cwcli.text import finite_or_none
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class TrackSummary:
     contradictions: tuple[Contradiction, ...] = ()
 
 
-def summarise(track: Track) -> TrackSummary:
+def summarise_track(track: Track) -> TrackSummary:
     """Summarise a track."""
     n = len(track.stamp_ns)
     variance = 0.5 * (track.covariance[:, 0, 0] + track.covariance[:, 1, 1])
@@ -56,26 +56,26 @@ def summarise(track: Track) -> TrackSummary:
     )
 
 
-def verdict_of(ego: TrackSummary, nees: Sequence[Nees] = ()) -> str:
+def ego_verdict_sentence(ego: TrackSummary, nees: Sequence[NeesOfQuantity] = ()) -> str:
     """Return the sentence on the consistency of the ego's track; `nees` is used where there is a truth."""
-    return verdict(
+    return consistency_verdict_sentence(
         ego.sources, n_states=ego.n_states, n_flagged=ego.n_flagged, nees=nees, contradictions=ego.contradictions
     )
 
 
-def estimate_tables(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
+def build_estimate_table(tracks: Mapping[str, TrackSummary]) -> dict[str, Table]:
     """Return the table `estimate`; its source is a topic, or "" for the track as a whole."""
     rows: list[MetricRow] = []
     for vehicle, track in tracks.items():
         for report in track.sources:
-            rows.extend(_report_rows(vehicle, report))
+            rows.extend(_source_metric_rows(vehicle, report))
         rows.append((vehicle, "", "state", "count", float(track.n_states), ""))
         rows += [(vehicle, "", "state", f"{name}_count", float(n), "") for name, n in track.n_flagged.items()]
         rows.append((vehicle, "", "position", "median_sigma", track.median_sigma_m, "m"))
-    return {"estimate": metric_table("estimate", rows)}
+    return {"estimate": table_of_metric_rows("estimate", rows)}
 
 
-def source_record(tracks: Mapping[str, TrackSummary]) -> str:
+def format_source_diagnostics_json(tracks: Mapping[str, TrackSummary]) -> str:
     """Return the diagnostics of every source as JSON for the metadata record, as the channels do not hold them."""
     return json.dumps(
         [
@@ -86,13 +86,13 @@ def source_record(tracks: Mapping[str, TrackSummary]) -> str:
                 "read": report.n_read,
                 "used": report.n_used,
                 "gated": report.n_gated,
-                "nis_per_dof": finite(report.nis_mean / report.nis_dof),
+                "nis_per_dof": finite_or_none(report.nis_mean / report.nis_dof),
                 "nis_inside": report.nis_inside,
-                "stamp_sigma_s": finite(report.stamp_error.value),
-                "latency_s": finite(report.latency.applied_s),
-                "latency_found_s": finite(report.latency.found_s),
-                "latency_sigma_s": finite(report.latency.sigma_s),
-                "latency_drift": finite(report.latency.drift),
+                "stamp_sigma_s": finite_or_none(report.stamp_error.value),
+                "latency_s": finite_or_none(report.latency.applied_s),
+                "latency_found_s": finite_or_none(report.latency.found_s),
+                "latency_sigma_s": finite_or_none(report.latency.sigma_s),
+                "latency_drift": finite_or_none(report.latency.drift),
                 "latency_status": report.latency.status.value,
             }
             for vehicle, track in tracks.items()
@@ -101,7 +101,7 @@ def source_record(tracks: Mapping[str, TrackSummary]) -> str:
     )
 
 
-def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
+def _source_metric_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
     unit = QUANTITIES[report.kind].unit
     values = (
         ("read_count", float(report.n_read), ""),
@@ -127,9 +127,9 @@ def _report_rows(vehicle: str, report: SourceReport) -> list[MetricRow]:
         ("slow_sigma", report.slow_error.sigma, unit),
         ("slow_time", report.slow_error.time_s, "s"),
     )
-    return [(vehicle, report.source, quantity_of(report), metric, value, u) for metric, value, u in values]
+    return [(vehicle, report.source, quantity_text(report), metric, value, u) for metric, value, u in values]
 
 
-def quantity_of(report: SourceReport) -> str:
+def quantity_text(report: SourceReport) -> str:
     """Return the name of the quantity that a source measures."""
     return report.kind.name.lower().replace("_", " ")

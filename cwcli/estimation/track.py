@@ -12,43 +12,66 @@ import numpy as np
 
 from cwcli.array_memory import bound_array_memory
 from cwcli.errors import DataError
-from cwcli.estimation.calibrated import bias_note, check_fits, known_alone, known_mountings
+from cwcli.estimation.calibrated import (
+    bias_contradiction_notes,
+    calibrated_imu_mountings,
+    check_calibration_knows_sources,
+    keep_only_calibrated_series,
+)
 from cwcli.estimation.calibration_check import notes_on_worse_prediction
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.consistency import effective_count
+from cwcli.estimation.consistency import effective_sample_count
 from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.gaps import restarts_after_gaps
-from cwcli.estimation.latency import CORRECTED
-from cwcli.estimation.lever_arms import at_antenna, placed
-from cwcli.estimation.limit_check import beyond_limits
-from cwcli.estimation.measurements import RATES, Kind, Measurements
+from cwcli.estimation.gaps import find_filter_restarts_after_gaps
+from cwcli.estimation.latency import CORRECTED_LATENCY_STATUSES
+from cwcli.estimation.lever_arms import move_states_to_antenna, set_given_lever_arms
+from cwcli.estimation.limit_check import find_values_beyond_sensor_limits
+from cwcli.estimation.measurements import RATE_KINDS, Kind, Measurements
 from cwcli.estimation.median import median
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.noise import MANOEUVRE_SIGMAS
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.noise import MANOEUVRE_SIGMA_LIMITS
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
-from cwcli.estimation.passes import BEFORE_START, N_MOTION, PassResult, Series, Start, old_rows, run_pass
-from cwcli.estimation.prepare import PreparedSeries, epoch_ns, prepare, prepare_blind, seconds
-from cwcli.estimation.result import Gated, SourceReport, Track
+from cwcli.estimation.passes import (
+    N_MOTION_STATES,
+    ROW_BEFORE_START,
+    FilterStart,
+    PassResult,
+    SensorSeries,
+    notes_on_rows_before_start,
+    run_filter_pass,
+)
+from cwcli.estimation.prepare import (
+    PreparedSeries,
+    clean_measurements,
+    earliest_stamp_ns,
+    prepare_without_looking_ahead,
+    seconds_since_epoch,
+)
+from cwcli.estimation.result import GatedMeasurements, SourceReport, Track
 from cwcli.estimation.sensor_model import Part
-from cwcli.estimation.sensor_search import FoundModel
-from cwcli.estimation.song2016 import estimate_song2016
-from cwcli.estimation.source_vote import vote
-from cwcli.estimation.start import hold_before_start, start_with_parameters, within_reach
-from cwcli.estimation.trust import state_flags
-from cwcli.estimation.tune import TunedSeries, tune
+from cwcli.estimation.sensor_search import FoundSensorModel
+from cwcli.estimation.song2016 import estimate_track_with_song2016
+from cwcli.estimation.source_vote import leave_out_outvoted_sources
+from cwcli.estimation.start import (
+    find_start_with_parameter_states,
+    hold_position_before_start,
+    move_infinite_start_behind_rows,
+)
+from cwcli.estimation.state_flags import compute_state_flags
+from cwcli.estimation.tune import TunedSeries, tune_latencies_and_noise
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.metrics.chi_square import gate_nis, mean_bounds
+from cwcli.metrics.chi_square import chi_square_mean_bounds, gate_nis
 from cwcli.signals.columns import FloatArray, Int64Array, Strings
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import HEADING, SPEED
 
 MIN_NIS_ROWS = 20
 """Least number of rows of a source whose NIS is reported. Chosen by hand; not fitted."""
-LONG_LEAD_IN_S = 3.0
+MAX_START_WITHOUT_POSITION_S = 3.0
 """Time without a position after the start from which the start is refined, s. Chosen by hand; not fitted."""
-MOST_STARTS = 6
+MAX_START_ITERATIONS = 6
 """Greatest number of refinements of the start. Chosen by hand; not fitted."""
-STARTS_AGREE_M = 0.5
+START_CONVERGENCE_M = 0.5
 """The start has converged when its position moves by less than this, m. Chosen by hand; not fitted."""
 IS_WORKER = "_CWCLI_WORKER"
 """Environment variable that is set in a worker of a run over many logs, where the other workers use the processors."""
@@ -76,19 +99,19 @@ def estimate_track(
         DataError: If no position is finite.
     """
     if config.model == "song2016":
-        return estimate_song2016(measurements, config, output_stamp_ns)
+        return estimate_track_with_song2016(measurements, config, output_stamp_ns)
     if output_stamp_ns is None:
-        output_stamp_ns = _grid(measurements, config.rate_hz)
-    return _tracked(_settled(measurements, config), config, output_stamp_ns)
+        output_stamp_ns = _output_stamps_ns(measurements, config.rate_hz)
+    return _filter_and_smooth(_prepare_and_tune(measurements, config), config, output_stamp_ns)
 
 
-def estimate_both(
+def estimate_hindsight_and_online(
     measurements: Sequence[Measurements],
     config: EstimatorConfig,
     output_stamp_ns: Int64Array,
     *,
     blind: bool,
-    in_time: tuple[Sequence[Measurements], Int64Array] | None = None,
+    online_input: tuple[Sequence[Measurements], Int64Array] | None = None,
 ) -> tuple[Track, Track]:
     """Estimate a vehicle's track in hindsight and online (by the filter alone); returns both.
 
@@ -105,20 +128,20 @@ def estimate_both(
     """
     online = replace(config, causal=True, blind=blind)
     hindsight = online if config.causal else config
-    if in_time is None and not blind and config.model == "cwcli":
-        settled = _settled(measurements, hindsight)
-        track = _tracked(settled, online, output_stamp_ns)
-        return track if config.causal else _tracked(settled, hindsight, output_stamp_ns), track
-    known, known_stamp_ns = in_time or (measurements, output_stamp_ns)
+    if online_input is None and not blind and config.model == "cwcli":
+        settled = _prepare_and_tune(measurements, hindsight)
+        track = _filter_and_smooth(settled, online, output_stamp_ns)
+        return track if config.causal else _filter_and_smooth(settled, hindsight, output_stamp_ns), track
+    known, known_stamp_ns = online_input or (measurements, output_stamp_ns)
     track = estimate_track(known, online, known_stamp_ns)
-    if config.causal and in_time is None:
-        track = _with_notes_on_calibration(track, measurements, online)
+    if config.causal and online_input is None:
+        track = _add_calibration_notes(track, measurements, online)
         return track, track
     found = estimate_track(measurements, hindsight, output_stamp_ns)
-    return _with_notes_on_calibration(found, measurements, hindsight), track
+    return _add_calibration_notes(found, measurements, hindsight), track
 
 
-def _with_notes_on_calibration(track: Track, measurements: Sequence[Measurements], config: EstimatorConfig) -> Track:
+def _add_calibration_notes(track: Track, measurements: Sequence[Measurements], config: EstimatorConfig) -> Track:
     """The track, with a note where its calibration predicts the log worse than what the log says of itself."""
     if config.calibration is None:
         return track
@@ -126,7 +149,7 @@ def _with_notes_on_calibration(track: Track, measurements: Sequence[Measurements
 
 
 @dataclass(frozen=True)
-class _Settled:
+class _TunedMeasurements:
     """Series before and after tuning, with the stamp of second 0 and notes.
 
     `contradictions` are those that the sources show before anything is estimated.
@@ -139,7 +162,7 @@ class _Settled:
     contradictions: tuple[Contradiction, ...] = ()
 
 
-def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _Settled:
+def _prepare_and_tune(measurements: Sequence[Measurements], config: EstimatorConfig) -> _TunedMeasurements:
     """Clean the measurements, and tune latencies, noise and sensor errors.
 
     Raises:
@@ -148,76 +171,87 @@ def _settled(measurements: Sequence[Measurements], config: EstimatorConfig) -> _
     if not any(m.kind is Kind.POSITION and np.isfinite(m.values).all(axis=1).any() for m in measurements):
         raise DataError("no finite position among the measurements")
     positions = [m for m in measurements if m.kind is Kind.POSITION]
-    epoch = epoch_ns(positions if config.blind else measurements)  # a row that comes later may be of an earlier time
-    prepared, notes = _prepared(measurements, epoch, config)
-    prepared = placed(prepared, config.lever_arms)
+    epoch = earliest_stamp_ns(
+        positions if config.blind else measurements
+    )  # a row that comes later may be of an earlier time
+    prepared, notes = _prepare_series(measurements, epoch, config)
+    prepared = set_given_lever_arms(prepared, config.lever_arms)
     contradictions: tuple[Contradiction, ...] = ()
     if config.compares_sources:
-        voted = vote(prepared)
+        voted = leave_out_outvoted_sources(prepared)
         contradictions = voted.contradictions
         if config.blind or (config.causal and config.calibration is not None):
             # No state may depend on what the whole log shows: it is told, and nothing is left out.
-            contradictions = tuple(each.without() for each in contradictions)
+            contradictions = tuple(each.with_left_out() for each in contradictions)
         else:
             prepared = voted.prepared
-        notes = [*(f"{each.sentence}; {each.consequence}" for each in contradictions), *notes]
-    return _Settled(epoch, prepared, tune(prepared, config, ModelParameters()), tuple(notes), contradictions)
+        notes = [*(f"{each.contradiction_sentence}; {each.consequence_text}" for each in contradictions), *notes]
+    return _TunedMeasurements(
+        epoch, prepared, tune_latencies_and_noise(prepared, config, MotionParameters()), tuple(notes), contradictions
+    )
 
 
-def _tracked(settled: _Settled, config: EstimatorConfig, output_stamp_ns: Int64Array) -> Track:
+def _filter_and_smooth(
+    tuned_measurements: _TunedMeasurements, config: EstimatorConfig, output_stamp_ns: Int64Array
+) -> Track:
     """Find the start, filter and smooth; for `config` and `output_stamp_ns` see `estimate_track`."""
-    prepared, tuned, notes = settled.prepared, settled.tuned, list(settled.notes)
-    output_s = seconds(output_stamp_ns, settled.epoch_ns)
-    start = start_with_parameters(tuned.series, tuned.prior, causal=config.causal)
-    start.state[N_MOTION:] = tuned.mean[N_MOTION:]
-    start = within_reach(start, tuned.series, output_s)
+    prepared, tuned, notes = tuned_measurements.prepared, tuned_measurements.tuned, list(tuned_measurements.notes)
+    output_s = seconds_since_epoch(output_stamp_ns, tuned_measurements.epoch_ns)
+    start = find_start_with_parameter_states(tuned.series, tuned.prior, causal=config.causal)
+    start.state[N_MOTION_STATES:] = tuned.mean[N_MOTION_STATES:]
+    start = move_infinite_start_behind_rows(start, tuned.series, output_s)
     if not config.causal:
-        start = _start_again(tuned, start, config.reset_after)
-    restarts = restarts_after_gaps(tuned.series, causal=config.causal)
-    result = run_pass(
+        start = _refine_start_by_smoothing(tuned, start, config.reset_after)
+    restarts = find_filter_restarts_after_gaps(tuned.series, causal=config.causal)
+    result = run_filter_pass(
         tuned.series, start, tuned.motion, output_s,
         smooth=not config.causal, reset_after=config.reset_after,
         restarts=restarts,
     )  # fmt: skip
     if config.causal:
-        hold_before_start(
+        hold_position_before_start(
             result.state, result.covariance, tuned.series, start_s=start.time_s, output_s=output_s, prior=tuned.prior
         )
-        notes += old_rows(tuned.series, result)
-    reports = tuple(_report(p, tuned, i, result) for i, p in enumerate(prepared))
+        notes += notes_on_rows_before_start(tuned.series, result)
+    reports = tuple(_build_source_report(p, tuned, i, result) for i, p in enumerate(prepared))
     notes += tuned.notes
     if config.calibration is not None:
         for s, report in zip(tuned.series, reports, strict=True):
-            notes += bias_note(s, report.bias, report.bias_sigma, config.calibration)
+            notes += bias_contradiction_notes(s, report.bias, report.bias_sigma, config.calibration)
     for r in reports:
-        if r.n_resets and r.kind not in RATES:
+        if r.n_resets and r.kind not in RATE_KINDS:
             often = "once" if r.n_resets == 1 else f"{r.n_resets} times"
             notes.append(f"{r.source}: {r.kind.name.lower()} used again after repeated rejections by the gate, {often}")
-    state, covariance = at_antenna(tuned.series, result.state, result.covariance)
+    state, covariance = move_states_to_antenna(tuned.series, result.state, result.covariance)
     return Track(
         output_stamp_ns,
         state,
-        covariance + _of_latency(state, tuned),
-        state_flags(tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal),
+        covariance + _covariance_from_latency(state, tuned),
+        compute_state_flags(
+            tuned.series, result.status, output_s, start=start, restarts=restarts, causal=config.causal
+        ),
         reports,
         result.log_likelihood,
         tuple(notes),
-        {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMAS},
-        _gated(tuned, result, settled.epoch_ns, config.gate_probability),
-        (*settled.contradictions, *([] if config.blind else beyond_limits(reports, settled.contradictions))),
+        {name: getattr(tuned.parameters, name) for name in MANOEUVRE_SIGMA_LIMITS},
+        _collect_gated_rows(tuned, result, tuned_measurements.epoch_ns, config.gate_probability),
+        (
+            *tuned_measurements.contradictions,
+            *([] if config.blind else find_values_beyond_sensor_limits(reports, tuned_measurements.contradictions)),
+        ),
     )
 
 
-def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: float) -> Gated:
+def _collect_gated_rows(tuned: TunedSeries, result: PassResult, epoch: int, probability: float) -> GatedMeasurements:
     """Collect the rows of all series that the gate rejected."""
     rows = [np.flatnonzero(status == UpdateStatus.GATED) for status in result.status]
     counts = [len(own) for own in rows]
     time_s = np.concatenate([s.time_s[own] for s, own in zip(tuned.series, rows, strict=True)])
     nis = np.concatenate([found[own, 0] for found, own in zip(result.nis, rows, strict=True)])
     code = np.repeat(np.arange(len(rows), dtype=np.int32), counts)
-    bound = np.array([gate_nis(probability, s.width) for s in tuned.series])[code]
+    bound = np.array([gate_nis(probability, s.n_values_per_row) for s in tuned.series])[code]
     order = np.argsort(time_s, kind="stable")
-    return Gated(
+    return GatedMeasurements(
         epoch + np.rint(time_s[order] * NS_PER_S).astype(np.int64),
         Strings(code[order], tuple(s.source for s in tuned.series)).merge_equal(),
         Strings(code[order], tuple(s.kind.name.lower() for s in tuned.series)).merge_equal(),
@@ -226,7 +260,7 @@ def _gated(tuned: TunedSeries, result: PassResult, epoch: int, probability: floa
     )
 
 
-def _of_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
+def _covariance_from_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
     """Return the covariance (m, 8, 8) due to the uncertain latency of the positions: v v' sigma^2 in x and y.
 
     A fix at p(t) that is stamped t + tau, corrected by tau + e, is taken for p at t - e: it lies v e ahead. All fixes
@@ -235,76 +269,84 @@ def _of_latency(state: FloatArray, tuned: TunedSeries) -> FloatArray:
     """
     sigma_s = min(
         (
-            latency.sigma_s if latency.status in CORRECTED and latency.sigma_s > 0.0 else 0.0
+            latency.sigma_s if latency.status in CORRECTED_LATENCY_STATUSES and latency.sigma_s > 0.0 else 0.0
             for s, latency in zip(tuned.series, tuned.latencies, strict=True)
             if s.kind is Kind.POSITION and len(s)
         ),
         default=0.0,
     )
     velocity = state[:, SPEED, None] * np.column_stack([np.cos(state[:, HEADING]), np.sin(state[:, HEADING])])
-    grown = np.zeros((len(state), N_MOTION, N_MOTION))
+    grown = np.zeros((len(state), N_MOTION_STATES, N_MOTION_STATES))
     grown[:, :2, :2] = sigma_s**2 * velocity[:, :, None] * velocity[:, None, :]
     return grown
 
 
-def _prepared(
+def _prepare_series(
     measurements: Sequence[Measurements], epoch: int, config: EstimatorConfig
 ) -> tuple[list[PreparedSeries], list[str]]:
     """Return the series and notes, with the calibration if there is one, and without looking ahead where required."""
     calibration = config.calibration
     if calibration is None:
-        return (prepare_blind(measurements, epoch, {}), []) if config.blind else prepare(measurements, epoch)
-    unknown = check_fits(calibration, measurements, causal=config.causal and not config.blind)
-    mountings = known_mountings(calibration)
+        return (
+            (prepare_without_looking_ahead(measurements, epoch, {}), [])
+            if config.blind
+            else clean_measurements(measurements, epoch)
+        )
+    unknown = check_calibration_knows_sources(calibration, measurements, causal=config.causal and not config.blind)
+    mountings = calibrated_imu_mountings(calibration)
     if config.causal:
-        return known_alone(prepare_blind(measurements, epoch, mountings), calibration), unknown
-    prepared, notes = prepare(measurements, epoch, mountings)
+        return keep_only_calibrated_series(
+            prepare_without_looking_ahead(measurements, epoch, mountings), calibration
+        ), unknown
+    prepared, notes = clean_measurements(measurements, epoch, mountings)
     return prepared, [*unknown, *notes]
 
 
-def _start_again(tuned: TunedSeries, start: Start, reset_after: int) -> Start:
+def _refine_start_by_smoothing(tuned: TunedSeries, start: FilterStart, reset_after: int) -> FilterStart:
     """Refine the start by the smoother if the first position comes long after it.
 
     Until the first position place, speed and heading are hardly known, and a filter that is linearised far from the
     truth becomes sure of a wrong state. The covariance of the start is kept.
     """
     first_s = min(float(s.time_s[0] - s.latency_s) for s in tuned.series if s.kind is Kind.POSITION and len(s))
-    if first_s - start.time_s < LONG_LEAD_IN_S:
+    if first_s - start.time_s < MAX_START_WITHOUT_POSITION_S:
         return start
     here = np.array([start.time_s])
-    for _ in range(MOST_STARTS):
-        found = run_pass(tuned.series, start, tuned.motion, here, smooth=True, reset_after=reset_after)
+    for _ in range(MAX_START_ITERATIONS):
+        found = run_filter_pass(tuned.series, start, tuned.motion, here, smooth=True, reset_after=reset_after)
         state = found.state[0]
         if not np.isfinite(state).all():
             break
         moved_m = float(np.hypot(*(state[:2] - start.state[:2])))
         start = replace(start, state=state)
-        if moved_m < STARTS_AGREE_M:
+        if moved_m < START_CONVERGENCE_M:
             break
     return start
 
 
-def _grid(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
+def _output_stamps_ns(measurements: Sequence[Measurements], rate_hz: float) -> Int64Array:
     """Return stamps at `rate_hz` over the span of the measurements."""
-    first = epoch_ns(measurements)
+    first = earliest_stamp_ns(measurements)
     last = max(int(m.stamp_ns.max()) for m in measurements if len(m))
     step = round(NS_PER_S / rate_hz)
     return np.arange(first, last + 1, step, dtype=np.int64)
 
 
-def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -> SourceReport:
+def _build_source_report(
+    prepared_series: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult
+) -> SourceReport:
     """Build the report on one series."""
     s, latency = tuned.series[i], tuned.latencies[i]
     nis, status = result.nis[i][:, 0], result.status[i]
     mean, bounds, inside = float("nan"), (float("nan"), float("nan")), None
-    if int((status != BEFORE_START).sum()) >= MIN_NIS_ROWS:
+    if int((status != ROW_BEFORE_START).sum()) >= MIN_NIS_ROWS:
         kept = (
             nis[status >= UpdateStatus.USED]
             if (status >= UpdateStatus.USED).any()
             else nis[status == UpdateStatus.GATED]
         )
         mean = float(kept.mean())
-        bounds = mean_bounds(s.width, effective_count(kept))
+        bounds = chi_square_mean_bounds(s.n_values_per_row, effective_sample_count(kept))
         inside = bounds[0] <= mean <= bounds[1]
     bias, bias_sigma = float("nan"), float("nan")
     if s.bias_state >= 0 and len(result.state):
@@ -312,50 +354,50 @@ def _report(p: PreparedSeries, tuned: TunedSeries, i: int, result: PassResult) -
         bias = float(result.state[middle, s.bias_state])
         bias_sigma = float(np.sqrt(max(result.covariance[middle, s.bias_state, s.bias_state], 0.0)))
     found, slow = tuned.sensors, tuned.sensors.model.slow.get(i)
-    variance = s.noise[:, 0] if s.width == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
+    variance = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
     return SourceReport(
         source=s.source,
         kind=s.kind,
-        n_read=p.n_read,
+        n_read=prepared_series.n_read,
         n_used=int((status >= UpdateStatus.USED).sum()),
         n_gated=int((status == UpdateStatus.GATED).sum()),
-        n_not_finite=p.n_not_finite,
-        n_interpolated=p.n_interpolated,
-        n_held_back=p.n_held_back,
+        n_not_finite=prepared_series.n_not_finite,
+        n_interpolated=prepared_series.n_interpolated,
+        n_held_back=prepared_series.n_held_back,
         n_resets=int((status == UpdateStatus.USED_AFTER_RESET).sum()),
         nis_mean=mean,
-        nis_dof=s.width,
+        nis_dof=s.n_values_per_row,
         nis_bounds=bounds,
         nis_inside=inside,
         sigma=float(np.sqrt(variance.mean())) if len(s) else float("nan"),
         noise_origin=s.noise_origin,
-        noise_scale=_noise_scale(p.series, s),
+        noise_scale=_noise_variance_ratio(prepared_series.series, s),
         stamp_error=s.stamp_error,
         interval_s=median(np.diff(s.time_s)) if len(s) > 1 else float("nan"),
         latency=latency,
-        compared=tuned.compared[i],
-        mounting=p.mounting,
+        latency_to_reference=tuned.latencies_to_reference[i],
+        mounting=prepared_series.mounting,
         bias=bias,
         bias_sigma=bias_sigma,
-        scale=_parameter(found, (i, "scale"), s.scale_state, result, 1.0),
-        lever_arm_m=_parameter(found, (i, "lever"), s.lever_state, result, 0.0),
-        ahead_m=_parameter(found, (i, "ahead"), s.ahead_state, result, 0.0),
+        scale=_parameter_at_end(found, (i, "scale"), s.scale_state, result, 1.0),
+        lever_arm_m=_parameter_at_end(found, (i, "lever"), s.lever_state, result, 0.0),
+        ahead_m=_parameter_at_end(found, (i, "ahead"), s.ahead_state, result, 0.0),
         slow_error=SlowError(
             found.beyond.get((i, "slow"), float("nan")) if slow is None else slow.sigma,
             float("nan") if slow is None else slow.time_s,
             found.status.get((i, "slow"), ParameterStatus.OFF),
         ),
-        follows_pitch_rate=i in found.model.follows,
+        follows_pitch_rate=i in found.model.pitch_compensated,
     )
 
 
-def _noise_scale(stated: Series, used: Series) -> float:
+def _noise_variance_ratio(stated: SensorSeries, used: SensorSeries) -> float:
     if not stated.noise_origin.startswith("message") or not len(used):
         return float("nan")
     return float(used.noise[:, 0].mean() / stated.noise[:, 0].mean())
 
 
-def _parameter(found: FoundModel, part: Part, state: int, result: PassResult, offset: float) -> Parameter:
+def _parameter_at_end(found: FoundSensorModel, part: Part, state: int, result: PassResult, offset: float) -> Parameter:
     """Return a constant of a source from the last filter state; `offset` is its value at state 0."""
     status = found.status.get(part, ParameterStatus.OFF)
     if state < 0:
@@ -369,10 +411,10 @@ def estimate_tracks(
     config: EstimatorConfig,
 ) -> list[Track]:
     """Estimate many vehicles' tracks, in threads: `estimate_track` for each (measurements, output stamps)."""
-    return each_in_threads(lambda group: estimate_track(group[0], config, group[1]), groups)
+    return map_in_threads(lambda group: estimate_track(group[0], config, group[1]), groups)
 
 
-def each_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
+def map_in_threads(estimate: Callable[[Group], Result], groups: Sequence[Group]) -> list[Result]:
     """Apply `estimate` to each group in threads; a worker process uses only one thread."""
     if len(groups) < 2 or IS_WORKER in os.environ:
         return [estimate(group) for group in groups]

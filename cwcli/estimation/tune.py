@@ -7,27 +7,44 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.estimation.calibrated import calibrated_model, calibrated_motion, with_latencies, with_priors
+from cwcli.estimation.calibrated import (
+    fuse_latencies_with_calibration,
+    motion_with_calibrated_manoeuvres,
+    parameter_priors_from_calibration,
+    sensor_model_from_calibration,
+)
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.latency import Latency, LatencyStatus, latency_roles, references, straightened, within_limits
-from cwcli.estimation.latency_clock import Told, on_agreed_clock
+from cwcli.estimation.latency import (
+    Latency,
+    LatencyStatus,
+    is_reference_of_each_series,
+    predetermine_latencies,
+    reject_latency_beyond_limits,
+    remove_latency_drift,
+)
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters, simulated_motion
-from cwcli.estimation.noise import settle_noise
-from cwcli.estimation.passes import N_MOTION, Series
+from cwcli.estimation.model import MotionParameters, motion_of_simulated_vehicle
+from cwcli.estimation.noise import estimate_noise_and_manoeuvres
+from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.sensor_model import Layout, lay_out
-from cwcli.estimation.sensor_search import FoundModel, find_sensor_model, if_better, unclear_places
+from cwcli.estimation.sensor_model import StateLayout, add_sensor_error_states
+from cwcli.estimation.sensor_search import (
+    FoundSensorModel,
+    find_sensor_model,
+    keep_model_if_better,
+    series_whose_ahead_may_be_latency,
+)
 from cwcli.kernels import ekf
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
-ACCEL_BIAS_PRIOR = 3.0
+ACCEL_BIAS_PRIOR_SIGMA_MPS2 = 3.0
 """One sigma of an accelerometer's bias, m/s^2. Chosen: gravity through 18 degrees of pitch."""
-YAW_RATE_BIAS_PRIOR = 0.02
+YAW_RATE_BIAS_PRIOR_SIGMA_RADPS = 0.02
 """One sigma of a gyroscope's bias, rad/s. Chosen by hand; not fitted."""
-MS_PER_MINUTE = 6e4
+MS_PER_MINUTE_OF_UNIT_DRIFT = 6e4
 """Milliseconds per minute in a drift of one second per second."""
 
 
@@ -45,18 +62,20 @@ class TunedSeries:
         notes: Remarks for the user.
     """
 
-    series: tuple[Series, ...]
+    series: tuple[SensorSeries, ...]
     latencies: tuple[Latency, ...]
     motion: ekf.ProcessModel
     mean: FloatArray
     prior: FloatArray
-    compared: tuple[Latency, ...]
-    parameters: ModelParameters
-    sensors: FoundModel
+    latencies_to_reference: tuple[Latency, ...]
+    parameters: MotionParameters
+    sensors: FoundSensorModel
     notes: tuple[str, ...]
 
 
-def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters: ModelParameters) -> TunedSeries:
+def tune_latencies_and_noise(
+    prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters: MotionParameters
+) -> TunedSeries:
     """Find latencies, noise and manoeuvre intensity, and lay out the parameter states.
 
     Args:
@@ -64,29 +83,32 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
         config: Settings.
         parameters: Motion model to begin with.
     """
-    series, walk, prior = with_bias_states(prepared, parameters)
-    base = Layout(series, parameters, walk, prior)
-    compared, latencies, moved, sensors = _latencies_and_sensors(base, config)
-    layout = lay_out(_corrected(base, latencies), sensors.model)
+    series, walk, prior = add_bias_states(prepared, parameters)
+    base = StateLayout(series, parameters, walk, prior)
+    compared, latencies, moved, sensors = _find_latencies_and_sensor_errors(base, config)
+    layout = add_sensor_error_states(_correct_stamps(base, latencies), sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
-        mean, prior = with_priors(layout.series, prior, config.calibration)
+        mean, prior = parameter_priors_from_calibration(layout.series, prior, config.calibration)
     if layout.series and all(s.is_exact for s in layout.series):
-        series, parameters = layout.series, simulated_motion(layout.parameters)
+        series, parameters = layout.series, motion_of_simulated_vehicle(layout.parameters)
     elif config.calibration is not None and config.causal:
-        series, parameters = layout.series, calibrated_motion(layout.parameters, config.calibration)
+        series, parameters = layout.series, motion_with_calibrated_manoeuvres(layout.parameters, config.calibration)
     elif config.blind:
         series, parameters = layout.series, layout.parameters
     else:
-        series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, layout.prior)
-    gated = tuple(s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.width)) for s in series)
+        series, parameters = estimate_noise_and_manoeuvres(layout.series, layout.parameters, layout.walk, layout.prior)
+    gated = tuple(
+        s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.n_values_per_row)) for s in series
+    )
     unknown = (
-        f"{s.source}: latency of {s.kind.name.lower()} not observable{_bound(latency)}, not corrected"
+        f"{s.source}: latency of {s.kind.name.lower()} not observable{_latency_bound_text(latency)}, not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
     )
     drifting = (
-        f"{s.source}: latency of {s.kind.name.lower()} drifts by {MS_PER_MINUTE * latency.drift:.0f} ms per minute, "
+        f"{s.source}: latency of {s.kind.name.lower()} drifts by {MS_PER_MINUTE_OF_UNIT_DRIFT * latency.drift:.0f} ms "
+        "per minute, "
         "corrected along a line"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.DRIFTS
@@ -94,7 +116,7 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     return TunedSeries(
         gated,
         tuple(latencies),
-        parameters.motion(layout.walk),
+        parameters.to_process_model(layout.walk),
         mean,
         prior,
         tuple(compared),
@@ -104,20 +126,20 @@ def tune(prepared: Sequence[PreparedSeries], config: EstimatorConfig, parameters
     )
 
 
-def _bound(latency: Latency) -> str:
+def _latency_bound_text(latency: Latency) -> str:
     return f" (to {1e3 * latency.bound_s:.0f} ms at best)" if np.isfinite(latency.bound_s) else ""
 
 
-def _told(series: Sequence[Series], latencies: Sequence[Latency]) -> list[Told]:
+def _pair_latencies_with_sources(series: Sequence[SensorSeries], latencies: Sequence[Latency]) -> list[SourceLatency]:
     return [
-        Told(s.source, s.kind, is_reference, latency)
-        for s, is_reference, latency in zip(series, references(series), latencies, strict=True)
+        SourceLatency(s.source, s.kind, is_reference, latency)
+        for s, is_reference, latency in zip(series, is_reference_of_each_series(series), latencies, strict=True)
     ]
 
 
-def _latencies_and_sensors(
-    base: Layout, config: EstimatorConfig
-) -> tuple[list[Latency], list[Latency], list[str], FoundModel]:
+def _find_latencies_and_sensor_errors(
+    base: StateLayout, config: EstimatorConfig
+) -> tuple[list[Latency], list[Latency], list[str], FoundSensorModel]:
     """Find latencies and sensor errors in turn, each with the current values of the other.
 
     Args:
@@ -127,34 +149,38 @@ def _latencies_and_sensors(
     Returns:
         Latencies found in the log; latencies to apply; notes; sensor errors.
     """
-    roles = latency_roles(base.series, config)
-    told = _latencies(base, roles, config)
+    roles = predetermine_latencies(base.series, config)
+    told = _find_and_decide_latencies(base, roles, config)
     if config.sensor_model == "none":
-        return *told, FoundModel()
+        return *told, FoundSensorModel()
     if config.calibration is not None and config.causal:
-        return *told, calibrated_model(base.series, config.calibration)
+        return *told, sensor_model_from_calibration(base.series, config.calibration)
     if config.blind:
-        return *told, FoundModel()
+        return *told, FoundSensorModel()
     # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
-    likeliest = _corrected(base, told[0], likeliest=True)
-    found = find_sensor_model(_settled(likeliest))
-    if found.model.parts and None in roles:
-        told = _latencies(lay_out(base, found.model), roles, config)
-        unclear = unclear_places(found, base.series, [each.left_s for each in told[1]])
+    likeliest = _correct_stamps(base, told[0], likeliest=True)
+    found = find_sensor_model(_estimate_noise_roughly(likeliest))
+    if found.model.modelled_errors and None in roles:
+        told = _find_and_decide_latencies(add_sensor_error_states(base, found.model), roles, config)
+        unclear = series_whose_ahead_may_be_latency(found, base.series, [each.remaining_sigma_s for each in told[1]])
         if unclear:  # a latency or a place: of the two the latency is the likelier
-            found = found.without_ahead(unclear)
-            told = _latencies(lay_out(base, found.model), roles, config)
-        corrected = _corrected(base, told[1])
+            found = found.drop_ahead_of_series(unclear)
+            told = _find_and_decide_latencies(add_sensor_error_states(base, found.model), roles, config)
+        corrected = _correct_stamps(base, told[1])
         if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
-            found = find_sensor_model(_settled(corrected), found, [each.left_s for each in told[1]])
-    if not found.model.parts:
+            found = find_sensor_model(
+                _estimate_noise_roughly(corrected), found, [each.remaining_sigma_s for each in told[1]]
+            )
+    if not found.model.modelled_errors:
         return *told, found
-    plain = _corrected(base, told[1])
-    return *told, if_better(found, _settled(plain), _settled(lay_out(plain, found.model)))
+    plain = _correct_stamps(base, told[1])
+    return *told, keep_model_if_better(
+        found, _estimate_noise_roughly(plain), _estimate_noise_roughly(add_sensor_error_states(plain, found.model))
+    )
 
 
-def _latencies(
-    layout: Layout, roles: Sequence[Latency | None], config: EstimatorConfig
+def _find_and_decide_latencies(
+    layout: StateLayout, predetermined: Sequence[Latency | None], config: EstimatorConfig
 ) -> tuple[list[Latency], list[Latency], list[str]]:
     """Return the latencies found in the log, the latencies to apply, and notes.
 
@@ -165,21 +191,21 @@ def _latencies(
     """
     series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
     if config.blind:
-        compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in roles]
+        compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in predetermined]
     else:
-        compared = find_latencies(series, roles, layout.parameters, layout.walk, layout.prior)
-    found = [within_limits(each) for each in compared]
+        compared = find_latencies(series, predetermined, layout.parameters, layout.walk, layout.prior)
+    found = [reject_latency_beyond_limits(each) for each in compared]
     compared = [
         Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each for each in found
     ]
     if config.calibration is None:
-        latencies, notes = on_agreed_clock(_told(series, found))
+        latencies, notes = shift_latencies_to_agreed_clock(_pair_latencies_with_sources(series, found))
     else:
-        latencies, notes = with_latencies(series, found, config.calibration, causal=config.causal)
-    return compared, [within_limits(each) for each in latencies], notes
+        latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
+    return compared, [reject_latency_beyond_limits(each) for each in latencies], notes
 
 
-def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool = False) -> Layout:
+def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeliest: bool = False) -> StateLayout:
     """Correct the stamps of a layout by the latencies; with `likeliest` also by those that are not significant."""
     corrections = [
         latency.found_s
@@ -188,29 +214,31 @@ def _corrected(layout: Layout, latencies: Sequence[Latency], *, likeliest: bool 
         for latency in latencies
     ]
     series = [
-        replace(straightened(s, latency), latency_s=found_s)
+        replace(remove_latency_drift(s, latency), latency_s=found_s)
         for s, latency, found_s in zip(layout.series, latencies, corrections, strict=True)
     ]
     return replace(layout, series=series)
 
 
-def _settled(layout: Layout) -> Layout:
+def _estimate_noise_roughly(layout: StateLayout) -> StateLayout:
     """Return the layout with noise and manoeuvre intensity estimated from a window of the log."""
-    series, parameters = settle_noise(layout.series, layout.parameters, layout.walk, layout.prior, every_row=False)
+    series, parameters = estimate_noise_and_manoeuvres(
+        layout.series, layout.parameters, layout.walk, layout.prior, every_row=False
+    )
     return replace(layout, series=series, parameters=parameters)
 
 
-def with_bias_states(
-    prepared: Sequence[PreparedSeries], parameters: ModelParameters
-) -> tuple[list[Series], FloatArray, FloatArray]:
+def add_bias_states(
+    prepared: Sequence[PreparedSeries], parameters: MotionParameters
+) -> tuple[list[SensorSeries], FloatArray, FloatArray]:
     """Give every IMU series a bias state. Returns series, random walk variances and prior variances, both (n,)."""
-    series, walk, prior = [], [0.0] * N_MOTION, [0.0] * N_MOTION
+    series, walk, prior = [], [0.0] * N_MOTION_STATES, [0.0] * N_MOTION_STATES
     for p in prepared:
-        if p.biased and len(p.series):
+        if p.has_bias and len(p.series):
             series.append(replace(p.series, bias_state=len(walk)))
             accel = p.series.kind is Kind.ACCEL
             walk.append((parameters.accel_bias_walk if accel else parameters.yaw_rate_bias_walk) ** 2)
-            prior.append((ACCEL_BIAS_PRIOR if accel else YAW_RATE_BIAS_PRIOR) ** 2)
+            prior.append((ACCEL_BIAS_PRIOR_SIGMA_MPS2 if accel else YAW_RATE_BIAS_PRIOR_SIGMA_RADPS) ** 2)
         else:
             series.append(p.series)
     return series, np.array(walk), np.array(prior)

@@ -7,21 +7,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.measurements import RATES
+from cwcli.estimation.measurements import RATE_KINDS
 from cwcli.estimation.result import SourceReport
 
-FACTOR = 2.0
+TOLERATED_VARIANCE_FACTOR = 2.0
 """Factor by which a variance may be wrong without a fault being reported. Chosen by hand; not fitted."""
-MANY_GATED = 0.05
+MAX_GATED_SHARE = 0.05
 """Share of gated rows above which a source contradicts the others. Chosen by hand; not fitted."""
-MANY_BRIDGED = 0.2
+MAX_BRIDGED_SHARE = 0.2
 """Share of bridged states that is reported as a fault. Chosen by hand; not fitted."""
-MOST_TOLD = 2
+MAX_LISTED_FAULTS = 2
 """Greatest number of faults in the sentence; chosen for a short sentence."""
 
 
 @dataclass(frozen=True)
-class Nees:
+class NeesOfQuantity:
     """Errors of a quantity relative to their covariance.
 
     Attributes:
@@ -35,17 +35,17 @@ class Nees:
     bounds: tuple[float, float]
 
     @property
-    def is_inside(self) -> bool | None:
+    def is_within_bounds(self) -> bool | None:
         """Whether it lies within its bounds; None where it is unknown."""
         return None if math.isnan(self.per_dof) else self.bounds[0] <= self.per_dof <= self.bounds[1]
 
 
-def verdict(
+def consistency_verdict_sentence(
     sources: Sequence[SourceReport],
     *,
     n_states: int,
     n_flagged: Mapping[str, int],
-    nees: Sequence[Nees] = (),
+    nees: Sequence[NeesOfQuantity] = (),
     contradictions: Sequence[Contradiction] = (),
 ) -> str:
     """Whether the estimate is as good as it says.
@@ -67,63 +67,85 @@ def verdict(
         f"the {each.name} error is {math.sqrt(each.per_dof):.1f} times its sigma: multiply its covariance by "
         f"{each.per_dof:.2g}"
         for each in nees
-        if each.is_inside is False and each.per_dof > FACTOR
+        if each.is_within_bounds is False and each.per_dof > TOLERATED_VARIANCE_FACTOR
     ]
-    wrong = [f"{each.sentence} ({each.consequence})" for each in contradictions]
-    faults = [*wrong, *surer, *_contradictions(sources), *_bridged(n_states, n_flagged), *_noisier(sources)]
+    wrong = [f"{each.contradiction_sentence} ({each.consequence_text})" for each in contradictions]
+    faults = [
+        *wrong,
+        *surer,
+        *_contradiction_texts(sources),
+        *_bridged_states_texts(n_states, n_flagged),
+        *_understated_noise_texts(sources),
+    ]
     if faults:
-        more = f", and {len(faults) - MOST_TOLD} more" if len(faults) > MOST_TOLD else ""
-        return f"not consistent: {'; '.join(faults[:MOST_TOLD])}{more}"
+        more = f", and {len(faults) - MAX_LISTED_FAULTS} more" if len(faults) > MAX_LISTED_FAULTS else ""
+        return f"not consistent: {'; '.join(faults[:MAX_LISTED_FAULTS])}{more}"
     careful = [
-        *(f"{each.name} error" for each in nees if each.is_inside is False and each.per_dof < 1.0 / FACTOR),
-        *(_name(s) for s in sources if s.nis_inside is False and _nis(s) < 1.0 / FACTOR),
+        *(
+            f"{each.name} error"
+            for each in nees
+            if each.is_within_bounds is False and each.per_dof < 1.0 / TOLERATED_VARIANCE_FACTOR
+        ),
+        *(
+            _source_and_quantity_text(s)
+            for s in sources
+            if s.nis_inside is False and _nis_per_dof(s) < 1.0 / TOLERATED_VARIANCE_FACTOR
+        ),
     ]
     if careful:
-        return f"consistent, with a covariance larger than necessary for {_listed(careful)}"
-    outside = [_name(s) for s in sources if s.nis_inside is False]
-    outside += [f"NEES of the {each.name}" for each in nees if each.is_inside is False]
+        return f"consistent, with a covariance larger than necessary for {_join_names_with_and(careful)}"
+    outside = [_source_and_quantity_text(s) for s in sources if s.nis_inside is False]
+    outside += [f"NEES of the {each.name}" for each in nees if each.is_within_bounds is False]
     if outside:
-        return f"consistent within a factor of {FACTOR:g} in variance: {_listed(outside)} outside the 95 % bounds"
+        return (
+            f"consistent within a factor of {TOLERATED_VARIANCE_FACTOR:g} in variance: "
+            f"{_join_names_with_and(outside)} outside the 95 % bounds"
+        )
     if any(s.nis_inside is not None for s in sources):
         return "consistent"
     return "too little was measured to tell whether the estimate is consistent"
 
 
-def _contradictions(sources: Sequence[SourceReport]) -> list[str]:
+def _contradiction_texts(sources: Sequence[SourceReport]) -> list[str]:
     found = []
     for s in sources:
         n = s.n_used + s.n_gated
-        if n and s.n_gated > MANY_GATED * n:
+        if n and s.n_gated > MAX_GATED_SHARE * n:
             found.append(
-                f"{100 * s.n_gated / n:.0f} % of {_name(s)} contradict the rest: check its stamps and its mounting"
+                f"{100 * s.n_gated / n:.0f} % of {_source_and_quantity_text(s)} contradict the rest: check its stamps "
+                "and its mounting"
             )
-        elif s.n_resets and s.kind not in RATES:
-            found.append(f"{_name(s)} jumped {s.n_resets} x: leave out the states flagged after_reset")
+        elif s.n_resets and s.kind not in RATE_KINDS:
+            found.append(
+                f"{_source_and_quantity_text(s)} jumped {s.n_resets} x: leave out the states flagged after_reset"
+            )
     return found
 
 
-def _bridged(n_states: int, n_flagged: Mapping[str, int]) -> list[str]:
+def _bridged_states_texts(n_states: int, n_flagged: Mapping[str, int]) -> list[str]:
     share = n_flagged.get("bridged", 0) / n_states
-    return [f"{100 * share:.0f} % of the states bridge gaps: leave out those flagged bridged"] * (share > MANY_BRIDGED)
+    return [f"{100 * share:.0f} % of the states bridge gaps: leave out those flagged bridged"] * (
+        share > MAX_BRIDGED_SHARE
+    )
 
 
-def _noisier(sources: Sequence[SourceReport]) -> list[str]:
+def _understated_noise_texts(sources: Sequence[SourceReport]) -> list[str]:
     return [
-        f"{_name(s)} scatters by {math.sqrt(_nis(s)):.1f} times its sigma: "
+        f"{_source_and_quantity_text(s)} scatters by {math.sqrt(_nis_per_dof(s)):.1f} times its sigma: "
         f"{'its messages understate its noise' if s.noise_origin.startswith('message') else 'its errors last'}, "
         "so trust the states less than their covariance"
         for s in sources
-        if s.nis_inside is False and _nis(s) > FACTOR
+        if s.nis_inside is False and _nis_per_dof(s) > TOLERATED_VARIANCE_FACTOR
     ]
 
 
-def _nis(s: SourceReport) -> float:
+def _nis_per_dof(s: SourceReport) -> float:
     return s.nis_mean / s.nis_dof
 
 
-def _name(s: SourceReport) -> str:
+def _source_and_quantity_text(s: SourceReport) -> str:
     return f"{s.source} {s.kind.name.lower().replace('_', ' ')}"
 
 
-def _listed(names: Sequence[str]) -> str:
+def _join_names_with_and(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -12,9 +12,9 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.types import WarningConfig
 
-TRUE, FALSE, LATE, UNDECIDED = "true", "false", "late", "undecided"
+VERDICT_TRUE, VERDICT_FALSE, VERDICT_LATE, VERDICT_UNDECIDED = "true", "false", "late", "undecided"
 """Verdicts on a warning: see `EventVerdict.kind`."""
-MISSED = "missed"
+OUTCOME_MISSED = "missed"
 """Outcome of a conflict without a warning."""
 
 
@@ -34,7 +34,7 @@ class RealConflict:
 
 
 @dataclass(frozen=True)
-class EventVerdict:
+class WarningVerdict:
     """Verdict on a warning.
 
     Attributes:
@@ -47,23 +47,23 @@ class EventVerdict:
     """
 
     kind: str
-    conflict: int
+    conflict_index: int
     lead_time_s: float
     closest_ns: int
     closest_m: float
 
 
-def real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
+def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
     """Find the conflicts of a pair; two that are less than the hold-off apart are joined."""
-    measure = config.definition.margin(pair)
+    measure = config.parsed_conflict_definition.conflict_margin(pair)
     stamp = pair.stamp_ns
     inside = np.nan_to_num(measure, nan=1.0, posinf=1.0) < 0.0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8)))
     stretches: list[tuple[int, int, int, int]] = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         last = int(stop) - 1
-        onset = _crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
-        end = _crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
+        onset = _threshold_crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
+        end = _threshold_crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
         if stretches and onset - stretches[-1][1] < config.hold_off_s * NS_PER_S:
             earlier = stretches.pop()
             stretches.append((earlier[0], end, earlier[2], last))
@@ -76,7 +76,9 @@ def real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]:
     return out
 
 
-def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
+def _threshold_crossing_ns(
+    stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float
+) -> int:
     """Return when the measure crossed 0 between two neighbouring samples; the inner one's stamp if that is unknown."""
     at = int(stamp_ns[inside])
     if not 0 <= outside < len(stamp_ns):
@@ -88,24 +90,26 @@ def _crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside
     return at + round(float(share) * apart_ns)
 
 
-def judge(
+def judge_warning(
     raised_ns: int, last_ns: int, conflicts: Sequence[RealConflict], pair: Pair, config: WarningConfig
-) -> EventVerdict:
+) -> WarningVerdict:
     """Judge a warning that was raised at `raised_ns` and held until `last_ns`."""
     max_lead_ns = round(config.max_lead_s * NS_PER_S)
-    closest_ns, closest_m = _closest(pair, raised_ns, raised_ns + max_lead_ns)
+    closest_ns, closest_m = _closest_approach(pair, raised_ns, raised_ns + max_lead_ns)
     for index, conflict in enumerate(conflicts):
         if conflict.end_ns < raised_ns:
             continue
         lead_ns = conflict.onset_ns - raised_ns
         if lead_ns <= max_lead_ns or conflict.onset_ns <= last_ns:
-            kind = TRUE if lead_ns >= 0 else LATE
-            return EventVerdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
-    decided = _covers(pair, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s)
-    return EventVerdict(FALSE if decided else UNDECIDED, -1, float("nan"), closest_ns, closest_m)
+            kind = VERDICT_TRUE if lead_ns >= 0 else VERDICT_LATE
+            return WarningVerdict(kind, index, lead_ns / NS_PER_S, conflict.closest_ns, conflict.closest_m)
+    decided = _is_distance_known_between(
+        pair, raised_ns, raised_ns + round(config.horizon_s * NS_PER_S), config.max_gap_s
+    )
+    return WarningVerdict(VERDICT_FALSE if decided else VERDICT_UNDECIDED, -1, float("nan"), closest_ns, closest_m)
 
 
-def _closest(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
+def _closest_approach(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
     rows = np.flatnonzero((pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns) & np.isfinite(pair.distance_m))
     if not len(rows):
         return -1, float("nan")
@@ -113,7 +117,7 @@ def _closest(pair: Pair, begin_ns: int, end_ns: int) -> tuple[int, float]:
     return int(pair.stamp_ns[nearest]), float(pair.distance_m[nearest])
 
 
-def _covers(pair: Pair, begin_ns: int, end_ns: int, max_gap_s: float) -> bool:
+def _is_distance_known_between(pair: Pair, begin_ns: int, end_ns: int, max_gap_s: float) -> bool:
     """Whether the distance is known from begin to end without a gap."""
     known = pair.stamp_ns[np.isfinite(pair.distance_m)]
     inside = known[(known >= begin_ns) & (known <= end_ns)]

@@ -11,19 +11,26 @@ import numpy.typing as npt
 
 from cwcli.channels.binding import ROLE_TEXT
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states
-from cwcli.estimation.consistency import effective_count, nees
-from cwcli.estimation.summary import summarise, verdict_of
-from cwcli.evaluation.knowledge import TRUTH, against, estimated
-from cwcli.evaluation.link import Link, add_link
-from cwcli.evaluation.records import sources_of
-from cwcli.evaluation.subject import AUTO, Ego, EgoTruth, Subject
-from cwcli.evaluation.truth import against_truth, mounting_notes, nees_section, truth_rows, truth_section, truth_xy
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.estimation.consistency import effective_sample_count, nees
+from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.evaluation.evaluation_context import TRUTH_AUTO, EgoStatesAndTruth, EgoTruth, EvaluationContext
+from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states
+from cwcli.evaluation.link import RadioLinkSummary, add_link_metrics
+from cwcli.evaluation.records import source_config_from_record
+from cwcli.evaluation.truth import (
+    build_nees_section,
+    build_truth_errors_section,
+    compare_track_with_truth,
+    notes_on_truth_mounting,
+    truth_error_metric_rows,
+    truth_positions_in_map,
+)
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.chi_square import mean_bounds
-from cwcli.metrics.headline import Headline, metric_of
-from cwcli.metrics.table import with_rows
-from cwcli.pipeline.records import Record, json_entry, map_of, number, run_records
+from cwcli.metrics.chi_square import chi_square_mean_bounds
+from cwcli.metrics.headline import HeadlineCollector, find_metric
+from cwcli.metrics.table import append_metric_rows
+from cwcli.pipeline.records import Record, map_from_record, read_json_entry, read_number, read_run_records
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
@@ -33,78 +40,82 @@ from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.estimate import EstimateConfig, Made
-from cwcli.stages.inputs.sources import Sources, read_sources
+from cwcli.stages.estimate import EstimateConfig, EstimateEvidence
+from cwcli.stages.inputs.sources import SensorSignals, read_sensor_signals
 
-MAX_GAP_S = 0.5
+MAX_STATE_GAP_S = 0.5
 """Longest gap between states that is interpolated, s. Chosen by hand; not fitted."""
 MAX_FIX_GAP_S = 1.5
 """Longest gap between fixes that is interpolated, s. Chosen for fixes at 1 Hz."""
-DRIVEN_GAP_S = 1.0
+MAX_DRIVEN_GAP_S = 1.0
 """Longest gap between states whose distance counts as driven, s. Chosen by hand; not fitted."""
 MIN_TRUTH_ROWS = 10
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
-ELLIPSE_95 = -2.0 * float(np.log(0.05))
+CHI_SQUARE_95_TWO_DOF = -2.0 * float(np.log(0.05))
 """Chi-square quantile of 95 % with two degrees of freedom."""
 
 
 def judge_result(log: Log, config: EstimateConfig, result: StageResult) -> StageResult:
     """Add the radio link to the result, and the errors of the ego's track if the log has a truth of it."""
-    made: Made = result.made
-    errors = against_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
-    link = Link(made.remotes, made.ego, made.local_map)
+    made: EstimateEvidence = result.evaluation_inputs
+    errors = compare_track_with_truth(made.truths, made.measurements, made.ego, made.local_map, config.truth_origin)
+    link = RadioLinkSummary(made.remotes, made.ego, made.local_map)
     if errors is None:
-        return result.judged(sections=link.sections(), tables=link.tables(), entries=link.entries())
-    table = with_rows(result.tables["estimate"], truth_rows(errors))
-    return result.judged(
-        sections=(*link.sections(), truth_section(errors), nees_section(errors)),
-        tables={"estimate": table, **link.tables()},
+        return result.with_evaluation(
+            sections=link.build_sections(), tables=link.build_tables(), entries=link.build_record_entries()
+        )
+    table = append_metric_rows(result.tables["estimate"], truth_error_metric_rows(errors))
+    return result.with_evaluation(
+        sections=(*link.build_sections(), build_truth_errors_section(errors), build_nees_section(errors)),
+        tables={"estimate": table, **link.build_tables()},
         notes=errors.notes,
-        verdict=verdict_of(summarise(made.ego), errors.nees),
-        entries=link.entries(),
+        verdict=ego_verdict_sentence(summarise_track(made.ego), errors.nees),
+        entries=link.build_record_entries(),
     )
 
 
-def add_metrics(subject: Subject) -> None:
+def add_metrics(context: EvaluationContext) -> None:
     """Add the metrics of the ego's states, and the ego itself; nothing if the log has none."""
-    log, headline = subject.log, subject.headline
+    log, headline = context.log, context.headline
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         return
-    record = run_records(log).get("estimate", {})
-    states = read_states(log.columns(EGO_STATE.topic)).by_stamp()
+    record = read_run_records(log).get("estimate", {})
+    states = read_vehicle_states(log.columns(EGO_STATE.topic)).sort_by_stamp()
     if not len(states):
         return
-    reports = json_entry(record, "sources", list)
-    read = _sources(log, record, subject.truth)
+    reports = read_json_entry(record, "sources", list)
+    read = _read_position_and_truth(log, record, context.truth)
     sources = read.by_role
-    local_map = map_of(record)
-    fixes = _fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
-    with headline.of(against(estimated(run_records(log)), TRUTH)):
-        found = _add_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
+    local_map = map_from_record(record)
+    fixes = _latency_corrected_fixes(sources.get(Role.EGO_POSITION, ()), local_map, reports)
+    with headline.label_rows_with_states(comparison_label(knowledge_of_estimated_states(read_run_records(log)), TRUTH)):
+        found = _add_errors_against_truth(headline, states, sources.get(Role.TRUTH, ()), local_map, fixes, record)
     if fixes is not None:
         stamp_ns, fix_xy = fixes
-        at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_GAP_S)
-        headline.errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
-    headline.count("ego.distance_km", driven_m(states) / 1000.0)
+        at_fix = resample(states.stamp_ns, states.state[:, :2], stamp_ns, max_gap_s=MAX_STATE_GAP_S)
+        headline.add_errors("ego.fix_residual_rmse_m", np.hypot(*(fix_xy - at_fix).T))
+    headline.add_count("ego.distance_km", driven_distance_m(states) / 1000.0)
     variance = 0.5 * (states.covariance[:, 0, 0] + states.covariance[:, 1, 1])
-    headline.add("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
-    _add_consistency(headline, reports)
-    add_link(headline, json_entry(record, "link", dict))
-    subject.notes += [note for each in sources.get(Role.TRUTH, ()) if found is not None for note in _mounting(each)]
-    subject.ego = Ego(states, found, _truth_notes(read))
+    headline.add_from_sums("ego.sigma_median_m", float(np.median(np.sqrt(variance))) * len(states), len(states))
+    _add_consistency_metrics(headline, reports)
+    add_link_metrics(headline, read_json_entry(record, "link", dict))
+    context.notes += [
+        note for each in sources.get(Role.TRUTH, ()) if found is not None for note in _truth_mounting_notes(each)
+    ]
+    context.ego = EgoStatesAndTruth(states, found, _notes_on_unused_truth(read))
 
 
-def _mounting(truth: Signal) -> tuple[str, ...]:
-    return mounting_notes(truth) if isinstance(truth, PoseSignal) else ()
+def _truth_mounting_notes(truth: Signal) -> tuple[str, ...]:
+    return notes_on_truth_mounting(truth) if isinstance(truth, PoseSignal) else ()
 
 
-def driven_m(states: VehicleStates) -> float:
+def driven_distance_m(states: VehicleStates) -> float:
     """Return the distance (m) between states that are less than DRIVEN_GAP_S apart."""
     steps = np.hypot(*np.diff(states.state[:, :2], axis=0).T)
-    return float(steps[np.diff(states.stamp_ns) < DRIVEN_GAP_S * NS_PER_S].sum())
+    return float(steps[np.diff(states.stamp_ns) < MAX_DRIVEN_GAP_S * NS_PER_S].sum())
 
 
-def _truth_notes(read: Sources) -> tuple[str, ...]:
+def _notes_on_unused_truth(read: SensorSignals) -> tuple[str, ...]:
     """Return notes on why no truth is used although there are candidates; the binding's note names another option."""
     told = f" channels hold {ROLE_TEXT[Role.TRUTH]}: "
     return tuple(
@@ -112,18 +123,18 @@ def _truth_notes(read: Sources) -> tuple[str, ...]:
     )
 
 
-def _sources(log: Log, record: Record, truth: str) -> Sources:
+def _read_position_and_truth(log: Log, record: Record, truth: str) -> SensorSignals:
     """Read the position and truth signals as `cwcli estimate` did."""
-    used = sources_of(record)
+    used = source_config_from_record(record)
     wanted = (Role.EGO_POSITION,) if truth == "none" else (Role.EGO_POSITION, Role.TRUTH)
     chosen = {role.value: used.topics[role.value] for role in wanted if role in used.topics}
     if truth not in ("auto", "none"):
         chosen[Role.TRUTH.value] = truth
     config = replace(used, topics=chosen)
-    return read_sources(log, config, command="evaluate", required=(), optional=wanted)
+    return read_sensor_signals(log, config, command="evaluate", required=(), optional=wanted)
 
 
-def _fixes(
+def _latency_corrected_fixes(
     signals: Sequence[Signal], local_map: LocalMap | None, reports: Sequence[Any]
 ) -> tuple[Int64Array, FloatArray] | None:
     """Return stamps (n,), corrected by the latency that was found, and positions (n, 2) of the fixes."""
@@ -137,7 +148,7 @@ def _fixes(
     latency_s = 0.0
     for report in reports:
         if isinstance(report, dict) and report.get("source") == signal.source and report.get("quantity") == "position":
-            found = number(report, "latency_s")
+            found = read_number(report, "latency_s")
             latency_s = found if np.isfinite(found) else 0.0
     return signal.stamp_ns - round(latency_s * NS_PER_S), np.column_stack([x_m, y_m])
 
@@ -154,14 +165,16 @@ def read_ego_truth(log: Log, record: Record, states: VehicleStates) -> EgoTruth 
         InputError: The log is damaged.
         UsageError: A recorded topic is not in the log.
     """
-    read = _sources(log, record, AUTO)
-    local_map = map_of(record)
-    fixes = _fixes(read.by_role.get(Role.EGO_POSITION, ()), local_map, json_entry(record, "sources", list))
-    found = _in_map(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
+    read = _read_position_and_truth(log, record, TRUTH_AUTO)
+    local_map = map_from_record(record)
+    fixes = _latency_corrected_fixes(
+        read.by_role.get(Role.EGO_POSITION, ()), local_map, read_json_entry(record, "sources", list)
+    )
+    found = _truth_in_map(states, read.by_role.get(Role.TRUTH, ()), local_map, fixes, record)
     return None if found is None else found[0]
 
 
-def _in_map(
+def _truth_in_map(
     states: VehicleStates,
     truths: Sequence[Signal],
     local_map: LocalMap | None,
@@ -181,17 +194,17 @@ def _in_map(
     measured_xy = np.full((len(stamp_ns), 2), np.nan)
     if fixes is not None:
         measured_xy = resample(*fixes, stamp_ns, max_gap_s=MAX_FIX_GAP_S)
-    origin = json_entry(record, "configuration", dict).get("truth_origin")
+    origin = read_json_entry(record, "configuration", dict).get("truth_origin")
     given = tuple(origin) if isinstance(origin, list) and len(origin) == 3 else None
-    true_xy, _ = truth_xy(signal, inside, local_map, given, measured_xy)
+    true_xy, _ = truth_positions_in_map(signal, inside, local_map, given, measured_xy)
     if isinstance(signal, PositionSignal):
         return EgoTruth(signal.source, stamp_ns, true_xy), signal, inside
     motion = (each[inside] for each in (signal.speed_mps, signal.travel_rad, signal.yaw_rate_radps))
     return EgoTruth(signal.source, stamp_ns, true_xy, *motion), signal, inside
 
 
-def _add_truth(
-    headline: Headline,
+def _add_errors_against_truth(
+    headline: HeadlineCollector,
     states: VehicleStates,
     truths: Sequence[Signal],
     local_map: LocalMap | None,
@@ -199,41 +212,43 @@ def _add_truth(
     record: Mapping[str, str],
 ) -> EgoTruth | None:
     """Add the errors at the truth's stamps and return the truth; None without a usable one."""
-    found = _in_map(states, truths, local_map, fixes, record)
+    found = _truth_in_map(states, truths, local_map, fixes, record)
     if found is None:
         return None
     truth, signal, inside = found
-    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
+    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_STATE_GAP_S)
     error = state[:, :2] - truth.xy
     known = np.isfinite(error).all(axis=1)
     distance = np.hypot(*error.T)
-    headline.errors("ego.position_rmse_m", distance)
+    headline.add_errors("ego.position_rmse_m", distance)
     if truth.heading_rad is not None:
         cosine, sine = np.cos(truth.heading_rad), np.sin(truth.heading_rad)
-        headline.errors("ego.along_rmse_m", error[:, 0] * cosine + error[:, 1] * sine)
-        headline.errors("ego.cross_rmse_m", -error[:, 0] * sine + error[:, 1] * cosine)
-    headline.errors("ego.position_max_m", distance)
+        headline.add_errors("ego.along_rmse_m", error[:, 0] * cosine + error[:, 1] * sine)
+        headline.add_errors("ego.cross_rmse_m", -error[:, 0] * sine + error[:, 1] * cosine)
+    headline.add_errors("ego.position_max_m", distance)
     if isinstance(signal, PoseSignal):
-        _add_motion(headline, signal, inside, state)
+        _add_motion_errors(headline, signal, inside, state)
     if known.any():
-        squared = nees(error[known], covariance_at(truth.stamp_ns[known], states)[:, :2, :2])
-        low, high = mean_bounds(2.0, effective_count(squared))
-        headline.errors("ego.position_nees", squared)
-        headline.share("ego.position_nees_inside", [low <= float(squared.mean()) <= high])
-        headline.share("ego.position_inside_95_share", squared <= ELLIPSE_95)
+        squared = nees(error[known], covariances_nearest_in_time(truth.stamp_ns[known], states)[:, :2, :2])
+        low, high = chi_square_mean_bounds(2.0, effective_sample_count(squared))
+        headline.add_errors("ego.position_nees", squared)
+        headline.add_share("ego.position_nees_inside", [low <= float(squared.mean()) <= high])
+        headline.add_share("ego.position_inside_95_share", squared <= CHI_SQUARE_95_TWO_DOF)
     return truth
 
 
-def _add_motion(headline: Headline, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray) -> None:
+def _add_motion_errors(
+    headline: HeadlineCollector, signal: PoseSignal, inside: npt.NDArray[np.bool_], state: FloatArray
+) -> None:
     heading = wrap_angle(state[:, 3] - signal.travel_rad[inside])
-    headline.errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[inside])
-    headline.errors("ego.heading_rmse_deg", np.degrees(heading))
-    headline.errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[inside]))
+    headline.add_errors("ego.speed_rmse_mps", state[:, 2] - signal.speed_mps[inside])
+    headline.add_errors("ego.heading_rmse_deg", np.degrees(heading))
+    headline.add_errors("ego.yaw_rate_rmse_degps", np.degrees(state[:, 5] - signal.yaw_rate_radps[inside]))
     if signal.accel_mps2 is not None:
-        headline.errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[inside])
+        headline.add_errors("ego.accel_rmse_mps2", state[:, 4] - signal.accel_mps2[inside])
 
 
-def covariance_at(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
+def covariances_nearest_in_time(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
     """Return the covariances (n, 8, 8) of the states nearest in time; the states are in stamp order."""
     stamp_ns = states.stamp_ns
     after = np.clip(np.searchsorted(stamp_ns, at_ns), 1, max(len(stamp_ns) - 1, 1))
@@ -241,7 +256,7 @@ def covariance_at(at_ns: Int64Array, states: VehicleStates) -> FloatArray:
     return np.asarray(states.covariance[nearest], np.float64)
 
 
-def _add_consistency(headline: Headline, reports: Sequence[Any]) -> None:
+def _add_consistency_metrics(headline: HeadlineCollector, reports: Sequence[Any]) -> None:
     """Add NIS by quantity, the share of sources inside their bounds, and the share of gated measurements."""
     own = [report for report in reports if isinstance(report, dict) and report.get("vehicle") == EGO_ID]
     others = [report for report in reports if isinstance(report, dict) and report.get("vehicle") != EGO_ID]
@@ -251,17 +266,17 @@ def _add_consistency(headline: Headline, reports: Sequence[Any]) -> None:
             for report in own
             if report.get("quantity") == quantity and isinstance(report.get("nis_inside"), bool)
         ]
-        if not judged or metric_of(f"ego.{quantity}_nis") is None:
+        if not judged or find_metric(f"ego.{quantity}_nis") is None:
             continue
-        n = sum(number(report, "used") for report in judged)
-        total = sum(number(report, "used") * number(report, "nis_per_dof") for report in judged)
-        headline.add(f"ego.{quantity}_nis", total, n)
-        headline.share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged])
+        n = sum(read_number(report, "used") for report in judged)
+        total = sum(read_number(report, "used") * read_number(report, "nis_per_dof") for report in judged)
+        headline.add_from_sums(f"ego.{quantity}_nis", total, n)
+        headline.add_share(f"ego.{quantity}_nis_inside", [report["nis_inside"] for report in judged])
     for who, found in (("ego", own), ("remote", others)):
         inside = [report["nis_inside"] for report in found if isinstance(report.get("nis_inside"), bool)]
-        headline.share(f"{who}.nis_inside_share", inside)
-        read = sum(number(report, "read") for report in found)
+        headline.add_share(f"{who}.nis_inside_share", inside)
+        read = sum(read_number(report, "read") for report in found)
         if read > 0:
-            headline.add(f"{who}.gated_share", sum(number(report, "gated") for report in found), read)
+            headline.add_from_sums(f"{who}.gated_share", sum(read_number(report, "gated") for report in found), read)
     if others:
-        headline.count("remote.vehicles_count", len({str(report.get("vehicle")) for report in others}))
+        headline.add_count("remote.vehicles_count", len({str(report.get("vehicle")) for report in others}))

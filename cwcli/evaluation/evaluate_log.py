@@ -9,21 +9,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cwcli.errors import UsageError
-from cwcli.evaluation.log_data import add_data
-from cwcli.evaluation.reference import add_online
-from cwcli.evaluation.subject import AUTO, NO_TRUTH, Subject
-from cwcli.evaluation.system.metrics import add_system
-from cwcli.evaluation.system.topics import System
+from cwcli.evaluation.evaluation_context import TRUTH_AUTO, TRUTH_NONE, EvaluationContext
+from cwcli.evaluation.log_data import add_input_message_counts
+from cwcli.evaluation.reference import add_online_state_errors
+from cwcli.evaluation.system.metrics import add_metrics_of_other_system
+from cwcli.evaluation.system.topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.stages import STAGES
 
-FIRST = ("estimate", "predict", "warn", "track")
+STAGES_EVALUATED_FIRST = ("estimate", "predict", "warn", "track")
 """Stages whose rows come first in the table, in this order; the other stages follow in the order of `run`."""
 
 
 def evaluate_log(
-    log: Log, *, truth: str = AUTO, tables: Mapping[str, Table] | None = None, system: System | None = None
+    log: Log,
+    *,
+    truth: str = TRUTH_AUTO,
+    tables: Mapping[str, Table] | None = None,
+    system: OtherSystemTopics | None = None,
 ) -> Table:
     """Compute the headline metrics of a log (`cwcli.metrics.headline.METRICS`) for which it has the channels.
 
@@ -44,17 +48,17 @@ def evaluate_log(
         MissingSignalError: There is nothing to compare another system with, or its channel is empty.
         DataError: A channel was written by another version, or no message of another system can be used.
     """
-    if truth not in (AUTO, NO_TRUTH) and not truth.startswith("/"):
+    if truth not in (TRUTH_AUTO, TRUTH_NONE) and not truth.startswith("/"):
         raise UsageError(f"--truth {truth!r} is neither a topic nor auto nor none")
-    subject = Subject(log, truth, tables or {}, system=system or System())
-    subject.system.require_topics(log)
-    evaluators = (STAGES[name].evaluator for name in dict.fromkeys((*FIRST, *STAGES)))
+    subject = EvaluationContext(log, truth, tables or {}, system=system or OtherSystemTopics())
+    subject.system.require_topics_in_log(log)
+    evaluators = (STAGES[name].evaluation_module for name in dict.fromkeys((*STAGES_EVALUATED_FIRST, *STAGES)))
     for evaluator in dict.fromkeys(evaluators):
         add_metrics = getattr(evaluator, "add_metrics", None)
         if add_metrics is not None:
             add_metrics(subject)
-    add_online(subject)
-    add_system(subject)
-    add_data(subject.headline, log)
+    add_online_state_errors(subject)
+    add_metrics_of_other_system(subject)
+    add_input_message_counts(subject.headline, log)
     notes = "\n".join((*subject.ego.notes, *subject.notes))
-    return subject.headline.table(truth=truth, **({"notes": notes} if notes else {}))
+    return subject.headline.to_table(truth=truth, **({"notes": notes} if notes else {}))

@@ -10,23 +10,23 @@ from typing import Any
 import numpy as np
 
 from cwcli.estimation.result import Track
-from cwcli.metrics.headline import Headline
+from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.pipeline.json_names import Told
-from cwcli.pipeline.records import number
-from cwcli.pipeline.result import Section
+from cwcli.pipeline.json_names import CellWithValues
+from cwcli.pipeline.records import read_number
+from cwcli.pipeline.result import SummaryTable
 from cwcli.signals.canonical import RemoteSignal, Signal
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.link import Reception, StationLink, age_quantile_s, links_of
-from cwcli.signals.remotes import joined_remotes, perceived_rows, taken_rows
+from cwcli.signals.radio_link import ReceptionByDistance, StationLink, information_age_quantile_s, measure_station_links
+from cwcli.signals.remotes import join_remote_signals, perceived_rows_mask, select_remote_rows
 from cwcli.signals.resample import resample
 
-AGE_SHARE = 0.95
+AGE_QUANTILE = 0.95
 """Quantile of the age of the newest message that is reported."""
-MAX_GAP_S = 0.5
+MAX_EGO_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
-COLUMNS: Mapping[str, ColumnDoc] = {
+LINK_TABLE_COLUMNS: Mapping[str, ColumnDoc] = {
     "station": ColumnDoc(doc="id of the sender"),
     "received": ColumnDoc(doc="messages received and in order"),
     "sent": ColumnDoc(doc="messages sent, by the sender's message count; NaN where it does not count"),
@@ -45,7 +45,7 @@ COLUMNS: Mapping[str, ColumnDoc] = {
 """Columns of the table `link`, which has one row per station."""
 
 
-class Link:
+class RadioLinkSummary:
     """Summary of the radio link of a log.
 
     Attributes:
@@ -63,25 +63,29 @@ class Link:
         """
         remotes = [signal for signal in signals if isinstance(signal, RemoteSignal) and signal.x_m is None]
         self.stations: list[StationLink] = []
-        self.reception = Reception(np.zeros(1), np.zeros(0, np.int64), np.zeros(0, np.int64))
-        signal = joined_remotes(remotes) if remotes else None
+        self.reception = ReceptionByDistance(np.zeros(1), np.zeros(0, np.int64), np.zeros(0, np.int64))
+        signal = join_remote_signals(remotes) if remotes else None
         if signal is not None:
-            signal = taken_rows(signal, np.flatnonzero(~perceived_rows(signal)))
-            self.stations, self.reception = links_of(signal, _distance_m(signal, ego, local_map))
+            signal = select_remote_rows(signal, np.flatnonzero(~perceived_rows_mask(signal)))
+            self.stations, self.reception = measure_station_links(signal, _distance_to_ego_m(signal, ego, local_map))
 
-    def sections(self) -> tuple[Section, ...]:
+    def build_sections(self) -> tuple[SummaryTable, ...]:
         """Return sections on the stations and on the reception by distance; none without remote vehicles."""
         if not self.stations:
             return ()
         titles = tuple(f"{name.removesuffix(f'_{doc.unit}')} [{doc.unit}]" if doc.unit else name
-                       for name, doc in COLUMNS.items())  # fmt: skip
-        sections = [Section("link", "Radio link", titles, tuple(map(_row, self.stations)), names=tuple(COLUMNS))]
+                       for name, doc in LINK_TABLE_COLUMNS.items())  # fmt: skip
+        sections = [
+            SummaryTable(
+                "link", "Radio link", titles, tuple(map(_station_row, self.stations)), names=tuple(LINK_TABLE_COLUMNS)
+            )
+        ]
         shown = self.reception.sent > 0
         if shown.any():
             edges_m = self.reception.edges_m
             rows = tuple(
                 (
-                    _between(float(edges_m[k]), float(edges_m[k + 1])),
+                    _distance_range_cell(float(edges_m[k]), float(edges_m[k + 1])),
                     int(sent),
                     int(received),
                     float(1.0 - received / sent),
@@ -90,21 +94,21 @@ class Link:
                 if sent
             )
             columns = ("distance [m]", "sent", "received", "loss_share")
-            sections.append(Section("reception", "Reception by distance", columns, rows))
+            sections.append(SummaryTable("reception", "Reception by distance", columns, rows))
         return tuple(sections)
 
-    def tables(self) -> dict[str, Table]:
+    def build_tables(self) -> dict[str, Table]:
         """Return the table `link`; nothing without remote vehicles."""
         if not self.stations:
             return {}
-        columns = dict(zip(COLUMNS, zip(*map(_row, self.stations), strict=True), strict=True))
+        columns = dict(zip(LINK_TABLE_COLUMNS, zip(*map(_station_row, self.stations), strict=True), strict=True))
         made: dict[str, Any] = {
             name: list(values) if name == "station" else np.array(values, np.float64)
             for name, values in columns.items()
         }
-        return {"link": Table("link", made, dict(COLUMNS))}
+        return {"link": Table("link", made, dict(LINK_TABLE_COLUMNS))}
 
-    def entries(self) -> dict[str, str]:
+    def build_record_entries(self) -> dict[str, str]:
         """Return the record's entry with the sums for the headline metrics."""
         if not self.stations:
             return {}
@@ -113,35 +117,35 @@ class Link:
             "stations": len(self.stations),
             "sent": sum(each.n_sent for each in counted),
             "lost": sum(each.n_sent - each.n_received for each in counted),
-            "age_p95_s": age_quantile_s([each.age for each in self.stations], AGE_SHARE),
-            "latency_p95_s": _greatest(each.latency_p95_s for each in self.stations),
-            "range_m": _greatest(each.range_m for each in self.stations),
+            "age_p95_s": information_age_quantile_s([each.age for each in self.stations], AGE_QUANTILE),
+            "latency_p95_s": _greatest_finite(each.latency_p95_s for each in self.stations),
+            "range_m": _greatest_finite(each.range_m for each in self.stations),
         }
         known = {name: value for name, value in sums.items() if math.isfinite(value)}
         return {"link": json.dumps(known)}
 
 
-def add_link(headline: Headline, entry: Mapping[str, Any]) -> None:
+def add_link_metrics(headline: HeadlineCollector, entry: Mapping[str, Any]) -> None:
     """Add the metrics of the link from the record's entry; nothing without remote vehicles."""
     if not entry:
         return
-    headline.count("link.stations_count", number(entry, "stations"))
-    if number(entry, "sent") > 0:
-        headline.add("link.loss_share", number(entry, "lost"), number(entry, "sent"))
+    headline.add_count("link.stations_count", read_number(entry, "stations"))
+    if read_number(entry, "sent") > 0:
+        headline.add_from_sums("link.loss_share", read_number(entry, "lost"), read_number(entry, "sent"))
     for metric, name in (
         ("link.age_p95_s", "age_p95_s"),
         ("link.latency_p95_s", "latency_p95_s"),
         ("link.range_max_m", "range_m"),
     ):
         if name in entry:
-            headline.add(metric, number(entry, name), 1.0)
+            headline.add_from_sums(metric, read_number(entry, name), 1.0)
 
 
-def _between(low_m: float, high_m: float) -> Told:
-    return Told(f"{low_m:.0f} to {high_m:.0f}", {"low": low_m, "high": high_m})
+def _distance_range_cell(low_m: float, high_m: float) -> CellWithValues:
+    return CellWithValues(f"{low_m:.0f} to {high_m:.0f}", {"low": low_m, "high": high_m})
 
 
-def _row(link: StationLink) -> tuple[str | float | int, ...]:
+def _station_row(link: StationLink) -> tuple[str | float | int, ...]:
     return (
         link.station,
         link.n_received,
@@ -150,7 +154,7 @@ def _row(link: StationLink) -> tuple[str | float | int, ...]:
         link.rate_hz,
         link.latency_median_s,
         link.latency_p95_s,
-        age_quantile_s([link.age], AGE_SHARE),
+        information_age_quantile_s([link.age], AGE_QUANTILE),
         link.n_gaps,
         link.longest_gap_s,
         link.n_absences,
@@ -158,16 +162,16 @@ def _row(link: StationLink) -> tuple[str | float | int, ...]:
     )
 
 
-def _distance_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
+def _distance_to_ego_m(signal: RemoteSignal, ego: Track, local_map: LocalMap | None) -> FloatArray:
     """Return the distance (n,), m, of each sender from the ego at reception; NaN where a position is unknown."""
     if local_map is None:
         return np.full(len(signal.stamp_ns), np.nan)
     altitude_m = np.nan_to_num(signal.altitude_m, nan=0.0)
     x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, altitude_m)
-    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_GAP_S)
+    ego_xy = resample(ego.stamp_ns, ego.state[:, :2], signal.log_time_ns, max_gap_s=MAX_EGO_GAP_S)
     distance_m: FloatArray = np.hypot(x_m - ego_xy[:, 0], y_m - ego_xy[:, 1])
     return distance_m
 
 
-def _greatest(values: Any) -> float:
+def _greatest_finite(values: Any) -> float:
     return max((value for value in values if math.isfinite(value)), default=float("nan"))

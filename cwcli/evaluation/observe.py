@@ -6,83 +6,87 @@ import math
 
 import numpy as np
 
-from cwcli.channels.binding import bind
-from cwcli.channels.lateral_state import read_lateral_truth, read_observed, true_preview_points
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.lateral_state import read_lateral_truth, read_observed_drive, true_deviations_at_preview
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.samples import STATE_NAMES, FrameStatus, LateralTrack
-from cwcli.evaluation.knowledge import ONLINE, TRUTH, against
-from cwcli.evaluation.subject import Subject
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.evaluation.knowledge import ONLINE, TRUTH, comparison_label
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
-from cwcli.pipeline.result import Section, StageResult
+from cwcli.pipeline.result import StageResult, SummaryTable
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
-from cwcli.stages.observe import Made, ObserveConfig
+from cwcli.stages.observe import ObserveConfig, ObserverEvidence
 
-MAX_GAP_S = 0.5
+MAX_TRUTH_GAP_S = 0.5
 """Longest gap of the truth that is interpolated, s. Chosen by hand; not fitted."""
-SETTLED_S = 2.0
+SETTLING_TIME_S = 2.0
 """Frames up to this time after each start of the observer are not evaluated, s. Chosen by hand; not fitted."""
 Z_90 = 1.6448536269514722
 """Half-width of the central 90 % of a normal distribution, in sigmas."""
-METRICS_OF: dict[str, tuple[str, float]] = {
+METRIC_OF_STATE: dict[str, tuple[str, float]] = {
     "lateral_speed_mps": ("observer.lateral_speed_rmse_mps", 1.0),
     "yaw_rate_radps": ("observer.yaw_rate_rmse_degps", math.degrees(1.0)),
     "lateral_deviation_m": ("observer.lateral_deviation_rmse_m", 1.0),
     "heading_deviation_rad": ("observer.heading_deviation_rmse_deg", math.degrees(1.0)),
 }
 """State -> metric, with the factor from the state's unit to that of the metric."""
-AT_PREVIEW = ("lateral_deviation_m", "heading_deviation_rad")
+PREVIEW_STATES = ("lateral_deviation_m", "heading_deviation_rad")
 """States that are compared at the preview point; they are the last ones of a row."""
 
 
 def judge_result(log: Log, config: ObserveConfig, result: StageResult) -> StageResult:
     """Add the errors to the result, if the log has a truth of the lateral motion."""
-    made: Made = result.made
+    made: ObserverEvidence = result.evaluation_inputs
     if made.truth is None or not len(made.truth):
-        return result.judged()
-    errors = truth_errors(made.track, made.truth)
-    return result.judged(
-        sections=(truth_section(errors, made.truth.topic),), tables={errors.name: errors}, notes=_left_out_notes(errors)
+        return result.with_evaluation()
+    errors = build_truth_errors_table(made.track, made.truth)
+    return result.with_evaluation(
+        sections=(build_truth_errors_section(errors, made.truth.topic),),
+        tables={errors.name: errors},
+        notes=_left_out_notes(errors),
     )
 
 
-def add_metrics(subject: Subject) -> None:
+def add_metrics(context: EvaluationContext) -> None:
     """Add the errors of the observer; nothing if the log has no observer, or no truth of the lateral motion."""
-    log, headline = subject.log, subject.headline
-    bound = bind(log.channels, {}, required=(), optional=(OBSERVER.role, Role.LATERAL_TRUTH), where=log.name)
-    observer, truth = bound.topic(OBSERVER.role), bound.topic(Role.LATERAL_TRUTH)
-    if observer is None or truth is None or not subject.with_truth:
+    log, headline = context.log, context.headline
+    bound = bind_roles(log.channels, {}, required=(), optional=(OBSERVER.role, Role.LATERAL_TRUTH), where=log.name)
+    observer, truth = bound.first_topic_of_role(OBSERVER.role), bound.first_topic_of_role(Role.LATERAL_TRUTH)
+    if observer is None or truth is None or not context.uses_truth:
         return
-    columns = log.load({observer: None, truth: None})
+    columns = log.load_topics({observer: None, truth: None})
     if not len(columns[observer]) or not len(columns[truth]):
         return
-    for row in truth_errors(read_observed(columns[observer]).track, columns[truth]).records():
-        name, scale = METRICS_OF.get(row["state"], ("", 1.0))
+    for row in build_truth_errors_table(read_observed_drive(columns[observer]).track, columns[truth]).rows_as_dicts():
+        name, scale = METRIC_OF_STATE.get(row["state"], ("", 1.0))
         if name and row["n"]:
-            with headline.of(against(ONLINE, TRUTH)):
-                headline.add(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
+            with headline.label_rows_with_states(comparison_label(ONLINE, TRUTH)):
+                headline.add_from_sums(name, (scale * row["rms"]) ** 2 * row["n"], row["n"])
 
 
-def truth_errors(track: LateralTrack, truth: Columns) -> Table:
+def build_truth_errors_table(track: LateralTrack, truth: Columns) -> Table:
     """Build a table with one row per state: statistics of observed minus true over the settled frames.
 
     Deviations from the lane are compared at the observer's preview point; frames without a truth there are left out and
     counted.
     """
     true_ns, true_state = read_lateral_truth(truth)
-    settled = _is_settled(track)
-    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_GAP_S)
-    at_preview = true_preview_points(truth, track.stamp_ns, track.preview_m, MAX_GAP_S)
-    is_covered = np.isfinite(true[:, : -len(AT_PREVIEW)]).any(axis=1)
-    true[:, -len(AT_PREVIEW) :] = at_preview
+    settled = _settled_frame_mask(track)
+    true = resample(true_ns, true_state, track.stamp_ns, max_gap_s=MAX_TRUTH_GAP_S)
+    at_preview = true_deviations_at_preview(truth, track.stamp_ns, track.preview_m, MAX_TRUTH_GAP_S)
+    is_covered = np.isfinite(true[:, : -len(PREVIEW_STATES)]).any(axis=1)
+    true[:, -len(PREVIEW_STATES) :] = at_preview
     rows: list[tuple[str, int, int, float, float, float, float, float]] = []
     for k, name in enumerate(STATE_NAMES):
         error = track.state[:, k] - true[:, k]
         known = np.isfinite(error) & settled
-        left_out = np.isfinite(track.state[:, k]) & settled & is_covered & ~known if name in AT_PREVIEW else known[:0]
-        scores = _scores(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))
+        left_out = (
+            np.isfinite(track.state[:, k]) & settled & is_covered & ~known if name in PREVIEW_STATES else known[:0]
+        )
+        scores = _error_statistics(error[known], np.sqrt(np.abs(track.covariance[known, k, k])))
         rows.append((name, scores[0], int(np.count_nonzero(left_out)), *scores[1:]))
     names, n_known, n_left_out, rms, bias, p95, largest, inside = zip(*rows, strict=True)
     columns: dict[str, TableColumn] = {
@@ -96,7 +100,9 @@ def truth_errors(track: LateralTrack, truth: Columns) -> Table:
         "inside_90": np.array(inside),
     }
     docs = {
-        "n": ColumnDoc(doc=f"frames with a state and a truth, from {SETTLED_S:g} s after each start of the observer"),
+        "n": ColumnDoc(
+            doc=f"frames with a state and a truth, from {SETTLING_TIME_S:g} s after each start of the observer"
+        ),
         "left_out": ColumnDoc(doc="frames with a state whose truth has no lane at their preview point"),
         "rms": ColumnDoc(doc="root mean square of observed minus true, in the unit of the state, as bias, p95 and max"),
         "inside_90": ColumnDoc(doc="share of the errors within 1.645 of the observer's sigmas"),
@@ -104,7 +110,7 @@ def truth_errors(track: LateralTrack, truth: Columns) -> Table:
     return Table("observer_errors", columns, docs)
 
 
-def truth_section(errors: Table, topic: str) -> Section:
+def build_truth_errors_section(errors: Table, topic: str) -> SummaryTable:
     """Build the section with the errors against a truth channel."""
     rows = tuple(
         (
@@ -117,29 +123,29 @@ def truth_section(errors: Table, topic: str) -> Section:
             row["max"],
             100.0 * row["inside_90"],
         )
-        for row in errors.records()
+        for row in errors.rows_as_dicts()
     )
     columns = ("state", "frames", "left out", "rms", "bias", "p95", "max", "in 90 % band [%]")
-    return Section("observer_errors", f"Errors against {topic}", columns, rows)
+    return SummaryTable("observer_errors", f"Errors against {topic}", columns, rows)
 
 
 def _left_out_notes(errors: Table) -> tuple[str, ...]:
-    left_out = max(row["left_out"] for row in errors.records())
+    left_out = max(row["left_out"] for row in errors.rows_as_dicts())
     if not left_out:
         return ()
     return (f"{left_out} frames are not compared with the lane: the truth has no lane at their preview point",)
 
 
-def _is_settled(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def _settled_frame_mask(track: LateralTrack) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Return a mask (n,) of the frames at least `SETTLED_S` after a start of the observer."""
     began = np.where(track.status == FrameStatus.STARTED, track.stamp_ns, np.iinfo(np.int64).min)
     began = np.maximum.accumulate(began) if len(began) else began
     has_begun = began > np.iinfo(np.int64).min
     age_ns = np.where(has_begun, track.stamp_ns - np.where(has_begun, began, 0), -1)
-    return np.asarray(age_ns >= SETTLED_S * 1e9, dtype=np.bool_)
+    return np.asarray(age_ns >= SETTLING_TIME_S * 1e9, dtype=np.bool_)
 
 
-def _scores(error: FloatArray, sigma: FloatArray) -> tuple[int, float, float, float, float, float]:
+def _error_statistics(error: FloatArray, sigma: FloatArray) -> tuple[int, float, float, float, float, float]:
     if not len(error):
         nan = float("nan")
         return 0, nan, nan, nan, nan, nan

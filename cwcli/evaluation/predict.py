@@ -11,38 +11,38 @@ import numpy as np
 
 from cwcli.channels.predicted_path import AnyPaths
 from cwcli.channels.published import EGO_ONLINE, EGO_PATH, EGO_STATE, REMOTE_ONLINE, REMOTE_PATH, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states
-from cwcli.evaluation.happened import recorded
-from cwcli.evaluation.knowledge import TRUTH, against, estimated, read_by
-from cwcli.evaluation.subject import Subject
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.evaluation.actual_outcomes import read_actual_states
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_estimated_states, knowledge_of_stage_input
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.headline import Headline, metric_of
+from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import Table, TableColumn
-from cwcli.pipeline.paths import all_paths
-from cwcli.pipeline.records import json_entry, run_records
-from cwcli.pipeline.result import Cell, Section, StageResult
-from cwcli.prediction.calibrate import stream_beginnings
-from cwcli.prediction.horizon import BASELINE, compare_models, horizon_table
+from cwcli.pipeline.paths import paths_from_every_state
+from cwcli.pipeline.records import read_json_entry, read_run_records
+from cwcli.pipeline.result import Cell, StageResult, SummaryTable
+from cwcli.prediction.calibrate import initial_log_scale_of_each_row
+from cwcli.prediction.model_comparison import BASELINE_MODEL, compare_models_at_horizons, horizon_error_table
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
-from cwcli.prediction.outcome import ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_90_SQUARED_RADIUS, HorizonErrors, horizon_errors
+from cwcli.prediction.outcome_history import measure_acting_time_s
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.record import measured_acted
 from cwcli.prediction.rollout import Discretisation
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import rows_by_id, tracks_of
+from cwcli.signals.row_order import iter_rows_by_id, iter_track_rows
 from cwcli.signals.vehicle_state import EGO_ID
 from cwcli.stages.predict import PredictConfig
 
 ERROR_HORIZONS_S = (0.5, 1.0, 1.5, 2.0, 2.5)
 """Times ahead at which errors of paths are reported, s."""
-MAX_GAP_S = 0.5
+MAX_TRACK_GAP_S = 0.5
 """Longest gap of a track that is interpolated, s. Chosen by hand; not fitted."""
 MAX_TRUTH_GAP_S = 1.0
 """Longest gap of a truth that is interpolated, s. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class PathErrorSettings:
     """Settings of compared paths: horizon and step (s), and how they are integrated."""
 
     horizon_s: float
@@ -52,60 +52,74 @@ class Asked:
 
 def judge_result(log: Log, config: PredictConfig, result: StageResult) -> StageResult:
     """Add the errors of every motion model to the result, each vehicle against its own later track in hindsight."""
-    asked = Asked(config.horizon_s, config.step_s, config.discretisation)
+    asked = PathErrorSettings(config.horizon_s, config.step_s, config.discretisation)
     records = []
-    for role, states in result.made.items():
-        records += model_errors(states, asked, recorded(log, config, role))
-    return result.judged(sections=(_section(records, config.horizon_s),), tables={"prediction": _table(records)})
+    for role, states in result.evaluation_inputs.items():
+        records += compute_model_errors(states, asked, read_actual_states(log, config, role))
+    return result.with_evaluation(
+        sections=(_build_prediction_section(records, config.horizon_s),),
+        tables={"prediction": _build_prediction_table(records)},
+    )
 
 
-def add_metrics(subject: Subject) -> None:
+def add_metrics(context: EvaluationContext) -> None:
     """Add the metrics of the published paths; nothing if the log has none."""
-    headline, log, ego = subject.headline, subject.log, subject.ego
-    records = run_records(log)
-    knows, outcome = read_by(records, records.get("predict", {})), estimated(records)
+    headline, log, ego = context.headline, context.log, context.ego
+    records = read_run_records(log)
+    knows, outcome = (
+        knowledge_of_stage_input(records, records.get("predict", {})),
+        knowledge_of_estimated_states(records),
+    )
     topics = {channel.topic for channel in log.channels}
     if EGO_PATH.topic not in topics or ego.states is None:
         return
     states = {"ego": ego.states}
-    paths = {"ego": all_paths(log, EGO_PATH.topic, EGO_STATE.role)[0]}
+    paths = {"ego": paths_from_every_state(log, EGO_PATH.topic, EGO_STATE.role)[0]}
     if REMOTE_STATE.topic in topics and REMOTE_PATH.topic in topics:
-        states["remote"] = read_states(log.columns(REMOTE_STATE.topic))
-        paths["remote"], _ = all_paths(log, REMOTE_PATH.topic, REMOTE_STATE.role)
+        states["remote"] = read_vehicle_states(log.columns(REMOTE_STATE.topic))
+        paths["remote"], _ = paths_from_every_state(log, REMOTE_PATH.topic, REMOTE_STATE.role)
     for who, published in paths.items():
-        with headline.of(against(knows, outcome)):
-            _add_published(headline, who, published, states[who])
+        with headline.label_rows_with_states(comparison_label(knows, outcome)):
+            _add_published_path_errors(headline, who, published, states[who])
         if who == "ego" and ego.truth is not None:
             truth = ego.truth
-            every = published.some(np.arange(len(published))).take(np.arange(len(published)))
-            errors = against_track(every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
-            with headline.of(against(knows, TRUTH)):
-                add_horizons(headline, "prediction.ego.truth_", [errors])
-    table = subject.tables.get("prediction")
+            every = published.select_paths(np.arange(len(published))).take(np.arange(len(published)))
+            errors = path_errors_against_track(every, published.stamp_ns, truth.stamp_ns, truth.xy, MAX_TRUTH_GAP_S)
+            with headline.label_rows_with_states(comparison_label(knows, TRUTH)):
+                add_errors_at_horizons(headline, "prediction.ego.truth_", [errors])
+    table = context.tables.get("prediction")
     if table is None:
-        asked = _asked(log)
-        table = _table(
-            [record for who, each in states.items() for record in model_errors(_starts(log, who) or each, asked, each)]
+        asked = _path_error_settings_from_record(log)
+        table = _build_prediction_table(
+            [
+                record
+                for who, each in states.items()
+                for record in compute_model_errors(_read_online_start_states(log, who) or each, asked, each)
+            ]
         )
-    with headline.of(against(knows, outcome)):
-        _add_models(headline, table)
+    with headline.label_rows_with_states(comparison_label(knows, outcome)):
+        _add_model_errors(headline, table)
 
 
-def _add_published(headline: Headline, who: str, published: AnyPaths, states: VehicleStates) -> None:
+def _add_published_path_errors(
+    headline: HeadlineCollector, who: str, published: AnyPaths, states: VehicleStates
+) -> None:
     """Add the errors of the published paths against the vehicles' own later states."""
-    tracks = dict(tracks_of(states.ids, states.stamp_ns))
+    tracks = dict(iter_track_rows(states.ids, states.stamp_ns))
     found = []
-    for vehicle, rows in rows_by_id(published.ids):
+    for vehicle, rows in iter_rows_by_id(published.ids):
         if vehicle not in tracks:
             continue
         own = tracks[vehicle]
-        paths, stamp_ns = published.some(rows).take(np.arange(len(rows))), published.stamp_ns[rows]
-        found.append(against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_GAP_S))
+        paths, stamp_ns = published.select_paths(rows).take(np.arange(len(rows))), published.stamp_ns[rows]
+        found.append(
+            path_errors_against_track(paths, stamp_ns, states.stamp_ns[own], states.state[own, :2], MAX_TRACK_GAP_S)
+        )
     if found:
-        add_horizons(headline, f"prediction.{who}.", found)
+        add_errors_at_horizons(headline, f"prediction.{who}.", found)
 
 
-def against_track(
+def path_errors_against_track(
     paths: Paths, start_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
 ) -> HorizonErrors:
     """Return the errors of paths that start at `start_ns` (n,) at every step up to the last horizon.
@@ -116,7 +130,7 @@ def against_track(
     return horizon_errors(paths, start_ns, stamp_ns, xy, steps.tolist(), max_gap_s)
 
 
-def add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) -> None:
+def add_errors_at_horizons(headline: HeadlineCollector, prefix: str, found: list[HorizonErrors]) -> None:
     """Add errors at each horizon that is a step of the paths; only starts with a known outcome count."""
     step_s = found[0].horizon_s
     distance = np.concatenate([each.distance_m for each in found])
@@ -127,30 +141,32 @@ def add_horizons(headline: Headline, prefix: str, found: list[HorizonErrors]) ->
         if not len(at):
             continue
         k = int(at[0])
-        headline.errors(f"{prefix}fde_{horizon_s:.1f}s_m", distance[is_known[:, k], k])
+        headline.add_errors(f"{prefix}fde_{horizon_s:.1f}s_m", distance[is_known[:, k], k])
         whole = is_known[:, : k + 1].all(axis=1)
-        if metric_of(f"{prefix}ade_{horizon_s:.1f}s_m") is not None:
-            headline.errors(f"{prefix}ade_{horizon_s:.1f}s_m", distance[whole, : k + 1].mean(axis=1))
+        if find_metric(f"{prefix}ade_{horizon_s:.1f}s_m") is not None:
+            headline.add_errors(f"{prefix}ade_{horizon_s:.1f}s_m", distance[whole, : k + 1].mean(axis=1))
         judged = squared[is_known[:, k], k]
-        if metric_of(f"{prefix}inside_90_{horizon_s:.1f}s_share") is not None:
-            headline.share(f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90)
+        if find_metric(f"{prefix}inside_90_{horizon_s:.1f}s_share") is not None:
+            headline.add_share(
+                f"{prefix}inside_90_{horizon_s:.1f}s_share", judged[np.isfinite(judged)] <= ELLIPSE_90_SQUARED_RADIUS
+            )
 
 
-def _asked(log: Log) -> Asked:
+def _path_error_settings_from_record(log: Log) -> PathErrorSettings:
     """Return horizon, step and integration from the record of the stage, or the defaults."""
-    used: Mapping[str, object] = json_entry(run_records(log).get("predict", {}), "configuration", dict)
+    used: Mapping[str, object] = read_json_entry(read_run_records(log).get("predict", {}), "configuration", dict)
     default = PredictConfig()
     horizon_s, step_s = (
         float(value) if isinstance(value, int | float) else usual
         for value, usual in ((used.get("horizon_s"), default.horizon_s), (used.get("step_s"), default.step_s))
     )
-    return Asked(horizon_s, step_s, "paper" if used.get("discretisation") == "paper" else "exact")
+    return PathErrorSettings(horizon_s, step_s, "paper" if used.get("discretisation") == "paper" else "exact")
 
 
-def _add_models(headline: Headline, table: Table) -> None:
+def _add_model_errors(headline: HeadlineCollector, table: Table) -> None:
     """Add the errors of every motion model at the horizons, of all remote vehicles together."""
     sums: dict[tuple[str, str, str], list[float]] = {}
-    for row in table.records():
+    for row in table.rows_as_dicts():
         horizon = f"{row['horizon_s']:.1f}"
         if not row["n"] or abs(float(horizon) - row["horizon_s"]) > 1e-6 or row["model"] not in MODELS:
             continue
@@ -163,11 +179,11 @@ def _add_models(headline: Headline, table: Table) -> None:
     for (who, model, horizon), (n, distance, inside) in sums.items():
         if float(horizon) not in ERROR_HORIZONS_S:
             continue
-        headline.add(f"prediction.{who}.{model}.fde_{horizon}s_m", distance, n)
-        headline.add(f"prediction.{who}.{model}.inside_90_{horizon}s_share", inside, n)
+        headline.add_from_sums(f"prediction.{who}.{model}.fde_{horizon}s_m", distance, n)
+        headline.add_from_sums(f"prediction.{who}.{model}.inside_90_{horizon}s_share", inside, n)
 
 
-def error_horizons(horizon_s: float) -> list[float]:
+def error_horizons_s(horizon_s: float) -> list[float]:
     """Return the times ahead (s) at which errors are reported: every half second up to the horizon, and the horizon."""
     horizons = [h for h in ERROR_HORIZONS_S if h <= horizon_s + 1e-9]
     if not horizons or abs(horizons[-1] - horizon_s) > 1e-9:
@@ -175,16 +191,18 @@ def error_horizons(horizon_s: float) -> list[float]:
     return horizons
 
 
-def _starts(log: Log, who: str) -> VehicleStates | None:
+def _read_online_start_states(log: Log, who: str) -> VehicleStates | None:
     """Read the online states of the ego or the remote vehicles, if the log's paths start from them."""
-    used = json_entry(run_records(log).get("predict", {}), "configuration", dict)
+    used = read_json_entry(read_run_records(log).get("predict", {}), "configuration", dict)
     topic = (EGO_ONLINE if who == "ego" else REMOTE_ONLINE).topic
     if used.get("states") != "online" or all(channel.topic != topic for channel in log.channels):
         return None
-    return read_states(log.columns(topic))
+    return read_vehicle_states(log.columns(topic))
 
 
-def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | None = None) -> list[dict[str, Any]]:
+def compute_model_errors(
+    states: VehicleStates, settings: PathErrorSettings, actual_states: VehicleStates | None = None
+) -> list[dict[str, Any]]:
     """Compute the errors of every model from the same starts: one record per vehicle, model and horizon.
 
     Args:
@@ -192,10 +210,12 @@ def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | 
         asked: Settings of the paths.
         happened: Actual states of the vehicles; None: the start states.
     """
-    tracks = {} if happened is None else dict(tracks_of(happened.ids, happened.stamp_ns))
-    horizons = error_horizons(asked.horizon_s)
-    acted = measured_acted(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
-    begin = stream_beginnings(
+    tracks = {} if actual_states is None else dict(iter_track_rows(actual_states.ids, actual_states.stamp_ns))
+    horizons = error_horizons_s(settings.horizon_s)
+    acted = measure_acting_time_s(
+        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance
+    )
+    begin = initial_log_scale_of_each_row(
         DEFAULT_MODEL,
         states.ids.codes,
         states.stamp_ns,
@@ -204,15 +224,15 @@ def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | 
         states.covariance,
         acted,
         horizon_s=max(horizons),
-        step_s=asked.step_s,
+        step_s=settings.step_s,
     )
     records = []
-    for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
+    for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
         stamp_ns = states.stamp_ns[rows]
         track_ns, track_xy = stamp_ns, states.state[rows, :2]
-        if happened is not None and vehicle in tracks:
-            track_ns, track_xy = happened.stamp_ns[tracks[vehicle]], happened.state[tracks[vehicle], :2]
-        compared = compare_models(
+        if actual_states is not None and vehicle in tracks:
+            track_ns, track_xy = actual_states.stamp_ns[tracks[vehicle]], actual_states.state[tracks[vehicle], :2]
+        compared = compare_models_at_horizons(
             list(MODELS),
             states.state[rows],
             states.covariance[rows],
@@ -220,20 +240,20 @@ def model_errors(states: VehicleStates, asked: Asked, happened: VehicleStates | 
             track_ns,
             track_xy,
             horizons_s=horizons,
-            step_s=asked.step_s,
-            max_gap_s=MAX_GAP_S,
-            discretisation=asked.discretisation,
-            acted=acted[rows],
+            step_s=settings.step_s,
+            max_gap_s=MAX_TRACK_GAP_S,
+            discretisation=settings.discretisation,
+            acting_s=acted[rows],
             begin=begin[rows],
         )
-        columns = horizon_table(compared)
+        columns = horizon_error_table(compared)
         for i in range(len(columns["model"])):
             record: dict[str, Any] = {name: values[i] for name, values in columns.items()}
             records.append({"vehicle": vehicle, **record})
     return records
 
 
-def _table(records: list[dict[str, Any]]) -> Table:
+def _build_prediction_table(records: list[dict[str, Any]]) -> Table:
     names = list(records[0]) if records else ["vehicle", "model", "horizon_s", "n"]
     columns: dict[str, TableColumn] = {}
     for name in names:
@@ -242,19 +262,19 @@ def _table(records: list[dict[str, Any]]) -> Table:
     return Table("prediction", columns)
 
 
-def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
+def _build_prediction_section(records: list[dict[str, Any]], horizon_s: float) -> SummaryTable:
     """Build the section with errors at the horizon: each model, for the ego and for all remote vehicles together."""
     rows: list[tuple[Cell, ...]] = []
     for group, is_member in (("ego", True), ("remote", False)):
         chosen = [
             r for r in records if (r["vehicle"] == EGO_ID) == is_member and abs(r["horizon_s"] - horizon_s) < 1e-9
         ]
-        baseline = _pooled([r for r in chosen if r["model"] == BASELINE], "mean_m")
+        baseline = _mean_weighted_by_starts([r for r in chosen if r["model"] == BASELINE_MODEL], "mean_m")
         for model in dict.fromkeys(r["model"] for r in chosen):
             own = [r for r in chosen if r["model"] == model and r["n"] > 0]
             if not own:
                 continue
-            mean = _pooled(own, "mean_m")
+            mean = _mean_weighted_by_starts(own, "mean_m")
             rows.append(
                 (
                     group,
@@ -263,15 +283,15 @@ def _section(records: list[dict[str, Any]], horizon_s: float) -> Section:
                     mean,
                     max(float(r["p95_m"]) for r in own),
                     100.0 * (mean / baseline - 1.0) if baseline > 0.0 else math.nan,
-                    100.0 * _pooled(own, "inside_90"),
+                    100.0 * _mean_weighted_by_starts(own, "inside_90"),
                 )
             )
     title = f"Position error {horizon_s:g} s ahead, against the vehicle's own track"
     columns = ("vehicle", "model", "starts", "mean [m]", "worst p95 [m]", "vs cv [%]", "in 90 % ellipse [%]")
-    return Section("prediction", title, columns, tuple(rows))
+    return SummaryTable("prediction", title, columns, tuple(rows))
 
 
-def _pooled(records: list[dict[str, Any]], name: str) -> float:
+def _mean_weighted_by_starts(records: list[dict[str, Any]], column: str) -> float:
     """Return the mean of a column over vehicles, weighted by their numbers of starts; NaN without any."""
     n = sum(int(r["n"]) for r in records)
-    return sum(float(r[name]) * int(r["n"]) for r in records if r["n"]) / n if n else math.nan
+    return sum(float(r[column]) * int(r["n"]) for r in records if r["n"]) / n if n else math.nan

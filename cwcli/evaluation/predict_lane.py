@@ -7,23 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.channels.lateral_state import Observed, read_lateral_truth
+from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth
 from cwcli.channels.published import EGO_STATE
-from cwcli.evaluation.predict import MAX_GAP_S, error_horizons
+from cwcli.evaluation.predict import MAX_TRACK_GAP_S, error_horizons_s
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
-from cwcli.pipeline.result import Cell, Section, StageResult
-from cwcli.prediction.horizon import BASELINE, horizon_table
-from cwcli.prediction.lateral import Z_90, map_paths
+from cwcli.pipeline.result import Cell, StageResult, SummaryTable
+from cwcli.prediction.lateral import SIGMAS_HOLDING_90_PERCENT, transform_paths_to_map
+from cwcli.prediction.model_comparison import BASELINE_MODEL, horizon_error_table
 from cwcli.prediction.outcome import HorizonErrors, horizon_errors
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.poses import Poses, slip_rad
+from cwcli.prediction.poses import VehiclePoses, side_slip_rad
 from cwcli.signals.canonical import PoseSignal, Signal
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import turned
+from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, Made, PredictLaneConfig
+from cwcli.stages.predict_lane import MODEL_NAMES, BodyPaths, LanePathEvidence, PredictLaneConfig
 
 COURSE_SCHEMA = EGO_STATE.schema
 """Schema of states whose heading is the course and not the yaw of the car."""
@@ -31,53 +31,59 @@ COURSE_SCHEMA = EGO_STATE.schema
 
 def judge_result(log: Log, config: PredictLaneConfig, result: StageResult) -> StageResult:
     """Add the errors of every path model to the result: against the truth, else against the track."""
-    made: Made = result.made
+    made: LanePathEvidence = result.evaluation_inputs
     reference = _truth_poses(made.truths, log, made.lateral, made.body.observed) or made.poses
-    table = _errors(made.body, reference, config)
-    section = _section(table, config.horizon_s, reference.source)
-    return result.judged(sections=(section,), tables={table.name: table})
+    table = _build_path_model_error_table(made.body, reference, config)
+    section = _build_prediction_section(table, config.horizon_s, reference.source)
+    return result.with_evaluation(sections=(section,), tables={table.name: table})
 
 
-def _truth_poses(truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: Observed) -> Poses | None:
+def _truth_poses(
+    truths: tuple[Signal, ...], log: Log, lateral: Columns | None, observed: ObservedDrive
+) -> VehiclePoses | None:
     """Return the true track and the true pose at each frame; None without a truth that has a yaw."""
     truth = next((each for each in truths if isinstance(each, PoseSignal)), None)
     if truth is None or not np.isfinite(truth.yaw_rad).any():
         return None
     at_ns = observed.track.stamp_ns
     xy_m = np.column_stack([truth.x_m, truth.y_m])
-    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_GAP_S)
+    at_xy = resample(truth.stamp_ns, xy_m, at_ns, max_gap_s=MAX_TRACK_GAP_S)
     left_rad = 0.0 if truth.mounting is None else truth.mounting.used_rad
-    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_GAP_S) - left_rad
+    yaw_rad = resample(truth.stamp_ns, np.unwrap(truth.yaw_rad), at_ns, max_gap_s=MAX_TRACK_GAP_S) - left_rad
     schema = next(channel.schema_name for channel in log.channels if channel.topic == truth.source)
     if schema == COURSE_SCHEMA:
         lateral_mps = observed.track.state[:, 0]
         if lateral is not None and len(lateral):
             true_ns, true_state = read_lateral_truth(lateral)
-            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_GAP_S)
-        yaw_rad = yaw_rad - slip_rad(lateral_mps, observed.track.speed_mps)
-    return Poses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
+            lateral_mps = resample(true_ns, true_state[:, 0], at_ns, max_gap_s=MAX_TRACK_GAP_S)
+        yaw_rad = yaw_rad - side_slip_rad(lateral_mps, observed.track.speed_mps)
+    return VehiclePoses(truth.source, "", truth.stamp_ns, xy_m, at_xy, yaw_rad)
 
 
-def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
+def _build_path_model_error_table(body: BodyPaths, poses: VehiclePoses, config: PredictLaneConfig) -> Table:
     """Build the table with the errors of each path model and of constant velocity, from the same starts and poses."""
     track = body.observed.track
-    horizons = error_horizons(config.horizon_s)
-    made = {BASELINE: _straight_on(body)}
+    horizons = error_horizons_s(config.horizon_s)
+    made = {BASELINE_MODEL: _constant_velocity_paths(body)}
     for model, name in MODEL_NAMES.items():
         is_own = name == body.model
-        own = replace(config.path, model=model)
-        other = body if is_own else BodyPaths.of(body.observed, body.vehicle, own, calibrate=config.calibrate)
+        own = replace(config.path_config, model=model)
+        other = (
+            body
+            if is_own
+            else BodyPaths.predict_from_frames(body.observed, body.vehicle, own, calibrate=config.calibrate)
+        )
         made[name] = other.paths
     compared: dict[str, HorizonErrors] = {}
     bands: list[FloatArray] = []
     x_m, y_m = poses.at_xy_m.T
     for name, paths in made.items():
-        placed = map_paths(paths, x_m, y_m, poses.at_yaw_rad)
-        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_GAP_S)
-        bands.append(_inside_band(compared[name], placed))
+        placed = transform_paths_to_map(paths, x_m, y_m, poses.at_yaw_rad)
+        compared[name] = horizon_errors(placed, track.stamp_ns, poses.stamp_ns, poses.xy_m, horizons, MAX_TRACK_GAP_S)
+        bands.append(_share_inside_90_percent_band(compared[name], placed))
     columns: dict[str, TableColumn] = {
         "vehicle": [EGO_ID] * (len(made) * len(horizons)),
-        **horizon_table(compared),
+        **horizon_error_table(compared),
         "inside_band_90": np.concatenate(bands),
         "against": [poses.source] * (len(made) * len(horizons)),
     }
@@ -85,29 +91,29 @@ def _errors(body: BodyPaths, poses: Poses, config: PredictLaneConfig) -> Table:
     return Table("observer_prediction", columns, docs)
 
 
-def _straight_on(body: BodyPaths) -> Paths:
+def _constant_velocity_paths(body: BodyPaths) -> Paths:
     """Return the paths of constant velocity: v ahead, v_y to the left, no covariance."""
     track, t = body.observed.track, body.paths.time_s
     v, lateral = track.speed_mps[:, None], track.state[:, :1]
     x_m, y_m = v * t, lateral * t
-    turned = np.broadcast_to(slip_rad(lateral, v), x_m.shape)
+    turned = np.broadcast_to(side_slip_rad(lateral, v), x_m.shape)
     return Paths(t, x_m, y_m, turned, np.hypot(v, lateral) + 0.0 * t, np.full((*x_m.shape, 3), np.nan))
 
 
-def _inside_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
+def _share_inside_90_percent_band(errors: HorizonErrors, placed: Paths) -> FloatArray:
     """Return the share of outcomes inside the 90 % band across the path at each horizon; NaN without a covariance."""
     shares = []
     for column, horizon_s in enumerate(errors.horizon_s):
         at = int(np.argmin(np.abs(placed.time_s - horizon_s)))
-        across = turned(placed.position_covariance_m2[:, at], placed.heading_rad[:, at])[:, 2]
+        across = rotate_plane_covariance(placed.position_covariance_m2[:, at], placed.heading_rad[:, at])[:, 2]
         sigma = np.sqrt(np.maximum(across, 0.0))
         known = errors.is_known[:, column] & np.isfinite(sigma)
-        inside = np.abs(errors.cross_m[known, column]) <= Z_90 * sigma[known]
+        inside = np.abs(errors.cross_m[known, column]) <= SIGMAS_HOLDING_90_PERCENT * sigma[known]
         shares.append(float(inside.mean()) if len(inside) else math.nan)
     return np.array(shares)
 
 
-def _section(table: Table, horizon_s: float, source: str) -> Section:
+def _build_prediction_section(table: Table, horizon_s: float, source: str) -> SummaryTable:
     """Build the section with errors at the horizon, one row per model."""
     rows: list[tuple[Cell, ...]] = [
         (
@@ -119,9 +125,9 @@ def _section(table: Table, horizon_s: float, source: str) -> Section:
             row["change_percent"],
             100.0 * row["inside_band_90"],
         )
-        for row in table.records()
+        for row in table.rows_as_dicts()
         if abs(row["horizon_s"] - horizon_s) < 1e-9 and row["n"]
     ]
     title = f"Position error {horizon_s:g} s ahead, against {source}"
     columns = ("model", "starts", "mean [m]", "median [m]", "p95 [m]", "vs cv [%]", "in 90 % band [%]")
-    return Section("prediction", title, columns, tuple(rows))
+    return SummaryTable("prediction", title, columns, tuple(rows))

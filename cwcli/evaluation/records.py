@@ -7,49 +7,49 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, get_args
 
-from cwcli.pipeline.records import Record, configuration_of, number, whole
+from cwcli.pipeline.records import Record, read_configuration, read_number, to_int_or_none
 from cwcli.stages.inputs.sources import SourceConfig
-from cwcli.warning.types import Use, WarningConfig
+from cwcli.warning.types import RemoteStateUse, WarningConfig
 
-OLD_THRESHOLDS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
+LEGACY_CONFLICT_THRESHOLD_KEYS = {"ttc": ("<", "conflict_ttc_s"), "drac": (">", "conflict_drac_mps2")}
 """Sign and key of the conflict threshold in records of earlier versions, by measure."""
 
 
-def sources_of(record: Record) -> SourceConfig:
+def source_config_from_record(record: Record) -> SourceConfig:
     """Return the configuration of the channels that `estimate` read."""
-    given = configuration_of(record).get("sources")
+    given = read_configuration(record).get("sources")
     given = given if isinstance(given, dict) else {}
     topics, station = given.get("topics"), given.get("ego_station")
     return SourceConfig(
         topics={str(role): str(topic) for role, topic in topics.items()} if isinstance(topics, dict) else {},
         clock="log" if given.get("clock") == "log" else "stamp",
         ego_station=station if isinstance(station, str) else None,
-        start_ns=whole(given.get("start_ns")),
-        end_ns=whole(given.get("end_ns")),
+        start_ns=to_int_or_none(given.get("start_ns")),
+        end_ns=to_int_or_none(given.get("end_ns")),
     )
 
 
-def warn_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
+def find_collision_warning_record(records: Mapping[str, Record]) -> tuple[Record, bool]:
     """Return the record of the collision warnings, and whether they concern tracked targets."""
     of_targets = "warn" not in records and "warn-targets" in records
     record = records.get("warn-targets" if of_targets else "warn", {})
-    return record, of_targets or configuration_of(record).get("source") == "targets"  # so in older logs
+    return record, of_targets or read_configuration(record).get("source") == "targets"  # so in older logs
 
 
-def rule_of(record: Record) -> WarningConfig:
+def warning_config_from_record(record: Record) -> WarningConfig:
     """Return the configuration of `warn` with its thresholds; the defaults for what is missing or does not fit."""
-    given = configuration_of(record).get("rule")
+    given = read_configuration(record).get("rule")
     given = given if isinstance(given, dict) else {}
     fitting: dict[str, Any] = {}
     for entry in fields(WarningConfig):
         value = given.get(entry.name)
         if isinstance(entry.default, str):
-            is_fit = isinstance(value, str) and (entry.name != "use" or value in get_args(Use))
+            is_fit = isinstance(value, str) and (entry.name != "use" or value in get_args(RemoteStateUse))
         else:
             is_fit = isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < math.inf
         if is_fit:
             fitting[entry.name] = value
-    sign, key = OLD_THRESHOLDS.get(fitting.get("conflict", ""), ("", ""))
-    if math.isfinite(number(given, key)):
-        fitting["conflict"] += f" {sign} {number(given, key)!r}"
+    sign, key = LEGACY_CONFLICT_THRESHOLD_KEYS.get(fitting.get("conflict", ""), ("", ""))
+    if math.isfinite(read_number(given, key)):
+        fitting["conflict"] += f" {sign} {read_number(given, key)!r}"
     return WarningConfig(**fitting)

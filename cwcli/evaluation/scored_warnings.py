@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from cwcli.evaluation.conflicts import (
-    FALSE,
-    LATE,
-    MISSED,
-    TRUE,
-    UNDECIDED,
-    EventVerdict,
+    OUTCOME_MISSED,
+    VERDICT_FALSE,
+    VERDICT_LATE,
+    VERDICT_TRUE,
+    VERDICT_UNDECIDED,
     RealConflict,
-    judge,
-    real_conflicts,
+    WarningVerdict,
+    find_real_conflicts,
+    judge_warning,
 )
 from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
-from cwcli.metrics.table import ColumnDoc, Table, table_of
+from cwcli.metrics.table import ColumnDoc, Table, table_from_records
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.evaluate import FoundWarnings
 from cwcli.warning.pair import PairEvaluation
@@ -59,7 +59,7 @@ class WarningScores:
         return self.n_true + self.n_late + self.n_false + self.n_undecided
 
 
-def count_verdicts(pairs: Iterable[Sequence[EventVerdict]], *, n_conflicts: int, host_hours: float) -> WarningScores:
+def count_verdicts(pairs: Iterable[Sequence[WarningVerdict]], *, n_conflicts: int, host_hours: float) -> WarningScores:
     """Count the verdicts on the warnings of each pair, in order of time, and the outcomes of all conflicts."""
     kinds: list[str] = []
     first: list[str] = []
@@ -68,18 +68,18 @@ def count_verdicts(pairs: Iterable[Sequence[EventVerdict]], *, n_conflicts: int,
         warned: set[int] = set()
         for verdict in verdicts:
             kinds.append(verdict.kind)
-            if verdict.conflict >= 0 and verdict.conflict not in warned:
-                warned.add(verdict.conflict)
+            if verdict.conflict_index >= 0 and verdict.conflict_index not in warned:
+                warned.add(verdict.conflict_index)
                 first.append(verdict.kind)
                 leads.append(verdict.lead_time_s)
     return WarningScores(
-        n_true=kinds.count(TRUE),
-        n_late=kinds.count(LATE),
-        n_false=kinds.count(FALSE),
-        n_undecided=kinds.count(UNDECIDED),
+        n_true=kinds.count(VERDICT_TRUE),
+        n_late=kinds.count(VERDICT_LATE),
+        n_false=kinds.count(VERDICT_FALSE),
+        n_undecided=kinds.count(VERDICT_UNDECIDED),
         n_conflicts=n_conflicts,
-        n_in_time=first.count(TRUE),
-        n_warned_late=first.count(LATE),
+        n_in_time=first.count(VERDICT_TRUE),
+        n_warned_late=first.count(VERDICT_LATE),
         lead_times_s=tuple(leads),
         host_hours=host_hours,
     )
@@ -92,7 +92,7 @@ class ScoredPair:
     evaluation: PairEvaluation
     actual: Pair
     conflicts: list[RealConflict]
-    verdicts: list[EventVerdict]
+    verdicts: list[WarningVerdict]
 
 
 @dataclass(frozen=True)
@@ -123,15 +123,15 @@ class ScoredWarnings:
         return (self.events, self.conflicts, self.pairs, self.series, self.scores)
 
 
-def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
+def score_warnings(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = None) -> ScoredWarnings:
     """Score warnings against the actual motion.
 
     Args:
         found: The warnings.
         actual: Vehicle id -> actual track; for missing ones `VehicleTrack.state` is used.
     """
-    host, ids = found.host, found.ids
-    pairs = [_scored(found, evaluation, actual or {}) for evaluation in found.pairs]
+    host, ids = found.host, found.event_ids
+    pairs = [_score_pair(found, evaluation, actual or {}) for evaluation in found.pairs]
     hours = float(host.stamp_ns[-1] - host.stamp_ns[0]) / NS_PER_H if len(host.stamp_ns) else 0.0
     verdicts = {ids[at, k]: verdict for at, pair in enumerate(pairs) for k, verdict in enumerate(pair.verdicts)}
     scores = count_verdicts(
@@ -139,31 +139,31 @@ def score(found: FoundWarnings, *, actual: Mapping[str, ActualTrack] | None = No
     )
     return ScoredWarnings(
         rows=found.rows,
-        events=_with_verdicts(found.events, [verdicts[number] for number in sorted(verdicts)]),
-        conflicts=_conflicts_table(pairs, ids, host_id=host.id),
-        pairs=_pairs_table(pairs, host_id=host.id),
+        events=_add_verdict_columns(found.events, [verdicts[number] for number in sorted(verdicts)]),
+        conflicts=_build_conflicts_table(pairs, ids, host_id=host.id),
+        pairs=_build_pairs_table(pairs, host_id=host.id),
         series=found.series,
-        scores=_scores_table(scores, found.config.rule, found.n_withheld),
-        counts=found.counts,
+        scores=_build_scores_table(scores, found.config.rule, found.n_withheld),
+        counts=found.evaluation_counts,
     )
 
 
-def _scored(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
+def _score_pair(found: FoundWarnings, evaluation: PairEvaluation, actual: Mapping[str, ActualTrack]) -> ScoredPair:
     """Score the warnings of one pair."""
     host, other, config = found.host, evaluation.other, found.config
     own = actual.get(host.id, ActualTrack(host.stamp_ns, host.state))
     theirs = actual.get(other.id, ActualTrack(other.stamp_ns, other.state))
     pair = Pair(own, theirs, host.outline_m, other.outline_m, config.max_gap_s)
-    conflicts = real_conflicts(pair, config)
+    conflicts = find_real_conflicts(pair, config)
     known_ns = evaluation.known_ns
     verdicts = [
-        judge(int(known_ns[span.raised]), int(known_ns[span.last]), conflicts, pair, config)
+        judge_warning(int(known_ns[span.raised]), int(known_ns[span.last]), conflicts, pair, config)
         for span in evaluation.spans
     ]
     return ScoredPair(evaluation, pair, conflicts, verdicts)
 
 
-def _with_verdicts(events: Table, verdicts: Sequence[EventVerdict]) -> Table:
+def _add_verdict_columns(events: Table, verdicts: Sequence[WarningVerdict]) -> Table:
     """Add the verdicts to the events, which are in order of their ids."""
     records = [
         {
@@ -174,16 +174,16 @@ def _with_verdicts(events: Table, verdicts: Sequence[EventVerdict]) -> Table:
         }
         for verdict in verdicts
     ]
-    more = table_of(events.name, _VERDICT_TYPES, records, docs=_VERDICT_DOCS)
+    more = table_from_records(events.name, _VERDICT_COLUMN_TYPES, records, docs=_VERDICT_COLUMN_DOCS)
     return replace(events, columns={**events.columns, **more.columns}, docs={**events.docs, **more.docs})
 
 
-def _conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], int], *, host_id: str) -> Table:
+def _build_conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], int], *, host_id: str) -> Table:
     """Build a table with one row per real conflict: when, how near, and its first event (0: missed)."""
     rows: list[dict[str, Any]] = []
     for at, pair in enumerate(pairs):
         for index, conflict in enumerate(pair.conflicts):
-            about = [which for which, verdict in enumerate(pair.verdicts) if verdict.conflict == index]
+            about = [which for which, verdict in enumerate(pair.verdicts) if verdict.conflict_index == index]
             verdict = pair.verdicts[about[0]] if about else None
             rows.append(
                 {
@@ -195,14 +195,14 @@ def _conflicts_table(pairs: Sequence[ScoredPair], ids: Mapping[tuple[int, int], 
                     "closest_distance_m": conflict.closest_m,
                     "event_id": ids[at, about[0]] if about else 0,
                     "lead_time_s": verdict.lead_time_s if verdict else float("nan"),
-                    "outcome": verdict.kind if verdict else MISSED,
+                    "outcome": verdict.kind if verdict else OUTCOME_MISSED,
                 }
             )
     rows.sort(key=lambda row: (int(row["onset_stamp_ns"]), str(row["other_id"])))
-    return table_of("conflicts", _CONFLICT_TYPES, rows)
+    return table_from_records("conflicts", _CONFLICT_COLUMN_TYPES, rows)
 
 
-def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
+def _build_pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
     """Build a table with one row per pair: counts of evaluations, and the criticality of the actual motion."""
     measures = [measure for measure in MEASURES.values() if measure.with_warnings]
     rows: list[dict[str, Any]] = []
@@ -214,21 +214,23 @@ def _pairs_table(pairs: Sequence[ScoredPair], *, host_id: str) -> Table:
                 "other_id": own.other.id,
                 "n_evaluated": own.n_evaluated,
                 "n_out_of_reach": own.n_out_of_reach,
-                "n_unheard": own.n_unheard,
+                "n_unheard": own.n_without_message,
                 "n_stale": own.n_stale,
-                "n_beyond_path": own.n_beyond,
+                "n_beyond_path": own.n_beyond_path,
                 "n_not_finite": own.n_not_finite,
                 "n_withheld": own.n_withheld,
                 "n_events": len(own.spans),
                 "n_conflicts": len(pair.conflicts),
-                **{measure.extreme_column: measure.extreme(pair.actual) for measure in measures},
+                **{measure.extreme_column_name: measure.most_critical_value(pair.actual) for measure in measures},
             }
         )
-    docs = {measure.extreme_column: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
-    return table_of("pairs", _PAIR_TYPES | {measure.extreme_column: float for measure in measures}, rows, docs=docs)
+    docs = {measure.extreme_column_name: ColumnDoc(doc=measure.note) for measure in measures if measure.note}
+    return table_from_records(
+        "pairs", _PAIR_COLUMN_TYPES | {measure.extreme_column_name: float for measure in measures}, rows, docs=docs
+    )
 
 
-def _scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
+def _build_scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
     """Build the table with one row of counts over all pairs."""
     leads = scores.lead_times_s
     row = {
@@ -247,23 +249,23 @@ def _scores_table(scores: WarningScores, rule: str, n_withheld: int) -> Table:
         "lead_time_min_s": min(leads, default=float("nan")),
         "host_hours": scores.host_hours,
     }
-    return table_of("scores", {name: type(value) for name, value in row.items()}, [row])
+    return table_from_records("scores", {name: type(value) for name, value in row.items()}, [row])
 
 
-_VERDICT_TYPES: dict[str, type] = {
+_VERDICT_COLUMN_TYPES: dict[str, type] = {
     "verdict": str,
     "lead_time_s": float,
     "closest_stamp_ns": int,
     "closest_distance_m": float,
 }
 """Types of the columns that verdicts add to the table of events."""
-_VERDICT_DOCS = {
+_VERDICT_COLUMN_DOCS = {
     "verdict": ColumnDoc(doc="true, late, false or undecided; see docs/warning.md"),
     "lead_time_s": ColumnDoc(doc="onset of the real conflict minus the time of the warning"),
     "closest_stamp_ns": ColumnDoc(doc="real closest approach of the centres; -1: not known"),
 }
 """Descriptions of the columns that verdicts add."""
-_CONFLICT_TYPES: dict[str, type] = {
+_CONFLICT_COLUMN_TYPES: dict[str, type] = {
     "host_id": str,
     "other_id": str,
     "onset_stamp_ns": int,
@@ -275,7 +277,7 @@ _CONFLICT_TYPES: dict[str, type] = {
     "outcome": str,
 }
 """Types of the columns of the table `conflicts`."""
-_PAIR_TYPES: dict[str, type] = {
+_PAIR_COLUMN_TYPES: dict[str, type] = {
     "host_id": str,
     "other_id": str,
     "n_evaluated": int,

@@ -8,30 +8,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.estimation.consistency import ErrorRow, effective_count, error_rows, nees
+from cwcli.estimation.consistency import ErrorTableRow, compare_errors_with_truth, effective_sample_count, nees
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
-from cwcli.estimation.verdict import Nees
-from cwcli.metrics.chi_square import mean_bounds
+from cwcli.estimation.verdict import NeesOfQuantity
+from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.metrics.table import MetricRow
-from cwcli.pipeline.result import Cell, Section
+from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import EGO_ID, HEADING, SPEED, X
-from cwcli.stages.summaries import NIS_WORDS, bounds_text
+from cwcli.stages.summaries import NIS_CELLS, bounds_cell
 
-MAX_GAP_S = 0.5
+MAX_STATE_GAP_S = 0.5
 """Longest gap of the ego's track that is interpolated, s. Chosen by hand; not fitted."""
-MIN_ROWS = 20
+MIN_TRUTH_ROWS = 20
 """Least number of truth rows for a comparison. Chosen by hand; not fitted."""
-PER_AXIS = {"position": "position on one axis"}
+QUANTITY_LABELS = {"position": "position on one axis"}
 """Label of a quantity whose error is meant per axis; in all other tables it is the distance on the plane."""
-DOF = {"position": 2, "speed": 1, "heading": 1}
+DOF_OF_QUANTITY = {"position": 2, "speed": 1, "heading": 1}
 """Degrees of freedom of each quantity with a NEES."""
-STATE_OF = {"position": X, "speed": SPEED, "heading": HEADING}
+FIRST_STATE_OF_QUANTITY = {"position": X, "speed": SPEED, "heading": HEADING}
 """Index of the first state of each quantity with a NEES."""
 
 
@@ -48,17 +48,17 @@ class TruthErrors:
     """
 
     topic: str
-    rows: tuple[ErrorRow, ...]
-    nees: tuple[Nees, ...]
+    rows: tuple[ErrorTableRow, ...]
+    nees: tuple[NeesOfQuantity, ...]
     n: int
     notes: tuple[str, ...]
 
 
-def truth_section(errors: TruthErrors) -> Section:
+def build_truth_errors_section(errors: TruthErrors) -> SummaryTable:
     """Build the section with the errors for the summary."""
     rows: list[tuple[Cell, ...]] = [
         (
-            PER_AXIS.get(row.name, row.name),
+            QUANTITY_LABELS.get(row.name, row.name),
             row.unit,
             row.n,
             row.measured_sigma,
@@ -70,20 +70,20 @@ def truth_section(errors: TruthErrors) -> Section:
     ]
     columns = ("error of", "unit", "rows", "measured", "estimated", "change [%]", "bias")
     title = f"1-sigma errors against {errors.topic} (song2016, table 1)"
-    return Section("errors", title, columns, tuple(rows))
+    return SummaryTable("errors", title, columns, tuple(rows))
 
 
-def nees_section(errors: TruthErrors) -> Section:
+def build_nees_section(errors: TruthErrors) -> SummaryTable:
     """Build the section with the NEES for the summary."""
     rows: list[tuple[Cell, ...]] = [
-        (each.name, each.per_dof, bounds_text(*each.bounds), NIS_WORDS[each.is_inside]) for each in errors.nees
+        (each.name, each.per_dof, bounds_cell(*each.bounds), NIS_CELLS[each.is_within_bounds]) for each in errors.nees
     ]
     title = "Consistency of the errors (NEES, 1 per degree of freedom expected)"
     columns = ("error of", "NEES/dof", "95 % bounds", "inside")
-    return Section("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
+    return SummaryTable("nees", title, columns, tuple(rows), names=("error_of", "nees_per_dof", "bounds_95", "inside"))
 
 
-def truth_rows(errors: TruthErrors) -> list[MetricRow]:
+def truth_error_metric_rows(errors: TruthErrors) -> list[MetricRow]:
     """Return the errors as rows of the stage's table."""
     values = [
         (error.name, metric, value, unit)
@@ -98,7 +98,7 @@ def truth_rows(errors: TruthErrors) -> list[MetricRow]:
         )
     ]
     for each in errors.nees:
-        dof = DOF[each.name]
+        dof = DOF_OF_QUANTITY[each.name]
         values += [
             (each.name, "nees_mean", each.per_dof * dof, ""),
             (each.name, "nees_lower", each.bounds[0] * dof, ""),
@@ -107,7 +107,7 @@ def truth_rows(errors: TruthErrors) -> list[MetricRow]:
     return [(EGO_ID, errors.topic, *each) for each in values]
 
 
-def against_truth(
+def compare_track_with_truth(
     truths: Sequence[Signal],
     measurements: Sequence[Measurements],
     ego: Track,
@@ -120,17 +120,17 @@ def against_truth(
     signal = truths[0]
     inside = (signal.stamp_ns >= ego.stamp_ns[0]) & (signal.stamp_ns <= ego.stamp_ns[-1])
     stamp_ns = signal.stamp_ns[inside]
-    if len(stamp_ns) < MIN_ROWS:
+    if len(stamp_ns) < MIN_TRUTH_ROWS:
         return None
     fixes = next(m for m in measurements if m.kind is Kind.POSITION)
-    measured_xy = _at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
-    xy, notes = truth_xy(signal, inside, local_map, origin, measured_xy)
+    measured_xy = _interpolate_at(stamp_ns, fixes.stamp_ns, fixes.values, 1.5)
+    xy, notes = truth_positions_in_map(signal, inside, local_map, origin, measured_xy)
     truth: dict[str, FloatArray] = {"position": xy}
-    estimated_xy = _at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_GAP_S)
+    estimated_xy = _interpolate_at(stamp_ns, ego.stamp_ns, ego.state[:, :2], MAX_STATE_GAP_S)
     estimated: dict[str, FloatArray] = {"position": estimated_xy}
     measured: dict[str, FloatArray] = {"position": measured_xy}
     if isinstance(signal, PoseSignal):
-        notes = (*notes, *mounting_notes(signal))
+        notes = (*notes, *notes_on_truth_mounting(signal))
         for name, values, kind, column in (
             ("speed", signal.speed_mps, Kind.SPEED, 2),
             ("heading", signal.travel_rad, Kind.HEADING, 3),
@@ -140,39 +140,43 @@ def against_truth(
             if values is None or not np.isfinite(values[inside]).any():
                 continue
             truth[name] = values[inside]
-            estimated[name] = _at(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_GAP_S)
-            raw = _raw(measurements, kind)
+            estimated[name] = _interpolate_at(stamp_ns, ego.stamp_ns, ego.state[:, column], MAX_STATE_GAP_S)
+            raw = _first_measured_stamps_and_values(measurements, kind)
             if raw is not None:
-                measured[name] = _at(stamp_ns, *raw, MAX_GAP_S)
-    covariance = _nearest_covariance(stamp_ns, ego)
-    rows = tuple(error_rows(truth, measured, estimated))
+                measured[name] = _interpolate_at(stamp_ns, *raw, MAX_STATE_GAP_S)
+    covariance = _covariances_nearest_in_time(stamp_ns, ego)
+    rows = tuple(compare_errors_with_truth(truth, measured, estimated))
     known = np.isfinite(estimated_xy - xy).all(axis=1)
     consistency = tuple(
-        _nees(name, estimated[name] - truth[name], covariance) for name in DOF if name in truth and name in estimated
+        _nees_of_quantity(name, estimated[name] - truth[name], covariance)
+        for name in DOF_OF_QUANTITY
+        if name in truth and name in estimated
     )
     return TruthErrors(signal.source, rows, consistency, int(known.sum()), notes)
 
 
-def mounting_notes(signal: PoseSignal) -> tuple[str, ...]:
+def notes_on_truth_mounting(signal: PoseSignal) -> tuple[str, ...]:
     """Return a note on the angle of a truth's device against the direction of travel, where it is significant."""
     mounting = signal.mounting
     return (mounting.note(signal.source),) if mounting is not None and mounting.is_significant else ()
 
 
-def _nees(name: str, error: FloatArray, covariance: FloatArray) -> Nees:
+def _nees_of_quantity(name: str, error: FloatArray, covariance: FloatArray) -> NeesOfQuantity:
     """Compute the NEES of one quantity from its error (n,) or (n, 2) and the covariance (n, 8, 8)."""
-    first, dof = STATE_OF[name], DOF[name]
+    first, dof = FIRST_STATE_OF_QUANTITY[name], DOF_OF_QUANTITY[name]
     error = (wrap_angle(error) if name == "heading" else error).reshape(len(error), dof)
     known = np.isfinite(error).all(axis=1)
     if not known.any():
-        return Nees(name, math.nan, (math.nan, math.nan))
+        return NeesOfQuantity(name, math.nan, (math.nan, math.nan))
     own = covariance[known, first : first + dof, first : first + dof]
     values = nees(error[known], own)
-    low, high = mean_bounds(dof, effective_count(values))
-    return Nees(name, float(values.mean()) / dof, (low / dof, high / dof))
+    low, high = chi_square_mean_bounds(dof, effective_sample_count(values))
+    return NeesOfQuantity(name, float(values.mean()) / dof, (low / dof, high / dof))
 
 
-def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, FloatArray] | None:
+def _first_measured_stamps_and_values(
+    measurements: Sequence[Measurements], kind: Kind
+) -> tuple[Int64Array, FloatArray] | None:
     """Return stamps and values of the first source of a kind; an IMU is used for acceleration and yaw rate."""
     source = next((m for m in measurements if m.kind is kind), None)
     if source is not None:
@@ -183,9 +187,9 @@ def _raw(measurements: Sequence[Measurements], kind: Kind) -> tuple[Int64Array, 
     return None if imu is None or axis is None else (imu.stamp_ns, imu.values[:, axis])
 
 
-def truth_xy(
+def truth_positions_in_map(
     signal: PoseSignal | PositionSignal,
-    inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
+    row_mask: np.ndarray[tuple[int, ...], np.dtype[np.bool_]],
     local_map: LocalMap | None,
     origin: tuple[float, float, float] | None,
     measured_xy: FloatArray,
@@ -205,14 +209,14 @@ def truth_xy(
     if isinstance(signal, PositionSignal):
         assert local_map is not None
         x_m, y_m, _ = local_map.map_from_wgs84(
-            signal.latitude_deg[inside], signal.longitude_deg[inside], signal.altitude_m[inside]
+            signal.latitude_deg[row_mask], signal.longitude_deg[row_mask], signal.altitude_m[row_mask]
         )
         return np.column_stack([x_m, y_m]), ()
-    xyz = np.column_stack([signal.x_m, signal.y_m, signal.z_m])[inside]
+    xyz = np.column_stack([signal.x_m, signal.y_m, signal.z_m])[row_mask]
     if local_map is None:
         return xyz[:, :2], ()
     if signal.latitude_deg is not None and signal.longitude_deg is not None:
-        latitude_deg, longitude_deg = signal.latitude_deg[inside], signal.longitude_deg[inside]
+        latitude_deg, longitude_deg = signal.latitude_deg[row_mask], signal.longitude_deg[row_mask]
         x_m, y_m, _ = local_map.map_from_wgs84(latitude_deg, longitude_deg, np.full(len(xyz), local_map.origin_alt_m))
         return np.column_stack([x_m, y_m]), ()
     if origin is not None:
@@ -227,11 +231,11 @@ def truth_xy(
     return xyz[:, :2] + offset, (note,)
 
 
-def _at(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
+def _interpolate_at(at_ns: Int64Array, stamp_ns: Int64Array, values: FloatArray, max_gap_s: float) -> FloatArray:
     return resample(stamp_ns, values, at_ns, max_gap_s=max_gap_s)
 
 
-def _nearest_covariance(stamp_ns: Int64Array, ego: Track) -> FloatArray:
+def _covariances_nearest_in_time(stamp_ns: Int64Array, ego: Track) -> FloatArray:
     after = np.clip(np.searchsorted(ego.stamp_ns, stamp_ns), 1, len(ego.stamp_ns) - 1)
     nearer = np.where(stamp_ns - ego.stamp_ns[after - 1] < ego.stamp_ns[after] - stamp_ns, after - 1, after)
     return ego.covariance[nearer]

@@ -13,8 +13,8 @@ from cwcli.channels.published import (
     EGO_PATH,
     EGO_STATE,
     LANES,
-    MEASURED,
     OBSERVER,
+    PAIR_MEASURES,
     REJECTED,
     REMOTE_ONLINE,
     REMOTE_PATH,
@@ -23,25 +23,25 @@ from cwcli.channels.published import (
     WARNINGS,
     Channel,
 )
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import KINEMATICS, read_states
+from cwcli.channels.target import read_targets_as_states
+from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.export.formats.base import Track
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
-from cwcli.pipeline.records import map_of, run_records
-from cwcli.signals.columns import Columns, Field, FloatArray, Strings, column_at
-from cwcli.signals.row_order import tracks_of
+from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.signals.columns import Columns, Field, FloatArray, Strings, select_column_rows
+from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.vehicle_state import ACCEL, YAW_RATE
 from cwcli.text import join_names
 
-MOST_NAMED = 10
+MAX_NAMED_VEHICLES = 10
 """Vehicles that an error names; chosen by hand."""
-WORLD = ("ego", "remote", "targets")
+EGO_AND_OTHERS = ("ego", "remote", "targets")
 """Contents that a format for all vehicles takes together, if the log has them."""
 
 
-class Content(NamedTuple):
+class ExportContent(NamedTuple):
     """One content of a log that can be exported.
 
     Attributes:
@@ -53,40 +53,42 @@ class Content(NamedTuple):
     is_tracks: bool = False
 
 
-CONTENTS = {
-    "ego": Content(EGO_STATE, is_tracks=True),
-    "ego-online": Content(EGO_ONLINE, is_tracks=True),
-    "remote": Content(REMOTE_STATE, is_tracks=True),
-    "remote-online": Content(REMOTE_ONLINE, is_tracks=True),
-    "targets": Content(TARGETS, is_tracks=True),
-    "lanes": Content(LANES),
-    "observer": Content(OBSERVER),
-    "paths": Content(EGO_PATH),
-    "remote-paths": Content(REMOTE_PATH),
-    "warnings": Content(WARNINGS),
-    "measures": Content(MEASURED),
-    "rejected": Content(REJECTED),
+EXPORT_CONTENTS = {
+    "ego": ExportContent(EGO_STATE, is_tracks=True),
+    "ego-online": ExportContent(EGO_ONLINE, is_tracks=True),
+    "remote": ExportContent(REMOTE_STATE, is_tracks=True),
+    "remote-online": ExportContent(REMOTE_ONLINE, is_tracks=True),
+    "targets": ExportContent(TARGETS, is_tracks=True),
+    "lanes": ExportContent(LANES),
+    "observer": ExportContent(OBSERVER),
+    "paths": ExportContent(EGO_PATH),
+    "remote-paths": ExportContent(REMOTE_PATH),
+    "warnings": ExportContent(WARNINGS),
+    "measures": ExportContent(PAIR_MEASURES),
+    "rejected": ExportContent(REJECTED),
 }
 """Name of a content, as `--what` spells it -> its channel."""
 
 
-def contents_of_world(log: Log) -> list[str]:
+def names_of_ego_and_others(log: Log) -> list[str]:
     """Names of the contents of the ego and of all other vehicles that the log holds; at least the ego's."""
     there = {channel.topic for channel in log.channels if channel.message_count}
-    return [what for what in WORLD if CONTENTS[what].channel.topic in there] or [WORLD[0]]
+    return [what for what in EGO_AND_OTHERS if EXPORT_CONTENTS[what].channel.topic in there] or [EGO_AND_OTHERS[0]]
 
 
-def require_content(log: Log, what: str) -> None:
+def require_content_in_log(log: Log, what: str) -> None:
     """Check that the log holds a content.
 
     Raises:
         MissingSignalError: It does not; the error names what the log holds.
     """
     there = {channel.topic for channel in log.channels}
-    channel = CONTENTS[what].channel
+    channel = EXPORT_CONTENTS[what].channel
     if channel.topic in there:
         return
-    held = tuple(f"{name} ({each.channel.topic})" for name, each in CONTENTS.items() if each.channel.topic in there)
+    held = tuple(
+        f"{name} ({each.channel.topic})" for name, each in EXPORT_CONTENTS.items() if each.channel.topic in there
+    )
     raise MissingSignalError(
         f"no channel {channel.topic}: there is no `{what}` to export",
         where=log.name,
@@ -107,11 +109,11 @@ def table_to_export(log: Log, what: str, vehicle: str | None) -> Table:
         UsageError: No row has the id; the error names the ids there are.
         InputError: The log is damaged.
     """
-    columns = log.columns(CONTENTS[what].channel.topic)
+    columns = log.columns(EXPORT_CONTENTS[what].channel.topic)
     fields: dict[str, Field] = {"log_time_ns": columns.log_time_ns, **columns.fields}
     if vehicle is not None:
-        rows = _rows_of(columns, vehicle, what)
-        fields = {name: column_at(column, rows) for name, column in fields.items()}
+        rows = _rows_of_vehicle(columns, vehicle, what)
+        fields = {name: select_column_rows(column, rows) for name, column in fields.items()}
     return Table(what.replace("-", "_"), fields)
 
 
@@ -124,41 +126,41 @@ def tracks_to_export(log: Log, what: str, vehicle: str | None) -> list[Track]:
         DataError: Another version wrote the channel.
         InputError: The log is damaged.
     """
-    topic = CONTENTS[what].channel.topic
+    topic = EXPORT_CONTENTS[what].channel.topic
     if what == "targets":
-        states = read_targets(log.columns(topic))
+        states = read_targets_as_states(log.columns(topic))
     else:
-        states = read_states(log.load({topic: KINEMATICS})[topic], with_covariance=False)
-    local_map = map_of(run_records(log).get("estimate", {}))
+        states = read_vehicle_states(log.load_topics({topic: KINEMATIC_FIELDS})[topic], with_covariance=False)
+    local_map = map_from_record(read_run_records(log).get("estimate", {}))
     latitude_deg, longitude_deg = np.full((2, len(states)), np.nan)
     if local_map is not None:
         x_m, y_m = states.state[:, 0], states.state[:, 1]
         latitude_deg, longitude_deg, _ = local_map.wgs84_from_map(x_m, y_m, np.zeros(len(states)))
     found = []
-    known = list(tracks_of(states.ids, states.stamp_ns))
+    known = list(iter_track_rows(states.ids, states.stamp_ns))
     for name, all_rows in known:
         rows = all_rows[np.isfinite(states.state[all_rows, :4]).all(axis=1)]
         if (vehicle is None or name == vehicle) and len(rows):
             x_m, y_m, speed_mps, heading_rad = states.state[rows, :4].T
             place = latitude_deg[rows], longitude_deg[rows]
             motion = {"accel_mps2": states.state[rows, ACCEL], "yaw_rate_radps": states.state[rows, YAW_RATE]}
-            size_m = _usual(states.length_m[rows]), _usual(states.width_m[rows])
+            size_m = _median_of_known(states.length_m[rows]), _median_of_known(states.width_m[rows])
             track = Track(name, states.stamp_ns[rows], x_m, y_m, heading_rad, speed_mps, *place, what, size_m=size_m)
             found.append(replace(track, **motion))
     if vehicle is not None and not found:
-        raise _no_such_vehicle(vehicle, [name for name, _ in known], what)
+        raise _unknown_vehicle_error(vehicle, [name for name, _ in known], what)
     if not found:
         raise MissingSignalError(f"{topic} holds no state", where=log.name)
     return found
 
 
-def _usual(sizes_m: FloatArray) -> float:
+def _median_of_known(sizes_m: FloatArray) -> float:
     """The median of the finite values, NaN if there is none."""
     known = sizes_m[np.isfinite(sizes_m)]
     return float(np.median(known)) if len(known) else math.nan
 
 
-def require_globe(tracks: list[Track], log: Log, name: str) -> None:
+def require_geographic_positions(tracks: list[Track], log: Log, name: str) -> None:
     """Check that the tracks have latitudes and longitudes.
 
     Raises:
@@ -172,18 +174,18 @@ def require_globe(tracks: list[Track], log: Log, name: str) -> None:
         )
 
 
-def _rows_of(columns: Columns, vehicle: str, what: str) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
+def _rows_of_vehicle(columns: Columns, vehicle: str, what: str) -> np.ndarray[tuple[int, ...], np.dtype[np.intp]]:
     """Row numbers of a vehicle's messages, by its id."""
     named = [columns.fields.get(field) for field in ("id", "other_id")]
     ids = next((column for column in named if isinstance(column, Strings)), None)
     if ids is None:
         raise UsageError(f"--id {vehicle}: `{what}` is not about several vehicles")
     if vehicle not in ids.values:
-        raise _no_such_vehicle(vehicle, list(ids.values), what)
+        raise _unknown_vehicle_error(vehicle, list(ids.values), what)
     return np.flatnonzero(ids.codes == ids.values.index(vehicle))
 
 
-def _no_such_vehicle(vehicle: str, known: list[str], what: str) -> UsageError:
-    shown = join_names(known[:MOST_NAMED]) if known else "nobody"
-    more = f" and {len(known) - MOST_NAMED} more" if len(known) > MOST_NAMED else ""
+def _unknown_vehicle_error(vehicle: str, known: list[str], what: str) -> UsageError:
+    shown = join_names(known[:MAX_NAMED_VEHICLES]) if known else "nobody"
+    more = f" and {len(known) - MAX_NAMED_VEHICLES} more" if len(known) > MAX_NAMED_VEHICLES else ""
     return UsageError(f"--id {vehicle}: `{what}` holds no such vehicle", hint=f"it holds {shown}{more}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cwcli.channels.predicted_path import read_paths
+from cwcli.channels.predicted_path import read_predicted_paths
 from cwcli.channels.published import (
     EGO_FIX,
     EGO_PATH,
@@ -18,18 +18,18 @@ from cwcli.channels.published import (
     REMOTE_STATE,
     WARNING_LOG,
 )
-from cwcli.channels.vehicle_state import KINEMATICS, read_states
+from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, read_vehicle_states
 from cwcli.errors import MissingSignalError, UsageError, install_hint
-from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.vehicle_state import MAP_FRAME
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-TIMELINE = "message_log_time"
+RERUN_TIMELINE = "message_log_time"
 """Rerun's name for the timeline of log times of MCAP messages."""
 
-HEIGHT_M = 150.0
+EYE_HEIGHT_M = 150.0
 """Height of the viewer's eye above the ego, m; chosen by eye."""
 
 
@@ -43,23 +43,23 @@ def require_rerun() -> None:
         raise UsageError("the viewer needs rerun-sdk", hint=install_hint("view"))
 
 
-def show(log: Log, path: str) -> None:
+def show_in_viewer(log: Log, path: str) -> None:
     """Open the Rerun viewer with an annotated log at `path`.
 
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _topics(log)
+    there = _topics_of_log_with_states(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
-    recording.spawn(default_blueprint=_views())
-    _send(recording, log, path, there)
+    recording.spawn(default_blueprint=_make_blueprint())
+    _send_log(recording, log, path, there)
     recording.flush()
     recording.disconnect()
 
 
-def recorded(log: Log, path: str) -> bytes:
+def encode_recording(log: Log, path: str) -> bytes:
     """Encode a log as the content of an `.rrd` file.
 
     It is built in memory, because Rerun's own file writer waits forever when the disk is full.
@@ -71,24 +71,24 @@ def recorded(log: Log, path: str) -> bytes:
     Raises:
         MissingSignalError: The log holds no states.
     """
-    there = _topics(log)
+    there = _topics_of_log_with_states(log)
     import rerun as rr
 
     recording = rr.RecordingStream("cwcli")
     memory = recording.memory_recording()
-    recording.send_blueprint(_views(), make_active=False)
-    _send(recording, log, path, there)
+    recording.send_blueprint(_make_blueprint(), make_active=False)
+    _send_log(recording, log, path, there)
     return bytes(memory.drain_as_bytes())
 
 
-def _topics(log: Log) -> set[str]:
+def _topics_of_log_with_states(log: Log) -> set[str]:
     there = {channel.topic for channel in log.channels}
     if not there & {EGO_STATE.topic, REMOTE_STATE.topic}:
         raise MissingSignalError("the log holds no states", where=log.name, hint="run `cwcli run` first")
     return there
 
 
-def _send(recording: Any, log: Log, path: str, there: Container[str]) -> None:
+def _send_log(recording: Any, log: Log, path: str, there: Container[str]) -> None:
     """Send the log's file, speeds and paths to a recording."""
     import rerun as rr
 
@@ -98,17 +98,17 @@ def _send(recording: Any, log: Log, path: str, there: Container[str]) -> None:
     recording.log(EGO_POSE.topic, rr.TransformAxes3D(5), static=True)
     for channel in (EGO_STATE, REMOTE_STATE):
         if channel.topic in there:
-            _speeds(recording, log, channel.topic)
+            _send_speeds(recording, log, channel.topic)
     for channel in (EGO_PATH, REMOTE_PATH):
         if channel.topic in there:
-            _paths(recording, log, channel.topic)
+            _send_paths(recording, log, channel.topic)
 
 
-def _views() -> Any:
+def _make_blueprint() -> Any:
     import rerun.blueprint as rrb
 
     above = rrb.EyeControls3D(
-        position=(0, 0, HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=EGO_POSE.topic
+        position=(0, 0, EYE_HEIGHT_M), look_target=(0, 0, 0), eye_up=(0, 1, 0), tracking_entity=EGO_POSE.topic
     )
     return rrb.Blueprint(
         rrb.Horizontal(
@@ -124,30 +124,30 @@ def _views() -> Any:
     )
 
 
-def _times(stamp_ns: Any) -> Any:
+def _time_column(stamp_ns: Any) -> Any:
     import rerun as rr
 
-    return rr.TimeColumn(TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
+    return rr.TimeColumn(RERUN_TIMELINE, timestamp=stamp_ns.astype("datetime64[ns]"))
 
 
-def _speeds(recording: Any, log: Log, topic: str) -> None:
+def _send_speeds(recording: Any, log: Log, topic: str) -> None:
     import rerun as rr
 
-    states = read_states(log.columns(topic, KINEMATICS), with_covariance=False)
-    for vehicle, rows in rows_by_id(states.ids):
+    states = read_vehicle_states(log.columns(topic, KINEMATIC_FIELDS), with_covariance=False)
+    for vehicle, rows in iter_rows_by_id(states.ids):
         speed = states.state[rows, 2]
         recording.send_columns(
-            f"/speed/{vehicle}", [_times(states.log_time_ns[rows])], rr.Scalars.columns(scalars=speed)
+            f"/speed/{vehicle}", [_time_column(states.log_time_ns[rows])], rr.Scalars.columns(scalars=speed)
         )
 
 
-def _paths(recording: Any, log: Log, topic: str) -> None:
+def _send_paths(recording: Any, log: Log, topic: str) -> None:
     import rerun as rr
 
-    predicted = read_paths(log.columns(topic))
-    for vehicle, rows in rows_by_id(predicted.ids):
+    predicted = read_predicted_paths(log.columns(topic))
+    for vehicle, rows in iter_rows_by_id(predicted.ids):
         x, y = predicted.paths.x_m[rows], predicted.paths.y_m[rows]
         strips = np.stack([x, y, np.zeros_like(x)], axis=-1).astype(np.float32)
         frames = rr.CoordinateFrame.columns(frame=[MAP_FRAME] * len(rows))
         columns = [*rr.LineStrips3D.columns(strips=list(strips)), *frames]
-        recording.send_columns(f"/paths/{vehicle}", [_times(predicted.log_time_ns[rows])], columns)
+        recording.send_columns(f"/paths/{vehicle}", [_time_column(predicted.log_time_ns[rows])], columns)

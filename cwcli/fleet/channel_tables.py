@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cwcli.channels.published import EGO_PATH, PATH_SCENE, REMOTE_PATH
 from cwcli.errors import CwcliError
-from cwcli.fleet.names import topic_name
+from cwcli.fleet.names import safe_topic_name
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
 from cwcli.signals.columns import StreamedChannel
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
     from cwcli.signals.columns import Columns
 
-MADE_OF_PATHS = {each.topic for each in (EGO_PATH, REMOTE_PATH, PATH_SCENE)}
+STREAMED_PATH_TOPICS = {each.topic for each in (EGO_PATH, REMOTE_PATH, PATH_SCENE)}
 """Topics of streamed channels that hold no images and so get a table."""
-LOG_TIME, PUBLISH_TIME = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")
+LOG_TIME_DOC, PUBLISH_TIME_DOC = ColumnDoc("ns", doc="when it was logged"), ColumnDoc("ns", doc="when it was published")
 """Descriptions of the two columns of times."""
 
 
-def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Table]]:
+def iter_channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Table]]:
     """Yield (safe name, table) of each channel that has columns, one at a time because a log may be large.
 
     Args:
@@ -31,7 +31,7 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
     streamed = {
         channel.topic
         for channel in log.added_channels
-        if isinstance(channel, StreamedChannel) and channel.topic not in MADE_OF_PATHS
+        if isinstance(channel, StreamedChannel) and channel.topic not in STREAMED_PATH_TOPICS
     }
     for topic in sorted({channel.topic for channel in log.channels}):
         if topic in streamed:
@@ -42,11 +42,11 @@ def channel_tables(log: Log, left_out: dict[str, str]) -> Iterator[tuple[str, Ta
         except CwcliError as error:
             left_out[topic] = error.what
             continue
-        name = topic_name(topic)
-        yield name, channel_table(name, columns)
+        name = safe_topic_name(topic)
+        yield name, make_channel_table(name, columns)
 
 
-def channel_table(name: str, columns: Columns) -> Table:
+def make_channel_table(name: str, columns: Columns) -> Table:
     """Make the table of a channel: log time, publish time and sequence number, then its leaf fields."""
     header: dict[str, TableColumn] = {
         "log_time_ns": columns.log_time_ns,
@@ -55,4 +55,4 @@ def channel_table(name: str, columns: Columns) -> Table:
     }
     fields = {f"message.{leaf}" if leaf in header else leaf: values for leaf, values in columns.fields.items()}
     about = {"topic": columns.topic, "schema": columns.schema_name, "encoding": columns.message_encoding}
-    return Table(name, {**header, **fields}, {"log_time_ns": LOG_TIME, "publish_time_ns": PUBLISH_TIME}, about)
+    return Table(name, {**header, **fields}, {"log_time_ns": LOG_TIME_DOC, "publish_time_ns": PUBLISH_TIME_DOC}, about)

@@ -28,15 +28,26 @@ from cwcli.output import make_folder, open_output
 if TYPE_CHECKING:
     from cwcli.metrics.table import Table
 
-FORMAT = 1
+MANIFEST_FORMAT = 1
 """Version of the manifest's format."""
-MANIFEST, RUN_TIMES, ENTRY, ANNOTATED = "manifest.json", "run_times.json", "entry.json", "annotated.mcap"
+MANIFEST_NAME, RUN_TIMES_NAME, ENTRY_NAME, ANNOTATED_LOG_NAME = (
+    "manifest.json",
+    "run_times.json",
+    "entry.json",
+    "annotated.mcap",
+)
 """Names of the files in the output folder."""
-NOT_DONE = "it was not processed"
+NOT_DONE_TEXT = "it was not processed"
 """Error text of a log that has no entry."""
 OTHER_FORMAT_HINT = "use the version of cwcli that wrote it, or do the run again into a new folder"
 """Hint of the error about a manifest in another format."""
-LOGS, METRICS, DETAILS, TABLES, SCRATCH = "logs", "metrics", "details", "tables", ".scratch"
+LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER = (
+    "logs",
+    "metrics",
+    "details",
+    "tables",
+    ".scratch",
+)
 """Names of the subfolders of the output folder."""
 
 Document = dict[str, Any]
@@ -55,54 +66,54 @@ class LogFolder:
     id: str
 
     @property
-    def annotated(self) -> Path:
+    def annotated_log_path(self) -> Path:
         """Path of the annotated log."""
-        return self.out / LOGS / self.id / ANNOTATED
+        return self.out / LOGS_FOLDER / self.id / ANNOTATED_LOG_NAME
 
     @property
-    def metrics(self) -> Path:
+    def metrics_path(self) -> Path:
         """Path of the table of headline metrics."""
-        return self._part(METRICS) / f"{METRICS}.parquet"
+        return self._partition_path(METRICS_FOLDER) / f"{METRICS_FOLDER}.parquet"
 
-    def table(self, kind: str, name: str) -> Path:
+    def table_path(self, kind: str, name: str) -> Path:
         """Path of one table; `kind` is the folder of details or of channel tables."""
-        return self._part(kind, name) / f"{name}.parquet"
+        return self._partition_path(kind, name) / f"{name}.parquet"
 
-    def entry(self) -> Document | None:
+    def read_entry(self) -> Document | None:
         """Read the log's entry; None if there is none or it can't be read."""
-        return read_document(self._entry)
+        return read_json_object(self._entry_path)
 
     @property
-    def _entry(self) -> Path:
-        return self.out / LOGS / self.id / ENTRY
+    def _entry_path(self) -> Path:
+        return self.out / LOGS_FOLDER / self.id / ENTRY_NAME
 
-    def note(self) -> None:
+    def note_entry_as_input(self) -> None:
         """Register the entry as an input of this run, so that no output overwrites it."""
-        note_input(self._entry)
+        note_input(self._entry_path)
 
     def is_done(self, entry: Document | None, key: str) -> bool:
         """Whether the log was done with this key and all its files still have their sizes."""
-        if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _is_whole(entry):
+        if entry is None or entry.get("status") != "done" or entry.get("key") != key or not _has_all_fields(entry):
             return False
-        return bool(self._sizes(entry["outputs"]) == entry["bytes"])
+        return bool(self._file_sizes(entry["outputs"]) == entry["bytes"])
 
-    def finish(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
+    def write_entry(self, entry: Mapping[str, Any], outputs: list[Path]) -> Document:
         """Write the log's entry with the names and sizes of its files; returns the whole entry."""
         paths = sorted(path.relative_to(self.out).as_posix() for path in outputs)
-        whole = {**entry, "outputs": paths, "bytes": self._sizes(paths)}
-        write_document(whole, self._entry)
+        whole = {**entry, "outputs": paths, "bytes": self._file_sizes(paths)}
+        write_json_object(whole, self._entry_path)
         return whole
 
-    def clear(self) -> None:
+    def remove_all_files(self) -> None:
         """Remove all files of the log.
 
         Raises:
             OutputError: Something can't be removed.
         """
         with suppress(FileNotFoundError):  # first, so that a half-removed log does not look done
-            self._entry.unlink()
-        parts = [self.out / LOGS / self.id, self._part(METRICS)]
-        for kind in (DETAILS, TABLES):
+            self._entry_path.unlink()
+        parts = [self.out / LOGS_FOLDER / self.id, self._partition_path(METRICS_FOLDER)]
+        for kind in (DETAILS_FOLDER, TABLES_FOLDER):
             if (self.out / kind).is_dir():
                 parts += [table / f"log={self.id}" for table in (self.out / kind).iterdir()]
         for part in parts:
@@ -115,18 +126,18 @@ class LogFolder:
             with suppress(OSError):  # it is empty only after the last log that had this table
                 part.parent.rmdir()
 
-    def _part(self, *names: str) -> Path:
+    def _partition_path(self, *names: str) -> Path:
         return self.out.joinpath(*names, f"log={self.id}")
 
-    def _sizes(self, paths: list[str]) -> list[int]:
+    def _file_sizes(self, paths: list[str]) -> list[int]:
         return [path.stat().st_size if path.is_file() else -1 for path in (self.out / name for name in paths)]
 
 
-def id_of_annotated(path: Path) -> str | None:
+def log_id_of_annotated_file(path: Path) -> str | None:
     """The id of the drive whose annotated log in an output folder this is; None for any other file."""
     try:
         resolved = path.resolve()
-        is_of_run = resolved.name == ANNOTATED and (resolved.parent / ENTRY).is_file()
+        is_of_run = resolved.name == ANNOTATED_LOG_NAME and (resolved.parent / ENTRY_NAME).is_file()
     except (OSError, ValueError):  # reading the file gives the error
         return None
     return resolved.parent.name if is_of_run else None
@@ -160,7 +171,7 @@ class RecordedRun:
     gates: tuple[str, ...]
 
 
-def read_output(out: Path) -> RecordedRun | None:
+def read_output_folder(out: Path) -> RecordedRun | None:
     """Read the run in an output folder: the logs in the manifest, else those that have a folder.
 
     The manifest of a killed run calls every log pending, so a log's own entry takes precedence. All types are checked,
@@ -172,13 +183,13 @@ def read_output(out: Path) -> RecordedRun | None:
     Raises:
         InputError: The manifest is of another format.
     """
-    note_input(out / MANIFEST)
-    manifest = read_document(out / MANIFEST) or {}
-    if what := other_format(manifest):
-        raise InputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
+    note_input(out / MANIFEST_NAME)
+    manifest = read_json_object(out / MANIFEST_NAME) or {}
+    if what := format_mismatch_text(manifest):
+        raise InputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
     listed = manifest.get("logs")
     if not isinstance(listed, list):
-        listed = [{"id": name} for name in recorded_ids(out)]
+        listed = [{"id": name} for name in iter_recorded_ids(out)]
         if not listed:
             return None
     given = {each["id"]: each for each in listed if isinstance(each, dict) and isinstance(each.get("id"), str)}
@@ -187,23 +198,23 @@ def read_output(out: Path) -> RecordedRun | None:
         is_plain = name not in {"", ".", ".."} and not set(name) & {"/", "\\", "\0"}
         folder = LogFolder(out, name) if is_plain else None
         if folder is not None:
-            folder.note()
-        logs.append(RecordedLog(name, folder, (folder and folder.entry()) or entry))
+            folder.note_entry_as_input()
+        logs.append(RecordedLog(name, folder, (folder and folder.read_entry()) or entry))
     pipeline = manifest.get("pipeline")
     gates = pipeline.get("gates") if isinstance(pipeline, dict) else None
     kept = tuple(gate for gate in gates if isinstance(gate, str)) if isinstance(gates, list) else ()
     return RecordedRun(tuple(logs), kept)
 
 
-def other_format(manifest: Mapping[str, Any]) -> str:
+def format_mismatch_text(manifest: Mapping[str, Any]) -> str:
     """An error text for a manifest of cwcli in another format than this version's; "" for any other file.
 
     A folder of logs may hold a manifest.json of another tool, which is ignored.
     """
-    found = manifest.get("format", FORMAT)
-    if found == FORMAT or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
+    found = manifest.get("format", MANIFEST_FORMAT)
+    if found == MANIFEST_FORMAT or not ("cwcli" in manifest or isinstance(manifest.get("logs"), list)):
         return ""
-    return f"a manifest of format {found!r}, and cwcli {__version__} reads format {FORMAT}"
+    return f"a manifest of format {found!r}, and cwcli {__version__} reads format {MANIFEST_FORMAT}"
 
 
 def new_entry(id: str, source: str) -> Document:
@@ -223,7 +234,7 @@ def new_entry(id: str, source: str) -> Document:
     }
 
 
-def _is_whole(entry: Document) -> bool:
+def _has_all_fields(entry: Document) -> bool:
     """Whether the entry of a log that is done has all fields that are read from it, in their types."""
     return (
         entry.get("error") is None
@@ -232,11 +243,11 @@ def _is_whole(entry: Document) -> bool:
         and all(isinstance(entry.get(key), dict) for key in ("left_out", "faults", "tables"))
         and all(isinstance(each, str) for each in (*entry["stages"], *entry["outputs"], *entry["left_out"].values()))
         and all(isinstance(each, int) for each in entry["tables"].values())
-        and all(isinstance(each, dict) and _is_count(each) for each in entry["inputs"])
+        and all(isinstance(each, dict) and _is_message_count(each) for each in entry["inputs"])
     )
 
 
-def _is_count(count: Document) -> bool:
+def _is_message_count(count: Document) -> bool:
     rejected = count.get("rejected")
     return (
         isinstance(count.get("read"), int)
@@ -245,7 +256,7 @@ def _is_count(count: Document) -> bool:
     )
 
 
-def put_table(table: Table, path: Path) -> Path:
+def write_table_with_folders(table: Table, path: Path) -> Path:
     """Write one table and create its folders; returns the path."""
     from cwcli.metrics.table import write_table
 
@@ -254,52 +265,52 @@ def put_table(table: Table, path: Path) -> Path:
     return path
 
 
-def read_document(path: Path) -> Document | None:
+def read_json_object(path: Path) -> Document | None:
     """Read a JSON file that holds an object; None if it is missing or holds something else."""
     try:
-        document = json.loads(path.read_bytes(), object_pairs_hook=_shared)
+        document = json.loads(path.read_bytes(), object_pairs_hook=_intern_strings)
     except (OSError, ValueError, RecursionError):
         return None
     return document if isinstance(document, dict) else None
 
 
-def _shared(pairs: list[tuple[str, Any]]) -> Document:
+def _intern_strings(pairs: list[tuple[str, Any]]) -> Document:
     """Make an object whose strings are interned, because many logs repeat them."""
     return {sys.intern(key): sys.intern(value) if type(value) is str else value for key, value in pairs}
 
 
-def write_document(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:
+def write_json_object(document: Mapping[str, Any], path: Path, *, durable: bool = False) -> None:
     """Write a JSON file atomically, with a line for each key and for each item below it."""
     with open_output(path, force=True, durable=durable) as output:
         before = "{\n "
         for key, value in document.items():
-            output.write(f"{before}{_json(key)}: ".encode())
-            for piece in _json_lines(value):
+            output.write(f"{before}{_to_json(key)}: ".encode())
+            for piece in _iter_json_lines(value):
                 output.write(piece.encode())
             before = ",\n "
         output.write(b"\n}\n")
 
 
-def _json_lines(value: Any) -> Iterator[str]:
+def _iter_json_lines(value: Any) -> Iterator[str]:
     # Python's own indentation takes ten times as long, of a manifest of a thousand logs several seconds
     if isinstance(value, Mapping) and value:
         for k, (key, each) in enumerate(value.items()):
-            yield f"{',' if k else '{'}\n  {_json(str(key))}: {_json(each)}"
+            yield f"{',' if k else '{'}\n  {_to_json(str(key))}: {_to_json(each)}"
         yield "\n }"
     elif isinstance(value, list) and value:
         for k, each in enumerate(value):
-            yield f"{',' if k else '['}\n  {_json(each)}"
+            yield f"{',' if k else '['}\n  {_to_json(each)}"
         yield "\n ]"
     else:
-        yield _json(value)
+        yield _to_json(value)
 
 
-def _json(value: Any) -> str:
+def _to_json(value: Any) -> str:
     return json.dumps(value, allow_nan=False)
 
 
-def recorded_ids(out: Path) -> Iterator[str]:
+def iter_recorded_ids(out: Path) -> Iterator[str]:
     """Yield the ids of the logs that have a folder, sorted."""
-    logs = out / LOGS
+    logs = out / LOGS_FOLDER
     if logs.is_dir():
         yield from sorted(path.name for path in logs.iterdir() if path.is_dir())

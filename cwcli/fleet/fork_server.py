@@ -69,7 +69,7 @@ class ForkServer:
                 raise WorkerLost from error
         return PipeWorker(Connection(near.detach()))
 
-    def stop(self) -> None:
+    def stop_workers(self) -> None:
         """End all workers at once."""
         with self._lock:
             leash, self._leash = self._leash, -1
@@ -77,7 +77,7 @@ class ForkServer:
                 os.close(leash)
             self._control.close()
 
-    def join(self) -> None:
+    def wait_until_stopped(self) -> None:
         """Wait until the server has gone; it goes when its last worker has gone."""
         self._process.wait()
 
@@ -100,13 +100,13 @@ def serve(control: int, leash: int) -> None:
                 break
             if not message:
                 break
-            children -= {child for child in children if _has_ended(child)}
+            children -= {child for child in children if _has_child_ended(child)}
             for descriptor in descriptors:
                 os.set_inheritable(descriptor, False)
                 child = os.fork()
                 if not child:
                     calls.close()
-                    _work(descriptor, leash)
+                    _run_worker_loop(descriptor, leash)
                 os.close(descriptor)
                 children.add(child)
     for child in children:
@@ -114,15 +114,15 @@ def serve(control: int, leash: int) -> None:
             os.waitpid(child, 0)
 
 
-def _has_ended(child: int) -> bool:
+def _has_child_ended(child: int) -> bool:
     return os.waitpid(child, os.WNOHANG)[0] != 0
 
 
-def _work(descriptor: int, leash: int) -> None:
+def _run_worker_loop(descriptor: int, leash: int) -> None:
     """Answer calls until the connection closes, then exit the process; does not return."""
     code = 1
     try:
-        threading.Thread(target=_leave_after, args=(leash,), daemon=True).start()
+        threading.Thread(target=_exit_when_leash_closes, args=(leash,), daemon=True).start()
         with Connection(descriptor) as connection, suppress(OSError, EOFError):
             while True:
                 function, arguments = connection.recv()
@@ -139,6 +139,6 @@ def _work(descriptor: int, leash: int) -> None:
         os._exit(code)
 
 
-def _leave_after(leash: int) -> None:
+def _exit_when_leash_closes(leash: int) -> None:
     wait_for([leash])
     os._exit(1)

@@ -10,10 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cwcli.errors import OutputError, UsageError
-from cwcli.logs.read.recording import METADATA, is_recording, logs_in
-from cwcli.logs.read.remote import FILE_SCHEME, blocks, file_system, is_remote, names_below
-from cwcli.logs.read.remote_errors import unreadable
-from cwcli.logs.read.source import no_more_than
+from cwcli.logs.read.recording import METADATA_FILE_NAME, is_recording_folder, log_names_in_folder
+from cwcli.logs.read.remote import (
+    FILE_SCHEME,
+    file_names_below_url,
+    file_system_and_path,
+    is_remote_url,
+    iter_remote_blocks,
+)
+from cwcli.logs.read.remote_errors import unreadable_url_error
+from cwcli.logs.read.source import iter_within_size_limit
 from cwcli.url import name_url, path_of_url
 
 
@@ -36,50 +42,53 @@ def expand_sources(arguments: Sequence[str], results: Sequence[str] = ()) -> lis
     kept = [os.path.realpath(folder) + os.sep for folder in results]
     found: dict[str, tuple[str, str]] = {}
     for argument in arguments:
-        named = {source: _path(source) for source in _expanded(argument)}
+        named = {source: _absolute_path(source) for source in _expand_argument(argument)}
         outside = {source: path for source, path in named.items() if not path.startswith(tuple(kept))}
         if not outside:
             raise UsageError("the log lies in the output folder", where=argument, hint="name another folder with -d")
         for source, path in outside.items():
-            name = name_url(source) if is_remote(source) else source
-            found.setdefault(name if is_remote(source) else path, (name, path))
+            name = name_url(source) if is_remote_url(source) else source
+            found.setdefault(name if is_remote_url(source) else path, (name, path))
     return list(found.values())
 
 
-def _path(source: str) -> str:
-    return source if is_remote(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
+def _absolute_path(source: str) -> str:
+    return source if is_remote_url(source) else os.path.realpath(source.removeprefix(FILE_SCHEME))
 
 
-def _expanded(argument: str) -> list[str]:
+def _expand_argument(argument: str) -> list[str]:
     if not argument:
         raise UsageError("the name of a log is empty", hint="is a variable of the shell not set?")
     if argument == "-":
         raise UsageError(
             "standard input holds one log; a run over many needs files", hint="leave -d away, or name files"
         )
-    if is_remote(argument):
-        return _expanded_remote(argument)
+    if is_remote_url(argument):
+        return _expand_remote_pattern(argument)
     plain = argument.removeprefix(FILE_SCHEME)
     if os.path.isdir(plain):  # noqa: PTH112 - a zero byte in the name is no error here
-        return _in_folder(argument, Path(plain))
+        return _logs_in_folder(argument, Path(plain))
     if not glob.has_magic(plain) or os.path.lexists(plain):
         return [argument]
-    matches = sorted(name for name in glob.glob(plain, recursive=True) if _is_log(Path(name)))  # noqa: PTH207
+    matches = sorted(name for name in glob.glob(plain, recursive=True) if _is_log_path(Path(name)))  # noqa: PTH207
     if not matches:
         raise UsageError("no file matches", where=argument)
     return matches
 
 
-def _is_log(path: Path) -> bool:
-    return not path.is_dir() or is_recording(path)
+def _is_log_path(path: Path) -> bool:
+    return not path.is_dir() or is_recording_folder(path)
 
 
-def _in_folder(argument: str, folder: Path) -> list[str]:
+def _logs_in_folder(argument: str, folder: Path) -> list[str]:
     """List the logs of a folder: itself if it is one log, else the log files and log folders directly in it."""
-    if is_recording(folder):
+    if is_recording_folder(folder):
         return [argument]
     names = sorted(
-        [*logs_in(folder), *(each.name for each in folder.iterdir() if each.is_dir() and is_recording(each))]
+        [
+            *log_names_in_folder(folder),
+            *(each.name for each in folder.iterdir() if each.is_dir() and is_recording_folder(each)),
+        ]
     )
     if names:
         return [f"{argument.rstrip('/')}/{name}" for name in names]
@@ -92,29 +101,29 @@ def _in_folder(argument: str, folder: Path) -> list[str]:
     )
 
 
-def _expanded_remote(url: str) -> list[str]:
-    if url.endswith("/") and METADATA in names_below(url):
+def _expand_remote_pattern(url: str) -> list[str]:
+    if url.endswith("/") and METADATA_FILE_NAME in file_names_below_url(url):
         return [url]
-    system, path = file_system(f"{url}*.mcap" if url.endswith("/") else url)
+    system, path = file_system_and_path(f"{url}*.mcap" if url.endswith("/") else url)
     if not glob.has_magic(path_of_url(url) if not url.endswith("/") else path):
         return [url]
     try:
         matches = sorted(name for name in system.glob(path) if not system.isdir(name))
     except Exception as error:  # each store has its own errors
-        raise unreadable(url, error) from error
+        raise unreadable_url_error(url, error) from error
     if not matches:
         parent = url[: url.index(next(each for each in url if each in "*?["))].rpartition("/")[0]
         try:
-            system.ls(file_system(f"{parent}/")[1])
+            system.ls(file_system_and_path(f"{parent}/")[1])
         except Exception as error:
             if "bucket" in str(error).lower():  # otherwise only the folder is missing: nothing matches
-                raise unreadable(url, error) from error
+                raise unreadable_url_error(url, error) from error
         raise UsageError("no file matches", where=url)
     return [str(system.unstrip_protocol(name)) for name in matches]
 
 
 @contextmanager
-def local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
+def temporary_local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
     """Copy a remote log to a temporary file that is removed when the context ends.
 
     Args:
@@ -134,7 +143,7 @@ def local_copy(url: str, folder: Path, max_bytes: int) -> Iterator[Path]:
     copy = Path(name)
     try:
         with os.fdopen(descriptor, "wb") as target:
-            for block in no_more_than(max_bytes, blocks(url), name_url(url)):
+            for block in iter_within_size_limit(max_bytes, iter_remote_blocks(url), name_url(url)):
                 try:
                     target.write(block)
                 except OSError as error:

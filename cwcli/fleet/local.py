@@ -9,8 +9,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from cwcli.fleet.plan import Plan, Task
-from cwcli.fleet.worker import Done, work
+from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.fleet.worker import TaskResult, process_log
 from cwcli.fleet.worker_call import WorkerLost
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cwcli.fleet.spawned import SpawnedWorker, SpawningServer
     from cwcli.fleet.worker_call import PipeWorker
 
-ATTEMPTS = 2
+MAX_ATTEMPTS = 2
 """Attempts at a log whose worker dies; chosen: one repetition, because another process may have caused it."""
 
 LOGS_PER_WORKER = 500
@@ -29,9 +29,9 @@ class WorkerDied(Exception):
     """The worker of a log died at every attempt."""
 
 
-def run_local(
-    tasks: Sequence[Task], plan: Plan, jobs: int, do: Callable[[Task, Plan], Done] = work
-) -> Iterator[tuple[Task, Done | WorkerDied]]:
+def run_on_local_processes(
+    tasks: Sequence[LogTask], plan: FleetPlan, jobs: int, do: Callable[[LogTask, FleetPlan], TaskResult] = process_log
+) -> Iterator[tuple[LogTask, TaskResult | WorkerDied]]:
     """Process the logs on `jobs` local processes, in order; yield each task with its result as it ends.
 
     All workers are stopped before the iterator closes, also after an error.
@@ -44,14 +44,14 @@ def run_local(
     Raises:
         OutputError: The output folder can't be written.
     """
-    workers = _Workers(plan, do)
+    workers = _WorkerPool(plan, do)
     threads = ThreadPoolExecutor(jobs, thread_name_prefix="log")
     try:
-        running: dict[Future[Done], Task] = {}
+        running: dict[Future[TaskResult], LogTask] = {}
         waiting = iter(tasks)
         while True:
             for task in waiting:
-                running[threads.submit(workers.do, task)] = task
+                running[threads.submit(workers.run_task, task)] = task
                 if len(running) >= 2 * jobs:
                     break
             if not running:
@@ -63,64 +63,64 @@ def run_local(
                 except WorkerDied as died:
                     yield task, died
     finally:
-        workers.stop()
+        workers.stop_workers()
         threads.shutdown(cancel_futures=True)
-        workers.join()
+        workers.wait_until_stopped()
 
 
-class _Workers:
+class _WorkerPool:
     """One worker process per thread, so that it is known which log killed a worker."""
 
-    def __init__(self, plan: Plan, do: Callable[[Task, Plan], Done]) -> None:
+    def __init__(self, plan: FleetPlan, do: Callable[[LogTask, FleetPlan], TaskResult]) -> None:
         self._do = do
         self._plan = plan
-        self._server = _server()
+        self._server = _start_server()
         self._mine = threading.local()
         self._is_stopping = False
 
-    def do(self, task: Task) -> Done:
+    def run_task(self, task: LogTask) -> TaskResult:
         """Process one log in this thread's worker.
 
         Raises:
             WorkerDied: The worker died at every attempt.
         """
-        for attempt in range(1, ATTEMPTS + 1):
+        for attempt in range(1, MAX_ATTEMPTS + 1):
             try:
-                done: Done = self._worker().call(self._do, task, self._plan)
+                done: TaskResult = self._worker_of_thread().call_function(self._do, task, self._plan)
             except WorkerLost:
-                self._dismiss()
+                self._dismiss_worker()
                 if self._is_stopping:
                     break
             else:
                 self._mine.n_done += 1
                 if self._mine.n_done >= LOGS_PER_WORKER:
-                    self._dismiss()
+                    self._dismiss_worker()
                 return replace(done, attempts=attempt)
         raise WorkerDied
 
-    def stop(self) -> None:
+    def stop_workers(self) -> None:
         """Stop all workers at once."""
         self._is_stopping = True
-        self._server.stop()
+        self._server.stop_workers()
 
-    def join(self) -> None:
+    def wait_until_stopped(self) -> None:
         """Wait until all workers have ended."""
-        self._server.join()
+        self._server.wait_until_stopped()
 
-    def _worker(self) -> PipeWorker | SpawnedWorker:
+    def _worker_of_thread(self) -> PipeWorker | SpawnedWorker:
         if getattr(self._mine, "worker", None) is None:
             self._mine.worker = self._server.start_worker()
             self._mine.n_done = 0
         worker: PipeWorker | SpawnedWorker = self._mine.worker
         return worker
 
-    def _dismiss(self) -> None:
+    def _dismiss_worker(self) -> None:
         worker, self._mine.worker = getattr(self._mine, "worker", None), None
         if worker is not None:
             worker.close()
 
 
-def _server() -> ForkServer | SpawningServer:
+def _start_server() -> ForkServer | SpawningServer:
     if hasattr(os, "fork"):
         from cwcli.fleet.fork_server import ForkServer
 

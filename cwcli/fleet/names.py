@@ -9,19 +9,19 @@ from collections.abc import Sequence
 
 from cwcli.url import HIDDEN
 
-MAX_LENGTH = 80
+MAX_NAME_CHARS = 80
 """Longest name in characters; chosen by hand."""
-MAX_BYTES = 160
+MAX_NAME_BYTES = 160
 """Longest name in bytes of UTF-8; chosen: file systems take 255, and a digest and a suffix follow."""
-DIGEST_LENGTH = 8
+DIGEST_CHARS = 8
 """Hexadecimal digits of the hash that makes a changed name unique; chosen by hand."""
-PLAIN = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
+PLAIN_UNICODE_CATEGORIES = frozenset({"Lu", "Ll", "Lt", "Lm", "Lo", "Mn", "Mc", "Nd"})
 """Unicode categories of letters, their marks, and digits."""
-_MORE_THAN_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
+_NOT_ONLY_A_NUMBER = re.compile(r"[A-DF-SU-Ya-df-su-y]|[^\W\d_a-zA-Z]")
 """A letter that no number in text holds."""
-_LIKE_A_NUMBER = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
+_READ_AS_A_VALUE = re.compile(r"(?i)nan|inf|infinity|null|true|false|none")
 """Words that readers of tables take for a number, a missing value or a truth value."""
-_DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
+_WINDOWS_DEVICE_NAMES = re.compile(r"(?i)(con|prn|aux|nul|com\d|lpt\d)(\..*)?")
 """Names of devices, which Windows allows for no file."""
 
 
@@ -33,28 +33,30 @@ def safe_name(text: str) -> str:
     reader of partitioned tables would take it for a date.
     """
     composed = unicodedata.normalize("NFC", text)  # some file systems do so too: an accent is part of its letter
-    kept = "".join(char if _is_plain(char) else "\0" for char in composed)
-    name = _cut(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", kept))).rstrip(".")
-    if not _MORE_THAN_A_NUMBER.search(name) or _LIKE_A_NUMBER.fullmatch(name) or _DEVICES.fullmatch(name):
+    kept = "".join(char if _is_plain_character(char) else "\0" for char in composed)
+    name = _cut_to_max_length(re.sub(r"^[\W_]+", "", re.sub("\0+", "_", kept))).rstrip(".")
+    if not _NOT_ONLY_A_NUMBER.search(name) or _READ_AS_A_VALUE.fullmatch(name) or _WINDOWS_DEVICE_NAMES.fullmatch(name):
         name = f"log-{name}".rstrip("-.")
         if name == f"log-{text}":
             return name
     if name == text:
         return name
-    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGEST_LENGTH]
+    digest = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:DIGEST_CHARS]
     return f"{name}-{digest}"
 
 
-def _is_plain(char: str) -> bool:
+def _is_plain_character(char: str) -> bool:
     """Whether a character is a letter, a digit or a mark of any script, or one of `._-`."""
-    return char in "._-" or (char.isalnum() if char.isascii() else unicodedata.category(char) in PLAIN)
+    return char in "._-" or (
+        char.isalnum() if char.isascii() else unicodedata.category(char) in PLAIN_UNICODE_CATEGORIES
+    )
 
 
-def _cut(name: str) -> str:
-    return name[:MAX_LENGTH].encode()[:MAX_BYTES].decode(errors="ignore")
+def _cut_to_max_length(name: str) -> str:
+    return name[:MAX_NAME_CHARS].encode()[:MAX_NAME_BYTES].decode(errors="ignore")
 
 
-def topic_name(topic: str) -> str:
+def safe_topic_name(topic: str) -> str:
     """A topic as a safe name: `/cwcli/ego/state` is `cwcli.ego.state`."""
     name = topic.removeprefix("/")
     dotted = name.replace("/", ".")
@@ -62,7 +64,7 @@ def topic_name(topic: str) -> str:
     return safe_name(dotted) if is_plain else safe_name(f"{dotted} {topic}")
 
 
-def log_ids(sources: Sequence[str]) -> list[str]:
+def unique_log_ids(sources: Sequence[str]) -> list[str]:
     """A safe, unique name for each source, from its file name.
 
     A name does not depend on the other sources unless several have the same file name; those get as many of their
@@ -71,7 +73,7 @@ def log_ids(sources: Sequence[str]) -> list[str]:
     Args:
         sources: Names of files or URLs, all different.
     """
-    parts = [_parts(source) for source in sources]
+    parts = [_folders_and_stem(source) for source in sources]
     depth = [1] * len(sources)
     while True:
         names = ["_".join(path[-n:]) for path, n in zip(parts, depth, strict=True)]
@@ -91,7 +93,7 @@ def log_ids(sources: Sequence[str]) -> list[str]:
     ]
 
 
-def _parts(source: str) -> list[str]:
+def _folders_and_stem(source: str) -> list[str]:
     """Split a source into its folders and stem, without empty parts and hidden secrets."""
     digest = ""
     if "://" in source:  # as `name_url` shows it: user and signature are no part of the name

@@ -16,7 +16,7 @@ from cwcli.pipeline.call import StageCall
 
 
 @dataclass(frozen=True)
-class Plan:
+class FleetPlan:
     """Stages and options that are the same for every log of a run.
 
     Attributes:
@@ -45,11 +45,11 @@ class Plan:
     tables: bool = False
     channels: tuple[str, ...] = ()
 
-    def calls(self) -> dict[str, StageCall]:
+    def stage_calls(self) -> dict[str, StageCall]:
         """Stage calls by name, in order."""
         return {call.stage.name: call for call in self.stages}
 
-    def key(self, input_sha256: str) -> str:
+    def cache_key(self, input_sha256: str) -> str:
         """Hash of version, input and options; an equal key means equal results.
 
         `max_pipe_bytes` is no part of it, nor, without `--recover`, `max_ratio`: a log that was read within one bound
@@ -65,7 +65,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Task:
+class LogTask:
     """One log of a run.
 
     Attributes:

@@ -9,20 +9,20 @@ from typing import Any
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.fleet.local import WorkerDied
-from cwcli.fleet.plan import Plan, Task
-from cwcli.fleet.worker import Done, work
+from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.fleet.worker import TaskResult, process_log
 
-RETRIES = 1
+MAX_RETRIES = 1
 """Repetitions of a log whose worker died; chosen as for local processes."""
-LOCAL = "local"
+LOCAL_ADDRESS = "local"
 """Address that means a new cluster on this machine."""
-CONNECT_S = 5.0
+CONNECT_TIMEOUT_S = 5.0
 """Time after which a cluster counts as not answering, s; chosen by hand."""
 
 
-def run_ray(
-    tasks: Sequence[Task], plan: Plan, address: str, jobs: int | None
-) -> Iterator[tuple[Task, Done | WorkerDied]]:
+def run_on_ray_cluster(
+    tasks: Sequence[LogTask], plan: FleetPlan, address: str, jobs: int | None
+) -> Iterator[tuple[LogTask, TaskResult | WorkerDied]]:
     """Process the logs on a Ray cluster; yield each task with its result as it ends.
 
     Inputs and the output folder must be reachable under the same names from every machine of the cluster.
@@ -36,9 +36,9 @@ def run_ray(
         UsageError: Ray is not installed, or the cluster does not answer.
         OutputError: The output folder can't be written.
     """
-    ray = _started(address, jobs)
+    ray = _connect_to_ray(address, jobs)
     try:
-        remote = ray.remote(max_retries=RETRIES, num_cpus=1)(work)
+        remote = ray.remote(max_retries=MAX_RETRIES, num_cpus=1)(process_log)
         shared = ray.put(plan)
         running = {remote.remote(task, shared): task for task in tasks}
         while running:
@@ -58,7 +58,7 @@ def run_ray(
         ray.shutdown()
 
 
-def _answers(address: str) -> None:
+def _check_cluster_answers(address: str) -> None:
     """Check that the cluster accepts connections; Ray itself would retry for minutes.
 
     Raises:
@@ -66,10 +66,10 @@ def _answers(address: str) -> None:
     """
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if port.isdecimal():
-        socket.create_connection((host.strip("[]"), int(port)), CONNECT_S).close()
+        socket.create_connection((host.strip("[]"), int(port)), CONNECT_TIMEOUT_S).close()
 
 
-def _started(address: str, jobs: int | None) -> Any:
+def _connect_to_ray(address: str, jobs: int | None) -> Any:
     """Import Ray, connect it to the cluster, and return its module."""
     try:
         import ray
@@ -82,9 +82,9 @@ def _started(address: str, jobs: int | None) -> Any:
         "runtime_env": {"env_vars": {"OPENBLAS_NUM_THREADS": "1"}},
     }
     try:
-        _answers(address)
-        if address == LOCAL:
-            ray.init(address=LOCAL, num_cpus=jobs, include_dashboard=False, **quiet)
+        _check_cluster_answers(address)
+        if address == LOCAL_ADDRESS:
+            ray.init(address=LOCAL_ADDRESS, num_cpus=jobs, include_dashboard=False, **quiet)
         else:
             ray.init(address=address, **quiet)
     except (ConnectionError, RuntimeError, ValueError, OSError) as error:

@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from cwcli.errors import CwcliError, InputError, UsageError
-from cwcli.fleet.folder import MANIFEST, NOT_DONE, LogFolder, RecordedRun, read_output
+from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, LogFolder, RecordedRun, read_output_folder
 from cwcli.input import read_file
-from cwcli.logs.read.recording import is_recording
-from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS
-from cwcli.metrics.pooling import POOLED_ID, LogMetrics, notes_of, rows_of
+from cwcli.logs.read.recording import is_recording_folder
+from cwcli.metrics.headline import METRICS_TABLE_COLUMNS, OPTIONAL_COLUMNS
+from cwcli.metrics.pooling import POOLED_ID, LogMetrics, metric_rows_by_name, notes_from_metadata
 from cwcli.metrics.table import Table
 from cwcli.url import name_url
 
 if TYPE_CHECKING:
-    from cwcli.evaluation.system.topics import System
+    from cwcli.evaluation.system.topics import OtherSystemTopics
     from cwcli.logs.read.reader import Log
 
-STDIN = "-"
+STDIN_NAME = "-"
 """Name of standard input."""
-TEXTS = ("stage", "metric", "unit", "pool", "states")
+TEXT_COLUMNS = ("stage", "metric", "unit", "pool", "states")
 """The text columns of the table of metrics; the others hold numbers."""
-NO_TABLE = "the log has no readable table of metrics, and no annotated log to make it from"
+NO_TABLE_TEXT = "the log has no readable table of metrics, and no annotated log to make it from"
 """Error text of a log that is done but has neither metrics nor an annotated log."""
 
 
@@ -47,18 +47,18 @@ class RunMetrics:
     is_one_log: bool = False
 
 
-class _How(NamedTuple):
+class _ScoringOptions(NamedTuple):
     """Options of scoring a log: the truth, and another system or None."""
 
     truth: str
-    system: System | None
+    system: OtherSystemTopics | None
 
 
-def read_metrics(
+def read_run_metrics(
     source: str,
     *,
     truth: str = "auto",
-    system: System | None = None,
+    system: OtherSystemTopics | None = None,
     step: Callable[[str], None] = lambda text: None,
 ) -> RunMetrics:
     """Read or compute the headline metrics of a run.
@@ -77,34 +77,34 @@ def read_metrics(
         UsageError: A truth topic can't be one, or another system's; or a table is to be computed again.
         CwcliError: The only log can't be read.
     """
-    how = _How(truth, system)
+    how = _ScoringOptions(truth, system)
     if not source:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
-        is_folder = source != STDIN and path.is_dir() and not is_recording(path)
+        is_folder = source != STDIN_NAME and path.is_dir() and not is_recording_folder(path)
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if is_folder:
-        return _of_folder(source, path, how, step)
+        return _metrics_of_folder(source, path, how, step)
     if path.suffix.lower() == ".parquet":
         if system is not None:
             raise UsageError("--topic needs the annotated logs, not their table of metrics", where=source)
-        return RunMetrics(source, tuple(_of_table(path)))
+        return RunMetrics(source, tuple(_metrics_of_table(path)))
     name = name_url(source)
     step(f"evaluating {name}")
-    log = _of_log(source, Path(name).name if source != STDIN else "<stdin>", how)
+    log = _score_log(source, Path(name).name if source != STDIN_NAME else "<stdin>", how)
     return RunMetrics(name, (log,), is_one_log=True)
 
 
-def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) -> RunMetrics:
-    run = read_output(path)
+def _metrics_of_folder(source: str, path: Path, how: _ScoringOptions, step: Callable[[str], None]) -> RunMetrics:
+    run = read_output_folder(path)
     if run is not None:
-        return RunMetrics(source, tuple(_of_output(path, run, how, step)), run.gates)
+        return RunMetrics(source, tuple(_iter_metrics_of_output_folder(path, run, how, step)), run.gates)
     found = sorted(each for each in path.iterdir() if each.suffix.lower() == ".mcap" and each.is_file())
     if not found:
         raise InputError(
-            f"the folder holds neither a {MANIFEST} nor logs (*.mcap)",
+            f"the folder holds neither a {MANIFEST_NAME} nor logs (*.mcap)",
             where=source,
             hint="fill it with `cwcli run logs/*.mcap -d DIR`",
         )
@@ -112,7 +112,7 @@ def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) 
     for file in found:
         step(f"evaluating {file}")
         try:
-            logs.append(_of_log(str(file), file.name, how))
+            logs.append(_score_log(str(file), file.name, how))
         except UsageError:
             raise
         except CwcliError as error:
@@ -120,43 +120,45 @@ def _of_folder(source: str, path: Path, how: _How, step: Callable[[str], None]) 
     return RunMetrics(source, tuple(logs))
 
 
-def _of_output(path: Path, run: RecordedRun, how: _How, step: Callable[[str], None]) -> Iterator[LogMetrics]:
+def _iter_metrics_of_output_folder(
+    path: Path, run: RecordedRun, how: _ScoringOptions, step: Callable[[str], None]
+) -> Iterator[LogMetrics]:
     """Yield the metrics of each log of an output folder."""
     for log in run.logs:
         if log.folder is None:
-            raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST))
+            raise InputError(f"the log id {log.id!r} is no name of a file", where=str(path / MANIFEST_NAME))
         if log.entry.get("status") != "done":
-            yield LogMetrics(log.id, error=_error(log.entry))
+            yield LogMetrics(log.id, error=_error_text_of_entry(log.entry))
             continue
-        yield replace(_of_entry(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
+        yield replace(_metrics_of_log_folder(log.folder, how, step), sha256=str(log.entry.get("sha256") or ""))
 
 
-def _of_entry(folder: LogFolder, how: _How, step: Callable[[str], None]) -> LogMetrics:
+def _metrics_of_log_folder(folder: LogFolder, how: _ScoringOptions, step: Callable[[str], None]) -> LogMetrics:
     try:
-        table = read_metrics_table(folder.metrics)
+        table = read_metrics_table(folder.metrics_path)
         if table.metadata.get("truth", "auto") == how.truth and how.system is None:
-            return LogMetrics(folder.id, rows_of(table), notes=notes_of(table))
+            return LogMetrics(folder.id, metric_rows_by_name(table), notes=notes_from_metadata(table))
     except (InputError, ValueError):
-        if not folder.annotated.is_file():
-            return LogMetrics(folder.id, error=NO_TABLE)
+        if not folder.annotated_log_path.is_file():
+            return LogMetrics(folder.id, error=NO_TABLE_TEXT)
     step(f"evaluating {folder.id}")
     try:
-        return _of_log(str(folder.annotated), folder.id, how)
+        return _score_log(str(folder.annotated_log_path), folder.id, how)
     except UsageError:
         raise
     except CwcliError as error:
         return LogMetrics(folder.id, error=str(error))
 
 
-def _error(entry: dict[str, Any]) -> str:
+def _error_text_of_entry(entry: dict[str, Any]) -> str:
     error = entry.get("error")
     if not isinstance(error, dict):
-        return NOT_DONE
+        return NOT_DONE_TEXT
     where, what = error.get("where"), error.get("what")
     return f"{where}: {what}" if where else str(what)
 
 
-def _of_log(source: str, name: str, how: _How) -> LogMetrics:
+def _score_log(source: str, name: str, how: _ScoringOptions) -> LogMetrics:
     from cwcli.array_memory import bound_array_memory
     from cwcli.evaluation.evaluate_log import evaluate_log
     from cwcli.logs.read.reader import Log
@@ -164,18 +166,18 @@ def _of_log(source: str, name: str, how: _How) -> LogMetrics:
     bound_array_memory()
     with Log.open(source) as log:
         table = evaluate_log(log, truth=how.truth, system=how.system)
-        return LogMetrics(name, rows_of(table), sha256=_input_sha256(log), notes=notes_of(table))
+        return LogMetrics(name, metric_rows_by_name(table), sha256=_input_sha256(log), notes=notes_from_metadata(table))
 
 
 def _input_sha256(log: Log) -> str:
     """Hash of the log before it was annotated, from the first metadata record that holds it, else ""."""
-    from cwcli.pipeline.records import run_records
+    from cwcli.pipeline.records import read_run_records
 
-    hashes = [record["input_sha256"] for record in run_records(log).values() if "input_sha256" in record]
+    hashes = [record["input_sha256"] for record in read_run_records(log).values() if "input_sha256" in record]
     return hashes[0] if hashes else ""
 
 
-def _of_table(path: Path) -> list[LogMetrics]:
+def _metrics_of_table(path: Path) -> list[LogMetrics]:
     """Read the metrics of each log from a table with a column `log`."""
     table = read_metrics_table(path)
     ids = table.columns.get("log")
@@ -185,14 +187,14 @@ def _of_table(path: Path) -> list[LogMetrics]:
     for k, name in enumerate(ids):
         rows.setdefault(str(name), []).append(k)
     rows.pop(POOLED_ID, None)
-    return [LogMetrics(name, rows_of(_part(table, kept))) for name, kept in rows.items()]
+    return [LogMetrics(name, metric_rows_by_name(_select_table_rows(table, kept))) for name, kept in rows.items()]
 
 
-def _part(table: Table, rows: list[int]) -> Table:
+def _select_table_rows(table: Table, rows: list[int]) -> Table:
     columns = {
         name: column[np.array(rows)] if isinstance(column, np.ndarray) else [list(column)[k] for k in rows]
         for name, column in table.columns.items()
-        if name in COLUMNS and isinstance(column, np.ndarray | list)
+        if name in METRICS_TABLE_COLUMNS and isinstance(column, np.ndarray | list)
     }
     return Table(table.name, columns)
 
@@ -211,7 +213,9 @@ def read_metrics_table(path: Path) -> Table:
     except (OSError, ValueError, pa.ArrowException) as error:
         what = getattr(error, "strerror", None) or str(error).splitlines()[0]
         raise InputError(f"the metrics can't be read: {what}", where=str(path)) from error
-    missing = [name for name in COLUMNS if name not in found.column_names and name not in LATER_COLUMNS]
+    missing = [
+        name for name in METRICS_TABLE_COLUMNS if name not in found.column_names and name not in OPTIONAL_COLUMNS
+    ]
     if missing:
         raise InputError(f"the table has no column {missing[0]}", where=str(path))
     columns: dict[str, Any] = {}
@@ -220,7 +224,7 @@ def read_metrics_table(path: Path) -> Table:
         is_integer = pa.types.is_integer(column.type)
         is_number = pa.types.is_floating(column.type) or is_integer
         is_count = is_integer and not column.null_count
-        if name in COLUMNS and (is_number == (name in TEXTS) or (name == "n" and not is_count)):
+        if name in METRICS_TABLE_COLUMNS and (is_number == (name in TEXT_COLUMNS) or (name == "n" and not is_count)):
             raise InputError(f"its column {name} does not hold what it should: {column.type}", where=str(path))
         columns[name] = column.to_numpy() if is_number else [str(value) for value in column.to_pylist()]
     metadata = {

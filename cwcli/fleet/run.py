@@ -15,41 +15,41 @@ from typing import Any
 from cwcli import __version__
 from cwcli.errors import EXIT_BUG, OutputError, UsageError
 from cwcli.fleet.folder import (
-    DETAILS,
-    FORMAT,
-    LOGS,
-    MANIFEST,
-    METRICS,
+    DETAILS_FOLDER,
+    LOGS_FOLDER,
+    MANIFEST_FORMAT,
+    MANIFEST_NAME,
+    METRICS_FOLDER,
     OTHER_FORMAT_HINT,
-    RUN_TIMES,
-    SCRATCH,
-    TABLES,
+    RUN_TIMES_NAME,
+    SCRATCH_FOLDER,
+    TABLES_FOLDER,
     Document,
     LogFolder,
+    format_mismatch_text,
+    iter_recorded_ids,
     new_entry,
-    other_format,
-    read_document,
-    recorded_ids,
-    write_document,
+    read_json_object,
+    write_json_object,
 )
 from cwcli.fleet.inputs import expand_sources
-from cwcli.fleet.local import ATTEMPTS, WorkerDied, run_local
-from cwcli.fleet.names import log_ids
-from cwcli.fleet.plan import Plan, Task
-from cwcli.fleet.worker import Done, record
-from cwcli.input import inputs_below, note_input, remembering_inputs
-from cwcli.logs.read.remote import is_remote
+from cwcli.fleet.local import MAX_ATTEMPTS, WorkerDied, run_on_local_processes
+from cwcli.fleet.names import unique_log_ids
+from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.fleet.worker import TaskResult, record_entry
+from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
+from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
-from cwcli.pipeline.selection import check_selection
+from cwcli.pipeline.selection import check_selection_options
 from cwcli.url import name_url
 
-Report = Callable[[Task, str, int, int], None]
-PARTS = (LOGS, METRICS, DETAILS, TABLES, SCRATCH)
+Report = Callable[[LogTask, str, int, int], None]
+RUN_FOLDERS = (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER, SCRATCH_FOLDER)
 """Subfolders of the output folder that a run writes and may empty."""
 
 
 @dataclass(frozen=True)
-class Fleet:
+class FleetResult:
     """The result of a run over many logs.
 
     Attributes:
@@ -70,14 +70,14 @@ class Fleet:
 
 def run_fleet(
     sources: Sequence[str],
-    plan: Plan,
+    plan: FleetPlan,
     out: str | Path,
     *,
     jobs: int | None = None,
     ray: str | None = None,
     force: bool = False,
     report: Report = lambda task, status, done, total: None,
-) -> Fleet:
+) -> FleetResult:
     """Run a pipeline on every log, and record the result of each.
 
     Args:
@@ -97,26 +97,26 @@ def run_fleet(
     """
     begin = time.monotonic()
     began = datetime.now(UTC).isoformat(timespec="seconds")
-    if is_remote(str(out)):
+    if is_remote_url(str(out)):
         raise UsageError("the output folder must lie on this machine", where=str(out), hint="copy it there afterwards")
     if str(out) in {"", "-"}:
         raise UsageError(f"the output folder can't be '{out}'", hint="name it with -d")
     folder = Path(os.path.abspath(out))  # noqa: PTH100 - links stay as they are
-    check_selection(plan.topic, plan.start, plan.end)
-    found = expand_sources(sources, [str(folder / part) for part in PARTS])
-    ids = log_ids([source for source, _ in found])
-    tasks = [Task(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
+    check_selection_options(plan.topic, plan.start, plan.end)
+    found = expand_sources(sources, [str(folder / part) for part in RUN_FOLDERS])
+    ids = unique_log_ids([source for source, _ in found])
+    tasks = [LogTask(i, source, path, str(folder)) for i, (source, path) in zip(ids, found, strict=True)]
     tasks.sort(key=lambda task: task.id)
-    with remembering_inputs(), _locked(folder):
-        _refuse_inputs(folder, tasks)
-        _prepare(folder, tasks, force=force)
-        write_document(_manifest(folder, plan, tasks), folder / MANIFEST)
+    with remember_inputs(), _lock_folder(folder):
+        _refuse_inputs_in_output_folder(folder, tasks)
+        _prepare_output_folder(folder, tasks, force=force)
+        write_json_object(_make_manifest(folder, plan, tasks), folder / MANIFEST_NAME)
         statuses: dict[str, str] = {}
         times: dict[str, Any] = {}
         try:
-            with closing(_start(tasks, plan, jobs, ray)) as ended:
+            with closing(_run_tasks(tasks, plan, jobs, ray)) as ended:
                 for task, answer in ended:
-                    done = _record_death(task, plan) if isinstance(answer, WorkerDied) else answer
+                    done = _record_dead_worker(task, plan) if isinstance(answer, WorkerDied) else answer
                     statuses[task.id] = done.status
                     times[task.id] = {
                         "status": done.status,
@@ -127,63 +127,63 @@ def run_fleet(
                     }
                     report(task, done.status, len(statuses), len(tasks))
         finally:
-            shutil.rmtree(folder / SCRATCH, ignore_errors=True)
-            manifest = _manifest(folder, plan, tasks, statuses)
-            write_document(manifest, folder / MANIFEST, durable=True)
+            shutil.rmtree(folder / SCRATCH_FOLDER, ignore_errors=True)
+            manifest = _make_manifest(folder, plan, tasks, statuses)
+            write_json_object(manifest, folder / MANIFEST_NAME, durable=True)
         took = {"began": began, "wall_s": round(time.monotonic() - begin, 3), "logs": dict(sorted(times.items()))}
-        write_document(took, folder / RUN_TIMES)
-    return Fleet(folder, manifest, statuses)
+        write_json_object(took, folder / RUN_TIMES_NAME)
+    return FleetResult(folder, manifest, statuses)
 
 
-def _start(tasks: list[Task], plan: Plan, jobs: int | None, ray: str | None) -> Any:
+def _run_tasks(tasks: list[LogTask], plan: FleetPlan, jobs: int | None, ray: str | None) -> Any:
     if ray is not None:
-        from cwcli.fleet.ray_backend import run_ray
+        from cwcli.fleet.ray_backend import run_on_ray_cluster
 
-        return run_ray(tasks, plan, ray, jobs)
-    return run_local(tasks, plan, min(jobs or available_processors(), max(len(tasks), 1)))
+        return run_on_ray_cluster(tasks, plan, ray, jobs)
+    return run_on_local_processes(tasks, plan, min(jobs or count_available_processors(), max(len(tasks), 1)))
 
 
-def available_processors() -> int:
+def count_available_processors() -> int:
     """The number of processors that this process may use."""
     with suppress(AttributeError):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def _refuse_inputs(out: Path, tasks: Iterable[Task]) -> None:
+def _refuse_inputs_in_output_folder(out: Path, tasks: Iterable[LogTask]) -> None:
     """Refuse an output folder in which an input would be overwritten or removed."""
     for task in tasks:
-        if not is_remote(task.path):
+        if not is_remote_url(task.path):
             note_input(task.path)
-    check_targets([out / MANIFEST, out / RUN_TIMES], force=True)
-    for part in PARTS:
-        for name in inputs_below(out / part):
+    check_targets([out / MANIFEST_NAME, out / RUN_TIMES_NAME], force=True)
+    for part in RUN_FOLDERS:
+        for name in names_of_inputs_in_folder(out / part):
             raise OutputError("an input lies where the results go", where=name, hint="name another folder with -d")
 
 
-def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
+def _prepare_output_folder(out: Path, tasks: Iterable[LogTask], *, force: bool) -> None:
     """Prepare the output folder: refuse one with other content, and remove what cancelled or forced runs left."""
     by_id = {task.id: task for task in tasks}
-    ours = [name for name in (LOGS, METRICS, DETAILS, TABLES) if (out / name).exists()]
-    manifest = read_document(out / MANIFEST)
-    if what := other_format(manifest or {}):
-        raise OutputError(what, where=str(out / MANIFEST), hint=OTHER_FORMAT_HINT)
-    if ours and (manifest is None or manifest.get("format") != FORMAT):
+    ours = [name for name in (LOGS_FOLDER, METRICS_FOLDER, DETAILS_FOLDER, TABLES_FOLDER) if (out / name).exists()]
+    manifest = read_json_object(out / MANIFEST_NAME)
+    if what := format_mismatch_text(manifest or {}):
+        raise OutputError(what, where=str(out / MANIFEST_NAME), hint=OTHER_FORMAT_HINT)
+    if ours and (manifest is None or manifest.get("format") != MANIFEST_FORMAT):
         raise OutputError(
             f"the folder holds no run of cwcli, but {', '.join(ours)}", where=str(out), hint="name a new folder with -d"
         )
-    shutil.rmtree(out / SCRATCH, ignore_errors=True)
+    shutil.rmtree(out / SCRATCH_FOLDER, ignore_errors=True)
     if force:
         for name in ours:
             shutil.rmtree(out / name)
     sources = {task.source for task in by_id.values()}
     others = []
-    for known in recorded_ids(out):
+    for known in iter_recorded_ids(out):
         if known in by_id:
             continue
-        entry = LogFolder(out, known).entry()
+        entry = LogFolder(out, known).read_entry()
         if entry is None or name_url(str(entry.get("source"))) in sources:  # it was interrupted, or has another id now
-            LogFolder(out, known).clear()
+            LogFolder(out, known).remove_all_files()
         else:
             others.append(known)
     if others:
@@ -195,16 +195,18 @@ def _prepare(out: Path, tasks: Iterable[Task], *, force: bool) -> None:
         )
 
 
-def _manifest(out: Path, plan: Plan, tasks: list[Task], statuses: dict[str, str] | None = None) -> Document:
+def _make_manifest(
+    out: Path, plan: FleetPlan, tasks: list[LogTask], statuses: dict[str, str] | None = None
+) -> Document:
     """Make the manifest: the entries of the logs that have ended; all others are pending."""
     entries = []
     for task in tasks:
-        known = LogFolder(out, task.id).entry() if statuses and task.id in statuses else None
+        known = LogFolder(out, task.id).read_entry() if statuses and task.id in statuses else None
         entries.append(known or {"id": task.id, "source": task.source, "status": "pending", "error": None})
-    return {"format": FORMAT, "cwcli": __version__, "pipeline": dict(plan.pipeline), "logs": entries}
+    return {"format": MANIFEST_FORMAT, "cwcli": __version__, "pipeline": dict(plan.pipeline), "logs": entries}
 
 
-def _record_death(task: Task, plan: Plan) -> Done:
+def _record_dead_worker(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Record a log whose worker died at every attempt as failed."""
     entry = new_entry(task.id, task.source)
     entry["error"] = {
@@ -214,12 +216,12 @@ def _record_death(task: Task, plan: Plan) -> Done:
         "found": [],
         "hint": "run `cwcli run` on this log alone, or with fewer --jobs",
     }
-    record(LogFolder(Path(task.out), task.id), entry, [])
-    return Done(task.id, "failed", 0.0, 0.0, attempts=ATTEMPTS)
+    record_entry(LogFolder(Path(task.out), task.id), entry, [])
+    return TaskResult(task.id, "failed", 0.0, 0.0, attempts=MAX_ATTEMPTS)
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[None]:
+def _lock_folder(folder: Path) -> Iterator[None]:
     """Create the output folder and lock it against other runs while the context lasts."""
     make_folder(folder, parents=True)
     try:

@@ -25,16 +25,16 @@ class SpawningServer:
 
     def start_worker(self) -> SpawnedWorker:
         """Start a new worker."""
-        pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_begin, initargs=(self._held,))
+        pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_initialise_worker, initargs=(self._held,))
         worker = SpawnedWorker(pool)
         self._workers.add(worker)
         return worker
 
-    def stop(self) -> None:
+    def stop_workers(self) -> None:
         """Stop all workers at once."""
         self._leash.close()
 
-    def join(self) -> None:
+    def wait_until_stopped(self) -> None:
         """Wait until all workers and the threads that manage them have ended."""
         for worker in self._workers:
             worker.close()
@@ -46,7 +46,7 @@ class SpawnedWorker:
     def __init__(self, pool: ProcessPoolExecutor) -> None:
         self._pool = pool
 
-    def call(self, function: Any, *arguments: Any) -> Any:
+    def call_function(self, function: Any, *arguments: Any) -> Any:
         """Call a function of a module in the worker and return its result; its errors are raised here.
 
         Raises:
@@ -62,15 +62,15 @@ class SpawnedWorker:
         self._pool.shutdown()
 
 
-def _begin(leash: Any) -> None:
+def _initialise_worker(leash: Any) -> None:
     """Initialise a worker: ignore Ctrl-C, and exit when the parent stops it or has gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ[IS_WORKER] = "1"
     parent = multiprocessing.parent_process()
     assert parent is not None
-    threading.Thread(target=_leave_after, args=([leash, parent.sentinel],), daemon=True).start()
+    threading.Thread(target=_exit_when_any_end_closes, args=([leash, parent.sentinel],), daemon=True).start()
 
 
-def _leave_after(ends: list[Any]) -> None:
+def _exit_when_any_end_closes(ends: list[Any]) -> None:
     connection.wait(ends)
     os._exit(1)

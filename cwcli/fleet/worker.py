@@ -15,25 +15,33 @@ from cwcli import __version__
 from cwcli.array_memory import bound_array_memory
 from cwcli.errors import EXIT_BUG, CwcliError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.fleet.folder import DETAILS, SCRATCH, TABLES, Document, LogFolder, new_entry, put_table
-from cwcli.fleet.inputs import local_copy
-from cwcli.fleet.plan import Plan, Task
-from cwcli.input import InputFile, remembering_inputs
+from cwcli.fleet.folder import (
+    DETAILS_FOLDER,
+    SCRATCH_FOLDER,
+    TABLES_FOLDER,
+    Document,
+    LogFolder,
+    new_entry,
+    write_table_with_folders,
+)
+from cwcli.fleet.inputs import temporary_local_copy
+from cwcli.fleet.plan import FleetPlan, LogTask
+from cwcli.input import InputFile, remember_inputs
 from cwcli.logs.read.reader import Log
-from cwcli.logs.read.remote import is_remote
+from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.output import make_folder
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.execute import Outcome, run_stages
-from cwcli.pipeline.missing import SignalsFor
-from cwcli.pipeline.selection import select
+from cwcli.pipeline.execute import RunOutcome, run_stages
+from cwcli.pipeline.missing import SignalCheck
+from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 from cwcli.url import redact_urls
 
 
 @dataclass(frozen=True)
-class Done:
+class TaskResult:
     """The result of one log.
 
     Attributes:
@@ -52,7 +60,7 @@ class Done:
     attempts: int = 1
 
 
-def work(task: Task, plan: Plan) -> Done:
+def process_log(task: LogTask, plan: FleetPlan) -> TaskResult:
     """Process one log, unless an earlier run has done it.
 
     Raises:
@@ -60,12 +68,12 @@ def work(task: Task, plan: Plan) -> Done:
     """
     bound_array_memory()
     wall_s, cpu_s = time.perf_counter(), time.process_time()
-    with remembering_inputs():
-        status = _work(task, plan)
-    return Done(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s, _peak_mb())
+    with remember_inputs():
+        status = _process_and_record(task, plan)
+    return TaskResult(task.id, status, time.perf_counter() - wall_s, time.process_time() - cpu_s, _peak_memory_mb())
 
 
-def _peak_mb() -> float:
+def _peak_memory_mb() -> float:
     try:
         import resource
     except ImportError:  # Windows
@@ -74,87 +82,98 @@ def _peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
 
 
-def _work(task: Task, plan: Plan) -> str:
+def _process_and_record(task: LogTask, plan: FleetPlan) -> str:
     folder = LogFolder(Path(task.out), task.id)
-    before = folder.entry()
+    before = folder.read_entry()
     entry = new_entry(task.id, task.source)
     if plan.tables:
         entry["without_table"] = {}
     try:
-        with _opened(task, plan.max_pipe_bytes) as file:
+        with _open_log_file(task, plan.max_pipe_bytes) as file:
             entry["sha256"] = file.begin_sha256().result()
-            entry["key"] = plan.key(entry["sha256"])
+            entry["key"] = plan.cache_key(entry["sha256"])
             if before is not None and folder.is_done(before, entry["key"]):
                 if before["source"] != task.source:
-                    folder.finish({**before, "source": task.source}, [folder.out / name for name in before["outputs"]])
+                    folder.write_entry(
+                        {**before, "source": task.source}, [folder.out / name for name in before["outputs"]]
+                    )
                 return "unchanged"
-            folder.clear()
-            make_folder(folder.annotated.parent, parents=True)
+            folder.remove_all_files()
+            make_folder(folder.annotated_log_path.parent, parents=True)
             with Log.open(
                 file, recover=plan.recover, max_chunk_bytes=plan.max_chunk_bytes, max_ratio=plan.max_ratio
             ) as log:
-                outputs = _run(log, plan, folder, entry)
+                outputs = _run_stages_and_write(log, plan, folder, entry)
             entry["status"] = "done"
     except CwcliError as error:
         outputs = []
-        entry["error"] = error_entry(error)
+        entry["error"] = error_to_entry(error)
     except Exception as error:
         outputs = []
-        entry["error"] = bug_entry(error, task.path)
-    record(folder, entry, outputs)
+        entry["error"] = bug_to_entry(error, task.path)
+    record_entry(folder, entry, outputs)
     return str(entry["status"])
 
 
-def record(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
+def record_entry(folder: LogFolder, entry: Document, outputs: list[Path]) -> None:
     """Write the entry of a log, and remove all other files of a log that failed.
 
     Raises:
         OutputError: It can't be written.
     """
     if entry["status"] == "failed":
-        folder.clear()
-        make_folder(folder.annotated.parent, parents=True)
-    folder.finish(entry, outputs)
+        folder.remove_all_files()
+        make_folder(folder.annotated_log_path.parent, parents=True)
+    folder.write_entry(entry, outputs)
 
 
-def _run(log: Log, plan: Plan, folder: LogFolder, entry: Document) -> list[Path]:
+def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: Document) -> list[Path]:
     """Run the stages and write all files but the entry; returns their paths."""
-    calls, choice = plan.calls(), ChannelChoice(plan.channels)
+    calls, choice = plan.stage_calls(), ChannelChoice(plan.channels)
     outcome, annotated = run_stages(
         log,
         calls,
-        select(log, plan.topic, plan.start, plan.end),
-        missing=SignalsFor(STAGES, plan.ego_station),
+        resolve_selection(log, plan.topic, plan.start, plan.end),
+        missing=SignalCheck(STAGES, plan.ego_station),
         lenient=True,
         strict=plan.strict,
         choice=choice,
     )
-    annotate(annotated, (), {}, folder.annotated, replace=plan.replace, force=True, chosen=choice, durable=False)
-    outputs = [folder.annotated]
-    tables = outcome.tables()
+    annotate_log(
+        annotated,
+        (),
+        {},
+        folder.annotated_log_path,
+        replace=plan.replace,
+        force=True,
+        chosen_topics=choice,
+        durable=False,
+    )
+    outputs = [folder.annotated_log_path]
+    tables = outcome.tables_by_name()
     for name, table in tables.items():
-        outputs.append(put_table(table, folder.table(DETAILS, name)))
-    outputs.append(put_table(evaluate_log(annotated, tables=tables), folder.metrics))
+        outputs.append(write_table_with_folders(table, folder.table_path(DETAILS_FOLDER, name)))
+    outputs.append(write_table_with_folders(evaluate_log(annotated, tables=tables), folder.metrics_path))
     if plan.tables:
-        from cwcli.fleet.channel_tables import channel_tables
+        from cwcli.fleet.channel_tables import iter_channel_tables
 
-        for name, table in channel_tables(annotated, entry["without_table"]):
-            outputs.append(put_table(table, folder.table(TABLES, name)))
-    _describe(outcome, entry)
+        for name, table in iter_channel_tables(annotated, entry["without_table"]):
+            outputs.append(write_table_with_folders(table, folder.table_path(TABLES_FOLDER, name)))
+    _describe_outcome(outcome, entry)
     return outputs
 
 
-def _describe(outcome: Outcome, entry: Document) -> None:
+def _describe_outcome(outcome: RunOutcome, entry: Document) -> None:
     entry["stages"] = [result.stage for result in outcome.results]
     entry["left_out"] = dict(outcome.left_out)
     entry["faults"] = dict(outcome.faults)
     entry["inputs"] = [
         {"stage": result.stage, **count} for result in outcome.results for count in result.summary.to_json()["inputs"]
     ]
-    entry["tables"] = {name: len(table) for name, table in outcome.tables().items()}
+    entry["tables"] = {name: len(table) for name, table in outcome.tables_by_name().items()}
 
 
-def error_entry(error: CwcliError) -> dict[str, Any]:
+def error_to_entry(error: CwcliError) -> dict[str, Any]:
     """Convert a known error to its form in the manifest."""
     return {
         "exit_code": error.exit_code,
@@ -165,7 +184,7 @@ def error_entry(error: CwcliError) -> dict[str, Any]:
     }
 
 
-def bug_entry(error: Exception, path: str = "") -> dict[str, Any]:
+def bug_to_entry(error: Exception, path: str = "") -> dict[str, Any]:
     """Convert an unknown error to its form in the manifest, with its location; secrets in `path` are redacted."""
     frames = traceback.extract_tb(error.__traceback__)
     found = [f"{Path(frame.filename).name}:{frame.lineno} in {frame.name}" for frame in frames[-5:]]
@@ -179,10 +198,10 @@ def bug_entry(error: Exception, path: str = "") -> dict[str, Any]:
 
 
 @contextmanager
-def _opened(task: Task, max_pipe_bytes: int) -> Iterator[InputFile]:
+def _open_log_file(task: LogTask, max_pipe_bytes: int) -> Iterator[InputFile]:
     """Open a log, or a local copy of a remote one."""
     with ExitStack() as stack:
         path = task.path
-        if is_remote(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
-            path = str(stack.enter_context(local_copy(path, Path(task.out) / SCRATCH, max_pipe_bytes)))
+        if is_remote_url(path) and not path.endswith("/"):  # of a folder, each part is copied where it is opened
+            path = str(stack.enter_context(temporary_local_copy(path, Path(task.out) / SCRATCH_FOLDER, max_pipe_bytes)))
         yield stack.enter_context(open_source(path, task.source, pipes=False, max_pipe_bytes=max_pipe_bytes))

@@ -16,7 +16,7 @@ class PipeWorker:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
-    def call(self, function: Any, *arguments: Any) -> Any:
+    def call_function(self, function: Any, *arguments: Any) -> Any:
         """Call a function of a module in the worker and return its result; its errors are raised here.
 
         Raises:

@@ -43,7 +43,7 @@ class ProcessModel:
 
     @staticmethod
     def damped(numbers: DampedMotion, walk_noise: _F, turn_noise: _F, time_constant_s: _F) -> ProcessModel:
-        """Eight states and parameters, see `cwcli.estimation.model.ModelParameters`.
+        """Eight states and parameters, see `cwcli.estimation.model.MotionParameters`.
 
         Args:
             numbers: As the struct says.

@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Inline parts of the kernel `lane_ridge`: the objective of a lane of six numbers, and where its boundaries lie.
 
-The formulas of arcs are derived in cwcli/signals/arcs.py.
+The formulas of arcs are derived in cwcli/signals/lane_geometry.py.
 """
 
 from libc.math cimport NAN, fabs, sqrt, sqrtf

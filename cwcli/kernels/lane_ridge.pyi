@@ -39,7 +39,7 @@ def scan(
     Args:
         evidence: Shape (n, width).
         prior: Shape (6, 4).
-        scoring: Of `min_h` the smallest of the rows that count.
+        scoring: Of `min_depth_px` the smallest of the rows that count.
         depths: Shape (n,): rows below the horizon; not positive: not used.
         step: Only every so many-th row is used.
         vanishing, bends, places: What is tried for u0, k and m; places increase evenly and are symmetrical to 0.
@@ -96,5 +96,5 @@ def parabolas(lane: _F, *, top_y: float, height: float, width: float, min_h: flo
 
     x = a y^2 + b y + c with x and y as in `cwcli.vision.boundary`, fitted with least squares at sixteen heights, as
     many as `ground.N_SAMPLES`, spread evenly from 0.5 to 0.5 + top_y: those in the image, or all below the horizon if
-    fewer than five are. `min_h`, `centre` and `focal` as in `Scoring`.
+    fewer than five are. `min_depth_px`, `centre` and `focal` as in `Scoring`.
     """

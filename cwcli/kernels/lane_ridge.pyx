@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The pair of parallel boundaries that the stripes of a frame (`lane_stripes`) support best.
 
-A boundary lies in the column that cwcli/signals/arcs.py derives from the six numbers of a lane (cwcli.vision.lane_model). The
+A boundary lies in the column that cwcli/signals/lane_geometry.py derives from the six numbers of a lane (cwcli.vision.lane_model). The
 evidence is a table over sampled rows and columns, 0 to 1.
 
 Arithmetic is +, -, *, /, square roots and comparisons in a fixed order (compiled with -ffp-contract=off): the same bits everywhere. The plain
@@ -19,7 +19,7 @@ from cwcli.kernels.lane_objective cimport (
 )
 
 cdef enum:
-    SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_SAMPLES
+    SAMPLES = 16  # of a parabola; cwcli.vision.ground.N_BOUNDARY_SAMPLES
 
 cdef struct Pair:
     int left, right

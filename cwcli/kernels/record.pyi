@@ -36,7 +36,7 @@ def gains(
     carried: _F,
     prior_outcomes: _F,
 ) -> _F:
-    """The gain of each part of a derivative from the outcomes known at each row; see `prediction.record`.
+    """The gain of each part of a derivative from the outcomes known at each row; see `prediction.outcome_history`.
 
     Args:
         parts: (n, 2, k, 3): the derivatives' shares; k is 16 at most.

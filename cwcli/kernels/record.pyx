@@ -1,5 +1,5 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""What a vehicle's derivatives were worth: the sums and solutions of `cwcli.prediction.record`, which says what they are.
+"""What a vehicle's derivatives were worth: the sums and solutions of `cwcli.prediction.outcome_history`, which says what they are.
 
 The plain twins are in tests/unit/prediction/naive_record.py.
 """

@@ -9,7 +9,8 @@ _I8 = npt.NDArray[np.int8]
 _I64 = npt.NDArray[np.int64]
 
 class Model(IntEnum):
-    """Constant velocity, constant acceleration, constant turn rate and velocity: see `cwcli.tracking.config.MODELS`."""
+    """Constant velocity, constant acceleration, constant turn rate and velocity: see
+    `cwcli.tracking.config.MOTION_MODELS`."""
 
     CV = ...
     CA = ...
@@ -69,12 +70,12 @@ class Filter:
     def __init__(self, tuning: Tuning) -> None: ...
 
 class Rows:
-    """Detections: see `cwcli.tracking.prepare.Rows`."""
+    """Detections: see `cwcli.tracking.prepare.DetectionRows`."""
 
     def __init__(self, *, kind: _I8, z: _F, r: _F, origin: _F) -> None: ...
 
 class Filtered:
-    """What `run` found: see `cwcli.tracking.single.FilterOutput`."""
+    """What `run` found: see `cwcli.tracking.single_target.FilterOutput`."""
 
     state: _F
     covariance: _F

@@ -6,15 +6,15 @@ docs/measures.md take them from here.
 
 from __future__ import annotations
 
-from cwcli.measures.base import Measure, check_values, is_column_of
-from cwcli.registry import Plugin, Registry, plugin_entry
+from cwcli.measures.base import Measure, check_measure_values, is_column_named_by_measure
+from cwcli.registry import Plugin, Registry, accept_dataclass_of
 
 
-def _accept(entry: object, plugin: Plugin) -> Measure:
+def _accept_plugin_measure(entry: object, plugin: Plugin) -> Measure:
     """Check a plug-in's measure, guard its function, and return it; its column must be named after it."""
-    measure = plugin_entry(Measure, {"of": check_values})(entry, plugin)
-    if not is_column_of(plugin.name, measure.column):
-        raise plugin.error(f"calls its column {measure.column}, not by its own name and a unit")
+    measure = accept_dataclass_of(Measure, {"compute": check_measure_values})(entry, plugin)
+    if not is_column_named_by_measure(plugin.name, measure.column):
+        raise plugin.plugin_error(f"calls its column {measure.column}, not by its own name and a unit")
     return measure
 
 
@@ -65,5 +65,5 @@ MEASURES: Registry[Measure] = Registry(
         "pfs": "cwcli.measures.pfs:MEASURE",
         "cfs": "cwcli.measures.cfs:MEASURE",
     },
-    _accept,
+    _accept_plugin_measure,
 )

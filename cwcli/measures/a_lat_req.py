@@ -12,8 +12,8 @@ from cwcli.signals.columns import FloatArray
 
 def required_lateral_acceleration(pair: Pair) -> FloatArray:
     """Required lateral acceleration (m/s^2) at each stamp, (n,); infinity where the outlines touch."""
-    at, near = pair.approach, pair.near
-    ttc = pair.value(TTC)[near]
+    at, near = pair.other_in_host_axes, pair.near_rows
+    ttc = pair.evaluate_measure(TTC)[near]
     ahead = at.x_m > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         sides = [
@@ -21,7 +21,7 @@ def required_lateral_acceleration(pair: Pair) -> FloatArray:
             for side in (-1.0, 1.0)
         ]
     needed = np.where(ttc > 0.0, np.minimum(*sides), np.inf)
-    return pair.spread(np.where(ahead & np.isfinite(ttc), needed, np.nan))
+    return pair.expand_to_all_rows(np.where(ahead & np.isfinite(ttc), needed, np.nan))
 
 
 MEASURE = Measure(
@@ -31,7 +31,7 @@ MEASURE = Measure(
     critical="high",
     formula="min over left and right of |a_o,y - 2 (+-w - y_o - v_r,y TTC) / TTC^2|, w half of both extents across",
     source="Jansson 2005, section 5.3.8",
-    of=required_lateral_acceleration,
+    compute=required_lateral_acceleration,
     is_symmetric=False,
     undefined="the other is not ahead, or the two are not on a collision course",
     misleads="where there is no room beside the lane",

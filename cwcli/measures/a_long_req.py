@@ -11,12 +11,12 @@ from cwcli.signals.columns import FloatArray
 
 def required_longitudinal_acceleration(pair: Pair) -> FloatArray:
     """Required longitudinal acceleration (m/s^2) at each stamp, (n,), at most 0; -inf in contact while closing."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     closing = np.minimum(at.vx_mps, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(closing < 0.0, closing**2 / (2.0 * at.headway_m), 0.0)
     needed = np.minimum(at.other_accel_mps2[0] - relative, 0.0)
-    return pair.spread(np.where(at.is_lead, needed, np.nan))
+    return pair.expand_to_all_rows(np.where(at.is_straight_ahead, needed, np.nan))
 
 
 MEASURE = Measure(
@@ -26,7 +26,7 @@ MEASURE = Measure(
     critical="low",
     formula="min(a_o - v_r^2 / (2 HW), 0), v_r = min(v_o - v_e, 0)",
     source="Jansson 2005, section 5.3.5; Asljung et al. 2017, eq. 8",
-    of=required_longitudinal_acceleration,
+    compute=required_longitudinal_acceleration,
     is_symmetric=False,
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads=(

@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray
 
 def required_acceleration(pair: Pair) -> FloatArray:
     """Required acceleration (m/s^2) at each stamp, (n,)."""
-    return np.hypot(pair.value(A_LONG_REQ), pair.value(A_LAT_REQ))
+    return np.hypot(pair.evaluate_measure(A_LONG_REQ), pair.evaluate_measure(A_LAT_REQ))
 
 
 MEASURE = Measure(
@@ -23,7 +23,7 @@ MEASURE = Measure(
     critical="high",
     formula="sqrt(a_long,req^2 + a_lat,req^2)",
     source="Jansson 2005, section 5.3",
-    of=required_acceleration,
+    compute=required_acceleration,
     is_symmetric=False,
     undefined="one of the two is undefined",
     misleads="the car needs one of the two, not both",

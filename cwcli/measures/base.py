@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from cwcli.measures.pair import Pair
-from cwcli.metrics.table import unit_of
+from cwcli.metrics.table import unit_of_column
 from cwcli.signals.columns import FloatArray
 
-SIGNS = {"low": "<", "high": ">"}
+COMPARISON_SIGNS = {"low": "<", "high": ">"}
 """The comparison that a dangerous value meets, by `Measure.critical`."""
 
 
@@ -50,7 +50,7 @@ class Measure:
     critical: Literal["low", "high"]
     formula: str
     source: str
-    of: Callable[[Pair], FloatArray]
+    compute: Callable[[Pair], FloatArray]
     note: str = ""
     is_series: bool = True
     is_symmetric: bool = True
@@ -67,29 +67,29 @@ class Measure:
     clause: Callable[[float], str] | None = None
 
     @property
-    def is_dear(self) -> bool:
+    def is_expensive(self) -> bool:
         """Whether `cwcli measure` computes it only if it is asked for by name."""
         return self.is_sampled or self.needs_covariance
 
     @property
     def unit(self) -> str:
         """The SI symbol of its unit; "" for a plain number."""
-        return unit_of(self.column)
+        return unit_of_column(self.column)
 
     @property
-    def extreme_column(self) -> str:
+    def extreme_column_name(self) -> str:
         """The column of the pair's most critical value: `min_ttc_s`."""
         return f"{'min' if self.critical == 'low' else 'max'}_{self.column}" if self.is_series else self.column
 
-    def extreme(self, pair: Pair) -> float:
+    def most_critical_value(self, pair: Pair) -> float:
         """The pair's most critical value; NaN where there is none."""
-        values = np.atleast_1d(pair.value(self))
+        values = np.atleast_1d(pair.evaluate_measure(self))
         known = values[~np.isnan(values)]
         if not len(known):
             return float("nan")
         return float(known.min() if self.critical == "low" else known.max())
 
-    def words(self, threshold: float) -> str:
+    def conflict_text(self, threshold: float) -> str:
         """The text of what held at a conflict with this threshold."""
         if self.clause is not None:
             return self.clause(threshold)
@@ -97,13 +97,13 @@ class Measure:
         return f"the {self.summary} was {side} {threshold:g} {self.unit}".rstrip()
 
 
-def is_column_of(name: str, column: str) -> bool:
+def is_column_named_by_measure(name: str, column: str) -> bool:
     """Whether a column is named by its measure and its unit: `ttc_s`, and `share` where there is no unit."""
-    stem = column.rpartition("_")[0] if unit_of(column) else column
+    stem = column.rpartition("_")[0] if unit_of_column(column) else column
     return stem == name.replace("-", "_")
 
 
-def check_values(values: FloatArray, pair: Pair) -> FloatArray:
+def check_measure_values(values: FloatArray, pair: Pair) -> FloatArray:
     """Check the values that a plug-in's measure computed for a pair, and return them.
 
     Raises:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
-from cwcli.measures.limits import BRAKING_MPS2
+from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def brake_threat_number(pair: Pair) -> FloatArray:
     """Brake threat number at each stamp, (n,): 1 needs all the braking that the car can do."""
-    return -pair.value(A_LONG_REQ) / BRAKING_MPS2
+    return -pair.evaluate_measure(A_LONG_REQ) / CAR_BRAKING_LIMIT_MPS2
 
 
 MEASURE = Measure(
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="high",
     formula="a_long,req / a_min, a_min = -11.5 m/s^2",
     source="Jansson 2005; Asljung et al. 2017, eq. 9",
-    of=brake_threat_number,
+    compute=brake_threat_number,
     is_symmetric=False,
     threshold=1.0,
     threshold_source="beyond 1 braking alone no longer helps",

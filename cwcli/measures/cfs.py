@@ -10,9 +10,11 @@ from cwcli.signals.columns import FloatArray
 
 def critical_fuzzy_safety(pair: Pair) -> FloatArray:
     """Critical fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe)."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps
-    return pair.spread(fuzzy.critical(at.headway_m, at.host_speed_mps, ahead, at.host_accel_mps2))
+    return pair.expand_to_all_rows(
+        fuzzy.critical_unsafety_of_gap(at.headway_m, at.host_speed_mps, ahead, at.host_accel_mps2)
+    )
 
 
 MEASURE = Measure(
@@ -25,7 +27,7 @@ MEASURE = Measure(
         "of HW; 0 when not closing; t 0.75 s, b 4 to 6 m/s^2, a at least -b_min"
     ),
     source="Mattas et al. 2020; UN R157",
-    of=critical_fuzzy_safety,
+    compute=critical_fuzzy_safety,
     is_symmetric=False,
     threshold=0.99,
     threshold_source="1 is unsafe by definition",

@@ -6,23 +6,23 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.pet import encroachment
+from cwcli.measures.pet import encroachment_lag_and_states
 from cwcli.signals.columns import FloatArray
 
-MASS_KG = 1500.0
+VEHICLE_MASS_KG = 1500.0
 """The assumed mass of each vehicle, kg: messages carry none. Chosen: a passenger car's."""
-ALPHA, BETA_1PS = 1.0, 1.0
+ENERGY_WEIGHT, PET_DECAY_1PS = 1.0, 1.0
 """Share of the energy that counts, and how fast it fades with PET, 1/s. Chosen by hand; not fitted."""
 
 
 def conflict_index(pair: Pair) -> FloatArray:
     """Conflict index of the pair, (), kJ."""
-    pet_s, own, theirs = encroachment(pair)
+    pet_s, own, theirs = encroachment_lag_and_states(pair)
     if np.isnan(pet_s):
         return np.array(np.nan)
     change = theirs[0] * np.exp(1j * theirs[1]) - own[0] * np.exp(1j * own[1])
-    energy_kj = 0.25e-3 * MASS_KG * np.abs(change) ** 2  # of two equal masses that stay together
-    return np.array(ALPHA * energy_kj / np.exp(BETA_1PS * pet_s))
+    energy_kj = 0.25e-3 * VEHICLE_MASS_KG * np.abs(change) ** 2  # of two equal masses that stay together
+    return np.array(ENERGY_WEIGHT * energy_kj / np.exp(PET_DECAY_1PS * pet_s))
 
 
 MEASURE = Measure(
@@ -35,7 +35,7 @@ MEASURE = Measure(
         "1 / s"
     ),
     source="Alhajyaseen 2015",
-    of=conflict_index,
+    compute=conflict_index,
     is_series=False,
     undefined="as for PET",
     misleads="when following a vehicle, as for PET; messages carry no masses, so 1500 kg are assumed",

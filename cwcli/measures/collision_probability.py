@@ -34,17 +34,17 @@ from cwcli.kernels.contact import contact_probability
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray
 
-LATTICE = {72: 15, 290: 37}
+LATTICE_GENERATORS = {72: 15, 290: 37}
 """Number of lines -> generator of Korobov's lattice of half as many points with the least worst-case error P2."""
-ENOUGH_BELOW = (0.006,)
+MAX_VARIANCE_SHARES_OF_FEW_LINES = (0.006,)
 """The smaller number of lines is used where the errors at other times differ by a smaller share of their variance than
 this; each step counts by the density of the errors that it needs. Chosen by the module's study."""
-FAR_SIGMAS = 3.7
+MAX_TOUCH_SIGMAS = 3.7
 """A contact that needs errors of more sigmas counts as impossible: its probability is below 0.001."""
-STRAIGHT_SIGMAS = 0.005
+MAX_BEND_SIGMAS = 0.005
 """Steps that differ from one straight step by less than this, in sigmas, are joined: headings may differ by twice as
 much, errors by half of it. Chosen by the module's study."""
-LEAST_M2 = 1e-6
+MIN_VARIANCE_M2 = 1e-6
 """Smallest variance of a position, m^2, so that the covariance of an exact position can be inverted."""
 
 
@@ -81,36 +81,38 @@ def collision_probability(
         host_width=host_size[1],
         other_length=other_size[0],
         other_width=other_size[1],
-        lines=np.concatenate([error_lines(n) for n in LATTICE]),
-        n_lines=np.array([*LATTICE], np.intp),
-        enough_below=np.array(ENOUGH_BELOW),
+        lines=np.concatenate([lines_through_errors(n) for n in LATTICE_GENERATORS]),
+        n_lines=np.array([*LATTICE_GENERATORS], np.intp),
+        enough_below=np.array(MAX_VARIANCE_SHARES_OF_FEW_LINES),
         ends=np.ascontiguousarray(ends, np.intp),
-        far_sigmas=FAR_SIGMAS,
-        least_m2=LEAST_M2,
-        straight_sigmas=STRAIGHT_SIGMAS,
+        far_sigmas=MAX_TOUCH_SIGMAS,
+        least_m2=MIN_VARIANCE_M2,
+        straight_sigmas=MAX_BEND_SIGMAS,
     )
 
 
-def is_far(distance_m: FloatArray, variance_m2: FloatArray, host_size: Size, other_size: Size) -> npt.NDArray[np.bool_]:
-    """Whether contact would need errors beyond `FAR_SIGMAS`, (m,).
+def is_touch_improbable(
+    distance_m: FloatArray, variance_m2: FloatArray, host_size: Size, other_size: Size
+) -> npt.NDArray[np.bool_]:
+    """Whether contact would need errors beyond `MAX_TOUCH_SIGMAS`, (m,).
 
     Args:
         distance_m: Shape (m,): the least distance of the centres.
         variance_m2: Shape (m,): largest variance of the relative position, summed over both axes.
     """
     reach = 0.5 * (np.hypot(*host_size) + np.hypot(*other_size))
-    return np.asarray(distance_m - reach > FAR_SIGMAS * np.sqrt(variance_m2))
+    return np.asarray(distance_m - reach > MAX_TOUCH_SIGMAS * np.sqrt(variance_m2))
 
 
 @cache
-def error_lines(n: int) -> FloatArray:
+def lines_through_errors(n: int) -> FloatArray:
     """Lines in the host's axes, (n, 4): cosine and sine of each one's direction, and the two errors independent of it.
 
     The second half mirrors the first, so that left and right are alike.
     """
     half = n // 2
     k = np.arange(half)
-    u, v = ((k * step % half + 0.5) / half for step in (LATTICE[n], LATTICE[n] ** 2))
+    u, v = ((k * step % half + 0.5) / half for step in (LATTICE_GENERATORS[n], LATTICE_GENERATORS[n] ** 2))
     angle = np.pi * (k + 0.5) / n
     ahead, left = np.sqrt(-2.0 * np.log(u)) * np.array([np.cos(2.0 * np.pi * v), np.sin(2.0 * np.pi * v)])
     ahead = (ahead - ahead.mean()) / ahead.std()  # their covariance is one, as it is of what they stand for

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.pair import Approach, Pair
+from cwcli.measures.pair import OtherInHostAxes, Pair
 from cwcli.signals.columns import FloatArray
 
 
 @dataclass(frozen=True)
-class Projections:
+class EdgeProjections:
     """The relative motion on the four edge directions, (4, m): the host's two, then the other's.
 
     Attributes:
@@ -33,14 +33,14 @@ class Projections:
     sin_turn: FloatArray
 
     @classmethod
-    def of(cls, pair: Pair) -> Projections:
+    def from_pair(cls, pair: Pair) -> EdgeProjections:
         """The projections in the rows `near` of a pair."""
-        at: Approach = pair.approach
+        at: OtherInHostAxes = pair.other_in_host_axes
         (length, width), (their_length, their_width) = pair.host_size, pair.other_size
         cosine, sine = np.abs(at.cos_turn), np.abs(at.sin_turn)
         return cls(
-            on_axes(at.x_m, at.y_m, at.cos_turn, at.sin_turn),
-            on_axes(at.vx_mps, at.vy_mps, at.cos_turn, at.sin_turn),
+            project_on_edges(at.x_m, at.y_m, at.cos_turn, at.sin_turn),
+            project_on_edges(at.vx_mps, at.vy_mps, at.cos_turn, at.sin_turn),
             np.stack(
                 [
                     at.reach_x_m,
@@ -53,27 +53,27 @@ class Projections:
             at.sin_turn,
         )
 
-    def rows(self, rows: npt.NDArray[np.intp]) -> Projections:
+    def select_rows(self, rows: npt.NDArray[np.intp]) -> EdgeProjections:
         """The projections of some rows."""
-        return Projections(*(getattr(self, name)[..., rows] for name in self.__dataclass_fields__))
+        return EdgeProjections(*(getattr(self, name)[..., rows] for name in self.__dataclass_fields__))
 
-    def moved(self, x_m: FloatArray, y_m: FloatArray, vx_mps: FloatArray, vy_mps: FloatArray) -> Projections:
+    def with_motion(self, x_m: FloatArray, y_m: FloatArray, vx_mps: FloatArray, vy_mps: FloatArray) -> EdgeProjections:
         """The projections of another position and velocity of the other in the host's axes, (m,) or (k, m)."""
-        return Projections(
-            on_axes(x_m, y_m, self.cos_turn, self.sin_turn),
-            on_axes(vx_mps, vy_mps, self.cos_turn, self.sin_turn),
+        return EdgeProjections(
+            project_on_edges(x_m, y_m, self.cos_turn, self.sin_turn),
+            project_on_edges(vx_mps, vy_mps, self.cos_turn, self.sin_turn),
             self.reach_m,
             self.cos_turn,
             self.sin_turn,
         )
 
 
-def on_axes(x: FloatArray, y: FloatArray, cos_turn: FloatArray, sin_turn: FloatArray) -> FloatArray:
+def project_on_edges(x: FloatArray, y: FloatArray, cos_turn: FloatArray, sin_turn: FloatArray) -> FloatArray:
     """Project a vector in the host's axes on the four edge directions, (4, m)."""
     return np.stack([x, y, x * cos_turn + y * sin_turn, y * cos_turn - x * sin_turn])
 
 
-def straight_contact(at: Projections) -> FloatArray:
+def straight_contact_time_s(at: EdgeProjections) -> FloatArray:
     """Seconds until contact at constant velocities, (m,): 0 in contact, infinity if never."""
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = 1.0 / np.where(np.abs(at.speed_mps) < 1e-9, 0.0, at.speed_mps)
@@ -83,16 +83,16 @@ def straight_contact(at: Projections) -> FloatArray:
     return np.where(begin <= np.fmax(one, two).min(axis=0), begin, np.inf)
 
 
-def accelerated_contact(at: Projections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
+def accelerated_contact_time_s(at: EdgeProjections, ax_mps2: FloatArray, ay_mps2: FloatArray) -> FloatArray:
     """Seconds until contact at constant relative acceleration along the host's axes, (m,): infinity if never."""
     ax_mps2, ay_mps2 = np.broadcast_arrays(ax_mps2, ay_mps2)
-    bend = on_axes(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
+    bend = project_on_edges(ax_mps2, ay_mps2, at.cos_turn, at.sin_turn)
     bend = np.where(np.abs(bend) < 1e-9, 0.0, bend)
     sign = np.where(bend < 0.0, -1.0, 1.0)
     bend, speed, centre = sign * bend, sign * at.speed_mps, sign * at.centre_m
     speed = np.where(np.abs(speed) < 1e-9, 0.0, speed)
-    low, high, _ = _roots(bend, speed, centre - at.reach_m)  # c + s t + q t^2 / 2 <= R from low to high
-    out, back, leaves = _roots(bend, speed, centre + at.reach_m)  # and below -R from out to back
+    low, high, _ = _interval_below_zero_s(bend, speed, centre - at.reach_m)  # c + s t + q t^2 / 2 <= R from low to high
+    out, back, leaves = _interval_below_zero_s(bend, speed, centre + at.reach_m)  # and below -R from out to back
     first_end = np.where(leaves, out, high)
     second = np.where(leaves, back, np.inf)
     time = np.zeros(at.centre_m.shape[1:])
@@ -108,7 +108,7 @@ def accelerated_contact(at: Projections, ax_mps2: FloatArray, ay_mps2: FloatArra
     return time
 
 
-def _roots(
+def _interval_below_zero_s(
     bend: FloatArray, speed: FloatArray, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
     """The interval of t in which offset + speed t + bend t^2 / 2 <= 0, bend >= 0: its ends, and whether it exists."""

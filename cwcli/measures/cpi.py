@@ -8,11 +8,11 @@ from cwcli.measures.a_long_req import MEASURE as A_LONG_REQ
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.normal import normal_cdf
+from cwcli.signals.normal_distribution import normal_cdf
 
-MEAN_MPS2, SIGMA_MPS2 = 8.45, 1.40
+AVAILABLE_BRAKING_MEAN_MPS2, AVAILABLE_BRAKING_SIGMA_MPS2 = 8.45, 1.40
 """The available braking is normal with this mean and sigma, m/s^2 (Cunto and Saccomanno 2007)."""
-LOWEST_MPS2, HIGHEST_MPS2 = 4.23, 12.68
+MIN_AVAILABLE_BRAKING_MPS2, MAX_AVAILABLE_BRAKING_MPS2 = 4.23, 12.68
 """The normal distribution of the available braking is truncated to these limits, m/s^2 (same source)."""
 
 
@@ -21,16 +21,19 @@ def crash_potential_index(pair: Pair) -> FloatArray:
     known = ~np.isnan(pair.distance_m)
     if not known.any():
         return np.array(np.nan)
-    needed = np.nan_to_num(-pair.value(A_LONG_REQ)[known], nan=0.0, posinf=HIGHEST_MPS2)
-    weights = pair.step_s[known] if pair.step_s.any() else None
-    return np.array(np.average(too_much(needed), weights=weights))
+    needed = np.nan_to_num(-pair.evaluate_measure(A_LONG_REQ)[known], nan=0.0, posinf=MAX_AVAILABLE_BRAKING_MPS2)
+    weights = pair.stamp_weights_s[known] if pair.stamp_weights_s.any() else None
+    return np.array(np.average(braking_shortfall_probability(needed), weights=weights))
 
 
-def too_much(needed_mps2: FloatArray) -> FloatArray:
+def braking_shortfall_probability(needed_mps2: FloatArray) -> FloatArray:
     """Probability that the maximum available deceleration, a truncated normal, is below what is needed, (n,)."""
-    bounds = np.array([LOWEST_MPS2, HIGHEST_MPS2])
-    low, high = normal_cdf((bounds - MEAN_MPS2) / SIGMA_MPS2)
-    at = normal_cdf((np.clip(needed_mps2, LOWEST_MPS2, HIGHEST_MPS2) - MEAN_MPS2) / SIGMA_MPS2)
+    bounds = np.array([MIN_AVAILABLE_BRAKING_MPS2, MAX_AVAILABLE_BRAKING_MPS2])
+    low, high = normal_cdf((bounds - AVAILABLE_BRAKING_MEAN_MPS2) / AVAILABLE_BRAKING_SIGMA_MPS2)
+    at = normal_cdf(
+        (np.clip(needed_mps2, MIN_AVAILABLE_BRAKING_MPS2, MAX_AVAILABLE_BRAKING_MPS2) - AVAILABLE_BRAKING_MEAN_MPS2)
+        / AVAILABLE_BRAKING_SIGMA_MPS2
+    )
     return np.asarray((at - low) / (high - low))
 
 
@@ -41,7 +44,7 @@ MEASURE = Measure(
     critical="high",
     formula="mean over time of P(MADR <= -a_long,req), MADR normal 8.45, 1.40 m/s^2 within 4.23 to 12.68",
     source="Cunto and Saccomanno 2007",
-    of=crash_potential_index,
+    compute=crash_potential_index,
     is_series=False,
     is_symmetric=False,
     undefined="both positions were never known at the same time",

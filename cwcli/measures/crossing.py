@@ -8,11 +8,11 @@ from cwcli.measures.pair import Pair
 
 MIN_CROSSING_SINE = 0.5
 """Smallest sine of the angle between the paths: below 30 degrees vehicles merge or follow, rather than cross."""
-MIN_SPEED_MPS = 0.1
+MIN_CROSSING_SPEED_MPS = 0.1
 """A slower vehicle counts as standing and reaches no crossing. Chosen by hand; not fitted."""
 
 
-class Crossing:
+class StraightCrossing:
     """Times at the crossing in the rows `near` of a pair, each (m,); NaN where the paths do not cross.
 
     Attributes:
@@ -22,10 +22,14 @@ class Crossing:
     """
 
     def __init__(self, pair: Pair) -> None:
-        at = pair.approach
+        at = pair.other_in_host_axes
         (length, width), (their_length, their_width) = pair.host_size, pair.other_size
         own, theirs = at.host_speed_mps, at.other_speed_mps
-        cross = (np.abs(at.sin_turn) > MIN_CROSSING_SINE) & (own > MIN_SPEED_MPS) & (theirs > MIN_SPEED_MPS)
+        cross = (
+            (np.abs(at.sin_turn) > MIN_CROSSING_SINE)
+            & (own > MIN_CROSSING_SPEED_MPS)
+            & (theirs > MIN_CROSSING_SPEED_MPS)
+        )
         own, theirs, turn = (np.where(cross, values, np.nan) for values in (own, theirs, at.sin_turn))
         cosine, sine = np.abs(at.cos_turn), np.abs(turn)
         other_way = -at.y_m / turn
@@ -36,4 +40,4 @@ class Crossing:
         self.host_arrival_s, self.other_arrival_s = host_way / own, other_way / theirs
         self.host_entry_s, self.host_exit_s = (host_way - host_half) / own, (host_way + host_half) / own
         self.other_entry_s, self.other_exit_s = (other_way - other_half) / theirs, (other_way + other_half) / theirs
-        self.is_ahead = cross & (self.host_exit_s > 0.0) & (self.other_exit_s > 0.0)
+        self.is_crossing_ahead = cross & (self.host_exit_s > 0.0) & (self.other_exit_s > 0.0)

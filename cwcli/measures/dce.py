@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 def distance_of_closest_encounter(pair: Pair) -> FloatArray:
     """Distance (m) of the outlines at their closest encounter, computed at each stamp, (n,)."""
     _, distance_m = closest_encounter(pair)
-    return pair.spread(distance_m)
+    return pair.expand_to_all_rows(distance_m)
 
 
 MEASURE = Measure(
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="low",
     formula="least distance of the rectangles for t >= 0, moved by v_e t and v_o t; 0 on a collision course",
     source="Eggert 2014",
-    of=distance_of_closest_encounter,
+    compute=distance_of_closest_encounter,
     undefined="the centres are more than 200 m apart",
     misleads="far ahead in time: a small DCE in 20 s means little; read it with TTCE",
     is_pointwise=True,

@@ -7,7 +7,7 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def distance(pair: Pair) -> FloatArray:
+def centre_distance(pair: Pair) -> FloatArray:
     """Distance (m) of the centres at each stamp, (n,)."""
     return pair.distance_m
 
@@ -19,7 +19,7 @@ MEASURE = Measure(
     critical="low",
     formula="|p_o - p_e|",
     source="song2016, section 4",
-    of=distance,
+    compute=centre_distance,
     threshold=2.5,
     threshold_source="song2016, section 4",
     misleads="for long vehicles: their outlines touch while the centres are far apart",

@@ -11,21 +11,25 @@ from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
 
-def deceleration(pair: Pair) -> FloatArray:
+def deceleration_to_avoid_crash(pair: Pair) -> FloatArray:
     """Deceleration (m/s^2) that avoids a crash at each stamp, (n,); NaN off a collision course, infinity in contact."""
-    near = pair.near
-    gap, ttc, closing = pair.value(GAP)[near], pair.value(TTC)[near], closing_speed(pair)
+    near = pair.near_rows
+    gap, ttc, closing = (
+        pair.evaluate_measure(GAP)[near],
+        pair.evaluate_measure(TTC)[near],
+        closing_speed_of_centres_mps(pair),
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = closing**2 / (2.0 * gap)
     brakes = (closing > 0.0) & np.isfinite(ttc)  # only a pair on the way to contact needs to brake at all
-    return pair.spread(np.where(brakes, np.where(gap > 0.0, needed, np.inf), np.nan))
+    return pair.expand_to_all_rows(np.where(brakes, np.where(gap > 0.0, needed, np.inf), np.nan))
 
 
-def closing_speed(pair: Pair) -> FloatArray:
+def closing_speed_of_centres_mps(pair: Pair) -> FloatArray:
     """Closing speed of the centres (m/s) in the rows `near`, (m,); NaN for centres at the same place."""
-    at = pair.relative
+    at = pair.relative_motion
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(-(at.dx_m * at.dvx_mps + at.dy_m * at.dvy_mps) / pair.distance_m[pair.near])
+        return np.asarray(-(at.dx_m * at.dvx_mps + at.dy_m * at.dvy_mps) / pair.distance_m[pair.near_rows])
 
 
 MEASURE = Measure(
@@ -35,7 +39,7 @@ MEASURE = Measure(
     critical="high",
     formula="v_c^2 / (2 d) with v_c the closing speed of the centres; infinity in contact",
     source="Cooper and Ferguson 1976",
-    of=deceleration,
+    compute=deceleration_to_avoid_crash,
     threshold=3.35,
     threshold_source="Archer 2005",
     undefined="the two are not on a collision course, or do not close",

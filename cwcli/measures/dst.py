@@ -14,12 +14,12 @@ SAFETY_TIME_S = 2.0
 
 def deceleration_to_safety_time(pair: Pair) -> FloatArray:
     """Deceleration (m/s^2) that keeps the safety time, at each stamp, (n,); infinity where it is lost already."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     left_m = at.headway_m - np.maximum(at.vx_mps + at.host_speed_mps, 0.0) * SAFETY_TIME_S
-    closes = at.is_lead & (at.vx_mps < 0.0)
+    closes = at.is_straight_ahead & (at.vx_mps < 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.where(left_m > 0.0, 1.5 * at.vx_mps**2 / left_m, np.inf)
-    return pair.spread(np.where(closes, needed, np.nan))
+    return pair.expand_to_all_rows(np.where(closes, needed, np.nan))
 
 
 MEASURE = Measure(
@@ -29,7 +29,7 @@ MEASURE = Measure(
     critical="high",
     formula="3 (v_e - v_o)^2 / (2 (HW - v_o t_s)), t_s = 2 s; infinity where HW <= v_o t_s",
     source="Schubert, Schulze and Wanielik 2010, eq. 17",
-    of=deceleration_to_safety_time,
+    compute=deceleration_to_safety_time,
     is_symmetric=False,
     undefined="nothing is ahead of the host within the width of the two outlines, or the host does not close",
     misleads="in dense traffic, where nobody keeps 2 s",

@@ -20,10 +20,10 @@ def closest_encounter(pair: Pair) -> tuple[FloatArray, FloatArray]:
     The relative motion is seen along the relative velocity: a corner of the difference of the two outlines (a corner of
     one against a corner of the other) is nearest when it passes the origin.
     """
-    at, near = pair.approach, pair.near
-    ttc = pair.value(TTC)[near]
+    at, near = pair.other_in_host_axes, pair.near_rows
+    ttc = pair.evaluate_measure(TTC)[near]
     speed = np.hypot(at.vx_mps, at.vy_mps)
-    best_m = np.maximum(pair.value(GAP)[near], 0.0)
+    best_m = np.maximum(pair.evaluate_measure(GAP)[near], 0.0)
     best_s = np.zeros(len(speed))
     with np.errstate(divide="ignore", invalid="ignore"):
         ux, uy = at.vx_mps / speed, at.vy_mps / speed

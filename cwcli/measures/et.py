@@ -6,13 +6,13 @@ import numpy as np
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.pet import encroachment_span
+from cwcli.measures.pet import encroachment_duration_s
 from cwcli.signals.columns import FloatArray
 
 
 def encroachment_time(pair: Pair) -> FloatArray:
     """Encroachment time (s) of the pair, (), at its narrowest encroachment."""
-    return np.array(encroachment_span(pair))
+    return np.array(encroachment_duration_s(pair))
 
 
 MEASURE = Measure(
@@ -25,7 +25,7 @@ MEASURE = Measure(
         " other moment within 5 s, in steps of 0.1 s"
     ),
     source="Allen, Shin and Cooper 1978",
-    of=encroachment_time,
+    compute=encroachment_time,
     is_series=False,
     is_symmetric=False,
     undefined="as for PET, or the two drive within 30 degrees of parallel",

@@ -10,17 +10,17 @@ import numpy.typing as npt
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.uncertainty import sigma_of
+from cwcli.measures.uncertainty import sigmas_of_measures
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-BLOCK = 2048
+MOMENTS_PER_BLOCK = 2048
 """Number of moments that are measured at once: their arrays fit into the processor's cache."""
 ENCOUNTER_RANGE_M = 50.0
 """An encounter is a time during which the centres are within this distance, m. Chosen by hand; not fitted."""
-ENCOUNTER_PAUSE_S = 2.0
+MAX_PAUSE_IN_ENCOUNTER_S = 2.0
 """Encounters with a shorter pause between them are one encounter, s. Chosen by hand; not fitted."""
-WHOLE = 0
+WHOLE_TIME_ENCOUNTER = 0
 """Number that stands for the whole time during which two were near; encounters count from 1."""
 
 
@@ -38,11 +38,11 @@ class MeasuredPair:
     other_id: str
     stamp_ns: Int64Array
     values: Mapping[str, FloatArray]
-    extremes: tuple[Extreme, ...]
+    extremes: tuple[ExtremeValue, ...]
 
 
 @dataclass(frozen=True)
-class Extreme:
+class ExtremeValue:
     """The most critical value of a measure in an interval of time.
 
     Attributes:
@@ -65,65 +65,67 @@ class Extreme:
 
 def measure_pair(other_id: str, pair: Pair, measures: Mapping[str, Measure]) -> MeasuredPair:
     """Evaluate the measures of one pair; the extremes have no sigmas yet."""
-    near = pair.near
+    near = pair.near_rows
     values = {name: np.full(len(near), np.nan) for name, measure in measures.items() if measure.is_series}
-    for first in range(0, len(near), BLOCK):
-        block = pair.rows(near[first : first + BLOCK])
+    for first in range(0, len(near), MOMENTS_PER_BLOCK):
+        block = pair.select_rows(near[first : first + MOMENTS_PER_BLOCK])
         for name, measure in measures.items():
             if measure.is_pointwise:
-                values[name][first : first + BLOCK] = block.value(measure)
+                values[name][first : first + MOMENTS_PER_BLOCK] = block.evaluate_measure(measure)
     for name, measure in measures.items():
         if measure.is_series and not measure.is_pointwise:
-            values[name][:] = pair.value(measure)[near]
-    extremes: list[Extreme] = []
-    for encounter, rows in enumerate([np.arange(len(near)), *_encounters(pair)]):
+            values[name][:] = pair.evaluate_measure(measure)[near]
+    extremes: list[ExtremeValue] = []
+    for encounter, rows in enumerate([np.arange(len(near)), *_split_into_encounters(pair)]):
         if len(rows):
-            extremes += _extremes(encounter, pair, rows, values, measures)
+            extremes += _extremes_of_encounter(encounter, pair, rows, values, measures)
     return MeasuredPair(other_id, pair.stamp_ns[near], values, tuple(extremes))
 
 
-def _encounters(pair: Pair) -> list[npt.NDArray[np.intp]]:
+def _split_into_encounters(pair: Pair) -> list[npt.NDArray[np.intp]]:
     """Rows of `near` of each encounter; one that is interrupted for less than a pause stays one."""
-    near = pair.near
+    near = pair.near_rows
     rows = np.flatnonzero(pair.distance_m[near] <= ENCOUNTER_RANGE_M)
     if not len(rows):
         return []
-    pauses = np.flatnonzero(np.diff(pair.stamp_ns[near[rows]]) > ENCOUNTER_PAUSE_S * NS_PER_S)
+    pauses = np.flatnonzero(np.diff(pair.stamp_ns[near[rows]]) > MAX_PAUSE_IN_ENCOUNTER_S * NS_PER_S)
     parts = np.split(rows, pauses + 1)
     return [np.arange(part[0], part[-1] + 1) for part in parts]
 
 
-def _extremes(
+def _extremes_of_encounter(
     encounter: int,
     pair: Pair,
     rows: npt.NDArray[np.intp],
     values: Mapping[str, FloatArray],
     measures: Mapping[str, Measure],
-) -> list[Extreme]:
+) -> list[ExtremeValue]:
     """The most critical value of each measure in the rows of one encounter."""
-    near = pair.near
-    stretch = pair.between(int(near[rows[0]]), int(near[rows[-1]]) + 1)
+    near = pair.near_rows
+    stretch = pair.slice_rows(int(near[rows[0]]), int(near[rows[-1]]) + 1)
     begin_ns, end_ns = int(pair.stamp_ns[near[rows[0]]]), int(pair.stamp_ns[near[rows[-1]]])
-    found: list[Extreme] = []
+    found: list[ExtremeValue] = []
     for name, measure in measures.items():
         if not measure.is_series:
-            value, stamp_ns = float(stretch.value(measure)), -1
+            value, stamp_ns = float(stretch.evaluate_measure(measure)), -1
         else:
             series = values[name][rows]
-            worst = _worst(series, measure)
+            worst = _row_of_most_critical(series, measure)
             value, stamp_ns = np.nan, -1
             if worst >= 0:
                 value, stamp_ns = float(series[worst]), int(pair.stamp_ns[near[rows[worst]]])
-        found.append(Extreme(encounter, begin_ns, end_ns, name, value, stamp_ns, np.nan))
+        found.append(ExtremeValue(encounter, begin_ns, end_ns, name, value, stamp_ns, np.nan))
     return found
 
 
-def moments(measured: MeasuredPair, measures: Mapping[str, Measure]) -> Int64Array:
+def stamps_of_extremes_with_sigma(measured: MeasuredPair, measures: Mapping[str, Measure]) -> Int64Array:
     """The increasing stamps of the extremes that can have a sigma."""
-    return np.unique(np.array([each.stamp_ns for each in measured.extremes if _is_smooth(each, measures)], np.int64))
+    return np.unique(
+        np.array([each.stamp_ns for each in measured.extremes if _can_have_sigma(each, measures)], np.int64)
+    )
 
 
-def with_sigmas(
+def add_sigmas_to_extremes(
     measured: MeasuredPair, at: Pair, measures: Mapping[str, Measure], covariances: tuple[FloatArray, FloatArray]
 ) -> MeasuredPair:
     """Add the sigmas of the extremes to a measured pair.
@@ -134,24 +136,26 @@ def with_sigmas(
         measures: The measures by name.
         covariances: Covariances of the host's and the other's states at the moments, (r, 8, 8) each.
     """
-    asked = {each.measure: measures[each.measure] for each in measured.extremes if _is_smooth(each, measures)}
-    sigmas = sigma_of(at, covariances, asked)
+    asked = {each.measure: measures[each.measure] for each in measured.extremes if _can_have_sigma(each, measures)}
+    sigmas = sigmas_of_measures(at, covariances, asked)
     row = {stamp_ns: k for k, stamp_ns in enumerate(at.stamp_ns.tolist())}
     extremes = tuple(
-        replace(each, sigma=float(sigmas[each.measure][row[each.stamp_ns]])) if _is_smooth(each, measures) else each
+        replace(each, sigma=float(sigmas[each.measure][row[each.stamp_ns]]))
+        if _can_have_sigma(each, measures)
+        else each
         for each in measured.extremes
     )
     return replace(measured, extremes=extremes)
 
 
-def _is_smooth(extreme: Extreme, measures: Mapping[str, Measure]) -> bool:
+def _can_have_sigma(extreme: ExtremeValue, measures: Mapping[str, Measure]) -> bool:
     """Whether a sigma of the extreme can be computed: its measure is pointwise and smooth, and it has a value."""
     measure = measures[extreme.measure]
     is_smooth = measure.is_pointwise and not measure.is_stepped
     return extreme.stamp_ns >= 0 and is_smooth and bool(np.isfinite(extreme.value))
 
 
-def _worst(series: FloatArray, measure: Measure) -> int:
+def _row_of_most_critical(series: FloatArray, measure: Measure) -> int:
     """Row of the most critical value; -1 if all are NaN."""
     known = np.flatnonzero(~np.isnan(series))
     if not len(known):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from cwcli.measures.base import Measure
-from cwcli.measures.outlines import outline_distance
+from cwcli.measures.outlines import outline_distance_m
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def gap(pair: Pair) -> FloatArray:
+def gap_of_outlines(pair: Pair) -> FloatArray:
     """Distance (m) of the outlines at each stamp, (n,); NaN beyond 200 m of centre distance."""
-    at = pair.relative
-    found = outline_distance(
+    at = pair.relative_motion
+    found = outline_distance_m(
         at.dx_m, at.dy_m, at.host_heading_rad, at.other_heading_rad, pair.host_size, pair.other_size
     )
-    return pair.spread(found)
+    return pair.expand_to_all_rows(found)
 
 
 MEASURE = Measure(
@@ -24,7 +24,7 @@ MEASURE = Measure(
     critical="low",
     formula="least distance of the two rectangles; where they overlap, minus the least shift that parts them",
     source="separating-axis theorem (Gottschalk et al. 1996)",
-    of=gap,
+    compute=gap_of_outlines,
     note="of the outlines; negative: penetration depth",
     threshold=0.0,
     threshold_source="they touch",

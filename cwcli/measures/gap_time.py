@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.crossing import Crossing
+from cwcli.measures.crossing import StraightCrossing
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def gap_time(pair: Pair) -> FloatArray:
     """Time (s) between both arrivals at the crossing, at each stamp, (n,); NaN where no crossing is ahead."""
-    at = Crossing(pair)
-    return pair.spread(np.where(at.is_ahead, np.abs(at.host_arrival_s - at.other_arrival_s), np.nan))
+    at = StraightCrossing(pair)
+    return pair.expand_to_all_rows(
+        np.where(at.is_crossing_ahead, np.abs(at.host_arrival_s - at.other_arrival_s), np.nan)
+    )
 
 
 MEASURE = Measure(
@@ -23,7 +25,7 @@ MEASURE = Measure(
     critical="low",
     formula="|s_e / v_e - s_o / v_o|, s the way of a centre to the crossing of the two straight ways",
     source="Allen, Shin and Cooper 1978, for the centres",
-    of=gap_time,
+    compute=gap_time,
     undefined="the ways cross under less than 30 degrees, or one is past the crossing, or stands",
     misleads="for a vehicle that turns off before the crossing",
     is_pointwise=True,

@@ -7,9 +7,9 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def headway(pair: Pair) -> FloatArray:
+def headway_to_vehicle_ahead(pair: Pair) -> FloatArray:
     """Gap (m) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
-    return pair.spread(pair.approach.headway_m)
+    return pair.expand_to_all_rows(pair.other_in_host_axes.headway_m)
 
 
 MEASURE = Measure(
@@ -19,7 +19,7 @@ MEASURE = Measure(
     critical="low",
     formula="x_o - (extents of both along the host's heading) / 2, where |y_o| is less than that across",
     source="ISO 15623; Jansson 2005",
-    of=headway,
+    compute=headway_to_vehicle_ahead,
     is_symmetric=False,
     undefined="nothing is ahead of the host within the width of the two outlines",
     misleads="in curves: what is straight ahead is not in the lane",

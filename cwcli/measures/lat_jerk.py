@@ -11,8 +11,8 @@ from cwcli.signals.columns import FloatArray
 
 def lateral_jerk(pair: Pair) -> FloatArray:
     """Size of the host's lateral jerk (m/s^3) at each stamp, (n,): that of v w with a constant yaw rate w."""
-    accel, yaw_rate, _ = pair.host_motion[pair.near].T
-    return pair.spread(np.abs(accel * yaw_rate))
+    accel, yaw_rate, _ = pair.host_derivatives[pair.near_rows].T
+    return pair.expand_to_all_rows(np.abs(accel * yaw_rate))
 
 
 MEASURE = Measure(
@@ -22,7 +22,7 @@ MEASURE = Measure(
     critical="high",
     formula="|a_e w_e|",
     source="derivative of v w; CommonRoad-CriMe, LatJ",
-    of=lateral_jerk,
+    compute=lateral_jerk,
     is_symmetric=False,
     is_of_host=True,
     undefined="the centres are more than 200 m apart",

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-BRAKING_MPS2 = 11.5
+CAR_BRAKING_LIMIT_MPS2 = 11.5
 """Hardest braking and acceleration: CommonRoad vehicle 2, a BMW 320i on dry asphalt (Althoff et al. 2017)."""
-LATERAL_MPS2 = 8.0
+CAR_LATERAL_LIMIT_MPS2 = 8.0
 """Largest lateral acceleration on dry asphalt (CommonRoad-CriMe)."""
-MASS_SHARE = 0.5
+OTHER_MASS_SHARE = 0.5
 """The other's share of the mass of both: messages carry no masses, so they are taken as equal."""

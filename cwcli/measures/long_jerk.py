@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 
 def longitudinal_jerk(pair: Pair) -> FloatArray:
     """Size of the host's longitudinal jerk (m/s^3) at each stamp, (n,)."""
-    return pair.spread(np.abs(pair.host_motion[pair.near, 2]))
+    return pair.expand_to_all_rows(np.abs(pair.host_derivatives[pair.near_rows, 2]))
 
 
 MEASURE = Measure(
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="high",
     formula="|d a_e / d t|",
     source="CommonRoad-CriMe, LongJ",
-    of=longitudinal_jerk,
+    compute=longitudinal_jerk,
     is_symmetric=False,
     is_of_host=True,
     undefined="the centres are more than 200 m apart",

@@ -11,79 +11,81 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.contact import Projections, accelerated_contact, straight_contact
-from cwcli.measures.limits import BRAKING_MPS2, LATERAL_MPS2
+from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
+from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair
 from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
-HALVINGS = 10
+N_HALVINGS = 10
 """Number of bisections: the result is exact to a thousandth of the time to collision."""
 BoolArray = npt.NDArray[np.bool_]
-Evades = Callable[[Projections, FloatArray], BoolArray]
+AvoidanceCheck = Callable[[EdgeProjections, FloatArray], BoolArray]
 """A function: pair at the manoeuvre's begin and the host's speed, (m,) -> whether contact is avoided, (m,)."""
 
 
-def time_to(manoeuvre: tuple[Evades, ...], pair: Pair) -> FloatArray:
+def latest_start_of_manoeuvre_s(manoeuvre: tuple[AvoidanceCheck, ...], pair: Pair) -> FloatArray:
     """Latest start (s) of the best manoeuvre at each stamp, (n,); NaN off a collision course or if none helps."""
-    near = pair.near
-    ttc = pair.value(TTC)[near]
+    near = pair.near_rows
+    ttc = pair.evaluate_measure(TTC)[near]
     rows = np.flatnonzero(ttc > 0.0)
     found = np.full(len(near), np.nan)
     if len(rows):
-        start, own = Projections.of(pair).rows(rows), pair.approach.host_speed_mps[rows]
-        found[rows] = np.fmax.reduce([_latest(evades, start, own, ttc[rows]) for evades in manoeuvre])
-    return pair.spread(found)
+        start, own = EdgeProjections.from_pair(pair).select_rows(rows), pair.other_in_host_axes.host_speed_mps[rows]
+        found[rows] = np.fmax.reduce([_bisect_latest_start_s(evades, start, own, ttc[rows]) for evades in manoeuvre])
+    return pair.expand_to_all_rows(found)
 
 
-def _latest(evades: Evades, start: Projections, host_mps: FloatArray, ttc_s: FloatArray) -> FloatArray:
+def _bisect_latest_start_s(
+    evades: AvoidanceCheck, start: EdgeProjections, host_mps: FloatArray, ttc_s: FloatArray
+) -> FloatArray:
     """Bisect the latest time in [0, ttc_s] from which the manoeuvre avoids contact, (m,); NaN if it never does."""
     low, high = np.zeros(len(ttc_s)), ttc_s.copy()
     helps = evades(start, host_mps)
-    for _ in range(HALVINGS):
+    for _ in range(N_HALVINGS):
         middle = 0.5 * (low + high)
-        avoided = evades(_after(start, middle), host_mps)
+        avoided = evades(_advance_straight(start, middle), host_mps)
         low, high = np.where(avoided, middle, low), np.where(avoided, high, middle)
     return np.where(helps, low, np.nan)
 
 
-def _after(start: Projections, time_s: FloatArray) -> Projections:
+def _advance_straight(start: EdgeProjections, time_s: FloatArray) -> EdgeProjections:
     """The pair after both have gone straight on for a time, (m,)."""
     x, y = start.centre_m[:2] + start.speed_mps[:2] * time_s
-    return start.moved(x, y, *start.speed_mps[:2])
+    return start.with_motion(x, y, *start.speed_mps[:2])
 
 
-def _brake(start: Projections, host_mps: FloatArray) -> BoolArray:
+def _braking_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> BoolArray:
     """Whether full braking avoids contact, (m,): until the host stands; from then on only the other moves."""
-    sign, stop_s = np.sign(host_mps), np.abs(host_mps) / BRAKING_MPS2
-    hit = accelerated_contact(start, sign * BRAKING_MPS2, np.zeros(len(host_mps))) <= stop_s
+    sign, stop_s = np.sign(host_mps), np.abs(host_mps) / CAR_BRAKING_LIMIT_MPS2
+    hit = accelerated_contact_time_s(start, sign * CAR_BRAKING_LIMIT_MPS2, np.zeros(len(host_mps))) <= stop_s
     (x, y), (vx, vy) = start.centre_m[:2], start.speed_mps[:2]
-    way = vx * stop_s + 0.5 * sign * BRAKING_MPS2 * stop_s**2
-    stands = start.moved(x + way, y + vy * stop_s, vx + host_mps, vy)
-    return ~hit & np.isinf(straight_contact(stands))
+    way = vx * stop_s + 0.5 * sign * CAR_BRAKING_LIMIT_MPS2 * stop_s**2
+    stands = start.with_motion(x + way, y + vy * stop_s, vx + host_mps, vy)
+    return ~hit & np.isinf(straight_contact_time_s(stands))
 
 
-def _accelerate(start: Projections, host_mps: FloatArray) -> BoolArray:
+def _accelerating_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> BoolArray:
     """Whether full acceleration avoids contact, (m,)."""
-    forward = -BRAKING_MPS2 * np.where(host_mps < 0.0, -1.0, 1.0)
-    return np.isinf(accelerated_contact(start, forward, np.zeros(len(host_mps))))
+    forward = -CAR_BRAKING_LIMIT_MPS2 * np.where(host_mps < 0.0, -1.0, 1.0)
+    return np.isinf(accelerated_contact_time_s(start, forward, np.zeros(len(host_mps))))
 
 
-def _left(start: Projections, host_mps: FloatArray) -> BoolArray:
+def _steering_left_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> BoolArray:
     """Whether full lateral acceleration to the left avoids contact, (m,)."""
     zero = np.zeros(len(host_mps))
-    return np.isinf(accelerated_contact(start, zero, zero - LATERAL_MPS2))
+    return np.isinf(accelerated_contact_time_s(start, zero, zero - CAR_LATERAL_LIMIT_MPS2))
 
 
-def _right(start: Projections, host_mps: FloatArray) -> BoolArray:
+def _steering_right_avoids_contact(start: EdgeProjections, host_mps: FloatArray) -> BoolArray:
     """Whether full lateral acceleration to the right avoids contact, (m,)."""
     zero = np.zeros(len(host_mps))
-    return np.isinf(accelerated_contact(start, zero, zero + LATERAL_MPS2))
+    return np.isinf(accelerated_contact_time_s(start, zero, zero + CAR_LATERAL_LIMIT_MPS2))
 
 
-brake = (_brake,)
+BRAKING = (_braking_avoids_contact,)
 """The manoeuvre of `ttb`: full braking."""
-accelerate = (_accelerate,)
+ACCELERATING = (_accelerating_avoids_contact,)
 """The manoeuvre of `ttk`: full acceleration."""
-steer = (_left, _right)
+STEERING = (_steering_left_avoids_contact, _steering_right_avoids_contact)
 """The manoeuvres of `tts`: full lateral acceleration to either side."""

@@ -14,7 +14,7 @@ Size = tuple[float, float]
 """Length and width of an outline, m."""
 
 
-def overlap_margin(
+def outline_separation_m(
     dx: FloatArray,
     dy: FloatArray,
     heading_host: FloatArray,
@@ -24,10 +24,10 @@ def overlap_margin(
 ) -> FloatArray:
     """Largest separation over the four edge directions, metres: positive apart, negative overlapping."""
     directions = [(np.cos(heading), np.sin(heading)) for heading in (heading_host, heading_other)]
-    return margin_of(dx, dy, directions[0], directions[1], host, other)
+    return outline_separation_by_directions_m(dx, dy, directions[0], directions[1], host, other)
 
 
-def margin_of(
+def outline_separation_by_directions_m(
     dx: FloatArray,
     dy: FloatArray,
     along_host: tuple[FloatArray, FloatArray],
@@ -48,7 +48,7 @@ def margin_of(
     return np.asarray(most)
 
 
-def outline_distance(
+def outline_distance_m(
     dx: FloatArray,
     dy: FloatArray,
     heading_host: FloatArray,
@@ -60,15 +60,15 @@ def outline_distance(
 
     The shortest distance of two rectangles apart always ends on a corner of one of them.
     """
-    margin = overlap_margin(dx, dy, heading_host, heading_other, host, other)
+    margin = outline_separation_m(dx, dy, heading_host, heading_other, host, other)
     nearest = np.minimum(
-        _corners_to_box(dx, dy, heading_host, heading_other, host, other),
-        _corners_to_box(-dx, -dy, heading_other, heading_host, other, host),
+        _distance_of_corners_to_box_m(dx, dy, heading_host, heading_other, host, other),
+        _distance_of_corners_to_box_m(-dx, -dy, heading_other, heading_host, other, host),
     )
     return np.where(margin > 0.0, nearest, margin)
 
 
-def _corners_to_box(
+def _distance_of_corners_to_box_m(
     dx: FloatArray, dy: FloatArray, heading_box: FloatArray, heading_guest: FloatArray, box: Size, guest: Size
 ) -> FloatArray:
     """Smallest distance from the guest's corners to the box, the guest's centre at (dx, dy) from the box's."""

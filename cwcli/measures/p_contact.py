@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.collision_probability import collision_probability, is_far
+from cwcli.measures.collision_probability import collision_probability, is_touch_improbable
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
@@ -18,34 +18,35 @@ HORIZON_S = 2.5
 """Contact counts within this time, s (song2016's horizon)."""
 STEP_S = 0.05
 """Step of the paths, s. Chosen by hand."""
-TIME_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
+PATH_TIMES_S = np.arange(round(HORIZON_S / STEP_S) + 1) * STEP_S
 """Times of the paths' points, s."""
-N_USED = 6
+N_PATH_STATES = 6
 """Number of states that move a path: x, y, speed, heading, acceleration, yaw rate."""
-AT_ONCE = 256
+MOMENTS_PER_BATCH = 256
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
-STANDS_MPS = 1e-9
+STANDSTILL_SPEED_MPS = 1e-9
 """A lower speed is rounding and counts as standing."""
 
 
-def contact_within_horizon(pair: Pair) -> FloatArray:
+def contact_probability_within_horizon(pair: Pair) -> FloatArray:
     """Probability of contact within the horizon at each stamp, (n,); NaN where a covariance is not known."""
-    near = pair.near
+    near = pair.near_rows
     found = np.full(len(near), np.nan)
-    own = np.concatenate([pair.host.state[near, :4], pair.host_motion[near, :2]], axis=1)
-    theirs = np.concatenate([pair.others[near], pair.other_motion[near, :2]], axis=1)
+    own = np.concatenate([pair.host.state[near, :4], pair.host_derivatives[near, :2]], axis=1)
+    theirs = np.concatenate([pair.other_states[near], pair.other_derivatives[near, :2]], axis=1)
     own[:, :2], theirs[:, :2] = 0.0, theirs[:, :2] - own[:, :2]
-    for first in range(0, len(near), AT_ONCE):
-        rows = slice(first, first + AT_ONCE)
-        covariances = (each[:, :N_USED, :N_USED] for each in pair.covariances(near[rows]))
+    for first in range(0, len(near), MOMENTS_PER_BATCH):
+        rows = slice(first, first + MOMENTS_PER_BATCH)
+        covariances = (each[:, :N_PATH_STATES, :N_PATH_STATES] for each in pair.state_covariances(near[rows]))
         (x, y, heading, spread), (to_x, to_y, to_heading, to_spread) = (
-            carried(state[rows], covariance) for state, covariance in zip((own, theirs), covariances, strict=True)
+            propagate_paths(state[rows], covariance)
+            for state, covariance in zip((own, theirs), covariances, strict=True)
         )
         dx, dy = to_x - x, to_y - y
         variance = (spread + to_spread)[..., [0, 2]].sum(axis=2).max(axis=1)
         values = np.where(np.isnan(variance), np.nan, 0.0)
         with np.errstate(invalid="ignore"):
-            far = is_far(_least_m(dx, dy), variance, pair.host_size, pair.other_size)
+            far = is_touch_improbable(_least_distance_m(dx, dy), variance, pair.host_size, pair.other_size)
         at = np.flatnonzero(~far & ~np.isnan(variance))
         one, other = (dx[at], dy[at], heading[at], to_heading[at]), (-dx[at], -dy[at], to_heading[at], heading[at])
         values[at] = (
@@ -56,20 +57,20 @@ def contact_within_horizon(pair: Pair) -> FloatArray:
             )[:, 0]
         )
         found[rows] = values
-    return pair.spread(found)
+    return pair.expand_to_all_rows(found)
 
 
-def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def propagate_paths(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Propagate states (m, 6) and covariances (m, 6, 6) to paths: x, y, heading, (m, q), and xx, xy, yy, (m, q, 3)."""
     x, y, speed, heading, accel, yaw_rate = (column[:, None] for column in state.T)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ahead = np.where(speed < -STANDS_MPS, -accel, accel)  # one that stands does not set off backwards
+        ahead = np.where(speed < -STANDSTILL_SPEED_MPS, -accel, accel)  # one that stands does not set off backwards
         stops_s = np.where(ahead < 0.0, np.abs(speed / accel), np.inf)
-    turns_s = np.where((np.abs(speed) < STANDS_MPS) & (accel == 0.0), 0.0, stops_s)
-    middle_s = TIME_S[:-1] + 0.5 * STEP_S
-    moves = np.clip((stops_s - TIME_S[:-1]) / STEP_S, 0.0, 1.0)  # share of each step until it stands
+    turns_s = np.where((np.abs(speed) < STANDSTILL_SPEED_MPS) & (accel == 0.0), 0.0, stops_s)
+    middle_s = PATH_TIMES_S[:-1] + 0.5 * STEP_S
+    moves = np.clip((stops_s - PATH_TIMES_S[:-1]) / STEP_S, 0.0, 1.0)  # share of each step until it stands
     turn = heading + yaw_rate * np.minimum(middle_s, turns_s)
-    rate = np.where(moves > 0.0, speed + accel * (TIME_S[:-1] + 0.5 * moves * STEP_S), 0.0)
+    rate = np.where(moves > 0.0, speed + accel * (PATH_TIMES_S[:-1] + 0.5 * moves * STEP_S), 0.0)
     cosine, sine = np.cos(turn), np.sin(turn)
     along = {  # per second of a step: the way, and its slopes by speed, acceleration and yaw rate
         "way": (rate * cosine, rate * sine),
@@ -77,7 +78,7 @@ def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Floa
         "accel": (middle_s * cosine, middle_s * sine),
         "yaw_rate": (-rate * middle_s * sine, rate * middle_s * cosine),
     }
-    gone = {name: [_summed(part * moves * STEP_S) for part in parts] for name, parts in along.items()}
+    gone = {name: [_cumulative_sum_from_zero(part * moves * STEP_S) for part in parts] for name, parts in along.items()}
     way_x, way_y = gone["way"]
     one, zero = np.ones_like(way_x), np.zeros_like(way_x)
     slopes = np.stack(
@@ -88,15 +89,15 @@ def carried(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Floa
     )  # (2, 6, m, q)
     spread = np.einsum("aimq,mij,bjmq->mqab", slopes, covariance, slopes, optimize=True)
     packed = np.stack([spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1]], axis=-1)
-    return x + way_x, y + way_y, heading + yaw_rate * np.minimum(TIME_S, turns_s), packed
+    return x + way_x, y + way_y, heading + yaw_rate * np.minimum(PATH_TIMES_S, turns_s), packed
 
 
-def _summed(steps: FloatArray) -> FloatArray:
+def _cumulative_sum_from_zero(steps: FloatArray) -> FloatArray:
     """The cumulative sum of the steps (m, q - 1) from 0 on, (m, q)."""
     return np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
 
 
-def _least_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
+def _least_distance_m(dx: FloatArray, dy: FloatArray) -> FloatArray:
     """A lower bound of the distance of the centres along the paths, m, (m,): between points they may come nearer."""
     between = np.hypot(np.diff(dx, axis=1), np.diff(dy, axis=1)).max(axis=1)
     return np.asarray(np.hypot(dx, dy).min(axis=1) - 0.5 * between)
@@ -112,7 +113,7 @@ MEASURE = Measure(
         "normal errors of both states, each carried along its path to first order"
     ),
     source="cwcli; of circles at one time: Alfano 2005",
-    of=contact_within_horizon,
+    compute=contact_probability_within_horizon,
     undefined="the covariance of a state is not known, or the centres are more than 200 m apart",
     misleads=(
         "where drivers react, which these paths do not; where covariances are too small: an acceleration or "

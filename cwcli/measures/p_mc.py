@@ -7,45 +7,45 @@ from functools import cache
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.contact import Projections, accelerated_contact
+from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 HORIZON_S = 3.0
 """Contact counts within this time, s. Chosen by hand; not fitted."""
-SIGMA_MPS2 = 2.875
+ACCEL_SIGMA_MPS2 = 2.875
 """Sigma of the host's random accelerations along and across (CommonRoad-CriMe's random manoeuvre: 11.5 / 4)."""
 N_SAMPLES = 2048
 """Number of manoeuvres; the share of them is the probability. Chosen by hand."""
-AT_ONCE = 8
+MOMENTS_PER_BATCH = 8
 """Number of moments in a batch; it bounds the memory. Chosen by hand."""
-MOST_SIGMAS = 4.0
+MAX_ACCEL_SIGMAS = 4.0
 """Pairs that would need an acceleration of more than this many sigmas to touch are left out. Chosen by hand."""
 
 
-def manoeuvre_probability(pair: Pair) -> FloatArray:
+def sampled_collision_probability(pair: Pair) -> FloatArray:
     """Share of the sampled manoeuvres that touch the other within the horizon, at each stamp, (n,)."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     found = np.zeros(len(at.x_m))
     radius = 0.5 * (np.hypot(*pair.host_size) + np.hypot(*pair.other_size))
-    way = np.hypot(at.vx_mps, at.vy_mps) * HORIZON_S + 0.5 * MOST_SIGMAS * SIGMA_MPS2 * HORIZON_S**2
+    way = np.hypot(at.vx_mps, at.vy_mps) * HORIZON_S + 0.5 * MAX_ACCEL_SIGMAS * ACCEL_SIGMA_MPS2 * HORIZON_S**2
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + way)
-    whole, accel = Projections.of(pair), manoeuvres()
-    for first in range(0, len(rows), AT_ONCE):
-        part = rows[first : first + AT_ONCE]
+    whole, accel = EdgeProjections.from_pair(pair), sample_accelerations_mps2()
+    for first in range(0, len(rows), MOMENTS_PER_BATCH):
+        part = rows[first : first + MOMENTS_PER_BATCH]
         ax, ay = (np.tile(each, len(part)) for each in accel)
-        hit = accelerated_contact(whole.rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= HORIZON_S
+        hit = accelerated_contact_time_s(whole.select_rows(np.repeat(part, N_SAMPLES)), -ax, -ay) <= HORIZON_S
         found[part] = hit.reshape(len(part), N_SAMPLES).mean(axis=1)
-    return pair.spread(found)
+    return pair.expand_to_all_rows(found)
 
 
 @cache
-def manoeuvres() -> FloatArray:
+def sample_accelerations_mps2() -> FloatArray:
     """Sample the host's accelerations along and across, (2, N): normal, evenly spread, symmetric to left and right."""
     k = np.arange(1, N_SAMPLES // 2 + 1)
     golden = 1.32471795724474602596  # x^3 = x + 1: the additive sequence that is spread most evenly in two dimensions
     u, v = (k / golden % 1.0, k / golden**2 % 1.0)
-    size, angle = SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v
+    size, angle = ACCEL_SIGMA_MPS2 * np.sqrt(-2.0 * np.log(u)), np.pi * v
     ax, ay = size * np.cos(angle), size * np.sin(angle)
     return np.stack([np.concatenate([ax, ax]), np.concatenate([ay, -ay])])
 
@@ -57,7 +57,7 @@ MEASURE = Measure(
     critical="high",
     formula="share of 2048 accelerations of the host, normal with 2.875 m/s^2 along and across, that touch within 3 s",
     source="Broadhurst, Baker and Kanade 2005, with CommonRoad-CriMe's random manoeuvre",
-    of=manoeuvre_probability,
+    compute=sampled_collision_probability,
     is_symmetric=False,
     undefined="the centres are more than 200 m apart",
     misleads="for vehicles side by side in traffic: no driver manoeuvres at random",

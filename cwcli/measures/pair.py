@@ -19,15 +19,15 @@ from cwcli.signals.vehicle_state import N_STATES
 
 Direction = tuple[FloatArray, FloatArray]
 """Cosine and sine of headings."""
-OUTLINE_RANGE_M = 200.0
+MAX_OUTLINE_RANGE_M = 200.0
 """Outlines are compared only within this distance of the centres, m. Chosen by hand; not fitted."""
 
 
-class OfPair(Protocol):
+class PairQuantity(Protocol):
     """A quantity that can be computed for a pair, such as a `cwcli.measures.base.Measure`."""
 
     @property
-    def of(self) -> Callable[[Pair], FloatArray]: ...
+    def compute(self) -> Callable[[Pair], FloatArray]: ...
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ActualTrack:
 
 
 @dataclass(frozen=True)
-class Relative:
+class RelativeMotion:
     """The other relative to the host, map frame, each (m,): centre, velocity, both headings and their directions."""
 
     dx_m: FloatArray
@@ -77,27 +77,27 @@ class Pair:
     other_size: Size
     max_gap_s: float
     known_other: tuple[FloatArray, FloatArray] | None = field(default=None, repr=False, compare=False)
-    _values: dict[OfPair, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _values: dict[PairQuantity, FloatArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def value(self, measure: OfPair) -> FloatArray:
+    def evaluate_measure(self, measure: PairQuantity) -> FloatArray:
         """Evaluate a measure at each stamp, (n,), or for the pair, (); each is computed once."""
         if measure not in self._values:
-            self._values[measure] = measure.of(self)
+            self._values[measure] = measure.compute(self)
         return self._values[measure]
 
-    def rows(self, rows: npt.NDArray[np.intp]) -> Pair:
+    def select_rows(self, rows: npt.NDArray[np.intp]) -> Pair:
         """The pair at some of the stamps, with the interpolated states of the other there."""
-        state = np.concatenate([self.host.state[rows, :4], self.host_motion[rows]], axis=1)
+        state = np.concatenate([self.host.state[rows, :4], self.host_derivatives[rows]], axis=1)
         covariance = None if self.host.covariance is None else self.host.covariance[rows]
         track = ActualTrack(self.stamp_ns[rows], state, covariance)
-        return self.given(track, self.others[rows], self.other_motion[rows])
+        return self.with_states(track, self.other_states[rows], self.other_derivatives[rows])
 
-    def between(self, first: int, last: int) -> Pair:
+    def slice_rows(self, first: int, last: int) -> Pair:
         """The pair at the host's stamps from `first` to before `last`; the other keeps its whole track."""
         track = ActualTrack(self.stamp_ns[first:last], self.host.state[first:last])
         return replace(self, host=track, known_other=None)
 
-    def given(self, host: ActualTrack, others: FloatArray, other_motion: FloatArray) -> Pair:
+    def with_states(self, host: ActualTrack, others: FloatArray, other_motion: FloatArray) -> Pair:
         """The pair with another host track, and the other's states (n, 4) and derivatives (n, 3) at its stamps."""
         return replace(self, host=host, known_other=(others, other_motion))
 
@@ -107,7 +107,7 @@ class Pair:
         return self.host.stamp_ns
 
     @cached_property
-    def step_s(self) -> FloatArray:
+    def stamp_weights_s(self) -> FloatArray:
         """The time that each stamp stands for, s, (n,): half of the way to its neighbours, at most `max_gap_s`."""
         apart = np.minimum(np.diff(self.stamp_ns) / NS_PER_S, self.max_gap_s)
         if not len(apart):
@@ -115,25 +115,25 @@ class Pair:
         return np.asarray(0.5 * (np.concatenate([apart[:1], apart]) + np.concatenate([apart, apart[-1:]])))
 
     @cached_property
-    def others(self) -> FloatArray:
+    def other_states(self) -> FloatArray:
         """The other's x, y, speed, heading at the host's stamps, (n, 4); NaN where its track has no data."""
         if self.known_other is not None:
             return self.known_other[0]
-        return interpolate(self.other, self.stamp_ns, self.max_gap_s)
+        return interpolate_track(self.other, self.stamp_ns, self.max_gap_s)
 
     @cached_property
-    def host_motion(self) -> FloatArray:
+    def host_derivatives(self) -> FloatArray:
         """The host's accel_mps2, yaw_rate_radps and jerk_mps3, (n, 3)."""
-        return motion_of(self.host)
+        return track_derivatives(self.host)
 
     @cached_property
-    def other_motion(self) -> FloatArray:
+    def other_derivatives(self) -> FloatArray:
         """The other's accel_mps2, yaw_rate_radps and jerk_mps3 at the host's stamps, (n, 3); NaN without data."""
         if self.known_other is not None:
             return self.known_other[1]
-        return interpolate(self.other, self.stamp_ns, self.max_gap_s, motion_of(self.other))
+        return interpolate_track(self.other, self.stamp_ns, self.max_gap_s, track_derivatives(self.other))
 
-    def covariances(self, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+    def state_covariances(self, rows: npt.NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """Covariances (m, 8, 8) of the host's states in some rows and of the other's newest then; NaN if not known."""
         known = np.flatnonzero(np.isfinite(self.other.state[:, :4]).all(axis=1))
         newest = np.searchsorted(self.other.stamp_ns[known], self.stamp_ns[rows], side="right") - 1
@@ -147,35 +147,35 @@ class Pair:
     @cached_property
     def distance_m(self) -> FloatArray:
         """Distance of the centres, (n,); NaN where either track has no data."""
-        apart = self.others - self.host.state[:, :4]
+        apart = self.other_states - self.host.state[:, :4]
         return np.where(np.isfinite(apart).all(axis=1), np.hypot(apart[:, 0], apart[:, 1]), np.nan)
 
     @cached_property
-    def near(self) -> npt.NDArray[np.intp]:
+    def near_rows(self) -> npt.NDArray[np.intp]:
         """Indices (m,) of the stamps at which the centres are within 200 m; elsewhere outlines are not compared."""
-        return np.flatnonzero(self.distance_m <= OUTLINE_RANGE_M)
+        return np.flatnonzero(self.distance_m <= MAX_OUTLINE_RANGE_M)
 
     @cached_property
-    def relative(self) -> Relative:
+    def relative_motion(self) -> RelativeMotion:
         """The relative motion in the rows `near`."""
-        return relative_of(self.host.state[self.near, :4], self.others[self.near])
+        return compute_relative_motion(self.host.state[self.near_rows, :4], self.other_states[self.near_rows])
 
     @cached_property
-    def approach(self) -> Approach:
+    def other_in_host_axes(self) -> OtherInHostAxes:
         """The other in the host's axes, in the rows `near`."""
-        return Approach(self)
+        return OtherInHostAxes(self)
 
-    def spread(self, values: FloatArray) -> FloatArray:
+    def expand_to_all_rows(self, values: FloatArray) -> FloatArray:
         """Expand values of the rows `near` to all rows, (n,); the other rows are NaN."""
         out = np.full(len(self.stamp_ns), np.nan)
-        out[self.near] = values
+        out[self.near_rows] = values
         return out
 
 
-def relative_of(own: FloatArray, theirs: FloatArray) -> Relative:
+def compute_relative_motion(own: FloatArray, theirs: FloatArray) -> RelativeMotion:
     """Compute the relative motion of two vehicles from their x, y, speed, heading, (m, 4) each."""
     cos_host, sin_host, cos_other, sin_other = (f(each[:, 3]) for each in (own, theirs) for f in (np.cos, np.sin))
-    return Relative(
+    return RelativeMotion(
         dx_m=theirs[:, 0] - own[:, 0],
         dy_m=theirs[:, 1] - own[:, 1],
         dvx_mps=theirs[:, 2] * cos_other - own[:, 2] * cos_host,
@@ -187,7 +187,7 @@ def relative_of(own: FloatArray, theirs: FloatArray) -> Relative:
     )
 
 
-class Approach:
+class OtherInHostAxes:
     """The other in the host's axes, x ahead and y to the left, each (m,): the rows `near` of a pair.
 
     Attributes:
@@ -199,12 +199,15 @@ class Approach:
     """
 
     def __init__(self, pair: Pair) -> None:
-        at, self._pair = pair.relative, pair
+        at, self._pair = pair.relative_motion, pair
         cos_host, sin_host = at.host_direction
         cos_other, sin_other = at.other_direction
         self.cos_turn = cos_host * cos_other + sin_host * sin_other
         self.sin_turn = cos_host * sin_other - sin_host * cos_other
-        self.host_speed_mps, self.other_speed_mps = pair.host.state[pair.near, 2], pair.others[pair.near, 2]
+        self.host_speed_mps, self.other_speed_mps = (
+            pair.host.state[pair.near_rows, 2],
+            pair.other_states[pair.near_rows, 2],
+        )
         self.x_m, self.y_m = at.dx_m * cos_host + at.dy_m * sin_host, at.dy_m * cos_host - at.dx_m * sin_host
         self.vx_mps = self.other_speed_mps * self.cos_turn - self.host_speed_mps
         self.vy_mps = self.other_speed_mps * self.sin_turn
@@ -216,26 +219,26 @@ class Approach:
     @cached_property
     def host_accel_mps2(self) -> FloatArray:
         """The host's acceleration along its heading, (m,)."""
-        return np.asarray(self._pair.host_motion[self._pair.near, 0])
+        return np.asarray(self._pair.host_derivatives[self._pair.near_rows, 0])
 
     @cached_property
     def other_accel_mps2(self) -> tuple[FloatArray, FloatArray]:
         """The other's acceleration along the host's two axes at a constant heading, (m,) each."""
-        accel = self._pair.other_motion[self._pair.near, 0]
+        accel = self._pair.other_derivatives[self._pair.near_rows, 0]
         return accel * self.cos_turn, accel * self.sin_turn
 
     @cached_property
-    def is_lead(self) -> npt.NDArray[np.bool_]:
+    def is_straight_ahead(self) -> npt.NDArray[np.bool_]:
         """Whether the other is ahead and in the host's way if the host drives straight on, (m,)."""
         return np.asarray((self.x_m > 0.0) & (np.abs(self.y_m) < self.reach_y_m))
 
     @cached_property
     def headway_m(self) -> FloatArray:
         """Gap to the other where it is straight ahead, 0 in contact, else NaN, (m,)."""
-        return np.where(self.is_lead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
+        return np.where(self.is_straight_ahead, np.maximum(self.x_m - self.reach_x_m, 0.0), np.nan)
 
 
-def motion_of(track: ActualTrack) -> FloatArray:
+def track_derivatives(track: ActualTrack) -> FloatArray:
     """Acceleration, yaw rate and jerk of a track, (n, 3): its own, else the slopes of its speed and heading."""
     known = track.state[:, 4:7]
     missing = 3 - known.shape[1]
@@ -253,7 +256,7 @@ def motion_of(track: ActualTrack) -> FloatArray:
     return out
 
 
-def interpolate(
+def interpolate_track(
     track: ActualTrack, at_ns: Int64Array, max_gap_s: float, values: FloatArray | None = None
 ) -> FloatArray:
     """Interpolate x, y, speed, heading at times, (n, 4); NaN outside the track and inside gaps above `max_gap_s`.

@@ -10,121 +10,130 @@ import numpy.typing as npt
 
 from cwcli.measures.base import Measure
 from cwcli.measures.crossing import MIN_CROSSING_SINE
-from cwcli.measures.outlines import overlap_margin
-from cwcli.measures.pair import Pair, interpolate
+from cwcli.measures.outlines import outline_separation_m
+from cwcli.measures.pair import Pair, interpolate_track
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
 
-LIMIT_S = 5.0
+MAX_LAG_S = 5.0
 """The longest lag that is looked for, s. Chosen by hand; not fitted."""
-STEP_S = 0.1
+GRID_STEP_S = 0.1
 """Step of the grid on which the least lag is searched, s. Chosen by hand."""
-FINE_STEP_S, REACH_STEPS = 0.01, 2
+FINE_STEP_S, N_REFINED_STEPS = 0.01, 2
 """The least lag is refined in steps of 0.01 s over 2 grid steps around it: a grid step may hide a contact."""
 
 
 def post_encroachment_time(pair: Pair) -> FloatArray:
     """The smallest lag (s) at which one's outline overlaps the other's that much later, (): 0 for a collision."""
-    found = pair.value(_NARROWEST)
+    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
         return np.array(np.nan)
     mine, other = found.astype(int)
-    return np.array(_refined(pair, mine, other) if mine != other else 0.0)
+    return np.array(_refine_lag_s(pair, mine, other) if mine != other else 0.0)
 
 
-def encroachment(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
+def encroachment_lag_and_states(pair: Pair) -> tuple[float, FloatArray, FloatArray]:
     """PET on the grid (s), and speed and heading (2,) of the host and of the other at that encroachment."""
-    found = pair.value(_NARROWEST)
+    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
         return np.nan, np.full(2, np.nan), np.full(2, np.nan)
     mine, other = found.astype(int)
-    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
-    return abs(mine - other) * STEP_S, own[mine, 2:], theirs[other, 2:]
+    own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
+    return abs(mine - other) * GRID_STEP_S, own[mine, 2:], theirs[other, 2:]
 
 
-def encroachment_span(pair: Pair) -> float:
-    """How long the host is where the other is within `LIMIT_S`, around the least lag, s; NaN for parallel headings."""
-    found = pair.value(_NARROWEST)
+def encroachment_duration_s(pair: Pair) -> float:
+    """How long the host is where the other is within `MAX_LAG_S`, around the least lag, s; NaN for parallel
+    headings."""
+    found = pair.evaluate_measure(_GRID_ROWS_OF_LEAST_LAG)
     if not len(found):
         return np.nan
     mine, other = found.astype(int)
-    own, theirs = np.split(pair.value(_GRID), 2, axis=1)
+    own, theirs = np.split(pair.evaluate_measure(_STATES_ON_GRID), 2, axis=1)
     if np.abs(np.sin(own[mine, 3] - theirs[other, 3])) < MIN_CROSSING_SINE:
         return np.nan
-    last, poses = round(LIMIT_S / STEP_S), pair.value(_POSES)
+    last, poses = round(MAX_LAG_S / GRID_STEP_S), pair.evaluate_measure(_POSES_ON_GRID)
     inside = np.zeros(len(own), dtype=bool)
     for lag in range(-last, last + 1):
-        rows, _ = _overlapping(poses, lag, pair)
+        rows, _ = _overlapping_rows_at_lag(poses, lag, pair)
         inside[rows] = True
     outside = np.flatnonzero(~inside)
     before, after = outside[outside < mine], outside[outside > mine]
     if not (len(before) and len(after)):
         return np.nan
-    return float(after[0] - before[-1] - 1) * STEP_S
+    return float(after[0] - before[-1] - 1) * GRID_STEP_S
 
 
 @dataclass(frozen=True)
-class _Shared:
+class _CachedQuantity:
     """A quantity that the measures of an encroachment share; the pair caches it."""
 
-    of: Callable[[Pair], FloatArray]
+    compute: Callable[[Pair], FloatArray]
 
 
-def _grid(pair: Pair) -> FloatArray:
+def _states_on_grid(pair: Pair) -> FloatArray:
     """Both states on the time grid while both are known, (g, 8): x, y, speed, heading of the host and of the other."""
     host, other = pair.host.stamp_ns, pair.other.stamp_ns
     if not (len(host) and len(other)):
         return np.zeros((0, 8))
     first, last = max(int(host[0]), int(other[0])), min(int(host[-1]), int(other[-1]))
-    at_ns = np.arange(first, last + 1, round(STEP_S * NS_PER_S))
-    return np.concatenate([interpolate(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1)
+    at_ns = np.arange(first, last + 1, round(GRID_STEP_S * NS_PER_S))
+    return np.concatenate(
+        [interpolate_track(track, at_ns, pair.max_gap_s) for track in (pair.host, pair.other)], axis=1
+    )
 
 
-def _poses(pair: Pair) -> FloatArray:
+def _poses_on_grid(pair: Pair) -> FloatArray:
     """x, y, cosine and sine of the heading of the host and of the other on the time grid, (8, g)."""
-    x, y, _, heading, to_x, to_y, _, to_heading = pair.value(_GRID).T
+    x, y, _, heading, to_x, to_y, _, to_heading = pair.evaluate_measure(_STATES_ON_GRID).T
     return np.stack([x, y, np.cos(heading), np.sin(heading), to_x, to_y, np.cos(to_heading), np.sin(to_heading)])
 
 
-def _narrowest(pair: Pair) -> FloatArray:
+def _grid_rows_of_least_lag(pair: Pair) -> FloatArray:
     """Grid rows of the host and of the other whose outlines overlap at the least lag, (2,); (0,) if none do."""
-    poses = pair.value(_POSES)
+    poses = pair.evaluate_measure(_POSES_ON_GRID)
     n = poses.shape[1]
-    n_lags = min(round(LIMIT_S / STEP_S), n - 1) + 1 if n > 1 else 0
+    n_lags = min(round(MAX_LAG_S / GRID_STEP_S), n - 1) + 1 if n > 1 else 0
     for lag in range(n_lags):
         for signed in dict.fromkeys((lag, -lag)):
-            mine, them = _overlapping(poses, signed, pair)
+            mine, them = _overlapping_rows_at_lag(poses, signed, pair)
             if len(mine):
                 return np.array([mine[0], them[0]], np.float64)
     return np.zeros(0)
 
 
-def _refined(pair: Pair, mine: int, other: int) -> float:
+def _refine_lag_s(pair: Pair, mine: int, other: int) -> float:
     """Refine the least lag around two rows of the grid, s."""
     first_ns = max(int(pair.host.stamp_ns[0]), int(pair.other.stamp_ns[0]))
-    n = round(REACH_STEPS * STEP_S / FINE_STEP_S)
+    n = round(N_REFINED_STEPS * GRID_STEP_S / FINE_STEP_S)
     fine_s = np.arange(-n, n + 1) * FINE_STEP_S
     tracks = []
     for track, row in ((pair.host, mine), (pair.other, other)):
-        at_ns = first_ns + np.rint((row * STEP_S + fine_s) * NS_PER_S).astype(np.int64)
-        tracks.append(interpolate(track, at_ns, pair.max_gap_s))
+        at_ns = first_ns + np.rint((row * GRID_STEP_S + fine_s) * NS_PER_S).astype(np.int64)
+        tracks.append(interpolate_track(track, at_ns, pair.max_gap_s))
     own, theirs = tracks
     i, j = (each.ravel() for each in np.meshgrid(np.arange(len(fine_s)), np.arange(len(fine_s)), indexing="ij"))
-    lag_s = np.abs((mine - other) * STEP_S + fine_s[i] - fine_s[j])
-    i, j, lag_s = (each[lag_s <= abs(mine - other) * STEP_S] for each in (i, j, lag_s))
+    lag_s = np.abs((mine - other) * GRID_STEP_S + fine_s[i] - fine_s[j])
+    i, j, lag_s = (each[lag_s <= abs(mine - other) * GRID_STEP_S] for each in (i, j, lag_s))
     dx, dy = (theirs[j, k] - own[i, k] for k in (0, 1))
     known = np.isfinite(dx * dy)
-    margin = overlap_margin(
+    margin = outline_separation_m(
         dx[known], dy[known], own[i[known], 3], theirs[j[known], 3], pair.host_size, pair.other_size
     )
-    return float(lag_s[known][margin <= 0.0].min(initial=abs(mine - other) * STEP_S))
+    return float(lag_s[known][margin <= 0.0].min(initial=abs(mine - other) * GRID_STEP_S))
 
 
-_GRID, _POSES, _NARROWEST = _Shared(_grid), _Shared(_poses), _Shared(_narrowest)
+_STATES_ON_GRID, _POSES_ON_GRID, _GRID_ROWS_OF_LEAST_LAG = (
+    _CachedQuantity(_states_on_grid),
+    _CachedQuantity(_poses_on_grid),
+    _CachedQuantity(_grid_rows_of_least_lag),
+)
 """The shared quantities, which `Pair.value` computes once per pair."""
 
 
-def _overlapping(poses: FloatArray, lag: int, pair: Pair) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _overlapping_rows_at_lag(
+    poses: FloatArray, lag: int, pair: Pair
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     """Grid rows of the host, and of the other `lag` steps later, whose outlines overlap on all edge directions."""
     n = poses.shape[1] - abs(lag)
     mine, them = max(-lag, 0), max(lag, 0)
@@ -154,7 +163,7 @@ MEASURE = Measure(
     critical="low",
     formula="least |t_1 - t_2| with overlapping outlines, of one at t_1 and of the other at t_2",
     source="Allen, Shin and Cooper 1978",
-    of=post_encroachment_time,
+    compute=post_encroachment_time,
     note="post-encroachment time to 0.01 s",
     undefined="neither vehicle entered a spot within 5 s after the other had left it",
     misleads="when following a vehicle: there it is the time gap, which is small for hours in dense traffic",

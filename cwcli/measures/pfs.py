@@ -10,9 +10,9 @@ from cwcli.signals.columns import FloatArray
 
 def proactive_fuzzy_safety(pair: Pair) -> FloatArray:
     """Proactive fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe)."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     ahead = at.vx_mps + at.host_speed_mps
-    return pair.spread(fuzzy.proactive(at.headway_m, at.host_speed_mps, ahead))
+    return pair.expand_to_all_rows(fuzzy.proactive_unsafety_of_gap(at.headway_m, at.host_speed_mps, ahead))
 
 
 MEASURE = Measure(
@@ -25,7 +25,7 @@ MEASURE = Measure(
         "linear between, of HW - 2 m; t 0.75 s, b 4 to 6, b_l 7 m/s^2"
     ),
     source="Mattas et al. 2020; UN R157",
-    of=proactive_fuzzy_safety,
+    compute=proactive_fuzzy_safety,
     is_symmetric=False,
     threshold=0.99,
     threshold_source="1 is unsafe by definition",

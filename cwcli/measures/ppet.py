@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.crossing import Crossing
+from cwcli.measures.crossing import StraightCrossing
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def predicted_post_encroachment_time(pair: Pair) -> FloatArray:
     """Predicted post-encroachment time (s) at each stamp, (n,); 0 where both would be in the area at once."""
-    at = Crossing(pair)
+    at = StraightCrossing(pair)
     gap = np.maximum(at.host_entry_s - at.other_exit_s, at.other_entry_s - at.host_exit_s)
-    return pair.spread(np.where(at.is_ahead, np.maximum(gap, 0.0), np.nan))
+    return pair.expand_to_all_rows(np.where(at.is_crossing_ahead, np.maximum(gap, 0.0), np.nan))
 
 
 MEASURE = Measure(
@@ -27,7 +27,7 @@ MEASURE = Measure(
         "constant speeds"
     ),
     source="Allen, Shin and Cooper 1978; SUMO device.ssm",
-    of=predicted_post_encroachment_time,
+    compute=predicted_post_encroachment_time,
     threshold=1.0,
     threshold_source="cwcli; SUMO reports from 2 s",
     undefined="the ways cross under less than 30 degrees, or one has left the area, or stands",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.measures.outlines import margin_of
+from cwcli.measures.outlines import outline_separation_by_directions_m
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
@@ -14,15 +14,15 @@ STEP_S = 0.1
 """Step of the paths, s. Chosen by hand."""
 
 
-def first_overlap(pair: Pair) -> FloatArray:
+def first_overlap_time_s(pair: Pair) -> FloatArray:
     """Time (s) of the first overlap in the rows `near`, (m,), linear between the steps; NaN if beyond `HORIZON_S`."""
-    at, own_m, their_m = pair.approach, pair.host_size, pair.other_size
+    at, own_m, their_m = pair.other_in_host_axes, pair.host_size, pair.other_size
     found = np.full(len(at.x_m), np.nan)
     radius = 0.5 * (np.hypot(*own_m) + np.hypot(*their_m))
     fastest = np.abs(at.host_speed_mps) + np.abs(at.other_speed_mps)
     rows = np.flatnonzero(np.hypot(at.x_m, at.y_m) <= radius + HORIZON_S * fastest)
     # Complex numbers are places and directions in the host's axes at the start; a product turns.
-    rates = [pair.host_motion[pair.near[rows], 1], pair.other_motion[pair.near[rows], 1]]
+    rates = [pair.host_derivatives[pair.near_rows[rows], 1], pair.other_derivatives[pair.near_rows[rows], 1]]
     headings = [np.ones(len(rows), complex), (at.cos_turn + 1j * at.sin_turn)[rows]]
     speeds = [at.host_speed_mps[rows], at.other_speed_mps[rows]]
     places = [np.zeros(len(rows), complex), (at.x_m + 1j * at.y_m)[rows]]
@@ -36,7 +36,9 @@ def first_overlap(pair: Pair) -> FloatArray:
         now = np.full(len(rows), np.inf)
         if len(close):
             own, theirs = ((heading.real[close], heading.imag[close]) for heading in headings)
-            now[close] = margin_of(apart.real[close], apart.imag[close], own, theirs, own_m, their_m)
+            now[close] = outline_separation_by_directions_m(
+                apart.real[close], apart.imag[close], own, theirs, own_m, their_m
+            )
             hits = close[(now[close] <= 0.0) & np.isnan(found[rows[close]])]
             with np.errstate(invalid="ignore"):
                 share = np.where(np.isfinite(before[hits]), now[hits] / (now[hits] - before[hits]), 0.0)

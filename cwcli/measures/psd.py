@@ -13,10 +13,10 @@ from cwcli.signals.columns import FloatArray
 
 def proportion_of_stopping_distance(pair: Pair) -> FloatArray:
     """Proportion of stopping distance at each stamp, (n,); NaN off a collision course or at standstill."""
-    way_m = pair.value(TTC)[pair.near] * np.abs(pair.approach.host_speed_mps)
+    way_m = pair.evaluate_measure(TTC)[pair.near_rows] * np.abs(pair.other_in_host_axes.host_speed_mps)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = way_m / pair.value(MSD)[pair.near]
-    return pair.spread(np.where(np.isfinite(share), share, np.nan))
+        share = way_m / pair.evaluate_measure(MSD)[pair.near_rows]
+    return pair.expand_to_all_rows(np.where(np.isfinite(share), share, np.nan))
 
 
 MEASURE = Measure(
@@ -26,7 +26,7 @@ MEASURE = Measure(
     critical="low",
     formula="|v_e| TTC / MSD",
     source="Allen, Shin and Cooper 1978",
-    of=proportion_of_stopping_distance,
+    compute=proportion_of_stopping_distance,
     is_symmetric=False,
     threshold=1.0,
     threshold_source="below 1 the host can't stop before the contact",

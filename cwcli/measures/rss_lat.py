@@ -10,14 +10,16 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def lateral_margin(pair: Pair) -> FloatArray:
+def rss_lateral_margin(pair: Pair) -> FloatArray:
     """Lateral gap (m) beyond the safe one of RSS at each stamp, (n,), across the host's heading."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     gap = np.maximum(np.abs(at.y_m) - at.reach_y_m, 0.0)
     toward = np.where(at.y_m > 0.0, -at.vy_mps, at.vy_mps)
     # The host moves along its heading, so that it has no speed across.
-    safe = safe_distance.lateral(toward, 0.0, safe_distance.OTHER_RESPONSE_S, safe_distance.HOST_RESPONSE_S)
-    return pair.spread(gap - safe)
+    safe = safe_distance.safe_lateral_gap_m(
+        toward, 0.0, safe_distance.OTHER_RESPONSE_TIME_S, safe_distance.HOST_RESPONSE_TIME_S
+    )
+    return pair.expand_to_all_rows(gap - safe)
 
 
 MEASURE = Measure(
@@ -30,7 +32,7 @@ MEASURE = Measure(
         "0.2, b 0.8 m/s^2, mu 0.1 m"
     ),
     source="Shalev-Shwartz et al. 2017, definition 6; values of ad-rss-lib",
-    of=lateral_margin,
+    compute=rss_lateral_margin,
     is_symmetric=False,
     undefined="the centres are more than 200 m apart",
     misleads="alone: behind each other it is negative; RSS asks for both of its distances at once",

@@ -10,26 +10,26 @@ from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
-def longitudinal_margin(pair: Pair) -> FloatArray:
+def rss_longitudinal_margin(pair: Pair) -> FloatArray:
     """Longitudinal gap (m) beyond the safe one of RSS at each stamp, (n,), for whoever drives behind or for both."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     gap = np.maximum(np.abs(at.x_m) - at.reach_x_m, 0.0)
     own, theirs = at.host_speed_mps, at.vx_mps + at.host_speed_mps
     safe = np.where(
         at.cos_turn < 0.0,
-        safe_distance.opposite_direction(own, -theirs),
+        safe_distance.safe_gap_opposite_direction_m(own, -theirs),
         np.where(
             at.x_m > 0.0,
-            safe_distance.same_direction(own, theirs, safe_distance.HOST_RESPONSE_S),
-            safe_distance.same_direction(theirs, own, safe_distance.OTHER_RESPONSE_S),
+            safe_distance.safe_gap_same_direction_m(own, theirs, safe_distance.HOST_RESPONSE_TIME_S),
+            safe_distance.safe_gap_same_direction_m(theirs, own, safe_distance.OTHER_RESPONSE_TIME_S),
         ),
     )
     leaves = (at.cos_turn < 0.0) & (at.x_m < 0.0)
-    along = np.abs(at.cos_turn) > MIN_COSINE
-    return pair.spread(np.where(along & ~leaves, gap - safe, np.nan))
+    along = np.abs(at.cos_turn) > MIN_HEADING_COSINE
+    return pair.expand_to_all_rows(np.where(along & ~leaves, gap - safe, np.nan))
 
 
-MIN_COSINE = 0.7
+MIN_HEADING_COSINE = 0.7
 """Smallest cosine of the angle between the headings, about 45 degrees. Chosen by hand; not fitted."""
 
 
@@ -44,7 +44,7 @@ MEASURE = Measure(
         "m/s^2"
     ),
     source="Shalev-Shwartz et al. 2017, definitions 1 and 2; values of ad-rss-lib",
-    of=longitudinal_margin,
+    compute=rss_longitudinal_margin,
     is_symmetric=False,
     undefined="the headings are more than 45 degrees off one line, or the two drive away from each other",
     misleads="alone: beside each other it is negative; RSS asks for both of its distances at once",

@@ -12,15 +12,15 @@ from cwcli.measures.rss_long import MEASURE as RSS_LONG
 from cwcli.signals.columns import FloatArray
 
 
-def proper_response(pair: Pair) -> FloatArray:
+def rss_proper_response(pair: Pair) -> FloatArray:
     """Braking (m/s^2) that RSS demands of the host at each stamp, (n,): 0 where one of both distances is safe."""
-    at, near = pair.approach, pair.near
-    along, across = pair.value(RSS_LONG)[near], pair.value(RSS_LAT)[near]
+    at, near = pair.other_in_host_axes, pair.near_rows
+    along, across = pair.evaluate_measure(RSS_LONG)[near], pair.evaluate_measure(RSS_LAT)[near]
     toward = at.cos_turn < 0.0
-    braking = np.where(toward, safe_distance.MIN_BRAKING_CORRECT_MPS2, safe_distance.MIN_BRAKING_MPS2)
+    braking = np.where(toward, safe_distance.MIN_BRAKING_IN_OWN_LANE_MPS2, safe_distance.MIN_BRAKING_MPS2)
     is_rear = at.x_m > 0.0
     dangerous = (along < 0.0) & (across < 0.0) & is_rear
-    return pair.spread(np.where(np.isnan(along), np.nan, np.where(dangerous, braking, 0.0)))
+    return pair.expand_to_all_rows(np.where(np.isnan(along), np.nan, np.where(dangerous, braking, 0.0)))
 
 
 MEASURE = Measure(
@@ -33,7 +33,7 @@ MEASURE = Measure(
         "other in the own lane), else 0"
     ),
     source="Shalev-Shwartz et al. 2017, definitions 3 and 5; values of ad-rss-lib",
-    of=proper_response,
+    compute=rss_proper_response,
     is_symmetric=False,
     undefined="as for rss_long",
     misleads="at a cut-in: RSS then asks for braking across, which the host can't see as its own duty",

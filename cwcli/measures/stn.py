@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from cwcli.measures.a_lat_req import MEASURE as A_LAT_REQ
 from cwcli.measures.base import Measure
-from cwcli.measures.limits import LATERAL_MPS2
+from cwcli.measures.limits import CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def steer_threat_number(pair: Pair) -> FloatArray:
     """Steer threat number at each stamp, (n,): 1 needs all the lateral acceleration that the car can do."""
-    return pair.value(A_LAT_REQ) / LATERAL_MPS2
+    return pair.evaluate_measure(A_LAT_REQ) / CAR_LATERAL_LIMIT_MPS2
 
 
 MEASURE = Measure(
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="high",
     formula="a_lat,req / a_lat,max, a_lat,max = 8 m/s^2",
     source="Jansson 2005; Brannstrom et al. 2008",
-    of=steer_threat_number,
+    compute=steer_threat_number,
     is_symmetric=False,
     threshold=1.0,
     threshold_source="beyond 1 steering alone no longer helps",

@@ -9,10 +9,10 @@ import numpy as np
 from cwcli.measures.base import Measure
 from cwcli.measures.evaluate import MeasuredPair
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.signals.columns import Strings, constant_strings, strings_from
+from cwcli.signals.columns import Strings, encode_strings, repeat_string
 
 
-def series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
+def measure_series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
     """The table with one row per moment of a pair, pair by pair."""
     lengths = np.array([len(pair.stamp_ns) for pair in pairs], int)
     other_id = Strings(
@@ -25,11 +25,11 @@ def series_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[s
     }
     stamp_ns = np.concatenate([np.zeros(0, np.int64), *(pair.stamp_ns for pair in pairs)])
     docs = {entry.column: ColumnDoc(unit=entry.unit, doc=entry.summary) for entry in series.values()}
-    ids = {"ego_id": constant_strings(ego_id, len(stamp_ns)), "other_id": other_id}
+    ids = {"ego_id": repeat_string(ego_id, len(stamp_ns)), "other_id": other_id}
     return Table("measures", {**ids, "stamp_ns": stamp_ns, **columns}, docs=docs)
 
 
-def extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
+def measure_extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]) -> Table:
     """The table with one row per measure of a pair, for the whole time (encounter 0) and for each encounter."""
     rows = [(pair.other_id, extreme) for pair in pairs for extreme in pair.extremes]
 
@@ -42,12 +42,12 @@ def extremes_table(ego_id: str, pairs: Sequence[MeasuredPair], measures: Mapping
     return Table(
         "extremes",
         {
-            "ego_id": constant_strings(ego_id, len(rows)),
-            "other_id": strings_from([other for other, _ in rows]),
+            "ego_id": repeat_string(ego_id, len(rows)),
+            "other_id": encode_strings([other for other, _ in rows]),
             "encounter": whole("encounter"),
             "begin_stamp_ns": whole("begin_ns"),
             "end_stamp_ns": whole("end_ns"),
-            "measure": strings_from([extreme.measure for _, extreme in rows]),
+            "measure": encode_strings([extreme.measure for _, extreme in rows]),
             "value": numbers("value"),
             "unit": [measures[extreme.measure].unit for _, extreme in rows],
             "stamp_ns": whole("stamp_ns"),

@@ -9,15 +9,15 @@ from cwcli.measures.pair import Pair
 from cwcli.measures.ttc import MEASURE as TTC
 from cwcli.signals.columns import FloatArray
 
-THRESHOLD_S = 2.0
+EXPOSURE_TTC_S = 2.0
 """Times to collision up to this count as exposure, for TET and TIT, s. Chosen by hand; not fitted."""
 
 
-def time_exposed(pair: Pair) -> FloatArray:
+def time_exposed_to_short_ttc(pair: Pair) -> FloatArray:
     """Time (s) that the pair spends with a time to collision of at most 2 s, ()."""
     if not np.isfinite(pair.distance_m).any():
         return np.array(np.nan)
-    return np.array(pair.step_s[pair.value(TTC) <= THRESHOLD_S].sum())
+    return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
 
 
 MEASURE = Measure(
@@ -27,7 +27,7 @@ MEASURE = Measure(
     critical="high",
     formula="sum of dt where TTC <= 2 s",
     source="Minderhoud and Bovy 2001",
-    of=time_exposed,
+    compute=time_exposed_to_short_ttc,
     is_series=False,
     undefined="both positions were never known at the same time",
     misleads="for a long drive: it adds up many moments of which none was dangerous",

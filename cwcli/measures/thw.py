@@ -11,9 +11,9 @@ from cwcli.signals.columns import FloatArray
 
 def time_headway(pair: Pair) -> FloatArray:
     """Time headway (s) to the other where it is straight ahead, at each stamp, (n,); else NaN."""
-    at = pair.approach
+    at = pair.other_in_host_axes
     with np.errstate(divide="ignore", invalid="ignore"):
-        return pair.spread(np.where(at.host_speed_mps > 0.0, at.headway_m / at.host_speed_mps, np.nan))
+        return pair.expand_to_all_rows(np.where(at.host_speed_mps > 0.0, at.headway_m / at.host_speed_mps, np.nan))
 
 
 MEASURE = Measure(
@@ -23,7 +23,7 @@ MEASURE = Measure(
     critical="low",
     formula="HW / v_e",
     source="ISO 15623; Jansson 2005",
-    of=time_headway,
+    compute=time_headway,
     is_symmetric=False,
     threshold=0.9,
     threshold_source="half the two seconds of driving schools (Vogel 2003: 0.9 s is often fined)",

@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 def time_to_brake(pair: Pair) -> FloatArray:
     """Time (s) left to avoid contact by braking, at each stamp, (n,)."""
-    return manoeuvres.time_to(manoeuvres.brake, pair)
+    return manoeuvres.latest_start_of_manoeuvre_s(manoeuvres.BRAKING, pair)
 
 
 MEASURE = Measure(
@@ -23,7 +23,7 @@ MEASURE = Measure(
         " velocity and heading"
     ),
     source="Tamke, Dang and Breuel 2011",
-    of=time_to_brake,
+    compute=time_to_brake,
     is_symmetric=False,
     undefined="the two are not on a collision course, or the manoeuvre no longer helps (then BTN, STN or TTR say so)",
     misleads="where there is no room, or the road is wet",

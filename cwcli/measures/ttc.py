@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.contact import Projections, straight_contact
+from cwcli.measures.contact import EdgeProjections, straight_contact_time_s
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 
 def time_to_collision(pair: Pair) -> FloatArray:
     """Time to collision (s) at each stamp, (n,); NaN off a collision course, and beyond 200 m of centre distance."""
-    found = straight_contact(Projections.of(pair))
-    return pair.spread(np.where(found < np.inf, found, np.nan))
+    found = straight_contact_time_s(EdgeProjections.from_pair(pair))
+    return pair.expand_to_all_rows(np.where(found < np.inf, found, np.nan))
 
 
 MEASURE = Measure(
@@ -23,7 +23,7 @@ MEASURE = Measure(
     critical="low",
     formula="least t >= 0 at which the rectangles overlap, moved by v_e t and v_o t",
     source="Hayward 1972; ISO 15623",
-    of=time_to_collision,
+    compute=time_to_collision,
     note="of the outlines at constant velocities",
     threshold=1.0,
     threshold_source="cwcli; 1.5 s is usual for urban conflicts (van der Horst 1990)",

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
-from cwcli.measures.predicted import first_overlap
+from cwcli.measures.predicted import first_overlap_time_s
 from cwcli.signals.columns import FloatArray
 
 
 def time_to_predicted_collision(pair: Pair) -> FloatArray:
     """Time to collision (s) along paths of constant speed and yaw rate, at each stamp, (n,); NaN if there is none."""
-    return pair.spread(first_overlap(pair))
+    return pair.expand_to_all_rows(first_overlap_time_s(pair))
 
 
 MEASURE = Measure(
@@ -20,7 +20,7 @@ MEASURE = Measure(
     critical="low",
     formula="least t in [0, 5 s] at which the rectangles overlap along their arcs, in steps of 0.1 s, linear between",
     source="CommonRoad-CriMe (Lin and Althoff 2023), on paths of constant speed and yaw rate",
-    of=time_to_predicted_collision,
+    compute=time_to_predicted_collision,
     threshold=1.0,
     threshold_source="as for TTC",
     undefined="the paths do not meet within 5 s",

@@ -11,7 +11,7 @@ from cwcli.signals.columns import FloatArray
 def time_to_closest_encounter(pair: Pair) -> FloatArray:
     """Time to the closest encounter (s) at each stamp, (n,)."""
     time_s, _ = closest_encounter(pair)
-    return pair.spread(time_s)
+    return pair.expand_to_all_rows(time_s)
 
 
 MEASURE = Measure(
@@ -21,7 +21,7 @@ MEASURE = Measure(
     critical="low",
     formula="first t >= 0 at which the distance of the rectangles, moved by v_e t and v_o t, is least",
     source="Eggert 2014",
-    of=time_to_closest_encounter,
+    compute=time_to_closest_encounter,
     undefined="the centres are more than 200 m apart, or nothing moves relative to the other",
     misleads="alone: a short time does not mean a short distance; read it with DCE",
     is_pointwise=True,

@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray
 
 def time_to_react(pair: Pair) -> FloatArray:
     """Time (s) left to avoid contact by any manoeuvre, at each stamp, (n,)."""
-    return np.fmax(np.fmax(pair.value(TTB), pair.value(TTK)), pair.value(TTS))
+    return np.fmax(np.fmax(pair.evaluate_measure(TTB), pair.evaluate_measure(TTK)), pair.evaluate_measure(TTS))
 
 
 MEASURE = Measure(
@@ -24,7 +24,7 @@ MEASURE = Measure(
     critical="low",
     formula="max(TTB, TTK, TTS)",
     source="Hillenbrand, Spieker and Kroschel 2006; Tamke, Dang and Breuel 2011",
-    of=time_to_react,
+    compute=time_to_react,
     is_symmetric=False,
     threshold=0.5,
     threshold_source="cwcli: below it hardly anybody reacts",

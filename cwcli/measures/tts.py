@@ -10,7 +10,7 @@ from cwcli.signals.columns import FloatArray
 
 def time_to_steer(pair: Pair) -> FloatArray:
     """Time (s) left to avoid contact by steering to one side, at each stamp, (n,)."""
-    return manoeuvres.time_to(manoeuvres.steer, pair)
+    return manoeuvres.latest_start_of_manoeuvre_s(manoeuvres.STEERING, pair)
 
 
 MEASURE = Measure(
@@ -23,7 +23,7 @@ MEASURE = Measure(
         "kept; the other keeps velocity and heading"
     ),
     source="Tamke, Dang and Breuel 2011",
-    of=time_to_steer,
+    compute=time_to_steer,
     is_symmetric=False,
     undefined="the two are not on a collision course, or the manoeuvre does not help",
     misleads="where there is no room, or the road is wet",

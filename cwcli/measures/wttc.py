@@ -8,9 +8,9 @@ from cwcli.measures.base import Measure
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
-ACCEL_MPS2 = 11.5
-"""Largest acceleration of each vehicle in any direction (CommonRoad vehicle 2, see `limits.BRAKING_MPS2`)."""
-STEPS = 24
+WORST_ACCEL_MPS2 = 11.5
+"""Largest acceleration of each vehicle in any direction (CommonRoad vehicle 2, see `limits.CAR_BRAKING_LIMIT_MPS2`)."""
+N_TIME_STEPS = 24
 """Number of steps of the iteration that solves for the time. Chosen by hand."""
 
 
@@ -20,16 +20,16 @@ def worst_time_to_collision(pair: Pair) -> FloatArray:
     It solves |r + v t| = R + A t^2 / 2. Each step goes as far as would be safe if the centres closed with all of their
     relative speed from there on, so that no earlier contact is passed over.
     """
-    at = pair.relative
+    at = pair.relative_motion
     radius = sum(np.hypot(length / 6.0, width / 2.0) for length, width in (pair.host_size, pair.other_size))
-    together = 2.0 * ACCEL_MPS2
+    together = 2.0 * WORST_ACCEL_MPS2
     speed = np.hypot(at.dvx_mps, at.dvy_mps)
     time = np.zeros(len(speed))
-    for _ in range(STEPS):
+    for _ in range(N_TIME_STEPS):
         apart = np.hypot(at.dx_m + at.dvx_mps * time, at.dy_m + at.dvy_mps * time)
         left = np.maximum(apart - radius + speed * time, 0.0)
         time = np.maximum((np.sqrt(speed**2 + 2.0 * together * left) - speed) / together, time)
-    return pair.spread(time)
+    return pair.expand_to_all_rows(time)
 
 
 MEASURE = Measure(
@@ -42,7 +42,7 @@ MEASURE = Measure(
         "2)^2"
     ),
     source="Wachenfeld et al. 2016, with the middle of CommonRoad-CriMe's three discs of each vehicle",
-    of=worst_time_to_collision,
+    compute=worst_time_to_collision,
     undefined="the centres are more than 200 m apart",
     misleads="for two vehicles that pass each other on any road: it finds candidates, not conflicts",
     is_pointwise=True,

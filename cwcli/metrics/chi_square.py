@@ -75,7 +75,7 @@ def gate_nis(probability: float, dof: int) -> float:
     return chi_square_quantile(probability, dof) if probability < 1.0 else 0.0
 
 
-def mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
+def chi_square_mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
     """Two-sided bounds of the mean of chi-square variables; NaN without any.
 
     Args:

@@ -24,26 +24,33 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.metrics.headline import Metric, metric_of
-from cwcli.metrics.pooling import MIN_LOGS, LogMetrics, MetricRow, metric_names, pooled_value, resamples
+from cwcli.metrics.headline import Metric, find_metric
+from cwcli.metrics.pooling import (
+    MIN_LOGS,
+    LogMetrics,
+    MetricRow,
+    bootstrap_draw_counts,
+    metric_names,
+    pool_metric_value,
+)
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
 
-ERROR_RATE = 0.02
+FAMILY_WISE_ERROR_RATE = 0.02
 """Probability that any metric of a run is called improved or worse by chance."""
-COVERAGE = 0.95
-TOLERANCE = 0.01
-N_FLIPS = 9999
-FLIPS_AT_ONCE = 1111
-EQUAL = 1e-9
+INTERVAL_COVERAGE = 0.95
+RELATIVE_TOLERANCE = 0.01
+N_SIGN_FLIPS = 9999
+SIGN_FLIPS_PER_BATCH = 1111
+ROUNDING_TOLERANCE = 1e-9
 """Relative differences up to here are the rounding of another processor."""
-FLOOR = 0.01
+RATIO_FLOOR_SHARE = 0.01
 """Added to both values of a ratio, times the pooled value of both runs: the error of a parked car must not decide."""
 
 BoolArray = npt.NDArray[np.bool_]
 
 
-class Verdict(Enum):
+class ChangeVerdict(Enum):
     """What became of a metric."""
 
     IMPROVED = "improved"
@@ -56,7 +63,7 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Change:
+class MetricChange:
     """One metric in two runs.
 
     Attributes:
@@ -85,7 +92,7 @@ class Change:
     high: float
     is_relative: bool
     p: float
-    verdict: Verdict
+    verdict: ChangeVerdict
 
 
 @dataclass(frozen=True)
@@ -100,14 +107,14 @@ class RunComparison:
         other_input: Ids of logs whose inputs differ.
     """
 
-    changes: tuple[Change, ...]
+    changes: tuple[MetricChange, ...]
     n_pairs: int
     only_baseline: tuple[str, ...]
     only_candidate: tuple[str, ...]
     failed: tuple[str, ...]
     other_input: tuple[str, ...]
 
-    def of(self, verdict: Verdict) -> tuple[Change, ...]:
+    def changes_with_verdict(self, verdict: ChangeVerdict) -> tuple[MetricChange, ...]:
         """The metrics with a verdict."""
         return tuple(change for change in self.changes if change.verdict is verdict)
 
@@ -117,7 +124,7 @@ def compare_runs(
     candidate: Sequence[LogMetrics],
     *,
     seed: int = 0,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RELATIVE_TOLERANCE,
     exact: bool = False,
 ) -> RunComparison:
     """Compare two runs.
@@ -133,15 +140,19 @@ def compare_runs(
     ids = [name for name in before if name in after]
     pairs = [(before[name], after[name]) for name in ids]
     names = metric_names([*(log for pair in pairs for log in pair)])
-    effects = [_effect(name, pairs, tolerance) for name in names]
-    judged = np.array([effect.is_judged for effect in effects], dtype=bool)
+    effects = [_measure_effect(name, pairs, tolerance) for name in names]
+    judged = np.array([effect.is_tested for effect in effects], dtype=bool)
     p = np.full(len(effects), np.nan)
     if judged.any():
-        p[judged] = _holm(_flip_test(np.column_stack([e.changes for e in effects if e.is_judged]), seed))
-    drawn = resamples(len(pairs), seed) if len(pairs) >= MIN_LOGS else None
+        p[judged] = _adjust_p_values_holm(
+            _sign_flip_p_values(np.column_stack([e.changes for e in effects if e.is_tested]), seed)
+        )
+    drawn = bootstrap_draw_counts(len(pairs), seed) if len(pairs) >= MIN_LOGS else None
     tried = {log.id for log in candidate}
     return RunComparison(
-        changes=tuple(_change(e, float(each), drawn, exact=exact) for e, each in zip(effects, p, strict=True)),
+        changes=tuple(
+            _judge_metric_change(e, float(each), drawn, exact=exact) for e, each in zip(effects, p, strict=True)
+        ),
         n_pairs=len(pairs),
         only_baseline=tuple(log.id for log in baseline if log.id not in tried),
         only_candidate=tuple(log.id for log in candidate if log.id not in {each.id for each in baseline}),
@@ -151,7 +162,7 @@ def compare_runs(
 
 
 @dataclass(frozen=True)
-class _Effect:
+class _MetricEffect:
     """The changes of one metric: (n,) over all pairs, NaN where a run has no value; positive: the value grew.
 
     For a metric with a target positive means: farther from it.
@@ -167,10 +178,10 @@ class _Effect:
     is_new: bool
 
     @property
-    def known(self) -> FloatArray:
+    def finite_changes(self) -> FloatArray:
         return self.changes[np.isfinite(self.changes)]
 
-    def contradicts(self, mean: float, before: float, after: float) -> bool:
+    def pooled_value_contradicts(self, mean: float, before: float, after: float) -> bool:
         """Whether the pooled value moved the other way than the mean change, by more than the tolerance."""
         metric = self.metric
         if metric is not None and metric.better == "near":
@@ -182,22 +193,22 @@ class _Effect:
         return moved * mean < 0.0 and abs(moved) > self.tolerance
 
     @property
-    def is_judged(self) -> bool:
+    def is_tested(self) -> bool:
         """Whether it takes part in the tests: it is a headline metric, has a better side, and differs somewhere."""
-        return self.metric is not None and self.metric.is_compared and bool(self.known.any())
+        return self.metric is not None and self.metric.is_compared and bool(self.finite_changes.any())
 
 
-def _effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _Effect:
-    metric = metric_of(name)
-    before = np.array([a.value(name) for a, _ in pairs])
-    after = np.array([b.value(name) for _, b in pairs])
+def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _MetricEffect:
+    metric = find_metric(name)
+    before = np.array([a.metric_value(name) for a, _ in pairs])
+    after = np.array([b.metric_value(name) for _, b in pairs])
     known = np.isfinite(before) & np.isfinite(after)
     rows = tuple((a.rows[name], b.rows[name]) for (a, b), both in zip(pairs, known, strict=True) if both)
     changes = np.full(len(pairs), np.nan)
     is_relative, limit = False, tolerance
     if known.any():
-        changes[known], is_relative, limit = _changes(metric, before[known], after[known], rows, tolerance)
-    return _Effect(
+        changes[known], is_relative, limit = _paired_changes(metric, before[known], after[known], rows, tolerance)
+    return _MetricEffect(
         name,
         metric,
         rows,
@@ -209,7 +220,7 @@ def _effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance
     )
 
 
-def _changes(
+def _paired_changes(
     metric: Metric | None,
     before: FloatArray,
     after: FloatArray,
@@ -217,36 +228,36 @@ def _changes(
     tolerance: float,
 ) -> tuple[FloatArray, bool, float]:
     """Changes (n,), whether they are relative, and the tolerance in their unit."""
-    equal = np.abs(after - before) <= EQUAL * np.maximum(np.abs(before), np.abs(after))
-    reference = abs(pooled_value([row for pair in rows for row in pair]))  # of both: the flips exchange them
+    equal = np.abs(after - before) <= ROUNDING_TOLERANCE * np.maximum(np.abs(before), np.abs(after))
+    reference = abs(pool_metric_value([row for pair in rows for row in pair]))  # of both: the flips exchange them
     if metric is not None and metric.better == "near":
         found = np.abs(after - metric.target) - np.abs(before - metric.target)
         return np.where(equal, 0.0, found), False, tolerance * abs(metric.target)
-    if metric is not None and _is_share(metric):
+    if metric is not None and _is_share_metric(metric):
         return np.where(equal, 0.0, after - before), False, tolerance
     if (before > 0.0).all() and (after > 0.0).all():
-        floor = FLOOR * reference
+        floor = RATIO_FLOOR_SHARE * reference
         return np.where(equal, 0.0, np.log((after + floor) / (before + floor))), True, math.log1p(tolerance)
     return np.where(equal, 0.0, after - before), False, tolerance * reference
 
 
-def _is_share(metric: Metric) -> bool:
+def _is_share_metric(metric: Metric) -> bool:
     return metric.unit == "" and metric.pool == "mean"
 
 
-def _flip_test(changes: FloatArray, seed: int) -> FloatArray:
+def _sign_flip_p_values(changes: FloatArray, seed: int) -> FloatArray:
     """Two-sided p-values of the mean changes (n, h) by flipping the signs of whole logs; NaN takes no part."""
     values = np.nan_to_num(changes, nan=0.0)
     observed = np.abs(values.sum(axis=0)) * (1.0 - 1e-12)
     rng = np.random.default_rng(seed)
     reached = np.ones(values.shape[1])
-    for _ in range(N_FLIPS // FLIPS_AT_ONCE):
-        signs = rng.integers(0, 2, (FLIPS_AT_ONCE, len(values)), dtype=np.int8) * 2.0 - 1.0
+    for _ in range(N_SIGN_FLIPS // SIGN_FLIPS_PER_BATCH):
+        signs = rng.integers(0, 2, (SIGN_FLIPS_PER_BATCH, len(values)), dtype=np.int8) * 2.0 - 1.0
         reached += (np.abs(signs @ values) >= observed).sum(axis=0)
-    return np.asarray(reached / (N_FLIPS + 1))
+    return np.asarray(reached / (N_SIGN_FLIPS + 1))
 
 
-def _holm(p: FloatArray) -> FloatArray:
+def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
     """P-values adjusted for their number (Holm 1979)."""
     order = np.argsort(p, kind="stable")
     adjusted = np.maximum.accumulate((len(p) - np.arange(len(p))) * p[order])
@@ -255,19 +266,19 @@ def _holm(p: FloatArray) -> FloatArray:
     return out
 
 
-def _change(effect: _Effect, p: float, drawn: FloatArray | None, *, exact: bool) -> Change:
-    known = effect.known
+def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | None, *, exact: bool) -> MetricChange:
+    known = effect.finite_changes
     mean = float(known.mean()) if len(known) else math.nan
-    low, high = _interval(effect.changes, drawn)
-    both = [pooled_value([row[side] for row in effect.rows]) for side in (0, 1)]
-    verdict = _verdict(effect, mean, low, high, p, exact=exact)
-    if verdict in (Verdict.IMPROVED, Verdict.WORSE) and effect.contradicts(mean, *both):
-        verdict = Verdict.UNCLEAR
+    low, high = _bootstrap_interval_of_mean(effect.changes, drawn)
+    both = [pool_metric_value([row[side] for row in effect.rows]) for side in (0, 1)]
+    verdict = _decide_verdict(effect, mean, low, high, p, exact=exact)
+    if verdict in (ChangeVerdict.IMPROVED, ChangeVerdict.WORSE) and effect.pooled_value_contradicts(mean, *both):
+        verdict = ChangeVerdict.UNCLEAR
 
-    def shown(value: float) -> float:
+    def displayed_value(value: float) -> float:
         return math.expm1(value) if effect.is_relative else value
 
-    return Change(
+    return MetricChange(
         metric=effect.name,
         unit=effect.rows[0][0].unit if effect.rows else "",
         baseline=both[0],
@@ -275,16 +286,16 @@ def _change(effect: _Effect, p: float, drawn: FloatArray | None, *, exact: bool)
         n_pairs=len(known),
         n_changed=int(np.count_nonzero(known)),
         n_missing=effect.n_missing,
-        change=shown(mean),
-        low=shown(low),
-        high=shown(high),
+        change=displayed_value(mean),
+        low=displayed_value(low),
+        high=displayed_value(high),
         is_relative=effect.is_relative,
         p=p,
         verdict=verdict,
     )
 
 
-def _interval(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, float]:
+def _bootstrap_interval_of_mean(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, float]:
     """Percentile bootstrap of the mean change."""
     present = np.isfinite(changes)
     n = int(present.sum())
@@ -294,22 +305,30 @@ def _interval(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, flo
     sums = drawn @ np.nan_to_num(changes, nan=0.0)
     mean = float(changes[present].mean())
     means = mean + math.sqrt(n / (n - 1)) * (sums[counts > 0] / counts[counts > 0] - mean)
-    low, high = np.quantile(means, [0.5 - 0.5 * COVERAGE, 0.5 + 0.5 * COVERAGE])
+    low, high = np.quantile(means, [0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE])
     return float(low), float(high)
 
 
-def _verdict(effect: _Effect, mean: float, low: float, high: float, p: float, *, exact: bool) -> Verdict:
+def _decide_verdict(
+    effect: _MetricEffect, mean: float, low: float, high: float, p: float, *, exact: bool
+) -> ChangeVerdict:
     metric, limit = effect.metric, effect.tolerance
     if metric is None or not metric.is_compared:
-        return Verdict.NOT_JUDGED
-    if not len(effect.known):
-        return Verdict.NEW if effect.is_new else Verdict.MISSING if effect.n_missing else Verdict.NOT_JUDGED
+        return ChangeVerdict.NOT_JUDGED
+    if not len(effect.finite_changes):
+        return (
+            ChangeVerdict.NEW
+            if effect.is_new
+            else ChangeVerdict.MISSING
+            if effect.n_missing
+            else ChangeVerdict.NOT_JUDGED
+        )
     is_large = abs(mean) > limit
-    if is_large and (exact or p < ERROR_RATE):
+    if is_large and (exact or p < FAMILY_WISE_ERROR_RATE):
         is_worse = (mean > 0.0) != (metric.better == "higher")
-        return Verdict.WORSE if is_worse else Verdict.IMPROVED
-    is_same = not effect.known.any() or exact or (-limit <= low and high <= limit)
-    return Verdict.SAME if is_same else Verdict.UNCLEAR
+        return ChangeVerdict.WORSE if is_worse else ChangeVerdict.IMPROVED
+    is_same = not effect.finite_changes.any() or exact or (-limit <= low and high <= limit)
+    return ChangeVerdict.SAME if is_same else ChangeVerdict.UNCLEAR
 
 
 def comparison_table(comparison: RunComparison) -> Table:

@@ -83,7 +83,7 @@ class Not:
 
 
 @dataclass(frozen=True)
-class Both:
+class AndOr:
     """`and` (`is_and`) or `or`."""
 
     parts: tuple[Node, ...]
@@ -91,7 +91,7 @@ class Both:
 
 
 @dataclass(frozen=True)
-class Over:
+class AnyAll:
     """Whether a gate holds for `any` or for `all` logs."""
 
     quantifier: str
@@ -99,10 +99,10 @@ class Over:
 
 
 Operand = Number | Name | Aggregate | Share
-Node = Comparison | Not | Both | Over
+Node = Comparison | Not | AndOr | AnyAll
 
 
-def parse(text: str) -> Node:
+def parse_gate(text: str) -> Node:
     """Parse a gate.
 
     Raises:
@@ -110,16 +110,16 @@ def parse(text: str) -> Node:
     """
     if len(text) > MAX_LENGTH:
         raise UsageError(f"a gate of {len(text)} characters is longer than {MAX_LENGTH}", hint=EXAMPLE)
-    return _Parser(text).whole()
+    return _Parser(text).parse_whole_gate()
 
 
-def is_about_logs(node: Node | Operand) -> bool:
+def needs_single_log(node: Node | Operand) -> bool:
     """Whether it is to be asked of each log: it has a metric outside of functions, `any`, `all` and `share`."""
     if isinstance(node, Comparison):
         return any(isinstance(operand, Name) for operand in node.operands)
     if isinstance(node, Not):
-        return is_about_logs(node.inner)
-    return isinstance(node, Both) and any(is_about_logs(part) for part in node.parts)
+        return needs_single_log(node.inner)
+    return isinstance(node, AndOr) and any(needs_single_log(part) for part in node.parts)
 
 
 class _Parser:
@@ -127,69 +127,73 @@ class _Parser:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._tokens = self._scan(text)
+        self._tokens = self._split_into_tokens(text)
         self._at = 0
         self._depth = 0
 
-    def _scan(self, text: str) -> list[tuple[str, str, int]]:
+    def _split_into_tokens(self, text: str) -> list[tuple[str, str, int]]:
         tokens = []
         at = 0
         while at < len(text.rstrip()):
             match = _TOKEN.match(text, at)
             if match is None or match.lastgroup is None:
                 start = at + len(text[at:]) - len(text[at:].lstrip())
-                raise self._error("a metric, a number or a comparison", start)
+                raise self._syntax_error("a metric, a number or a comparison", start)
             tokens.append((match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)))
             at = match.end()
         return tokens
 
-    def whole(self) -> Node:
-        node = self._either()
+    def parse_whole_gate(self) -> Node:
+        node = self._parse_or()
         if self._at < len(self._tokens):
-            raise self._unexpected("`and`, `or` or the end")
+            raise self._unexpected_token_error("`and`, `or` or the end")
         return node
 
-    def _either(self) -> Node:
+    def _parse_or(self) -> Node:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise UsageError(f"the gate has more than {MAX_DEPTH} parentheses inside each other")
-        parts = [self._all()]
-        while self._take("name", "or"):
-            parts.append(self._all())
+        parts = [self._parse_and()]
+        while self._take_token_if("name", "or"):
+            parts.append(self._parse_and())
         self._depth -= 1
-        return parts[0] if len(parts) == 1 else Both(tuple(parts), is_and=False)
+        return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=False)
 
-    def _all(self) -> Node:
-        parts = [self._one()]
-        while self._take("name", "and"):
-            parts.append(self._one())
-        return parts[0] if len(parts) == 1 else Both(tuple(parts), is_and=True)
+    def _parse_and(self) -> Node:
+        parts = [self._parse_not()]
+        while self._take_token_if("name", "and"):
+            parts.append(self._parse_not())
+        return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=True)
 
-    def _one(self) -> Node:
+    def _parse_not(self) -> Node:
         negations = 0
-        while self._take("name", "not"):
+        while self._take_token_if("name", "not"):
             negations += 1
-        node = self._plain()
+        node = self._parse_condition()
         return Not(node) if negations % 2 else node
 
-    def _plain(self) -> Node:
-        if self._take("sign", "("):
-            node = self._either()
-            self._need(")")
+    def _parse_condition(self) -> Node:
+        if self._take_token_if("sign", "("):
+            node = self._parse_or()
+            self._require_token(")")
             return node
-        if self._peek()[0] == "name" and self._peek()[1] in {"any", "all"} and self._peek(1)[1] == "(":
-            quantifier = self._next()[1]
-            return Over(quantifier, self._inside())
-        return self._comparison()
+        if (
+            self._peek_token()[0] == "name"
+            and self._peek_token()[1] in {"any", "all"}
+            and self._peek_token(1)[1] == "("
+        ):
+            quantifier = self._next_token()[1]
+            return AnyAll(quantifier, self._parse_parentheses())
+        return self._parse_comparison()
 
-    def _comparison(self) -> Comparison:
-        operands = [self._operand()]
+    def _parse_comparison(self) -> Comparison:
+        operands = [self._parse_operand()]
         signs: list[str] = []
-        while self._peek()[1] in COMPARISONS and len(signs) < 2:
-            signs.append(self._next()[1])
-            operands.append(self._operand())
+        while self._peek_token()[1] in COMPARISONS and len(signs) < 2:
+            signs.append(self._next_token()[1])
+            operands.append(self._parse_operand())
         if not signs:
-            raise self._unexpected(f"one of {' '.join(COMPARISONS)}")
+            raise self._unexpected_token_error(f"one of {' '.join(COMPARISONS)}")
         names = [o.name if isinstance(o, Aggregate) else o for o in operands]
         if all(isinstance(operand, Number) for operand in operands):
             raise UsageError(f"the gate compares numbers only: {self._text.strip()}", hint=EXAMPLE)
@@ -197,61 +201,61 @@ class _Parser:
             raise UsageError(f"the gate compares two patterns with *: {self._text.strip()}", hint="use * once")
         return Comparison(tuple(operands), tuple(signs))
 
-    def _operand(self) -> Operand:
-        kind, text, start = self._next("a metric or a number")
+    def _parse_operand(self) -> Operand:
+        kind, text, start = self._next_token("a metric or a number")
         if kind == "number":
             value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
             if not math.isfinite(value):  # would always hold, or never
-                raise self._error("a number that a computer can hold", start)
+                raise self._syntax_error("a number that a computer can hold", start)
             return Number(value)
         if kind != "name" or text in {"and", "or", "not"}:
-            raise self._error("a metric or a number", start)
-        if self._peek()[1] != "(":
+            raise self._syntax_error("a metric or a number", start)
+        if self._peek_token()[1] != "(":
             return Name(text)
         if text == "share":
-            return Share(self._inside())
+            return Share(self._parse_parentheses())
         if text not in FUNCTIONS and not _PERCENTILE.fullmatch(text):
             known = (*FUNCTIONS, "p95", "share", "any", "all")
             raise UsageError(f"a gate has no function {text}", hint=names_hint(text, known, "known"))
-        self._need("(")
-        kind, inner, start = self._next("a metric")
-        if kind != "name" or self._peek()[1] == "(":
-            raise self._error("a metric", start)
-        self._need(")")
+        self._require_token("(")
+        kind, inner, start = self._next_token("a metric")
+        if kind != "name" or self._peek_token()[1] == "(":
+            raise self._syntax_error("a metric", start)
+        self._require_token(")")
         return Aggregate(text, Name(inner))
 
-    def _inside(self) -> Node:
-        self._need("(")
-        node = self._either()
-        self._need(")")
-        if not is_about_logs(node):
+    def _parse_parentheses(self) -> Node:
+        self._require_token("(")
+        node = self._parse_or()
+        self._require_token(")")
+        if not needs_single_log(node):
             raise UsageError(f"any(), all() and share() need a metric of a log inside: {self._text.strip()}")
         return node
 
-    def _peek(self, ahead: int = 0) -> tuple[str, str, int]:
+    def _peek_token(self, ahead: int = 0) -> tuple[str, str, int]:
         at = self._at + ahead
         return self._tokens[at] if at < len(self._tokens) else ("end", "", len(self._text))
 
-    def _next(self, expected: str = "more") -> tuple[str, str, int]:
+    def _next_token(self, expected: str = "more") -> tuple[str, str, int]:
         if self._at >= len(self._tokens):
-            raise self._unexpected(expected)
+            raise self._unexpected_token_error(expected)
         self._at += 1
         return self._tokens[self._at - 1]
 
-    def _take(self, kind: str, text: str) -> bool:
-        if self._peek()[:2] != (kind, text):
+    def _take_token_if(self, kind: str, text: str) -> bool:
+        if self._peek_token()[:2] != (kind, text):
             return False
         self._at += 1
         return True
 
-    def _need(self, text: str) -> None:
-        if not self._take("sign", text):
-            raise self._unexpected(f"`{text}`")
+    def _require_token(self, text: str) -> None:
+        if not self._take_token_if("sign", text):
+            raise self._unexpected_token_error(f"`{text}`")
 
-    def _unexpected(self, expected: str) -> UsageError:
-        return self._error(expected, self._peek()[2])
+    def _unexpected_token_error(self, expected: str) -> UsageError:
+        return self._syntax_error(expected, self._peek_token()[2])
 
-    def _error(self, expected: str, start: int) -> UsageError:
+    def _syntax_error(self, expected: str, start: int) -> UsageError:
         found = self._text[start : start + 20].strip()
         found = "a URL" if "://" in self._text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"
@@ -261,7 +265,7 @@ class _Parser:
         )
 
 
-def percentile_of(function: str) -> float | None:
+def percentile_of_function(function: str) -> float | None:
     """The percentile of `p95` and the like; None for another function."""
     match = _PERCENTILE.fullmatch(function)
     return float(match[1]) if match else None

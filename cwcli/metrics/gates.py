@@ -19,20 +19,20 @@ import numpy as np
 
 from cwcli.metrics.gate_syntax import (
     Aggregate,
+    AnyAll,
     Comparison,
     Name,
     Node,
     Not,
     Number,
     Operand,
-    Over,
-    is_about_logs,
-    parse,
-    percentile_of,
+    needs_single_log,
+    parse_gate,
+    percentile_of_function,
 )
-from cwcli.metrics.headline import METRICS, metric_of
-from cwcli.metrics.pooling import LogMetrics, metric_names, pooled_value
-from cwcli.text import number
+from cwcli.metrics.headline import METRICS, find_metric
+from cwcli.metrics.pooling import LogMetrics, metric_names, pool_metric_value
+from cwcli.text import format_number
 
 _SIGNS: dict[str, Callable[[float, float], bool]] = {
     "<": operator.lt,
@@ -42,7 +42,7 @@ _SIGNS: dict[str, Callable[[float, float], bool]] = {
     "==": operator.eq,
     "!=": operator.ne,
 }
-_PLAIN: dict[str, Callable[[Sequence[float]], float]] = {
+_AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "mean": lambda values: math.fsum(values) / len(values),
     "median": lambda values: float(np.median(values)),
     "min": min,
@@ -50,11 +50,11 @@ _PLAIN: dict[str, Callable[[Sequence[float]], float]] = {
     "sum": math.fsum,
 }
 _MEASURES, _EXTREMES = "measures.", ("min", "max")
-FAILED_LOGS = "every log was evaluated"
+FAILED_LOGS_GATE = "every log was evaluated"
 """The gate that failed logs fail, beside those that were asked for."""
 
 
-class Status(Enum):
+class CheckStatus(Enum):
     """What became of a check."""
 
     PASSED = "passed"
@@ -63,7 +63,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class Check:
+class GateCheck:
     """A gate asked of one log.
 
     Attributes:
@@ -73,7 +73,7 @@ class Check:
     """
 
     log: str
-    status: Status
+    status: CheckStatus
     detail: str
 
 
@@ -82,19 +82,23 @@ class GateResult:
     """One gate and its checks."""
 
     gate: str
-    checks: tuple[Check, ...]
+    checks: tuple[GateCheck, ...]
 
     @property
-    def failed(self) -> tuple[Check, ...]:
+    def failed_checks(self) -> tuple[GateCheck, ...]:
         """The checks that failed."""
-        return tuple(check for check in self.checks if check.status is Status.FAILED)
+        return tuple(check for check in self.checks if check.status is CheckStatus.FAILED)
 
     @property
-    def status(self) -> Status:
+    def status(self) -> CheckStatus:
         """Failed if a check failed; skipped if all were."""
-        if self.failed:
-            return Status.FAILED
-        return Status.PASSED if any(check.status is Status.PASSED for check in self.checks) else Status.SKIPPED
+        if self.failed_checks:
+            return CheckStatus.FAILED
+        return (
+            CheckStatus.PASSED
+            if any(check.status is CheckStatus.PASSED for check in self.checks)
+            else CheckStatus.SKIPPED
+        )
 
 
 @dataclass(frozen=True)
@@ -116,55 +120,55 @@ def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missi
     Raises:
         UsageError: An expression is no gate.
     """
-    nodes = [(text, parse(text)) for text in gates]
-    judge = _Judge(logs)
-    results = [GateResult(" ".join(text.split()), judge.checks(node, allow_missing)) for text, node in nodes]
-    failed = tuple(Check(log.id, Status.FAILED, f"the log failed: {log.error}") for log in logs if log.error)
-    return [*results, GateResult(FAILED_LOGS, failed)] if failed and results else results
+    nodes = [(text, parse_gate(text)) for text in gates]
+    judge = _GateEvaluator(logs)
+    results = [GateResult(" ".join(text.split()), judge.check_gate(node, allow_missing)) for text, node in nodes]
+    failed = tuple(GateCheck(log.id, CheckStatus.FAILED, f"the log failed: {log.error}") for log in logs if log.error)
+    return [*results, GateResult(FAILED_LOGS_GATE, failed)] if failed and results else results
 
 
-class _Judge:
+class _GateEvaluator:
     def __init__(self, logs: Sequence[LogMetrics]) -> None:
         self._logs = logs
         self._done = [log for log in logs if not log.error]
 
     @cached_property
-    def _names(self) -> list[str]:
+    def _all_metric_names(self) -> list[str]:
         return metric_names(self._logs)
 
-    def checks(self, node: Node, allow_missing: bool) -> tuple[Check, ...]:
+    def check_gate(self, node: Node, allow_missing: bool) -> tuple[GateCheck, ...]:
         if not self._logs:
-            return (Check("", Status.FAILED, "there is no log"),)
-        asked: Sequence[LogMetrics | None] = self._logs if is_about_logs(node) else (None,)
-        return tuple(self._check(node, log, allow_missing) for log in asked)
+            return (GateCheck("", CheckStatus.FAILED, "there is no log"),)
+        asked: Sequence[LogMetrics | None] = self._logs if needs_single_log(node) else (None,)
+        return tuple(self._check_one_log(node, log, allow_missing) for log in asked)
 
-    def _check(self, node: Node, log: LogMetrics | None, allow_missing: bool) -> Check:
+    def _check_one_log(self, node: Node, log: LogMetrics | None, allow_missing: bool) -> GateCheck:
         if log is not None and log.error:
-            return Check(log.id, Status.FAILED, f"the log failed: {log.error}")
-        answer = self._ask(node, log)
-        status = Status.PASSED if answer.holds else Status.FAILED
+            return GateCheck(log.id, CheckStatus.FAILED, f"the log failed: {log.error}")
+        answer = self._evaluate_node(node, log)
+        status = CheckStatus.PASSED if answer.holds else CheckStatus.FAILED
         if answer.holds is None and allow_missing:
-            status = Status.SKIPPED
-        return Check(log.id if log else "", status, "; ".join(dict.fromkeys(answer.words)))
+            status = CheckStatus.SKIPPED
+        return GateCheck(log.id if log else "", status, "; ".join(dict.fromkeys(answer.words)))
 
-    def _ask(self, node: Node, log: LogMetrics | None) -> _Answer:
+    def _evaluate_node(self, node: Node, log: LogMetrics | None) -> _Answer:
         if isinstance(node, Comparison):
-            return self._compare(node, log)
+            return self._evaluate_comparison(node, log)
         if isinstance(node, Not):
-            inner = self._ask(node.inner, log)
+            inner = self._evaluate_node(node.inner, log)
             return _Answer(None if inner.holds is None else not inner.holds, inner.words)
-        if isinstance(node, Over):
-            return self._over(node)
-        return _joined([self._ask(part, log) for part in node.parts], is_and=node.is_and)
+        if isinstance(node, AnyAll):
+            return self._evaluate_any_all(node)
+        return _combine_answers([self._evaluate_node(part, log) for part in node.parts], is_and=node.is_and)
 
-    def _over(self, node: Over) -> _Answer:
-        answers = [self._ask(node.inner, log) for log in self._done]
-        joined = _joined(answers, is_and=node.quantifier == "all")
+    def _evaluate_any_all(self, node: AnyAll) -> _Answer:
+        answers = [self._evaluate_node(node.inner, log) for log in self._done]
+        joined = _combine_answers(answers, is_and=node.quantifier == "all")
         held = sum(answer.holds is True for answer in answers)
         return _Answer(joined.holds, (f"it holds for {held} of {len(answers)} logs",))
 
-    def _compare(self, node: Comparison, log: LogMetrics | None) -> _Answer:
-        columns = [self._values(operand, log) for operand in node.operands]
+    def _evaluate_comparison(self, node: Comparison, log: LogMetrics | None) -> _Answer:
+        columns = [self._operand_values(operand, log) for operand in node.operands]
         answers = []
         for row in range(max(len(column) for column in columns)):
             cells = [column[row if len(column) > 1 else 0] for column in columns]
@@ -178,26 +182,26 @@ class _Judge:
                 for sign, left, right in zip(node.signs, values, values[1:], strict=False)
             )
             answers.append(_Answer(held, words))
-        return _joined(answers, is_and=True)
+        return _combine_answers(answers, is_and=True)
 
-    def _values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
+    def _operand_values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
         """Value (None: missing) and words for it; several for a pattern."""
         if isinstance(operand, Number):
             return [(operand.value, "")]
         if isinstance(operand, Name):
             assert log is not None
-            return [self._of_log(name, log) for name in self._matching(operand, list(log.rows))]
+            return [self._value_of_log(name, log) for name in self._metrics_matching(operand, list(log.rows))]
         if isinstance(operand, Aggregate):
-            asked = self._matching(operand.name, self._names, operand.function)
-            return [self._of_run(operand.function, name) for name in asked]
-        answers = [self._ask(operand.inner, each).holds for each in self._done]
+            asked = self._metrics_matching(operand.name, self._all_metric_names, operand.function)
+            return [self._aggregate_over_logs(operand.function, name) for name in asked]
+        answers = [self._evaluate_node(operand.inner, each).holds for each in self._done]
         known = [answer for answer in answers if answer is not None]
         if not known:
             return [(None, "no log can say")]
         held = sum(known)
         return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
 
-    def _matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
+    def _metrics_matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
         """The metrics that a pattern means; the pattern itself where there is none.
 
         Of a measure, `measures.ttc_s`, the most critical value of each log is meant; `min` is not asked of one whose
@@ -207,46 +211,55 @@ class _Judge:
             extremes = [function] if function in _EXTREMES else _EXTREMES
             column = name.text.removeprefix(_MEASURES)
             meant = [f"{_MEASURES}{each}_{column}" for each in extremes if name.text != column]
-            return [next((each for each in meant if each in self._names and name.text not in self._names), name.text)]
-        return [known for known in names if matches(name.text, known)] or [name.text]
+            return [
+                next(
+                    (
+                        each
+                        for each in meant
+                        if each in self._all_metric_names and name.text not in self._all_metric_names
+                    ),
+                    name.text,
+                )
+            ]
+        return [known for known in names if matches_pattern(name.text, known)] or [name.text]
 
-    def _of_log(self, name: str, log: LogMetrics) -> tuple[float | None, str]:
+    def _value_of_log(self, name: str, log: LogMetrics) -> tuple[float | None, str]:
         row = log.rows.get(name)
         if row is None:
-            return None, self._missing(name)
+            return None, self._format_missing_metric(name)
         if math.isnan(row.value):
             return None, f"{name} has no value: there was nothing to judge"
-        return row.value, f"{name} = {_text(row.value, row.unit)}"
+        return row.value, f"{name} = {_format_value(row.value, row.unit)}"
 
-    def _of_run(self, function: str, name: str) -> tuple[float | None, str]:
+    def _aggregate_over_logs(self, function: str, name: str) -> tuple[float | None, str]:
         rows = [log.rows[name] for log in self._done if name in log.rows]
         if not rows:
-            return None, self._missing(name)
+            return None, self._format_missing_metric(name)
         values = [row.value for row in rows if not math.isnan(row.value)]
         if function == "pooled":
-            value = pooled_value(rows)
+            value = pool_metric_value(rows)
         elif not values:
             value = math.nan
         else:
-            percentile = percentile_of(function)
-            value = _PLAIN[function](values) if percentile is None else float(np.percentile(values, percentile))
+            percentile = percentile_of_function(function)
+            value = _AGGREGATES[function](values) if percentile is None else float(np.percentile(values, percentile))
         label = f"{function}({name})"
         if math.isnan(value):
             return None, f"{label} has no value: there was nothing to judge"
-        return value, f"{label} = {_text(value, rows[0].unit)} over {len(values)} logs"
+        return value, f"{label} = {_format_value(value, rows[0].unit)} over {len(values)} logs"
 
-    def _missing(self, name: str) -> str:
+    def _format_missing_metric(self, name: str) -> str:
         if "*" in name:
             return f"no metric matches {name}"
-        if name in self._names:
+        if name in self._all_metric_names:
             return f"{name} is missing"
-        if metric_of(name) is not None:
+        if find_metric(name) is not None:
             return f"no log has {name}"
-        near = get_close_matches(name, [*self._names, *(metric.name for metric in METRICS)], n=1)
+        near = get_close_matches(name, [*self._all_metric_names, *(metric.name for metric in METRICS)], n=1)
         return f"no log has {name}" + (f" (did you mean {near[0]}?)" if near else "")
 
 
-def matches(pattern: str, name: str) -> bool:
+def matches_pattern(pattern: str, name: str) -> bool:
     """Whether a name fits a pattern whose `*` stand for any characters; in linear time."""
     first, *rest = pattern.split("*")
     if not rest:
@@ -263,7 +276,7 @@ def matches(pattern: str, name: str) -> bool:
     return True
 
 
-def _joined(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
+def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
     """Kleene's `and` or `or`; without answers `and` holds."""
     words = tuple(word for answer in answers for word in answer.words)
     if any(answer.holds is (not is_and) for answer in answers):
@@ -274,5 +287,5 @@ def _joined(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
     return _Answer(is_and, words)
 
 
-def _text(value: float, unit: str) -> str:
-    return f"{number(value)} {unit}".rstrip() if math.isfinite(value) else f"{value}"
+def _format_value(value: float, unit: str) -> str:
+    return f"{format_number(value)} {unit}".rstrip() if math.isfinite(value) else f"{value}"

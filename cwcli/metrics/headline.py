@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.metrics.intervals import NOT_KNOWN, poisson_interval, proportion_interval
+from cwcli.metrics.intervals import UNKNOWN_INTERVAL, poisson_interval, proportion_interval
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
 
@@ -32,8 +32,8 @@ Better = Literal["lower", "higher", "near", ""]
 Interval = Literal["", "share", "rate"]
 
 TABLE_NAME = "metrics"
-COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
-LATER_COLUMNS = ("states",)
+METRICS_TABLE_COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
+OPTIONAL_COLUMNS = ("states",)
 """Tables of earlier versions lack them."""
 
 
@@ -74,7 +74,7 @@ PLACEHOLDERS = {
 }
 
 
-def _of(who: str, whom: str) -> tuple[Metric, ...]:
+def _prediction_metrics(who: str, whom: str) -> tuple[Metric, ...]:
     """Prediction metrics of the ego or of the remote vehicles."""
     own = f"prediction.{who}"
     first = who == "ego"
@@ -99,9 +99,9 @@ def _of(who: str, whom: str) -> tuple[Metric, ...]:
     )  # fmt: skip
 
 
-def _of_system() -> Iterator[Metric]:
+def _system_metrics() -> Iterator[Metric]:
     """Another system's metrics: as cwcli's own of the same name behind `system.`."""
-    prediction = (metric for metric in _of("ego", "the ego's") if "<model>" not in metric.name)
+    prediction = (metric for metric in _prediction_metrics("ego", "the ego's") if "<model>" not in metric.name)
     for metric in (*WARNING_METRICS, *STATE_METRICS, *prediction):
         if "inside_90" not in metric.name:
             yield replace(metric, name=f"system.{metric.name}", stage="system", doc=f"of another system: {metric.doc}")
@@ -118,7 +118,7 @@ STATE_METRICS: tuple[Metric, ...] = (
     Metric("ego.yaw_rate_rmse_degps", "estimate", "deg/s", "rms", "lower", "yaw rate minus the truth's",
            is_compared=True),
 )  # fmt: skip
-"""Of the ego's state against the truth: of cwcli's, or of another system's."""
+"""Metrics of the ego's state against the truth, for cwcli's state and for another system's."""
 
 WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.count", "warn", "", "sum", "", "warnings raised"),
@@ -143,7 +143,7 @@ WARNING_METRICS: tuple[Metric, ...] = (
     Metric("warnings.raised_per_hour", "warn", "1/h", "mean", "", "warnings per hour of the host's track, likewise",
            interval="rate"),
 )  # fmt: skip
-"""Of the warnings of collisions: of cwcli's first rule, or of another system."""
+"""Metrics of collision warnings, for cwcli's first rule and for another system."""
 
 METRICS: tuple[Metric, ...] = (
     *STATE_METRICS,
@@ -185,8 +185,8 @@ METRICS: tuple[Metric, ...] = (
     Metric("link.latency_p95_s", "estimate", "s", "max", "lower",
            "latency of V2X messages that 5 % of a station's exceeded, the worst station"),
     Metric("link.range_max_m", "estimate", "m", "max", "higher", "greatest distance of reception of a V2X message"),
-    *_of("ego", "the ego's"),
-    *_of("remote", "a remote vehicle's"),
+    *_prediction_metrics("ego", "the ego's"),
+    *_prediction_metrics("remote", "a remote vehicle's"),
     *WARNING_METRICS,
     Metric("warnings.raised_per_100km", "warn", "1/100 km", "mean", "",
            "warnings per 100 km of the host's way, with the exact Poisson interval", interval="rate"),
@@ -249,7 +249,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("tracking.nis_inside_share", "track", "", "mean", "higher",
            "share of the sensors whose innovations lie within their 95 % bounds", is_compared=True),
     Metric("tracking.targets_count", "track", "", "sum", "", "tracks"),
-    *_of_system(),
+    *_system_metrics(),
     Metric("data.duration_s", "data", "s", "sum", "", "from the first to the last message"),
     Metric("data.read_count", "data", "", "sum", "", "messages read, once for each role"),
     Metric("data.used_count", "data", "", "sum", "", "messages used"),
@@ -262,7 +262,7 @@ METRICS: tuple[Metric, ...] = (
 
 
 @cache
-def _patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
+def _metric_name_patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
     found = []
     for metric in METRICS:
         pattern = re.escape(metric.name)
@@ -273,18 +273,18 @@ def _patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
 
 
 @cache
-def metric_of(name: str) -> Metric | None:
+def find_metric(name: str) -> Metric | None:
     """The metric that a name belongs to, placeholders filled in; None if there is none."""
-    return next((metric for pattern, metric in _patterns() if pattern.fullmatch(name)), None)
+    return next((metric for pattern, metric in _metric_name_patterns() if pattern.fullmatch(name)), None)
 
 
-def place_of(name: str) -> int:
+def metric_sort_index(name: str) -> int:
     """Where a metric stands in `METRICS`, for sorting; unknown ones come last."""
-    metric = metric_of(name)
+    metric = find_metric(name)
     return len(METRICS) if metric is None else METRICS.index(metric)
 
 
-def value_of(pool: str, total: float, weight: float) -> float:
+def metric_value_from_sums(pool: str, total: float, weight: float) -> float:
     """A metric's value from its sums; NaN without any weight. See the module."""
     if not weight > 0.0 or math.isnan(total):
         return math.nan
@@ -293,18 +293,18 @@ def value_of(pool: str, total: float, weight: float) -> float:
     return total / weight if pool == "mean" else total
 
 
-def interval_of(kind: Interval, total: float, weight: float) -> tuple[float, float]:
+def metric_interval_from_sums(kind: Interval, total: float, weight: float) -> tuple[float, float]:
     """95 % interval of a share or of a rate; NaN where the metric has none."""
     if kind == "share" and weight > 0.0:
         return proportion_interval(round(total), round(weight))
     if kind == "rate" and weight > 0.0:
         low, high = poisson_interval(round(total))
         return low / weight, high / weight
-    return NOT_KNOWN
+    return UNKNOWN_INTERVAL
 
 
 @dataclass
-class Headline:
+class HeadlineCollector:
     """Collects the rows of one log.
 
     Attributes:
@@ -317,7 +317,7 @@ class Headline:
     states: str = ""
 
     @contextmanager
-    def of(self, states: str) -> Iterator[None]:
+    def label_rows_with_states(self, states: str) -> Iterator[None]:
         """Rows that are added inside are of these states."""
         before, self.states = self.states, states
         try:
@@ -325,7 +325,7 @@ class Headline:
         finally:
             self.states = before
 
-    def add(self, name: str, total: float, weight: float, *, n: int | None = None) -> None:
+    def add_from_sums(self, name: str, total: float, weight: float, *, n: int | None = None) -> None:
         """A row from its two sums.
 
         Args:
@@ -336,48 +336,48 @@ class Headline:
         Raises:
             ValueError: There is no such metric.
         """
-        metric = metric_of(name)
+        metric = find_metric(name)
         if metric is None:
             raise ValueError(f"no metric is called {name}")
-        value = value_of(metric.pool, total, weight)
-        low, high = interval_of(metric.interval, total, weight)
+        value = metric_value_from_sums(metric.pool, total, weight)
+        low, high = metric_interval_from_sums(metric.interval, total, weight)
         count = round(weight) if n is None else n
         sums = (metric.pool, total, weight, self.states)
         self.rows.append((metric.stage, name, value, metric.unit, count, low, high, *sums))
 
-    def errors(self, name: str, errors: FloatArray) -> None:
+    def add_errors(self, name: str, errors: FloatArray) -> None:
         """Errors (n,), NaN left out: an `rms`, `mean`, `max` or `min` by the metric's own pool. Nothing without any."""
         known = errors[np.isfinite(errors)]
-        metric = metric_of(name)
+        metric = find_metric(name)
         if not len(known) or metric is None:
             return
         if metric.pool == "rms":
-            self.add(name, float(np.sum(known * known)), len(known))  # no BLAS: its order of summing varies
+            self.add_from_sums(name, float(np.sum(known * known)), len(known))  # no BLAS: its order of summing varies
         elif metric.pool == "mean":
-            self.add(name, float(known.sum()), len(known))
+            self.add_from_sums(name, float(known.sum()), len(known))
         else:
             extreme = known.max() if metric.pool == "max" else known.min()
-            self.add(name, float(extreme), 1.0, n=len(known))
+            self.add_from_sums(name, float(extreme), 1.0, n=len(known))
 
-    def share(self, name: str, which: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
+    def add_share(self, name: str, which: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
         """Share of the true ones; nothing without any."""
         if len(which):
-            self.add(name, float(np.count_nonzero(which)), len(which))
+            self.add_from_sums(name, float(np.count_nonzero(which)), len(which))
 
-    def count(self, name: str, total: float) -> None:
+    def add_count(self, name: str, total: float) -> None:
         """A number that adds up over logs."""
-        self.add(name, float(total), 1.0)
+        self.add_from_sums(name, float(total), 1.0)
 
-    def table(self, **metadata: str) -> Table:
+    def to_table(self, **metadata: str) -> Table:
         """The rows as a table, in the order in which they were added."""
-        columns = list(zip(*self.rows, strict=True)) if self.rows else [()] * len(COLUMNS)
+        columns = list(zip(*self.rows, strict=True)) if self.rows else [()] * len(METRICS_TABLE_COLUMNS)
         numeric = {"value": np.float64, "n": np.int64, "low": np.float64, "high": np.float64}
         numeric |= {"total": np.float64, "weight": np.float64}
         return Table(
             TABLE_NAME,
             {
                 name: np.array(column, numeric[name]) if name in numeric else list(column)
-                for name, column in zip(COLUMNS, columns, strict=True)
+                for name, column in zip(METRICS_TABLE_COLUMNS, columns, strict=True)
             },
             docs={
                 "value": ColumnDoc(doc="NaN where there was nothing to judge"),

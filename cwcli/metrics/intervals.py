@@ -14,7 +14,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 Statistic = Callable[[FloatArray], float]
-NOT_KNOWN = (float("nan"), float("nan"))
+UNKNOWN_INTERVAL = (float("nan"), float("nan"))
 
 
 MAX_SUMMED_COUNT = 1000
@@ -25,9 +25,9 @@ def normal_interval(values: FloatArray, level: float = 0.95) -> tuple[float, flo
     """Of the mean, from the standard error; NaN with fewer than two values. Values (n,) are taken as independent."""
     _check_level(level)
     if len(values) < 2:
-        return NOT_KNOWN
+        return UNKNOWN_INTERVAL
     mean = float(np.mean(values))
-    half = _quantile(level) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    half = _two_sided_normal_quantile(level) * float(np.std(values, ddof=1)) / math.sqrt(len(values))
     return mean - half, mean + half
 
 
@@ -59,7 +59,7 @@ def bootstrap_interval(
         raise ValueError(f"a block of {block} values is not positive")
     n = len(values)
     if n < 2:
-        return NOT_KNOWN
+        return UNKNOWN_INTERVAL
     rng = np.random.default_rng(seed)
     n_blocks = -(-n // block)
     offsets = np.arange(block)
@@ -88,7 +88,7 @@ def clustered_proportion_interval(
         raise ValueError("each cluster needs its successes and its trials")
     n, n_clusters = sum(trials), sum(count > 0 for count in trials)
     if n == 0:
-        return NOT_KNOWN
+        return UNKNOWN_INTERVAL
     share = sum(successes) / n
     effective = float(n_clusters)
     if 0.0 < share < 1.0 and n_clusters > 1:
@@ -96,7 +96,7 @@ def clustered_proportion_interval(
         variance = n_clusters / (n_clusters - 1) * sum(r * r for r in residuals)
         design_effect = variance / (n * share * (1.0 - share))
         effective = n / min(max(design_effect, 1.0), n / n_clusters)
-    return _wilson(share, effective, level)
+    return _wilson_interval(share, effective, level)
 
 
 def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[float, float]:
@@ -109,13 +109,13 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
     if not 0 <= successes <= n:
         raise ValueError(f"{successes} of {n} is not a share")
     if n == 0:
-        return NOT_KNOWN
-    return _wilson(successes / n, n, level)
+        return UNKNOWN_INTERVAL
+    return _wilson_interval(successes / n, n, level)
 
 
-def _wilson(share: float, n: float, level: float) -> tuple[float, float]:
+def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float]:
     _check_level(level)
-    z2 = _quantile(level) ** 2
+    z2 = _two_sided_normal_quantile(level) ** 2
     centre = (share + z2 / (2 * n)) / (1.0 + z2 / n)
     half = math.sqrt(z2 * (share * (1.0 - share) / n + z2 / (4 * n * n))) / (1.0 + z2 / n)
     low = 0.0 if share == 0.0 else centre - half
@@ -136,13 +136,13 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
         raise ValueError(f"a count of {count} is negative")
     tail = (1.0 - level) / 2.0
     if count > MAX_SUMMED_COUNT:
-        return _many_events(float(count), tail), _many_events(count + 1.0, 1.0 - tail)
-    high = _solve_poisson(count, tail)
-    low = 0.0 if count == 0 else _solve_poisson(count - 1, 1.0 - tail)
+        return _gamma_quantile(float(count), tail), _gamma_quantile(count + 1.0, 1.0 - tail)
+    high = _poisson_mean_at_probability(count, tail)
+    low = 0.0 if count == 0 else _poisson_mean_at_probability(count - 1, 1.0 - tail)
     return low, high
 
 
-def _solve_poisson(count: int, probability: float) -> float:
+def _poisson_mean_at_probability(count: int, probability: float) -> float:
     """The mean with P(N <= count) = probability, by bisection: that probability falls as the mean grows."""
     low, high = 0.0, count + 10.0
     while _poisson_cdf(count, high) > probability:
@@ -156,7 +156,7 @@ def _solve_poisson(count: int, probability: float) -> float:
     return 0.5 * (low + high)
 
 
-def _many_events(shape: float, probability: float) -> float:
+def _gamma_quantile(shape: float, probability: float) -> float:
     """Quantile of the gamma distribution of a large shape (Wilson and Hilferty 1931): right to 1e-6 from 1000 on."""
     z = NormalDist().inv_cdf(probability)
     root: float = 1.0 - 1.0 / (9.0 * shape) + z / (3.0 * math.sqrt(shape))
@@ -171,7 +171,7 @@ def _poisson_cdf(count: int, mean: float) -> float:
     return math.fsum(math.exp(k * log_mean - mean - math.lgamma(k + 1.0)) for k in range(count + 1))
 
 
-def _quantile(level: float) -> float:
+def _two_sided_normal_quantile(level: float) -> float:
     return NormalDist().inv_cdf(0.5 + level / 2.0)
 
 

@@ -91,7 +91,7 @@ def tusimple_score(
     guesses = [_absent_as_minus_100(np.asarray(lane, np.float64)) for lane in predicted]
     best = []
     for lane in lanes:
-        near_px = TUSIMPLE_PIXELS / math.cos(_angle(lane, rows))
+        near_px = TUSIMPLE_PIXELS / math.cos(_lane_angle_rad(lane, rows))
         at = _absent_as_minus_100(lane)
         best.append(max((float(np.mean(np.abs(guess - at) < near_px)) for guess in guesses), default=0.0))
     missed = sum(share < TUSIMPLE_MATCH for share in best)
@@ -108,7 +108,7 @@ def tusimple_score(
     )
 
 
-def ego_lanes(lanes: FloatArray, h_samples: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
+def lanes_beside_ego(lanes: FloatArray, h_samples: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
     """Of the labelled lanes those beside the car: on either side the nearest to the middle of the image's lower edge.
 
     TuSimple's benchmark judges up to five lanes; methods that look for the car's own lane only are judged by these two.
@@ -135,7 +135,7 @@ def ego_lanes(lanes: FloatArray, h_samples: FloatArray, width_px: float, height_
     return [foot[1] for foot in (left, right) if foot is not None]
 
 
-def _angle(lane: FloatArray, rows: FloatArray) -> float:
+def _lane_angle_rad(lane: FloatArray, rows: FloatArray) -> float:
     """From the vertical, of the least-squares line through the present points; 0 with fewer than two."""
     present = lane >= 0
     if present.sum() < 2:
@@ -164,7 +164,7 @@ class VisualScore:
     is_correct: bool
 
 
-def share_within(
+def share_of_rows_within_tolerance(
     u_px: FloatArray,
     truth_u_px: FloatArray,
     visible: BoolArray,
@@ -190,7 +190,7 @@ def share_within(
         return float(np.mean(np.abs(u_px[visible] - truth_u_px[visible]) <= reach_px))
 
 
-def visual_score(
+def visual_standard_score(
     left_u_px: FloatArray,
     right_u_px: FloatArray,
     truth_left_u_px: FloatArray,
@@ -214,7 +214,7 @@ def visual_score(
     """
     tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX
     left, right = (
-        share_within(found, truth, visible, tolerance_px=tolerance, half_width_px=half)
+        share_of_rows_within_tolerance(found, truth, visible, tolerance_px=tolerance, half_width_px=half)
         for found, truth, visible, half in (
             (left_u_px, truth_left_u_px, left_visible, half_widths_px[0]),
             (right_u_px, truth_right_u_px, right_visible, half_widths_px[1]),
@@ -243,7 +243,7 @@ class WidthScore:
     max_jump_m: float
 
 
-def width_stability(width_m: FloatArray, *, tolerance: float = 0.05) -> WidthScore:
+def lane_width_stability(width_m: FloatArray, *, tolerance: float = 0.05) -> WidthScore:
     """Judge lane widths of shape (frames,), NaN where a boundary was not found; tolerance is a share of the median."""
     known = width_m[np.isfinite(width_m)]
     if not len(known):
@@ -254,11 +254,11 @@ def width_stability(width_m: FloatArray, *, tolerance: float = 0.05) -> WidthSco
         median_m=median,
         share_near=float(np.mean(np.abs(known - median) <= tolerance * median)),
         std_m=float(known.std()),
-        max_jump_m=max_jump(width_m),
+        max_jump_m=max_step_between_frames(width_m),
     )
 
 
-def max_jump(values: FloatArray) -> float:
+def max_step_between_frames(values: FloatArray) -> float:
     """Greatest change between neighbouring frames that both have a value; NaN if there are none."""
     steps = np.abs(np.diff(values))
     steps = steps[np.isfinite(steps)]

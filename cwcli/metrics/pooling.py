@@ -9,13 +9,21 @@ from functools import lru_cache
 
 import numpy as np
 
-from cwcli.metrics.headline import COLUMNS, LATER_COLUMNS, Headline, interval_of, metric_of, place_of, value_of
-from cwcli.metrics.intervals import NOT_KNOWN
+from cwcli.metrics.headline import (
+    METRICS_TABLE_COLUMNS,
+    OPTIONAL_COLUMNS,
+    HeadlineCollector,
+    find_metric,
+    metric_interval_from_sums,
+    metric_sort_index,
+    metric_value_from_sums,
+)
+from cwcli.metrics.intervals import UNKNOWN_INTERVAL
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
 
 MIN_LOGS = 5
-"""With fewer logs a bootstrap over them tells nothing."""
+"""Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
 POOLED_ID = "(pooled)"
 QUALITY = "data."
@@ -57,19 +65,19 @@ class LogMetrics:
     sha256: str = ""
     notes: tuple[str, ...] = ()
 
-    def value(self, name: str) -> float:
+    def metric_value(self, name: str) -> float:
         """The value of a metric; NaN where there is none."""
         row = self.rows.get(name)
         return math.nan if row is None else row.value
 
 
-def rows_of(table: Table) -> dict[str, MetricRow]:
+def metric_rows_by_name(table: Table) -> dict[str, MetricRow]:
     """The rows of a table `metrics`, by metric.
 
     Raises:
         ValueError: A column is missing.
     """
-    missing = [name for name in COLUMNS if name not in table.columns and name not in LATER_COLUMNS]
+    missing = [name for name in METRICS_TABLE_COLUMNS if name not in table.columns and name not in OPTIONAL_COLUMNS]
     if missing:
         raise ValueError(f"the column {missing[0]} is missing")
     return {
@@ -86,21 +94,21 @@ def rows_of(table: Table) -> dict[str, MetricRow]:
             float(row["weight"]),
             str(row.get("states", "")),
         )
-        for row in table.records()
+        for row in table.rows_as_dicts()
     }
 
 
-def notes_of(table: Table) -> tuple[str, ...]:
+def notes_from_metadata(table: Table) -> tuple[str, ...]:
     """The notes in a table's metadata."""
     return tuple(table.metadata.get("notes", "").splitlines())
 
 
 def metric_names(logs: Iterable[LogMetrics]) -> list[str]:
     """Every metric that a log has, in the order of `cwcli.metrics.headline.METRICS`."""
-    return sorted(dict.fromkeys(name for log in logs for name in log.rows), key=place_of)
+    return sorted(dict.fromkeys(name for log in logs for name in log.rows), key=metric_sort_index)
 
 
-def pooled(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
+def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
     """One metric over several logs.
 
     The sums add up (see `cwcli.metrics.headline`), so a log counts by its number of samples, a rate by its hours. The
@@ -112,34 +120,43 @@ def pooled(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
         seed: Of the bootstrap.
     """
     first = rows[0]
-    judged = _judged(rows)
-    total, weight = _sums(judged, first.pool)
-    value = value_of(first.pool, total, weight)
-    metric = metric_of(first.metric)
+    judged = _rows_with_weight(rows)
+    total, weight = _weighted_sums(judged, first.pool)
+    value = metric_value_from_sums(first.pool, total, weight)
+    metric = find_metric(first.metric)
     kind = metric.interval if metric is not None else ""
-    low, high = interval_of(kind, total, weight) if kind else _bootstrap(first.pool, judged, seed)
+    low, high = (
+        metric_interval_from_sums(kind, total, weight)
+        if kind
+        else _bootstrap_interval_over_logs(first.pool, judged, seed)
+    )
     n = sum(row.n for row in rows)
     states = " or ".join(sorted({row.states for row in rows}))
     return MetricRow(first.stage, first.metric, value, first.unit, n, low, high, first.pool, total, weight, states)
 
 
-def pooled_value(rows: Sequence[MetricRow]) -> float:
+def pool_metric_value(rows: Sequence[MetricRow]) -> float:
     """The value of `pooled`, without its interval; NaN without rows."""
-    return value_of(rows[0].pool, *_sums(_judged(rows), rows[0].pool)) if rows else math.nan
+    return (
+        metric_value_from_sums(rows[0].pool, *_weighted_sums(_rows_with_weight(rows), rows[0].pool))
+        if rows
+        else math.nan
+    )
 
 
-def pooled_rows(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, MetricRow]:
+def pool_all_metrics(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, MetricRow]:
     """Every metric over the logs that have it."""
     return {
-        name: pooled([log.rows[name] for log in logs if name in log.rows], seed=seed) for name in metric_names(logs)
+        name: pool_metric([log.rows[name] for log in logs if name in log.rows], seed=seed)
+        for name in metric_names(logs)
     }
 
 
-def _judged(rows: Sequence[MetricRow]) -> list[MetricRow]:
+def _rows_with_weight(rows: Sequence[MetricRow]) -> list[MetricRow]:
     return [row for row in rows if row.weight > 0.0 and math.isfinite(row.total)]
 
 
-def _sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
+def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
     if not rows:
         return math.nan, 0.0
     totals = [row.total for row in rows]
@@ -148,11 +165,11 @@ def _sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
     return math.fsum(totals), math.fsum(row.weight for row in rows)
 
 
-def _bootstrap(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, float]:
+def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, float]:
     """95 % percentile interval of a pooled root mean square or mean, by resampling the logs."""
     if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS:
-        return NOT_KNOWN
-    drawn = resamples(len(rows), seed)
+        return UNKNOWN_INTERVAL
+    drawn = bootstrap_draw_counts(len(rows), seed)
     totals = drawn @ np.array([row.total for row in rows])
     weights = drawn @ np.array([row.weight for row in rows])
     values = totals / weights
@@ -163,19 +180,19 @@ def _bootstrap(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, 
 
 
 @lru_cache(maxsize=2)
-def resamples(n: int, seed: int) -> FloatArray:
+def bootstrap_draw_counts(n: int, seed: int) -> FloatArray:
     """How often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
     rng = np.random.default_rng(seed)
     return rng.multinomial(n, np.full(n, 1.0 / n), size=N_RESAMPLES).astype(np.float64)
 
 
-def run_table(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:
+def metrics_table_of_run(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:
     """All logs' rows, then the pooled ones under the id `(pooled)`; with a column `log` in front."""
     ids: list[str] = []
-    headline = Headline()
-    for name, rows in (*((log.id, log.rows) for log in logs), (POOLED_ID, pooled_rows(logs, seed=seed))):
+    headline = HeadlineCollector()
+    for name, rows in (*((log.id, log.rows) for log in logs), (POOLED_ID, pool_all_metrics(logs, seed=seed))):
         for row in rows.values():
             ids.append(name)
-            headline.rows.append(tuple(getattr(row, column) for column in COLUMNS))
-    table = headline.table()
+            headline.rows.append(tuple(getattr(row, column) for column in METRICS_TABLE_COLUMNS))
+    table = headline.to_table()
     return Table(table.name, {"log": ids, **table.columns}, table.docs)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.output import Together, open_output
-from cwcli.output_stream import Bytes, Output
+from cwcli.output import AtomicGroup, open_output
+from cwcli.output_stream import Bytes, OutputStream
 from cwcli.signals.columns import NumericArray, Ragged, Strings
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 TableColumn = NumericArray | Ragged | Strings | Sequence[str | None]
 
-UNITS = {
+UNIT_BY_NAME_SUFFIX = {
     "mps3": "m/s^3",
     "mps2": "m/s^2",
     "mps": "m/s",
@@ -51,8 +51,8 @@ UNITS = {
     "pct": "%",
     "percent": "%",
 }
-SUFFIXES = (".parquet", ".csv")
-SMALL_ROWS = 2000
+TABLE_FILE_SUFFIXES = (".parquet", ".csv")
+MAX_ROWS_OF_SMALL_TABLE = 2000
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Table:
     def __len__(self) -> int:
         return len(next(iter(self.columns.values()), ()))
 
-    def records(self) -> list[dict[str, Any]]:
+    def rows_as_dicts(self) -> list[dict[str, Any]]:
         """One dict of Python values a row, for tables small enough to print; ragged columns are left out."""
         plain: dict[str, list[Any]] = {}
         for name, column in self.columns.items():
@@ -121,7 +121,7 @@ class Table:
         return [dict(zip(plain, row, strict=True)) for row in zip(*plain.values(), strict=True)]
 
 
-def table_of(
+def table_from_records(
     name: str,
     kinds: Mapping[str, type],
     records: Sequence[Mapping[str, Any]],
@@ -142,21 +142,21 @@ def table_of(
     return Table(name, columns, docs or {})
 
 
-def unit_of(column_name: str) -> str:
+def unit_of_column(column_name: str) -> str:
     """The unit that the last word of a column's name stands for, or "".
 
     `closest_distance_m` is in m; `speed_rmse` is without a unit as far as its name tells.
     """
-    return UNITS.get(column_name.rpartition("_")[2], "") if "_" in column_name else ""
+    return UNIT_BY_NAME_SUFFIX.get(column_name.rpartition("_")[2], "") if "_" in column_name else ""
 
 
-def check_table_name(target: str | Path) -> None:
+def check_table_file_name(target: str | Path) -> None:
     """Refuse a name that no table file has, before any work is done.
 
     Raises:
         UsageError: The suffix is neither `.parquet` nor `.csv`.
     """
-    if Path(target).suffix.lower() not in SUFFIXES:
+    if Path(target).suffix.lower() not in TABLE_FILE_SUFFIXES:
         raise UsageError(
             "a table is written as Parquet or CSV, by the suffix of its name",
             where=str(target),
@@ -170,7 +170,7 @@ def write_table(
     *,
     force: bool = False,
     durable: bool = True,
-    together: Together | None = None,
+    together: AtomicGroup | None = None,
 ) -> None:
     """Write a table; the file appears whole or not at all.
 
@@ -189,18 +189,18 @@ def write_table(
     """
     import pyarrow as pa
 
-    check_table_name(target)
+    check_table_file_name(target)
     opened = open_output(target, force=force, durable=durable, together=together)
-    with opened as output, pa.PythonFile(_Sink(output), "w") as sink:
-        encode_table(table, sink, Path(target).suffix.lower())
+    with opened as output, pa.PythonFile(_ArrowSink(output), "w") as sink:
+        write_table_to_sink(table, sink, Path(target).suffix.lower())
 
 
-class _Sink:
+class _ArrowSink:
     """An output as Arrow wants a file. It gets a column of a row group at a time; no long table is held as bytes."""
 
     closed = False
 
-    def __init__(self, output: Output) -> None:
+    def __init__(self, output: OutputStream) -> None:
         self._output, self._start = output, output.position
 
     def write(self, data: Bytes) -> int:
@@ -216,30 +216,30 @@ class _Sink:
         self.closed = True
 
 
-def table_bytes(table: Table, suffix: str) -> memoryview:
+def encode_table_to_bytes(table: Table, suffix: str) -> memoryview:
     """The content of the table's file, for `.parquet` or `.csv`."""
     import pyarrow as pa
 
     sink = pa.BufferOutputStream()
-    encode_table(table, sink, suffix)
+    write_table_to_sink(table, sink, suffix)
     return memoryview(sink.getvalue())
 
 
-def encode_table(table: Table, sink: pa.NativeFile, suffix: str) -> None:
+def write_table_to_sink(table: Table, sink: pa.NativeFile, suffix: str) -> None:
     """Write the content of the table's file, for `.parquet` or `.csv`."""
     if suffix == ".csv":
         from pyarrow import csv
 
-        csv.write_csv(_flat_table(table), sink)
+        csv.write_csv(_flatten_columns_for_csv(table), sink)
     else:
         from pyarrow import parquet
 
         # zstd begins with a look at its tables for each column: for few rows that takes four times the writing itself
-        compression = "snappy" if len(table) < SMALL_ROWS else "zstd"
-        parquet.write_table(arrow_table(table), sink, compression=compression)
+        compression = "snappy" if len(table) < MAX_ROWS_OF_SMALL_TABLE else "zstd"
+        parquet.write_table(to_arrow_table(table), sink, compression=compression)
 
 
-def arrow_table(table: Table) -> pa.Table:
+def to_arrow_table(table: Table) -> pa.Table:
     """The table in Arrow, with `unit`, `frame` and `doc` in the metadata of each field.
 
     (n, k) arrays become fixed-size lists, `Ragged` lists, `Strings` dictionaries; an absent string is null, NaN stays.
@@ -256,7 +256,7 @@ def arrow_table(table: Table) -> pa.Table:
 def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
     import pyarrow as pa
 
-    meaning = {"unit": about.unit or unit_of(name), "frame": about.frame, "doc": about.doc}
+    meaning = {"unit": about.unit or unit_of_column(name), "frame": about.frame, "doc": about.doc}
     return pa.field(name, kind, metadata={key: text for key, text in meaning.items() if text})
 
 
@@ -278,7 +278,7 @@ def _arrow_array(column: TableColumn) -> pa.Array:
     return pa.array(column)
 
 
-def _flat_table(table: Table) -> pa.Table:
+def _flatten_columns_for_csv(table: Table) -> pa.Table:
     """The table with one plain column for each CSV column."""
     import pyarrow as pa
 
@@ -306,7 +306,7 @@ def _csv_array(values: NumericArray) -> pa.Array:
     return pa.array(values, from_pandas=True)
 
 
-def metric_table(name: str, rows: Sequence[MetricRow]) -> Table:
+def table_of_metric_rows(name: str, rows: Sequence[MetricRow]) -> Table:
     """A row per metric, so that a gate can name it and two runs can be compared."""
     columns = dict(zip(METRIC_COLUMNS, zip(*rows, strict=True), strict=True))
     return Table(
@@ -318,6 +318,6 @@ def metric_table(name: str, rows: Sequence[MetricRow]) -> Table:
     )
 
 
-def with_rows(table: Table, rows: Sequence[MetricRow]) -> Table:
+def append_metric_rows(table: Table, rows: Sequence[MetricRow]) -> Table:
     """A table of metrics with more rows."""
-    return metric_table(table.name, [*(tuple(row.values()) for row in table.records()), *rows])
+    return table_of_metric_rows(table.name, [*(tuple(row.values()) for row in table.rows_as_dicts()), *rows])

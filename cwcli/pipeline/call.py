@@ -27,7 +27,7 @@ class Selection:
     start_ns: int | None = None
     end_ns: int | None = None
 
-    def holds(self, log_time_ns: int) -> bool:
+    def includes_log_time(self, log_time_ns: int) -> bool:
         """Whether a message of this log time is used."""
         after_start = self.start_ns is None or log_time_ns >= self.start_ns
         return after_start and (self.end_ns is None or log_time_ns < self.end_ns)
@@ -54,7 +54,7 @@ class StageCall:
         Raises:
             CwcliError: As the stage does.
         """
-        return run_stage(self.stage, log, with_selection(self.config, selection))
+        return run_stage(self.stage, log, replace_selection(self.config, selection))
 
 
 def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
@@ -64,12 +64,14 @@ def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
     configuration and the result, and gives the result with further sections, tables and notes (`StageResult.judged`);
     its function `add_metrics` adds headline metrics (`cwcli.evaluation.evaluate_log`).
     """
-    result: StageResult = stage.function(log, config)
-    judge: Callable[[Log, Any, StageResult], StageResult] | None = getattr(stage.evaluator, "judge_result", None)
+    result: StageResult = stage.stage_function(log, config)
+    judge: Callable[[Log, Any, StageResult], StageResult] | None = getattr(
+        stage.evaluation_module, "judge_result", None
+    )
     return result if judge is None else judge(log, config, result)
 
 
-def with_selection(config: Any, selection: Selection) -> Any:
+def replace_selection(config: Any, selection: Selection) -> Any:
     """A stage's configuration with the selection in it: in its `sources`, where it has them, else in itself."""
     chosen = {"topics": selection.topics, "start_ns": selection.start_ns, "end_ns": selection.end_ns}
     if hasattr(config, "sources"):

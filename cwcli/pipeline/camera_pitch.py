@@ -10,12 +10,12 @@ import numpy as np
 from cwcli.channels.lanes import read_lanes
 from cwcli.channels.published import LANES
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
+from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
 from cwcli.signals.role import Role
 
 MIN_FRAMES = 100
-BLOCKS = 10
-FLOOR_RAD = 5e-4
+N_BOOTSTRAP_BLOCKS = 10
+MIN_PITCH_SIGMA_RAD = 5e-4
 """Half a pixel of the horizon at a focal length of 1000 pixels: what many frames err by alike."""
 
 
@@ -33,21 +33,23 @@ class CameraPitch:
     sigma_rad: float
 
 
-def camera_pitch(log: Log) -> CameraPitch | None:
+def estimate_camera_pitch(log: Log) -> CameraPitch | None:
     """The camera's pitch, found by `cwcli lanes` where nothing told it.
 
     None without lanes, with too few frames, or where the pitch was given: what the search then finds leans on that.
     """
-    record = run_records(log).get(LANES.stage, {})
-    topic = next((str(each.get("topic")) for each in inputs_of(record) if each.get("role") == Role.CAMERA.value), "")
-    mounting = configuration_of(record).get("mounting")
-    is_open = isinstance(mounting, dict) and number(mounting, "pitch_rad") == 0.0
+    record = read_run_records(log).get(LANES.stage, {})
+    topic = next(
+        (str(each.get("topic")) for each in read_input_counts(record) if each.get("role") == Role.CAMERA.value), ""
+    )
+    mounting = read_configuration(record).get("mounting")
+    is_open = isinstance(mounting, dict) and read_number(mounting, "pitch_rad") == 0.0
     if not topic or not is_open or all(channel.topic != LANES.topic for channel in log.channels):
         return None
     lanes = read_lanes(log.columns(LANES.topic))
     pitch_rad = lanes.camera_pitch_rad[lanes.found.all(axis=1) & np.isfinite(lanes.camera_pitch_rad)]
     if len(pitch_rad) < MIN_FRAMES or not np.ptp(pitch_rad) > 0.0:
         return None
-    means = [part.mean() for part in np.array_split(pitch_rad, BLOCKS)]
-    scatter_rad = float(np.std(means, ddof=1)) / math.sqrt(BLOCKS)
-    return CameraPitch(topic, float(pitch_rad.mean()), math.hypot(scatter_rad, FLOOR_RAD))
+    means = [part.mean() for part in np.array_split(pitch_rad, N_BOOTSTRAP_BLOCKS)]
+    scatter_rad = float(np.std(means, ddof=1)) / math.sqrt(N_BOOTSTRAP_BLOCKS)
+    return CameraPitch(topic, float(pitch_rad.mean()), math.hypot(scatter_rad, MIN_PITCH_SIGMA_RAD))

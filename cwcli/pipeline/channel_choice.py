@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from cwcli.channels.published import topics
+from cwcli.channels.published import published_topics
 from cwcli.errors import UsageError
 from cwcli.pipeline.stage import Stage
 
 if TYPE_CHECKING:
     from cwcli.pipeline.result import StageResult
 
-WRITTEN = "channels_written"
+WRITTEN_TOPICS_KEY = "channels_written"
 """The entry of a run's record that lists the topics that were chosen."""
 
 
@@ -41,12 +41,12 @@ class ChannelChoice:
     def __contains__(self, topic: object) -> bool:
         return not self.patterns or (isinstance(topic, str) and any(fnmatchcase(topic, each) for each in self.patterns))
 
-    def check_before(self, stages: Iterable[Stage]) -> None:
+    def check_patterns_before_run(self, stages: Iterable[Stage]) -> None:
         """As `check`, before anything is made: where a stage of somebody else runs, that can't be told yet."""
         if all(stage.package == Stage.package for stage in stages):
-            self.check()
+            self.check_patterns_match_topics()
 
-    def check(self, made: Collection[str] = ()) -> None:
+    def check_patterns_match_topics(self, made: Collection[str] = ()) -> None:
         """Check that each pattern means a channel.
 
         Args:
@@ -55,19 +55,19 @@ class ChannelChoice:
         Raises:
             UsageError: One means none.
         """
-        known = (*topics(), *made) if self.patterns else ()
+        known = (*published_topics(), *made) if self.patterns else ()
         for each in self.patterns:
             if not any(fnmatchcase(topic, each) for topic in known):
                 what = f"--channels {each}: cwcli writes no such channel"
                 raise UsageError(what, found=tuple(sorted(known)), hint="name some of these; * stands for any part")
 
-    def unmade(self, made: Collection[str]) -> tuple[str, ...]:
+    def unmatched_patterns(self, made: Collection[str]) -> tuple[str, ...]:
         """The patterns that mean none of the topics that were made."""
         return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in made))
 
-    def record(self, result: StageResult) -> Mapping[str, str]:
+    def record_with_written_topics(self, result: StageResult) -> Mapping[str, str]:
         """The record of a stage, with the topics of it that are written where not all are."""
         if not self.patterns:
             return result.metadata
         written = [channel.topic for channel in result.channels if channel.topic in self]
-        return ChainMap({WRITTEN: json.dumps(written)}, result.metadata)  # type: ignore[arg-type]
+        return ChainMap({WRITTEN_TOPICS_KEY: json.dumps(written)}, result.metadata)  # type: ignore[arg-type]

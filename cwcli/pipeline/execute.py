@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.missing import Missing
+from cwcli.pipeline.missing import MissingSignals
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from cwcli.pipeline.result import StageResult
 
 ALL_CHANNELS = ChannelChoice()
-Missed = Callable[[str, "Log", Selection], "Missing | None"]
+Missed = Callable[[str, "Log", Selection], "MissingSignals | None"]
 
 
 @dataclass
-class Outcome:
+class RunOutcome:
     """What the stages made of one log.
 
     Attributes:
@@ -43,7 +43,7 @@ class Outcome:
     unmade: tuple[str, ...] = ()
     left_profile: str = ""
 
-    def tables(self) -> dict[str, Table]:
+    def tables_by_name(self) -> dict[str, Table]:
         """Every table by name; one whose name is taken has its stage's behind its own."""
         found: dict[str, Table] = {}
         for result in self.results:
@@ -62,7 +62,7 @@ def run_stages(
     strict: bool = False,
     choice: ChannelChoice = ALL_CHANNELS,
     step: Callable[[str], None] = lambda text: None,
-) -> tuple[Outcome, Log]:
+) -> tuple[RunOutcome, Log]:
     """Run stages on a log; each sees the channels of those before it as if they had been in the file.
 
     Args:
@@ -83,7 +83,7 @@ def run_stages(
         UsageError: No stage makes a channel that was chosen.
         CwcliError: As the stages do.
     """
-    outcome = Outcome(log.name)
+    outcome = RunOutcome(log.name)
     current = log
     first: MissingSignalError | None = None
     for k, (name, stage) in enumerate(stages.items(), 1):
@@ -95,24 +95,28 @@ def run_stages(
             except MissingSignalError as error:
                 if not lenient:
                     raise
-                lack = Missing(error.what, error)
+                lack = MissingSignals(error.what, error)
         if lack is not None:
             outcome.left_out[name] = lack.reason
             first = first or lack.error
             continue
         outcome.results.append(result)
-        current = current.with_channels(result.channels, {f"cwcli.run.{name}": choice.record(result)})
+        current = current.with_channels(
+            result.channels, {f"cwcli.run.{name}": choice.record_with_written_topics(result)}
+        )
     if first is not None and not outcome.results:
         raise first
-    choice.check(made := [channel.topic for result in outcome.results for channel in result.channels])
-    outcome.unmade = choice.unmade(made)
-    outcome.faults = log.faults.counts()
+    choice.check_patterns_match_topics(
+        made := [channel.topic for result in outcome.results for channel in result.channels]
+    )
+    outcome.unmade = choice.unmatched_patterns(made)
+    outcome.faults = log.faults.counts_by_reason()
     if strict:
-        refuse_faults(outcome, log.start_ns)
+        raise_on_data_faults(outcome, log.start_ns)
     return outcome, current
 
 
-def refuse_faults(outcome: Outcome, start_ns: int) -> None:
+def raise_on_data_faults(outcome: RunOutcome, start_ns: int) -> None:
     """`--strict`: whatever was rejected, repaired or lost, and sources that contradict each other, are an error.
 
     The time of a fault counts from the log's start.

@@ -10,21 +10,21 @@ import numpy as np
 from cwcli.errors import DataError, InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.logs.read.reader import Log
-from cwcli.signals.clocks import MAX_STAMP_NS, find_gaps
+from cwcli.signals.clocks import MAX_STAMP_NS, find_stamp_gaps
 from cwcli.signals.columns import Columns, Int64Array
-from cwcli.signals.leaf_fields import stamps
-from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.leaf_fields import read_stamps
+from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import NS_PER_S
 
-STAMPS = (*HEADER_STAMP, *JSON_STAMPS, *PROTOBUF_STAMP, "stamp.sec", "stamp.nanosec")
+STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_FIELDS, "stamp.sec", "stamp.nanosec")
 MIN_ROWS, MIN_DURATION_S = 30, 5.0
 """A drift is told from no fewer messages, and no shorter time."""
-N_SIGMA = 5.0
+MIN_DRIFT_SIGMAS = 5.0
 S_PER_MIN = 60.0
 
 
 @dataclass(frozen=True)
-class Health:
+class TopicHealth:
     """How a topic was recorded; NaN or None where the messages do not tell.
 
     Attributes:
@@ -52,7 +52,7 @@ class Health:
     drift_ms_per_min: float
 
 
-def examine(log: Log, topics: Sequence[str]) -> list[Health]:
+def measure_topic_health(log: Log, topics: Sequence[str]) -> list[TopicHealth]:
     """Read the times of topics.
 
     Args:
@@ -65,21 +65,21 @@ def examine(log: Log, topics: Sequence[str]) -> list[Health]:
     found = []
     for topic in topics:
         try:
-            columns = log.columns(topic, STAMPS)
+            columns = log.columns(topic, STAMP_FIELD_NAMES)
         except (InputError, DataError) as error:
             is_of_topic = isinstance(error, DataError) or isinstance(error.__cause__, SchemaError)
             if not (is_of_topic or log.recover):
                 raise
             n = sum(each.message_count or 0 for each in log.channels if each.topic == topic)
-            found.append(Health(topic, n, -1, 0, *[np.nan] * 6))
+            found.append(TopicHealth(topic, n, -1, 0, *[np.nan] * 6))
             continue
-        found.append(health(columns, log.start_ns, log.end_ns))
+        found.append(topic_health_from_columns(columns, log.start_ns, log.end_ns))
     return found
 
 
-def health(columns: Columns, start_ns: int, end_ns: int) -> Health:
+def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> TopicHealth:
     """How one topic was recorded, in a log from `start_ns` to `end_ns`."""
-    stamp_ns, has_stamp = stamps(columns)
+    stamp_ns, has_stamp = read_stamps(columns)
     log_ns = columns.log_time_ns
     is_time = (log_ns >= 0) & (log_ns <= MAX_STAMP_NS)  # an unsigned number beyond 2^63 is negative here
     has_stamp &= is_time
@@ -87,8 +87,8 @@ def health(columns: Columns, start_ns: int, end_ns: int) -> Health:
     time_ns = np.sort(given if len(given) > 0.5 * len(log_ns) else log_ns[is_time])
     steps = np.diff(time_ns)
     median_ns = float(np.median(steps)) if len(steps) else 0.0
-    gaps = find_gaps(np.sort(log_ns.view(np.uint64)), start_ns=start_ns, end_ns=end_ns)
-    return Health(
+    gaps = find_stamp_gaps(np.sort(log_ns.view(np.uint64)), start_ns=start_ns, end_ns=end_ns)
+    return TopicHealth(
         columns.topic,
         len(columns),
         columns.n_undecodable,
@@ -98,11 +98,11 @@ def health(columns: Columns, start_ns: int, end_ns: int) -> Health:
         max((gap.duration_s for gap in gaps), default=0.0),
         int(np.count_nonzero(np.diff(given) < 0)),
         float(np.median(logged - given)) / NS_PER_S if len(given) else np.nan,
-        drift(given, logged),
+        clock_drift_ms_per_min(given, logged),
     )
 
 
-def drift(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
+def clock_drift_ms_per_min(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
     """By how much log time less stamp grows, ms a minute; 0 where the scatter could make it, NaN of too few messages.
 
     The quickest quarter of the messages of each third of the log is compared: what waits in queues says little of
@@ -120,4 +120,4 @@ def drift(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
     minutes = (np.median(log_ns[-third:]) - np.median(log_ns[:third])) / NS_PER_S / S_PER_MIN
     change_s = float(np.quantile(last, 0.25) - np.quantile(first, 0.25))
     scatter_s = max(float(np.subtract(*np.quantile(part, (0.75, 0.25)))) for part in (first, last)) / np.sqrt(third)
-    return 1e3 * change_s / float(minutes) if abs(change_s) > max(N_SIGMA * scatter_s, 1e-4) else 0.0
+    return 1e3 * change_s / float(minutes) if abs(change_s) > max(MIN_DRIFT_SIGMAS * scatter_s, 1e-4) else 0.0

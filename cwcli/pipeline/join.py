@@ -9,29 +9,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli import __version__
-from cwcli.channels.binding import bind
-from cwcli.channels.other_car import Recorder, beside, clock_text, moved, recorder_of
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.other_car import (
+    RecorderClock,
+    clock_difference_text,
+    concat_states,
+    estimate_recorder_clock,
+    move_to_map_and_clock,
+)
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Call, Selection
 from cwcli.pipeline.execute import run_stages
-from cwcli.pipeline.records import configuration_of, map_of, run_records
-from cwcli.signals.build import build
+from cwcli.pipeline.records import map_from_record, read_configuration, read_run_records
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import PositionSignal
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.mapping import is_mapping
+from cwcli.signals.mapping import is_field_mapping
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
-RECORD = "cwcli.join"
+JOIN_RECORD_NAME = "cwcli.join"
 EGO, OTHER = "ego", "other"
-TWINS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
+EGO_AND_REMOTE_CHANNELS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
 
 
 @dataclass(frozen=True)
-class Joined:
+class JoinedLog:
     """What became of two logs.
 
     Attributes:
@@ -49,7 +55,7 @@ class Joined:
     notes: tuple[str, ...]
 
 
-def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float = 0.0) -> Joined:
+def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float = 0.0) -> JoinedLog:
     """The first log with the second's car as a remote vehicle.
 
     Each car is estimated from its own sensors, unless its log holds its states already. The stamps of both are taken as
@@ -67,33 +73,39 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         DataError: A car's positions are not on the globe, or the logs have no moment in common.
         CwcliError: As the stage does.
     """
-    ours, theirs = _estimated(ego, estimate), _estimated(other, estimate)
-    our_map, their_map = _map(ours), _map(theirs)
-    recorders = _recorder(ego), _recorder(other)
+    ours, theirs = _with_estimated_states(ego, estimate), _with_estimated_states(other, estimate)
+    our_map, their_map = _read_local_map(ours), _read_local_map(theirs)
+    recorders = _find_recorder(ego), _find_recorder(other)
     stamp_shift_ns = -round(late_s * NS_PER_S)
     offset_ns = recorders[1].ahead_ns - stamp_shift_ns - recorders[0].ahead_ns
     added = {}
     counts: dict[str, int] = {}
     n_outside = 0
-    span_ns = read_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
-    for source, target in TWINS:
-        if not _holds(theirs, source.topic):
+    span_ns = read_vehicle_states(ours.columns(EGO_STATE.topic), with_covariance=False).stamp_ns
+    for source, target in EGO_AND_REMOTE_CHANNELS:
+        if not _has_messages(theirs, source.topic):
             continue
         log_shift_ns = stamp_shift_ns if source is EGO_STATE else -offset_ns  # in hindsight, log times are the stamps
-        states = moved(
-            read_states(theirs.columns(source.topic)),
+        states = move_to_map_and_clock(
+            read_vehicle_states(theirs.columns(source.topic)),
             their_map,
             our_map,
             name=name,
             stamp_shift_ns=stamp_shift_ns,
             log_shift_ns=log_shift_ns,
         )
-        within = states.rows(np.flatnonzero((states.stamp_ns >= span_ns.min()) & (states.stamp_ns <= span_ns.max())))
+        within = states.select_rows(
+            np.flatnonzero((states.stamp_ns >= span_ns.min()) & (states.stamp_ns <= span_ns.max()))
+        )
         if not len(within):
-            raise _apart(ego, other, span_ns, states)
+            raise _no_common_time_error(ego, other, span_ns, states)
         counts[target.topic] = len(within)
         n_outside = max(n_outside, len(states) - len(within))
-        all_states = beside(read_states(ours.columns(target.topic)), within) if _holds(ours, target.topic) else within
+        all_states = (
+            concat_states(read_vehicle_states(ours.columns(target.topic)), within)
+            if _has_messages(ours, target.topic)
+            else within
+        )
         added[target] = all_states
     record = {
         "version": __version__,
@@ -104,29 +116,29 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         "clock_offset_s": f"{offset_ns / NS_PER_S:.9f}",
         "stamps_late_s": repr(late_s),
     }
-    channels = [write_states(target, states, our_map) for target, states in added.items()]
-    notes = _notes(recorders, offset_ns, n_outside)
-    return Joined(ours.with_channels(channels, {RECORD: record}), offset_ns, counts, n_outside, notes)
+    channels = [write_vehicle_states(target, states, our_map) for target, states in added.items()]
+    notes = _format_join_notes(recorders, offset_ns, n_outside)
+    return JoinedLog(ours.with_channels(channels, {JOIN_RECORD_NAME: record}), offset_ns, counts, n_outside, notes)
 
 
-def _estimated(log: Log, estimate: Call) -> Log:
+def _with_estimated_states(log: Log, estimate: Call) -> Log:
     """The log with its car's states, one at least."""
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
-        with _estimate_first(log):
+        with _hint_at_estimate_on_missing_signal(log):
             log = run_stages(log, {"estimate": estimate}, Selection())[1]
-    if not _holds(log, EGO_STATE.topic):
+    if not _has_messages(log, EGO_STATE.topic):
         hint = "estimate its sensors' log again, and join what that writes"
         raise MissingSignalError(f"{EGO_STATE.topic} holds no state", where=log.name, hint=hint)
     return log
 
 
-def _holds(log: Log, topic: str) -> bool:
+def _has_messages(log: Log, topic: str) -> bool:
     """Whether a topic has messages."""
     return any(channel.topic == topic for channel in log.channels) and len(log.columns(topic)) > 0
 
 
 @contextmanager
-def _estimate_first(log: Log) -> Iterator[None]:
+def _hint_at_estimate_on_missing_signal(log: Log) -> Iterator[None]:
     """A position that is missing, or one of several, is chosen where the estimate is made: joining has no option."""
     try:
         yield
@@ -135,8 +147,8 @@ def _estimate_first(log: Log) -> Iterator[None]:
         raise MissingSignalError(error.what, where=error.where, found=error.found, hint=hint) from error
 
 
-def _map(log: Log) -> LocalMap:
-    found = map_of(run_records(log).get("estimate", {}))
+def _read_local_map(log: Log) -> LocalMap:
+    found = map_from_record(read_run_records(log).get("estimate", {}))
     if found is None:
         raise DataError(
             "its positions are Cartesian: nothing tells where they are on the globe",
@@ -146,29 +158,29 @@ def _map(log: Log) -> LocalMap:
     return found
 
 
-def _recorder(log: Log) -> Recorder:
+def _find_recorder(log: Log) -> RecorderClock:
     """The log's recorder, by the positions that its estimate was made of, where that is told."""
-    sources = configuration_of(run_records(log).get("estimate", {})).get("sources")
+    sources = read_configuration(read_run_records(log).get("estimate", {})).get("sources")
     topics = sources.get("topics") if isinstance(sources, dict) else None
     named = topics.get(Role.EGO_POSITION) if isinstance(topics, dict) else None
-    chosen = str(named) if is_mapping(str(named)) else str(named).split(",")[0]  # of several the first
+    chosen = str(named) if is_field_mapping(str(named)) else str(named).split(",")[0]  # of several the first
     is_there = any(each.topic == chosen.partition(":")[0] for each in log.channels)
     overrides = {str(Role.EGO_POSITION): chosen} if is_there else {}
-    with _estimate_first(log):
-        bound = bind(log.channels, overrides, required=(Role.EGO_POSITION,), where=log.name, command="join")
-    one = bound.of(Role.EGO_POSITION)[0]
+    with _hint_at_estimate_on_missing_signal(log):
+        bound = bind_roles(log.channels, overrides, required=(Role.EGO_POSITION,), where=log.name, command="join")
+    one = bound.channels_of_role(Role.EGO_POSITION)[0]
     topic = one.topic
     parts = [(log.columns(part.topic), part.mapping) for part in one.parts if part.mapping is not None]
-    signal = build(Role.EGO_POSITION, log.columns(topic), mapping=one.mapping, parts=parts)[0]
+    signal = build_signal(Role.EGO_POSITION, log.columns(topic), mapping=one.mapping, parts=parts)[0]
     if not isinstance(signal, PositionSignal):
         raise DataError("its positions are no fixes of a GNSS receiver", where=f"{log.name}: {topic}")
     if not len(signal.stamp_ns):
         hint = "choose positions that hold fixes in `cwcli estimate`, and join what that writes"
         raise MissingSignalError("none of its positions is a fix", where=f"{log.name}: {topic}", hint=hint)
-    return recorder_of(signal.stamp_ns, signal.log_time_ns)
+    return estimate_recorder_clock(signal.stamp_ns, signal.log_time_ns)
 
 
-def _apart(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:
+def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:
     behind_s = (int(states.stamp_ns.min()) - int(span_ns.max())) / NS_PER_S
     ahead_s = (int(span_ns.min()) - int(states.stamp_ns.max())) / NS_PER_S
     what = f"begins {behind_s:.3f} s after the end of" if behind_s > 0 else f"ends {ahead_s:.3f} s before"
@@ -179,8 +191,10 @@ def _apart(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> 
     )
 
 
-def _notes(recorders: tuple[Recorder, Recorder], offset_ns: int, n_outside: int) -> tuple[str, ...]:
-    notes = [clock_text(offset_ns, *recorders)]
+def _format_join_notes(
+    recorders: tuple[RecorderClock, RecorderClock], offset_ns: int, n_outside: int
+) -> tuple[str, ...]:
+    notes = [clock_difference_text(offset_ns, *recorders)]
     for who, recorder in zip((EGO, OTHER), recorders, strict=True):
         if not recorder.is_on_epochs:
             notes.append(

@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Self
 
-UNITS = {
+JSON_UNIT_SUFFIXES = {
     "m": "m",
     "s": "s",
     "ms": "ms",
@@ -26,12 +26,12 @@ UNITS = {
     "pixel": "px",
     "%": "percent",
 }
-"""In brackets behind a heading -> as a name ends."""
+"""Unit in brackets behind a heading -> the ending of the JSON name."""
 _HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
 _WORD = re.compile("[a-z0-9]+")
 
 
-class Told(str):
+class CellWithValues(str):
     """A cell that people read as a text, and programs as values.
 
     Attributes:
@@ -52,7 +52,7 @@ class Told(str):
         return type(self), (str(self), dict(self.values))
 
 
-def json_row(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[str, Any]:
+def table_row_to_json(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[str, Any]:
     """A row of a table as names and values; NaN, infinity and an empty text are null.
 
     Args:
@@ -64,27 +64,27 @@ def json_row(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[str, Any]:
     """
     out: dict[str, Any] = {}
     for heading, cell in zip(columns, row, strict=True):
-        values = cell.values if isinstance(cell, Told) else {"": cell}
+        values = cell.values if isinstance(cell, CellWithValues) else {"": cell}
         for end, value in values.items():
-            name = json_name(heading, end)
+            name = heading_to_json_name(heading, end)
             if name in out:
                 raise ValueError(f"two columns are {name}")
-            out[name] = plain_value(value)
+            out[name] = cell_to_json_value(value)
     return out
 
 
-def plain_value(cell: Any) -> Any:
+def cell_to_json_value(cell: Any) -> Any:
     """As JSON has it: nothing where a number or a text has no content."""
     if isinstance(cell, float) and not math.isfinite(cell):
         return None
     return None if cell == "" else cell
 
 
-def json_name(heading: str, end: str = "") -> str:
+def heading_to_json_name(heading: str, end: str = "") -> str:
     """`max speed [m/s]` -> `max_speed_mps`, with `sigma` `max_speed_sigma_mps`."""
     matched = _HEADING.fullmatch(heading)
     assert matched is not None
-    unit = UNITS.get(matched["unit"] or "", matched["unit"])
+    unit = JSON_UNIT_SUFFIXES.get(matched["unit"] or "", matched["unit"])
     words = f"{matched['words']} {matched['more']} {end}".lower().replace("%", " percent ").replace("/", " per ")
     name = "_".join(_WORD.findall(words))
     name = f"at_{name}" if name[:1].isdigit() else name  # `95 % from` -> `at_95_percent_from`

@@ -5,24 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cwcli.channels.binding import ROLE_TEXT, bind
+from cwcli.channels.binding import ROLE_TEXT, bind_roles
 from cwcli.channels.published import REMOTE_PATH, REMOTE_STATE
 from cwcli.errors import MissingSignalError
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.needs import Table, readiness
+from cwcli.pipeline.needs import Table, stage_readiness
 from cwcli.pipeline.stage import Stage
-from cwcli.pipeline.stations import naming_stations
+from cwcli.pipeline.stations import add_stations_to_error
 from cwcli.signals.role import Role
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
-NO_REMOTE = "no channel holds remote vehicles (BSM or CAM messages)"
-NO_REMOTE_MESSAGE = "no message of another vehicle could be used"
+NO_REMOTE_CHANNEL_TEXT = "no channel holds remote vehicles (BSM or CAM messages)"
+NO_REMOTE_MESSAGE_TEXT = "no message of another vehicle could be used"
 
 
 @dataclass(frozen=True)
-class Missing:
+class MissingSignals:
     """Why a stage can't run on a log.
 
     Attributes:
@@ -35,7 +35,7 @@ class Missing:
 
 
 @dataclass(frozen=True)
-class SignalsFor:
+class SignalCheck:
     """Tells why a stage can't run on a log.
 
     Attributes:
@@ -46,19 +46,19 @@ class SignalsFor:
     stages: Table
     ego_station: str | None = None
 
-    def __call__(self, stage: str, log: Log, selection: Selection) -> Missing | None:
+    def __call__(self, stage: str, log: Log, selection: Selection) -> MissingSignals | None:
         """Why `stage` can't run on the log as it is now; None if it can.
 
         Raises:
             MissingSignalError: Two channels could be the ego's position: a choice that the user must make.
             UsageError: An override of a topic does not fit the log.
         """
-        for group in self.stages[stage].groups:
-            errors = [self._unbound(name, log, selection) for name in group]
+        for group in self.stages[stage].required_role_groups:
+            errors = [self._binding_error(name, log, selection) for name in group]
             role, error = group[0], errors[0]
             if error is None or None in errors:
                 continue
-            notes = bind(
+            notes = bind_roles(
                 log.channels,
                 selection.topics,
                 required=(),
@@ -68,12 +68,12 @@ class SignalsFor:
             ).notes
             if notes and role == Role.EGO_POSITION:
                 raise error
-            return Missing(notes[0] if notes else self._reason(stage, role, log, selection), error)
+            return MissingSignals(notes[0] if notes else self._format_reason(stage, role, log, selection), error)
         return None
 
-    def _unbound(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
+    def _binding_error(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
         try:
-            bind(
+            bind_roles(
                 log.channels,
                 selection.topics,
                 required=(role,),
@@ -82,29 +82,31 @@ class SignalsFor:
                 command="run",
             )
         except MissingSignalError as error:
-            return naming_stations(error, log) if role == Role.EGO_POSITION else error
+            return add_stations_to_error(error, log) if role == Role.EGO_POSITION else error
         return None
 
-    def _reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
+    def _format_reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
         if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
-            return NO_REMOTE if self._unbound(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE
-        return f"no channel holds {ROLE_TEXT[role]}{self._another_way(stage, log, selection)}"
+            return (
+                NO_REMOTE_CHANNEL_TEXT if self._binding_error(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE_TEXT
+            )
+        return f"no channel holds {ROLE_TEXT[role]}{self._suggest_other_stages(stage, log, selection)}"
 
-    def _another_way(self, stage: str, log: Log, selection: Selection) -> str:
+    def _suggest_other_stages(self, stage: str, log: Log, selection: Selection) -> str:
         """The stages to ask for instead, if what is in the file is enough for them."""
         added = {channel.topic for channel in log.added_channels}
         there = [channel for channel in log.channels if channel.topic not in added]
-        bound = bind(
+        bound = bind_roles(
             there, {}, required=(), optional=tuple(ROLE_TEXT), ego_station=self.ego_station, where=log.name
         ).by_role
-        for entry in readiness(bound, self.stages):
+        for entry in stage_readiness(bound, self.stages):
             if entry.stage.instead_of == stage and not entry.missing:
                 return f" (another way: --stage {','.join((*entry.after, entry.stage.name))})"
         return ""
 
 
 @dataclass(frozen=True)
-class FirstStages:
+class SkipStagesAlreadyRun:
     """Leaves those stages out that a stage's command runs first, where the log holds their channels already.
 
     Attributes:
@@ -117,7 +119,7 @@ class FirstStages:
     stages: Table
     ego_station: str | None = None
 
-    def __call__(self, name: str, log: Log, selection: Selection) -> Missing | None:
+    def __call__(self, name: str, log: Log, selection: Selection) -> MissingSignals | None:
         """Why a stage does not run.
 
         Raises:
@@ -125,10 +127,14 @@ class FirstStages:
         """
         if name not in self.stage.first:
             return None
-        made = {role: source for role, source in self.stages[name].added.items() if role in self.stage.required}
-        found = bind(log.channels, selection.topics, required=(), optional=tuple(made), where=log.name)
+        made = {
+            role: source
+            for role, source in self.stages[name].input_role_by_added_role.items()
+            if role in self.stage.required
+        }
+        found = bind_roles(log.channels, selection.topics, required=(), optional=tuple(made), where=log.name)
         is_there = any(role in found for role in made)
-        bind(
+        bind_roles(
             log.channels,
             selection.topics,
             required=tuple(made if is_there else made.values()),
@@ -136,4 +142,4 @@ class FirstStages:
             where=log.name,
             command=self.stage.name,
         )
-        return Missing("the log holds the states") if is_there else None
+        return MissingSignals("the log holds the states") if is_there else None

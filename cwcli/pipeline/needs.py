@@ -12,7 +12,7 @@ Table = Mapping[str, Stage]
 
 
 @dataclass(frozen=True)
-class Readiness:
+class StageReadiness:
     """Whether a stage can run on a log.
 
     Attributes:
@@ -30,7 +30,7 @@ class Readiness:
     unused: tuple[str, ...]
 
 
-def readiness(bound: Collection[str], stages: Table) -> list[Readiness]:
+def stage_readiness(bound: Collection[str], stages: Table) -> list[StageReadiness]:
     """What can be run on a log.
 
     Args:
@@ -43,36 +43,36 @@ def readiness(bound: Collection[str], stages: Table) -> list[Readiness]:
     entries = []
     earlier: list[Stage] = []
     available = set(bound)
-    sources = {added: source for stage in stages.values() for added, source in stage.added.items()}
+    sources = {added: source for stage in stages.values() for added, source in stage.input_role_by_added_role.items()}
     for stage in stages.values():
-        lacking = [group for group in stage.groups if not available.intersection(group)]
-        missing = tuple(dict.fromkeys(_root(group[0], sources) for group in lacking))
-        unused = tuple(dict.fromkeys(_root(role, sources) for role in stage.used if role not in available))
-        after = () if missing else _before(stage, earlier, bound)
-        entries.append(Readiness(stage, stage.met_by(bound), after, missing, unused))
+        lacking = [group for group in stage.required_role_groups if not available.intersection(group)]
+        missing = tuple(dict.fromkeys(_input_role_behind(group[0], sources) for group in lacking))
+        unused = tuple(dict.fromkeys(_input_role_behind(role, sources) for role in stage.used if role not in available))
+        after = () if missing else _stages_needed_first(stage, earlier, bound)
+        entries.append(StageReadiness(stage, stage.is_satisfied_by(bound), after, missing, unused))
         if not missing:
             earlier.append(stage)
-            available.update(role for role, source in stage.added.items() if source in available)
+            available.update(role for role, source in stage.input_role_by_added_role.items() if source in available)
     return entries
 
 
-def _before(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
+def _stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
     """Those of the earlier stages that make what `stage` requires and the log does not hold."""
-    wanted = _lacking(stage, bound)
+    wanted = _unbound_role_groups(stage, bound)
     names: list[str] = []
     for maker in reversed(earlier):
-        if any(group & set(maker.added) for group in wanted):
+        if any(group & set(maker.input_role_by_added_role) for group in wanted):
             names.insert(0, maker.name)
-            wanted += _lacking(maker, bound)
+            wanted += _unbound_role_groups(maker, bound)
     return tuple(names)
 
 
-def _lacking(stage: Stage, bound: Collection[str]) -> list[set[str]]:
+def _unbound_role_groups(stage: Stage, bound: Collection[str]) -> list[set[str]]:
     """The groups of the stage of which nothing is bound."""
-    return [set(group) for group in stage.groups if not set(group) & set(bound)]
+    return [set(group) for group in stage.required_role_groups if not set(group) & set(bound)]
 
 
-def _root(role: str, sources: Mapping[str, str]) -> str:
+def _input_role_behind(role: str, sources: Mapping[str, str]) -> str:
     """The role of an input channel from which stages make `role`."""
     while role in sources:
         role = sources[role]

@@ -8,31 +8,31 @@ from typing import Any
 import numpy as np
 
 from cwcli.channels.predicted_path import (
-    LENGTH_BITS,
-    VARIANCE_DIGITS,
+    LENGTH_FRACTION_BITS,
+    VARIANCE_BINARY_DIGITS,
     AnyPaths,
-    PlannedChannel,
-    PlannedPaths,
+    LazyPathChannel,
+    LazyPaths,
     PredictedPaths,
-    read_paths,
+    read_predicted_paths,
 )
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import Record, configuration_of, run_records, whole
-from cwcli.pipeline.states import OfStates, bind_states, chosen_states
-from cwcli.prediction.calibrate import plan_vehicles
-from cwcli.prediction.rollout import Discretisation, check_request
+from cwcli.pipeline.records import Record, read_configuration, read_run_records, to_int_or_none
+from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
+from cwcli.prediction.calibrate import plan_vehicle_paths
+from cwcli.prediction.rollout import Discretisation, check_rollout_options
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 MAX_MESSAGE_AGE_S = 1.0
 """How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
-CHECKED_NS = 2 * NS_PER_S
-SAME_M = 2.0**-LENGTH_BITS
-SAME_SHARE = 2.0 ** (1 - VARIANCE_DIGITS)
+CHECKED_SPAN_NS = 2 * NS_PER_S
+SAME_POSITION_TOLERANCE_M = 2.0**-LENGTH_FRACTION_BITS
+SAME_VARIANCE_TOLERANCE = 2.0 ** (1 - VARIANCE_BINARY_DIGITS)
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ class PathRequest:
     discretisation: Discretisation
 
     @classmethod
-    def of(cls, config: Any) -> PathRequest:
+    def from_stage_config(cls, config: Any) -> PathRequest:
         """That of the stage's configuration."""
         return cls(**{each.name: getattr(config, each.name) for each in fields(cls)})
 
 
-def plan_paths(states: VehicleStates, role: str, request: PathRequest) -> PlannedPaths:
+def plan_paths_from_states(states: VehicleStates, role: str, request: PathRequest) -> LazyPaths:
     """A path from each state of the ego or of the remote vehicles."""
-    plan = plan_vehicles(
+    plan = plan_vehicle_paths(
         request.model,
         states.ids.codes,
         states.stamp_ns,
@@ -63,10 +63,10 @@ def plan_paths(states: VehicleStates, role: str, request: PathRequest) -> Planne
         discretisation=request.discretisation,
         log_time_ns=states.log_time_ns,
     )
-    return PlannedPaths.of(states, plan)
+    return LazyPaths.from_states(states, plan)
 
 
-def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
+def paths_from_every_state(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
     """A path from each state, and remarks.
 
     A log holds a few paths a second. The others are those that `predict` makes of the log's states with the settings
@@ -81,72 +81,74 @@ def all_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...
         DataError: The channel, or that of its states, was written by another version.
     """
     for channel in log.added_channels:
-        if channel.topic == topic and isinstance(channel, PlannedChannel):
-            return channel.planned, ()
-    record = run_records(log).get("predict", {})
-    if path_rate(record) is None:
-        return read_paths(log.columns(topic)), ()
-    planned = _planned_again(log, role, record)
-    if planned is not None and _agrees(log, topic, planned):
+        if channel.topic == topic and isinstance(channel, LazyPathChannel):
+            return channel.lazy_paths, ()
+    record = read_run_records(log).get("predict", {})
+    if max_logged_path_rate_hz(record) is None:
+        return read_predicted_paths(log.columns(topic)), ()
+    planned = _replan_paths_from_record(log, role, record)
+    if planned is not None and _replanned_paths_match_log(log, topic, planned):
         return planned, ()
-    published = read_paths(log.columns(topic))
+    published = read_predicted_paths(log.columns(topic))
     note = f"{topic}: {len(published)} paths of the log are used, as its states do not give the same again"
     return published, (note,)
 
 
-def path_rate(record: Record) -> float | None:
+def max_logged_path_rate_hz(record: Record) -> float | None:
     """How many paths of each vehicle and second the log holds at most; None: one from each state."""
-    rate_hz = configuration_of(record).get("path_rate_hz")
+    rate_hz = read_configuration(record).get("path_rate_hz")
     return float(rate_hz) if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else None
 
 
-def _planned_again(log: Log, role: str, record: Record) -> PlannedPaths | None:
+def _replan_paths_from_record(log: Log, role: str, record: Record) -> LazyPaths | None:
     """The paths by the settings in the record; None where they don't fit the log.
 
     Raises:
         DataError: The states can't be read.
     """
-    used = configuration_of(record)
+    used = read_configuration(record)
     topics = used.get("topics")
     try:
         request = PathRequest(**{each.name: used[each.name] for each in fields(PathRequest)})
-        check_request(request.model, request.discretisation, request.horizon_s, request.step_s)
-        selection = OfStates(
+        check_rollout_options(request.model, request.discretisation, request.horizon_s, request.step_s)
+        selection = StatesSelection(
             topics={str(k): str(v) for k, v in topics.items()} if isinstance(topics, dict) else {},
-            start_ns=whole(used.get("start_ns")),
-            end_ns=whole(used.get("end_ns")),
+            start_ns=to_int_or_none(used.get("start_ns")),
+            end_ns=to_int_or_none(used.get("end_ns")),
             states="online" if used.get("states") == "online" else "hindsight",
         )
     except (UsageError, KeyError, TypeError, ValueError):  # another version's record
         return None
     try:
-        bound = bind_states(
+        bound = bind_state_channels(
             log.channels, selection, required=(EGO_STATE.role,), optional=(REMOTE_STATE.role,), command="predict"
         )
-        topic = bound.topic(role)
+        topic = bound.first_topic_of_role(role)
         if topic is None:
             return None
-        states, _ = chosen_states(log, log.columns(topic), role, selection)
+        states, _ = read_selected_states(log, log.columns(topic), role, selection)
     except (MissingSignalError, UsageError):  # the record's topics, or all states of its span, are not in the log
         return None
-    return plan_paths(states, role, request)
+    return plan_paths_from_states(states, role, request)
 
 
-def _agrees(log: Log, topic: str, planned: PlannedPaths) -> bool:
+def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool:
     """Whether the first paths of the log, and those in its middle, are among the planned ones."""
     if not len(planned):
         return False
     for at in (0, len(planned) // 2):
         first_ns = int(planned.log_time_ns[at])
-        found = read_paths(log.load({topic: None}, logged=(first_ns, first_ns + CHECKED_NS))[topic])
-        if not _holds(planned, found):
+        found = read_predicted_paths(
+            log.load_topics({topic: None}, logged=(first_ns, first_ns + CHECKED_SPAN_NS))[topic]
+        )
+        if not _contains_paths(planned, found):
             return False
     return True
 
 
-def _holds(planned: PlannedPaths, found: PredictedPaths) -> bool:
-    own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in rows_by_id(planned.ids)}
-    for name, rows in rows_by_id(found.ids):
+def _contains_paths(planned: LazyPaths, found: PredictedPaths) -> bool:
+    own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in iter_rows_by_id(planned.ids)}
+    for name, rows in iter_rows_by_id(found.ids):
         if name not in own:
             return False
         place = np.searchsorted(planned.stamp_ns[own[name]], found.stamp_ns[rows])
@@ -156,16 +158,16 @@ def _holds(planned: PlannedPaths, found: PredictedPaths) -> bool:
         if abs(again.time_s[-1] - said.time_s[-1]) > 1e-6:
             return False
         off_m = np.hypot(again.x_m[:, -1] - said.x_m[:, -1], again.y_m[:, -1] - said.y_m[:, -1])
-        if (off_m > SAME_M).any():
+        if (off_m > SAME_POSITION_TOLERANCE_M).any():
             return False
-        if not _same_ellipses(again.position_covariance_m2[:, -1], said.position_covariance_m2[:, -1]):
+        if not _covariances_match(again.position_covariance_m2[:, -1], said.position_covariance_m2[:, -1]):
             return False
     return True
 
 
-def _same_ellipses(again_m2: FloatArray, said_m2: FloatArray) -> bool:
+def _covariances_match(again_m2: FloatArray, said_m2: FloatArray) -> bool:
     """Whether plane covariances (n, 3) are those that were published, but for the digits that were left out."""
     sigma_m = np.sqrt(np.abs(said_m2[:, [0, 2]]))
     size_m2 = sigma_m[:, [0, 0, 1]] * sigma_m[:, [0, 1, 1]]
     both_unknown = np.isnan(again_m2) & np.isnan(said_m2)
-    return bool((both_unknown | (np.abs(again_m2 - said_m2) <= SAME_SHARE * size_m2)).all())
+    return bool((both_unknown | (np.abs(again_m2 - said_m2) <= SAME_VARIANCE_TOLERANCE * size_m2)).all())

@@ -22,8 +22,8 @@ from cwcli.errors import UsageError
 from cwcli.input import read_file
 from cwcli.toml_text import parse_toml
 
-OF_LOG = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
-OF_TOPIC = {
+LOG_CONDITIONS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
+TOPIC_CONDITIONS = {
     "min_messages": "messages",
     "min_rate_hz": "rate_hz",
     "max_rate_hz": "rate_hz",
@@ -38,7 +38,7 @@ MAX_NUMBER = sys.float_info.max
 """TOML's whole numbers have no bound, and what is found is a float."""
 
 
-class Verdict(NamedTuple):
+class ConditionVerdict(NamedTuple):
     """One condition: on what (a topic, or the log), its text, what was found, and whether it holds."""
 
     about: str
@@ -62,7 +62,7 @@ class RecordingContract:
     topics: Mapping[str, Mapping[str, Any]]
 
     @classmethod
-    def read(cls, path: str, known_roles: Collection[str]) -> RecordingContract:
+    def read_toml(cls, path: str, known_roles: Collection[str]) -> RecordingContract:
         """Read it from a TOML file.
 
         Raises:
@@ -74,14 +74,14 @@ class RecordingContract:
             raise UsageError(f"can't read the contract: {error.strerror}", where=path) from error
         except (ValueError, RecursionError) as error:
             raise UsageError(f"the contract is not TOML: {error}", where=path) from error
-        _known(path, document, OF_LOG, "")
+        _check_known_keys(path, document, LOG_CONDITIONS, "")
         roles, topics = document.pop("roles", []), document.pop("topics", {})
         if not isinstance(roles, list) or not set(map(str, roles)) <= set(known_roles):
             raise UsageError("roles must be a list of roles", where=path, hint=f"roles: {', '.join(known_roles)}")
         if not isinstance(topics, dict) or not all(isinstance(each, dict) for each in topics.values()):
             raise UsageError("topics must be tables", where=path, hint='[topics."/gps/fix"]')
         for topic, conditions in topics.items():
-            _known(path, conditions, ("schema", *OF_TOPIC), f"{topic}: ")
+            _check_known_keys(path, conditions, ("schema", *TOPIC_CONDITIONS), f"{topic}: ")
             if not isinstance(conditions.get("schema", ""), str):
                 what = f"{topic}: schema = {conditions['schema']!r} is no name of a type"
                 raise UsageError(what, where=path, hint='schema = "sensor_msgs/NavSatFix"')
@@ -91,14 +91,14 @@ class RecordingContract:
             raise UsageError("the contract asks for nothing", where=path)
         return cls(document, tuple(map(str, roles)), topics)
 
-    def judge(
+    def check_log(
         self,
         *,
         totals: Mapping[str, float],
         roles: Collection[str],
         schemas: Mapping[str, str],
         topics: Mapping[str, Mapping[str, float]],
-    ) -> list[Verdict]:
+    ) -> list[ConditionVerdict]:
         """Whether a log keeps it.
 
         Args:
@@ -107,38 +107,48 @@ class RecordingContract:
             schemas: Topic -> its schema, in one spelling.
             topics: Topic -> what was found of it, by the names of `Health`.
         """
-        made = [_verdict("log", name, limit, totals[_quantity(name)]) for name, limit in self.limits.items()]
+        made = [
+            _compare_with_limit("log", name, limit, totals[_quantity_of_condition(name)])
+            for name, limit in self.limits.items()
+        ]
         for role in self.roles:
-            made.append(Verdict("log", f"role {role}", "filled" if role in roles else "not filled", role in roles))
+            made.append(
+                ConditionVerdict("log", f"role {role}", "filled" if role in roles else "not filled", role in roles)
+            )
         for topic, conditions in self.topics.items():
             if topic not in schemas:
-                made.append(Verdict(topic, "is there", "no such topic", holds=False))
+                made.append(ConditionVerdict(topic, "is there", "no such topic", holds=False))
                 continue
             if not conditions:
-                made.append(Verdict(topic, "is there", "yes", holds=True))
+                made.append(ConditionVerdict(topic, "is there", "yes", holds=True))
             for name, limit in conditions.items():
                 if name == "schema":
-                    made.append(Verdict(topic, f"schema {limit}", schemas[topic] or "none", schemas[topic] == limit))
+                    made.append(
+                        ConditionVerdict(topic, f"schema {limit}", schemas[topic] or "none", schemas[topic] == limit)
+                    )
                 else:
-                    made.append(_verdict(topic, name, limit, topics[topic][OF_TOPIC[name]]))
+                    made.append(_compare_with_limit(topic, name, limit, topics[topic][TOPIC_CONDITIONS[name]]))
         return made
 
 
-def _quantity(name: str) -> str:
+def _quantity_of_condition(name: str) -> str:
     return name.partition("_")[2]
 
 
-def _verdict(about: str, name: str, limit: float, found: float) -> Verdict:
+def _compare_with_limit(about: str, name: str, limit: float, found: float) -> ConditionVerdict:
     """A value that is not known keeps no condition."""
     size = abs(found) if "drift" in name else found
     holds = size >= limit if name.startswith("min_") else size <= limit
     shown = "not known" if math.isnan(found) else f"{found:.4g}"
-    return Verdict(
-        about, f"{_quantity(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}", shown, bool(holds)
+    return ConditionVerdict(
+        about,
+        f"{_quantity_of_condition(name)} {'>=' if name.startswith('min_') else '<='} {limit:g}",
+        shown,
+        bool(holds),
     )
 
 
-def _known(path: str, table: Mapping[str, Any], names: Sequence[str], about: str) -> None:
+def _check_known_keys(path: str, table: Mapping[str, Any], names: Sequence[str], about: str) -> None:
     for name in table:
         if name not in names:
             raise UsageError(f"{about}a contract knows no {name}", where=path, hint=f"it knows {', '.join(names)}")

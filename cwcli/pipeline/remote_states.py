@@ -10,14 +10,14 @@ import numpy as np
 from cwcli.channels.collected_states import CollectedStates
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.from_signals import remote_measurements
-from cwcli.estimation.known import in_time
-from cwcli.estimation.summary import TrackSummary, summarise
-from cwcli.estimation.track import each_in_threads, estimate_both
+from cwcli.estimation.from_signals import remote_station_to_measurements
+from cwcli.estimation.online_availability import not_overtaken_message_mask
+from cwcli.estimation.summary import TrackSummary, summarise_track
+from cwcli.estimation.track import estimate_hindsight_and_online, map_in_threads
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.row_order import iter_rows_by_id
 
 
 @dataclass(frozen=True)
@@ -36,29 +36,35 @@ class RemoteStates:
     n_overtaken: int
 
 
-def remote_states(signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig) -> RemoteStates:
+def estimate_remote_states(
+    signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig
+) -> RemoteStates:
     """Estimate the remote vehicles, one a thread, and put their states where they belong in the channels at once.
 
     Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
     """
-    stations = list(rows_by_id(signal.station))
+    stations = list(iter_rows_by_id(signal.station))
     is_fresh = np.ones(len(signal.stamp_ns), np.bool_)
     for _, own in stations:
-        is_fresh[own] = in_time(signal.stamp_ns[own], signal.log_time_ns[own])
+        is_fresh[own] = not_overtaken_message_mask(signal.stamp_ns[own], signal.log_time_ns[own])
     config = replace(estimator, calibration=None, latency="none", sensor_model="none", compares_sources=False)
 
-    def estimated(own: Int64Array) -> TrackSummary:
+    def estimate_station(own: Int64Array) -> TrackSummary:
         heard = own[is_fresh[own]]
         fewer = None
         if len(heard) < len(own):
-            fewer = remote_measurements(signal, heard, local_map, config.senders), signal.stamp_ns[heard]
-        said = remote_measurements(signal, own, local_map, config.senders)
-        track, known = estimate_both(said, config, signal.stamp_ns[own], blind=estimator.is_blind_online, in_time=fewer)
-        hindsight.add(own, track)
-        online.add(heard, known)
-        return summarise(track)
+            fewer = remote_station_to_measurements(signal, heard, local_map, config.senders), signal.stamp_ns[heard]
+        said = remote_station_to_measurements(signal, own, local_map, config.senders)
+        track, known = estimate_hindsight_and_online(
+            said, config, signal.stamp_ns[own], blind=estimator.takes_no_online_parameter_from_log, online_input=fewer
+        )
+        hindsight.add_track(own, track)
+        online.add_track(heard, known)
+        return summarise_track(track)
 
     hindsight, online = CollectedStates(signal, np.ones_like(is_fresh)), CollectedStates(signal, is_fresh)
-    told = each_in_threads(estimated, [own for _, own in stations])
+    told = map_in_threads(estimate_station, [own for _, own in stations])
     tracks = {station: track for (station, _), track in zip(stations, told, strict=True)}
-    return RemoteStates(hindsight.states(), online.states(), tracks, int(np.count_nonzero(~is_fresh)))
+    return RemoteStates(
+        hindsight.to_vehicle_states(), online.to_vehicle_states(), tracks, int(np.count_nonzero(~is_fresh))
+    )

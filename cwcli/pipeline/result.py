@@ -10,16 +10,16 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from cwcli.metrics.table import Table
-from cwcli.pipeline.json_names import json_row
+from cwcli.pipeline.json_names import table_row_to_json
 from cwcli.signals.columns import OutputChannel
 
 Cell = str | float | int | None
 MAX_RECORDED_ROWS = 200
-"""Of a table, in the metadata record: a thousand vehicles have a line each."""
+"""Greatest number of rows of a table that the metadata record keeps; a thousand vehicles have a row each."""
 
 
 @dataclass(frozen=True)
-class Section:
+class SummaryTable:
     """One table of the summary.
 
     Attributes:
@@ -40,7 +40,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class InputCount:
+class InputMessageCount:
     """What became of one input channel: nothing is dropped uncounted.
 
     Attributes:
@@ -62,7 +62,7 @@ class InputCount:
     first_fault_ns: Mapping[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of_transforms(cls, topic: str, read: int, used: int, unreadable: int) -> InputCount:
+    def from_transforms(cls, topic: str, read: int, used: int, unreadable: int) -> InputMessageCount:
         """Of a channel of transforms, whose messages count where they tell of a new frame of reference."""
         rejected = {"not a transform": unreadable} if unreadable else {}
         aside = read - used - unreadable
@@ -71,7 +71,7 @@ class InputCount:
 
 
 @dataclass(frozen=True)
-class Summary:
+class StageSummary:
     """What the user is told at the end of a stage.
 
     Attributes:
@@ -82,8 +82,8 @@ class Summary:
     """
 
     title: str
-    sections: tuple[Section, ...] = ()
-    inputs: tuple[InputCount, ...] = ()
+    sections: tuple[SummaryTable, ...] = ()
+    inputs: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
     verdict: str = ""
     contradictions: tuple[str, ...] = ()
@@ -93,7 +93,7 @@ class Summary:
         return {
             "title": self.title,
             "sections": {
-                section.key: [json_row(section.names or section.columns, row) for row in section.rows]
+                section.key: [table_row_to_json(section.names or section.columns, row) for row in section.rows]
                 for section in self.sections
             },
             "inputs": [
@@ -113,7 +113,7 @@ class Summary:
             **({"contradictions": list(self.contradictions)} if self.contradictions else {}),
         }
 
-    def to_record(self) -> dict[str, str]:
+    def to_record_entry(self) -> dict[str, str]:
         """The tables, notes and verdict as an entry of the metadata record: a reader of the log is told as much."""
         told = {
             "verdict": self.verdict,
@@ -148,14 +148,14 @@ class StageResult:
     stage: str
     channels: tuple[OutputChannel, ...]
     tables: Mapping[str, Table]
-    summary: Summary
+    summary: StageSummary
     metadata: Mapping[str, str] = field(default_factory=dict)
-    made: Any = None
+    evaluation_inputs: Any = None
 
-    def judged(
+    def with_evaluation(
         self,
         *,
-        sections: tuple[Section, ...] = (),
+        sections: tuple[SummaryTable, ...] = (),
         tables: Mapping[str, Table] | None = None,
         notes: tuple[str, ...] = (),
         at: int | None = None,
@@ -182,8 +182,8 @@ class StageResult:
             self,
             tables={**self.tables, **(tables or {})},
             summary=summary,
-            metadata=ChainMap({**(entries or {}), **summary.to_record()}, self.metadata),  # type: ignore[arg-type]
-            made=None,
+            metadata=ChainMap({**(entries or {}), **summary.to_record_entry()}, self.metadata),  # type: ignore[arg-type]
+            evaluation_inputs=None,
         )
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 from cwcli import __version__
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.result import Summary
+from cwcli.pipeline.result import StageSummary
 
-HASH = "input_sha256"
+INPUT_HASH_KEY = "input_sha256"
 
 
 class RunRecord(Mapping[str, str]):
@@ -22,7 +22,7 @@ class RunRecord(Mapping[str, str]):
         self._hash = log.begin_sha256()
 
     def __getitem__(self, key: str) -> str:
-        return self._hash.result() if key == HASH else self._entries[key]
+        return self._hash.result() if key == INPUT_HASH_KEY else self._entries[key]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._entries)
@@ -31,7 +31,7 @@ class RunRecord(Mapping[str, str]):
         return len(self._entries)
 
 
-def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str) -> RunRecord:
+def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, **more: str) -> RunRecord:
     """The record of one stage.
 
     Args:
@@ -45,9 +45,9 @@ def run_record(stage: str, log: Log, config: Any, summary: Summary, **more: str)
         "version": __version__,
         "stage": stage,
         "configuration": json.dumps(dataclasses.asdict(config), sort_keys=True, default=str),
-        HASH: "",
+        INPUT_HASH_KEY: "",
         "counts": json.dumps(summary.to_json()["inputs"], sort_keys=True),
-        **summary.to_record(),
+        **summary.to_record_entry(),
         **more,
     }
     return RunRecord(log, entries)

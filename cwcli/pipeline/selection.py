@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cwcli.errors import UsageError
 from cwcli.pipeline.call import Selection
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import duration
+from cwcli.text import format_duration
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def select(log: Log, topic: Sequence[str], start: str | None, end: str | None) -> Selection:
+def resolve_selection(log: Log, topic: Sequence[str], start: str | None, end: str | None) -> Selection:
     """What the options `--topic`, `--start` and `--end` mean for one log.
 
     Raises:
         UsageError: A malformed option, or an empty span.
     """
-    from cwcli.channels.binding import parse_overrides
+    from cwcli.channels.binding import parse_role_overrides
 
-    start_ns, end_ns = _span(start, end, log.start_ns, "--{}")
+    start_ns, end_ns = _parse_time_span(start, end, log.start_ns, "--{}")
     if log.n_messages:
         _require_overlap(log, start, start_ns, end, end_ns)
-    return Selection(topics=parse_overrides(topic), start_ns=start_ns, end_ns=end_ns)
+    return Selection(topics=parse_role_overrides(topic), start_ns=start_ns, end_ns=end_ns)
 
 
 def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str | None, end_ns: int | None) -> None:
@@ -39,7 +39,7 @@ def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str
         UsageError: The log ends before the span begins, or begins after it has ended.
     """
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
-    hint = f"the log lasts {duration(duration_s)}, from {_iso(log.start_ns)} to {_iso(log.end_ns)}"
+    hint = f"the log lasts {format_duration(duration_s)}, from {_iso(log.start_ns)} to {_iso(log.end_ns)}"
     if start_ns is not None and start_ns > log.end_ns:
         raise UsageError(f"--start {start} is after the end of the log", where=log.name, hint=hint)
     if end_ns is not None and end_ns <= log.start_ns:
@@ -54,7 +54,7 @@ def _iso(stamp_ns: int) -> str:
         return f"{stamp_ns} ns"
 
 
-def check_selection(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:
+def check_selection_options(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:
     """Check what can be checked without a log.
 
     Args:
@@ -64,21 +64,23 @@ def check_selection(topic: Sequence[str], start: str | None, end: str | None, *,
     Raises:
         UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
     """
-    from cwcli.channels.binding import check_roles, parse_overrides
+    from cwcli.channels.binding import check_role_names, parse_role_overrides
 
     name = spelled.format("topic")
-    check_roles(parse_overrides(topic, name), name)
+    check_role_names(parse_role_overrides(topic, name), name)
     if start is None or end is None or _is_in_seconds(start) == _is_in_seconds(end):
-        _span(start, end, 0, spelled)
+        _parse_time_span(start, end, 0, spelled)
     else:  # which of them comes first depends on the log
-        _span(start, None, 0, spelled)
-        _span(None, end, 0, spelled)
+        _parse_time_span(start, None, 0, spelled)
+        _parse_time_span(None, end, 0, spelled)
 
 
-def _span(start: str | None, end: str | None, log_start_ns: int, spelled: str) -> tuple[int | None, int | None]:
+def _parse_time_span(
+    start: str | None, end: str | None, log_start_ns: int, spelled: str
+) -> tuple[int | None, int | None]:
     first, last = spelled.format("start"), spelled.format("end")
-    start_ns = None if start is None else time_ns(start, log_start_ns, first)
-    end_ns = None if end is None else time_ns(end, log_start_ns, last)
+    start_ns = None if start is None else parse_time_ns(start, log_start_ns, first)
+    end_ns = None if end is None else parse_time_ns(end, log_start_ns, last)
     if start_ns is not None and end_ns is not None and end_ns <= start_ns:
         raise UsageError(f"{last} {end} is not after {first} {start}")
     return start_ns, end_ns
@@ -92,7 +94,7 @@ def _is_in_seconds(text: str) -> bool:
     return True
 
 
-def time_ns(text: str, log_start_ns: int, option: str) -> int:
+def parse_time_ns(text: str, log_start_ns: int, option: str) -> int:
     """A `--start` or `--end` as int64 ns since the epoch.
 
     Args:

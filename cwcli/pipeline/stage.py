@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
 
-from cwcli.channels.published import PUBLISHED
+from cwcli.channels.published import PUBLISHED_CHANNELS
 from cwcli.errors import UsageError
 
 
@@ -43,14 +43,14 @@ class Stage:
     package: str = "cwcli.stages"
 
     @property
-    def identifier(self) -> str:
+    def python_name(self) -> str:
         """The name as Python spells it."""
         return self.name.replace("-", "_")
 
     @property
-    def added(self) -> dict[str, str]:
+    def input_role_by_added_role(self) -> dict[str, str]:
         """Role that it adds -> role of the input that it takes."""
-        return {each.role: each.source for each in PUBLISHED if each.stage == self.name and each.role}
+        return {each.role: each.source for each in PUBLISHED_CHANNELS if each.stage == self.name and each.role}
 
     @property
     def is_default(self) -> bool:
@@ -58,60 +58,60 @@ class Stage:
         return not self.instead_of and not self.on_request
 
     @property
-    def groups(self) -> tuple[tuple[str, ...], ...]:
+    def required_role_groups(self) -> tuple[tuple[str, ...], ...]:
         """Of each of these groups one role must be there."""
         return (*((role,) for role in self.required), *self.one_of)
 
     @property
-    def module(self) -> ModuleType:
+    def import_module(self) -> ModuleType:
         """Its module, imported.
 
         Raises:
             UsageError: There is none: the installation is broken, or something is missing from it.
         """
-        return imported(f"{self.package}.{self.identifier}", f"the stage {self.name}")
+        return import_named_module(f"{self.package}.{self.python_name}", f"the stage {self.name}")
 
     @property
-    def function(self) -> Callable[..., Any]:
+    def stage_function(self) -> Callable[..., Any]:
         """(log, configuration) -> `StageResult`."""
-        function: Callable[..., Any] = self._own(self.identifier)
+        function: Callable[..., Any] = self._module_attribute(self.python_name)
         return function
 
     @property
-    def configuration(self) -> type[Any]:
+    def configuration_class(self) -> type[Any]:
         """The class of its configuration."""
-        kind: type[Any] = self._own(f"{''.join(part.capitalize() for part in self.name.split('-'))}Config")
+        kind: type[Any] = self._module_attribute(f"{''.join(part.capitalize() for part in self.name.split('-'))}Config")
         return kind
 
     @property
     def examples(self) -> tuple[str, ...]:
         """Command lines for its help."""
-        examples: tuple[str, ...] = self._own("EXAMPLES")
+        examples: tuple[str, ...] = self._module_attribute("EXAMPLES")
         return examples
 
     @property
-    def evaluator(self) -> ModuleType | None:
+    def evaluation_module(self) -> ModuleType | None:
         """The module that judges it."""
-        return imported(self.evaluation, f"the stage {self.name}") if self.evaluation else None
+        return import_named_module(self.evaluation, f"the stage {self.name}") if self.evaluation else None
 
-    def _own(self, attribute: str) -> Any:
+    def _module_attribute(self, attribute: str) -> Any:
         """What its module holds under a name.
 
         Raises:
             UsageError: There is no such module, or nothing of that name in it.
         """
-        module = self.module
+        module = self.import_module
         try:
             return getattr(module, attribute)
         except AttributeError as error:
-            raise _broken(f"the stage {self.name}", f"{module.__name__} has no {attribute}") from error
+            raise _broken_module_error(f"the stage {self.name}", f"{module.__name__} has no {attribute}") from error
 
-    def met_by(self, roles: Collection[str]) -> bool:
+    def is_satisfied_by(self, roles: Collection[str]) -> bool:
         """Whether these roles are enough."""
-        return all(any(role in roles for role in group) for group in self.groups)
+        return all(any(role in roles for role in group) for group in self.required_role_groups)
 
 
-def imported(module: str, what: str) -> ModuleType:
+def import_named_module(module: str, what: str) -> ModuleType:
     """A module that a table names.
 
     Args:
@@ -124,8 +124,8 @@ def imported(module: str, what: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        raise _broken(what, f"there is no module {error.name}") from error
+        raise _broken_module_error(what, f"there is no module {error.name}") from error
 
 
-def _broken(what: str, problem: str) -> UsageError:
+def _broken_module_error(what: str, problem: str) -> UsageError:
     return UsageError(f"{what} can't be loaded: {problem}", hint="install cwcli again")

@@ -8,15 +8,15 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from cwcli.channels.binding import Bindings, ChannelLike, bind
-from cwcli.channels.published import EGO_STATE, OF_ROLE, ONLINE
-from cwcli.channels.vehicle_state import VehicleStates, read_states, require_ego
+from cwcli.channels.binding import Bindings, ChannelLike, bind_roles
+from cwcli.channels.published import CHANNEL_OF_ROLE, EGO_STATE, ONLINE_CHANNEL_OF_ROLE
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, require_ego_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import Record, configuration_of
-from cwcli.pipeline.result import InputCount
-from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS
+from cwcli.pipeline.records import Record, read_configuration
+from cwcli.pipeline.result import InputMessageCount
+from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS
 from cwcli.signals.columns import Columns
 
 States = Literal["online", "hindsight"]
@@ -31,7 +31,7 @@ ChosenStates = Annotated[
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfStates(Selection):
+class StatesSelection(Selection):
     """A selection with the states that are read.
 
     Attributes:
@@ -41,23 +41,23 @@ class OfStates(Selection):
     states: ChosenStates = "online"
 
 
-def with_states(
+def choose_state_topics(
     topics: Mapping[str, str], which: States, channels: Sequence[ChannelLike], roles: Collection[str]
 ) -> dict[str, str]:
     """Role -> topic: the choices of the user, and the online channels for the states among the roles.
 
     A stage binds the role of the states in hindsight (`ego_state`) and gets the channel that was asked for. What the
     user names with `--topic ego_state=` counts; where a log has no online states (another version wrote it), those in
-    hindsight are left, and `states_notes` tells.
+    hindsight are left, and `note_on_hindsight_states` tells.
     """
     chosen = dict(topics)
     if which == "hindsight":
         return chosen
     there = {channel.topic for channel in channels}
     for role in roles:
-        if role not in ONLINE or role in chosen:
+        if role not in ONLINE_CHANNEL_OF_ROLE or role in chosen:
             continue
-        online = ONLINE[role]
+        online = ONLINE_CHANNEL_OF_ROLE[role]
         if online.role in chosen:
             chosen[role] = chosen[online.role]
         elif online.topic in there:
@@ -65,9 +65,9 @@ def with_states(
     return chosen
 
 
-def bind_states(
+def bind_state_channels(
     channels: Sequence[ChannelLike],
-    selection: OfStates,
+    selection: StatesSelection,
     *,
     required: Collection[str],
     optional: Collection[str] = (),
@@ -79,25 +79,29 @@ def bind_states(
     Raises:
         UsageError, MissingSignalError: As `bind`.
     """
-    chosen = with_states(selection.topics, selection.states, channels, (*required, *optional))
-    bound = bind(channels, chosen, required=required, optional=optional, where=where, command=command)
-    return replace(bound, notes=(*bound.notes, *states_notes(bound, selection)))
+    chosen = choose_state_topics(selection.topics, selection.states, channels, (*required, *optional))
+    bound = bind_roles(channels, chosen, required=required, optional=optional, where=where, command=command)
+    return replace(bound, notes=(*bound.notes, *note_on_hindsight_states(bound, selection)))
 
 
-def paths_note(selection: OfStates, record: Record) -> tuple[str, ...]:
+def note_on_path_start_states(selection: StatesSelection, record: Record) -> tuple[str, ...]:
     """What to say where the paths start from other states than those that are read; `record` is that of `predict`."""
-    used = configuration_of(record).get("states", "hindsight") if record else selection.states
+    used = read_configuration(record).get("states", "hindsight") if record else selection.states
     if used == selection.states:
         return ()
     return (f"the paths start from states of `--states {used}`, the rest is of `--states {selection.states}`",)
 
 
-def states_notes(bound: Bindings, selection: OfStates) -> tuple[str, ...]:
+def note_on_hindsight_states(bound: Bindings, selection: StatesSelection) -> tuple[str, ...]:
     """What to say where states in hindsight are read."""
-    used = [role for role in bound.by_role if role in ONLINE and bound.topic(role) == OF_ROLE[role].topic]
+    used = [
+        role
+        for role in bound.by_role
+        if role in ONLINE_CHANNEL_OF_ROLE and bound.first_topic_of_role(role) == CHANNEL_OF_ROLE[role].topic
+    ]
     if not used:
         return ()
-    topics = ", ".join(OF_ROLE[role].topic for role in used)
+    topics = ", ".join(CHANNEL_OF_ROLE[role].topic for role in used)
     if selection.states == "hindsight":
         return (f"states in hindsight ({topics}): they know what came later (--states hindsight)",)
     if used == ["targets"] or any(role in selection.topics for role in used):
@@ -105,7 +109,9 @@ def states_notes(bound: Bindings, selection: OfStates) -> tuple[str, ...]:
     return (f"the log has no online states: {topics} is read, which knows what came later; `cwcli estimate --replace`",)
 
 
-def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -> tuple[VehicleStates, InputCount]:
+def read_selected_states(
+    log: Log, columns: Columns, role: str, selection: Selection
+) -> tuple[VehicleStates, InputMessageCount]:
     """The states of a channel in the chosen span, and what became of its messages.
 
     Args:
@@ -117,12 +123,12 @@ def chosen_states(log: Log, columns: Columns, role: str, selection: Selection) -
     Raises:
         MissingSignalError: It is the ego's channel, and no state is left.
     """
-    everything = read_states(columns)
+    everything = read_vehicle_states(columns)
     is_time = (columns.log_time_ns >= 0) & (columns.log_time_ns <= MAX_STAMP_NS)
     n_out = len(everything) - int(np.count_nonzero(is_time))
-    states = everything.rows(np.flatnonzero(is_time)) if n_out else everything
-    states = states.logged_within(selection.start_ns, selection.end_ns)
+    states = everything.select_rows(np.flatnonzero(is_time)) if n_out else everything
+    states = states.select_logged_within(selection.start_ns, selection.end_ns)
     if role == EGO_STATE.role:
-        require_ego(states, log_name=log.name, topic=columns.topic)
-    rejected = {LOG_TIME_OUT: n_out} if n_out else {}
-    return states, InputCount(columns.topic, role, len(everything), len(states), rejected)
+        require_ego_states(states, log_name=log.name, topic=columns.topic)
+    rejected = {INVALID_LOG_TIME_REASON: n_out} if n_out else {}
+    return states, InputMessageCount(columns.topic, role, len(everything), len(states), rejected)

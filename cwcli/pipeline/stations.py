@@ -8,28 +8,31 @@ import numpy as np
 
 from cwcli.errors import CwcliError, MissingSignalError
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.inputs import input_for
-from cwcli.signals.remotes import perceived_rows
+from cwcli.signals.inputs import find_input_for_role
+from cwcli.signals.remotes import perceived_rows_mask
 from cwcli.signals.role import Role
-from cwcli.text import count, printable
+from cwcli.text import escape_control_characters, format_count
 
-MOST_NAMED = 5
+MAX_NAMED_STATIONS = 5
 
 
-def naming_stations(error: MissingSignalError, log: Log) -> MissingSignalError:
+def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalError:
     """The error with the stations that were heard, and the option that makes one of them the ego.
 
     Returns:
         The error as it is where the log holds no V2X message that can be read.
     """
-    heard = stations_heard(log)
+    heard = count_messages_by_station(log)
     if not heard:
         return error
-    named = ", ".join(f"{printable(station)} ({count(n, 'message')})" for station, n in heard.most_common(MOST_NAMED))
-    more = f" and {len(heard) - MOST_NAMED} more" if len(heard) > MOST_NAMED else ""
-    first = printable(heard.most_common(1)[0][0])
+    named = ", ".join(
+        f"{escape_control_characters(station)} ({format_count(n, 'message')})"
+        for station, n in heard.most_common(MAX_NAMED_STATIONS)
+    )
+    more = f" and {len(heard) - MAX_NAMED_STATIONS} more" if len(heard) > MAX_NAMED_STATIONS else ""
+    first = escape_control_characters(heard.most_common(1)[0][0])
     return MissingSignalError(
         error.what,
         where=error.where,
@@ -38,19 +41,19 @@ def naming_stations(error: MissingSignalError, log: Log) -> MissingSignalError:
     )
 
 
-def stations_heard(log: Log) -> Counter[str]:
+def count_messages_by_station(log: Log) -> Counter[str]:
     """Station id -> number of its usable messages, over all V2X channels of the log."""
     topics = {
         channel.topic: entry.fields.get(channel.message_encoding, ())
         for channel in log.channels
-        if (entry := input_for(Role.REMOTE, channel.schema_name)) is not None
+        if (entry := find_input_for_role(Role.REMOTE, channel.schema_name)) is not None
     }
     heard: Counter[str] = Counter()
     try:
-        for columns in log.load(topics).values() if topics else ():
-            signal, _ = build(Role.REMOTE, columns)
+        for columns in log.load_topics(topics).values() if topics else ():
+            signal, _ = build_signal(Role.REMOTE, columns)
             assert isinstance(signal, RemoteSignal)
-            sent = signal.station.codes[~perceived_rows(signal)]
+            sent = signal.station.codes[~perceived_rows_mask(signal)]
             for station, n in zip(signal.station.values, np.bincount(sent), strict=False):
                 heard[station] += int(n)
     except CwcliError:  # the channel is damaged: what was missing is still what is wrong

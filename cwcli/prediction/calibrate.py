@@ -9,14 +9,15 @@ conformal inference under distribution shift"), with time instead of counts:
 
 so the log stays put exactly when a tenth of the time is spent outside. It uses only outcomes that were known by then.
 Outcomes have heavier tails than a normal distribution, so the 50 % ellipse follows a scale of its own, with 0.5.
-Each knot of `fleet.KNOTS_S` has its scales; between them the logarithm is linear in time, at the start of a path it is
+Each knot of `fleet.HORIZON_KNOTS_S` has its scales; between them the logarithm is linear in time, at the start of a
+path it is
 0: there the filter's own covariance P0 stands. What a vehicle learns online of its paths is how far it went, not where
 it was: errors of its position that last, it has at the start as at the outcome. So a scale below 1 leaves P0 as it is
 and scales what the path added: P0 + s^2 (P - P0).
 
 The default model begins with quantiles of what is known of others: the fleet's distribution of squared Mahalanobis
-distances, which counts as `STREAM_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The other
-models begin with 1.
+distances, which counts as `FLEET_WEIGHT_OUTCOMES` outcomes, and the outcomes so far of the log's other vehicles. The
+other models begin with 1.
 """
 
 from __future__ import annotations
@@ -28,42 +29,49 @@ import numpy.typing as npt
 
 from cwcli.kernels.paths import adapt_scale, stream_quantiles
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import KNOTS_S, QUANTILES, fleet_prior
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, QUANTILE_LEVELS, load_fleet_prior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
-    ELLIPSE_50,
-    ELLIPSE_90,
-    Actual,
+    ELLIPSE_50_SQUARED_RADIUS,
+    ELLIPSE_90_SQUARED_RADIUS,
+    ActualPositions,
     actual_positions,
     horizon_errors,
-    needed_points,
-    tiled,
+    indices_of_needed_points,
+    repeat_for_path_sets,
+)
+from cwcli.prediction.outcome_history import (
+    NEVER_NS,
+    StateHistory,
+    concatenate_histories,
+    measure_acting_time_s,
+    outcome_known_times_ns,
+    state_histories_by_vehicle,
 )
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
-from cwcli.prediction.record import NEVER_NS, Track, joined, known_at_ns, known_tracks, measured_acted
-from cwcli.prediction.rollout import Discretisation, time_grid
-from cwcli.prediction.scales import knots_s, scaled
+from cwcli.prediction.rollout import Discretisation, path_time_grid_s
+from cwcli.prediction.scales import scale_covariance_in_place, scale_knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.units import NS_PER_S
 
-LEVELS = np.array([0.5, 0.9])
+ELLIPSE_LEVELS = np.array([0.5, 0.9])
 """Shares of outcomes that the two ellipses should hold; a path's covariance is that of the last."""
-LIMITS = np.array([ELLIPSE_50, ELLIPSE_90])
+ELLIPSE_SQUARED_RADII = np.array([ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_RADIUS])
 """The squared Mahalanobis distances of the borders of both ellipses (chi-square quantiles, two degrees of freedom)."""
-STREAM_OUTCOMES = 6.0
+FLEET_WEIGHT_OUTCOMES = 6.0
 """The fleet's distribution counts as much as this many outcomes. Chosen: a 90 % quantile from 6 errs by about 1 in the
 logarithm, as much as logs differ from each other."""
-CELL, FIRST_CELL, N_CELLS = 0.1, -10.0, 200
+LOG_CELL_WIDTH, LOG_FIRST_CELL, N_LOG_CELLS = 0.1, -10.0, 200
 """The histogram of log squared distances has 200 cells of width 0.1 from -10 on; what is beyond is clipped. Chosen by
 hand."""
-TAIL = 2.0
+LOG_TAIL_WIDTH = 2.0
 """The fleet's distribution ends this far beyond its outermost quantiles, in log squared distance. Chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Calibration:
+class ScaleAdaptation:
     """How fast and how far the scale of a path's covariance adapts to outcomes.
 
     Attributes:
@@ -78,12 +86,12 @@ class Calibration:
     max_gap_s: float = 0.5
 
 
-def calibrated(
+def scale_covariance_by_outcomes(
     paths: Paths,
     stamp_ns: Int64Array,
     position_m: FloatArray,
-    calibration: Calibration | None = None,
-    outcome: Actual | None = None,
+    calibration: ScaleAdaptation | None = None,
+    outcome: ActualPositions | None = None,
     begin: FloatArray | None = None,
 ) -> Paths:
     """Scale the covariance of one vehicle's paths by its own earlier outcomes.
@@ -97,26 +105,31 @@ def calibrated(
         begin: Shape (sets, n, k, 2): the logarithms of the scales without a record, by knot of `knots_s` and level;
             None: zeros.
     """
-    log_scale = log_variance_scale(paths, stamp_ns, position_m, calibration, outcome, begin)
-    return scaled(replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True)
+    log_scale = log_variance_scale_from_outcomes(paths, stamp_ns, position_m, calibration, outcome, begin)
+    return scale_covariance_in_place(
+        replace(paths, position_covariance_m2=paths.position_covariance_m2.copy()), log_scale, True
+    )
 
 
-def _fleet_quantiles(knots: FloatArray) -> FloatArray:
+def _fleet_log_distance_quantiles(knots: FloatArray) -> FloatArray:
     """Quantiles of the log squared distance at k knots and the fleet's l levels, (k, l); normal at a path's start."""
-    normal = np.log(-2.0 * np.log1p(-QUANTILES))
-    fleet = np.concatenate([normal[None], fleet_prior().log_squared])
-    return np.stack([np.interp(knots, [0.0, *KNOTS_S], column) for column in fleet.T], axis=1)
+    normal = np.log(-2.0 * np.log1p(-QUANTILE_LEVELS))
+    fleet = np.concatenate([normal[None], load_fleet_prior().log_squared])
+    return np.stack([np.interp(knots, [0.0, *HORIZON_KNOTS_S], column) for column in fleet.T], axis=1)
 
 
-def beginning(model: str, horizon_s: float) -> FloatArray:
+def initial_log_scale(model: str, horizon_s: float) -> FloatArray:
     """The logarithms of the scales without any outcome at `knots_s`, shape (k, 2)."""
-    knots = knots_s(horizon_s)
+    knots = scale_knots_s(horizon_s)
     if not (model in MODELS and MODELS[model].learns):
-        return np.zeros((len(knots), len(LEVELS)))
-    return np.asarray(_fleet_quantiles(knots)[:, np.searchsorted(QUANTILES, LEVELS)] - np.log(LIMITS))
+        return np.zeros((len(knots), len(ELLIPSE_LEVELS)))
+    return np.asarray(
+        _fleet_log_distance_quantiles(knots)[:, np.searchsorted(QUANTILE_LEVELS, ELLIPSE_LEVELS)]
+        - np.log(ELLIPSE_SQUARED_RADII)
+    )
 
 
-def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> FloatArray:
+def log_scale_from_other_vehicles(track: StateHistory, squared: FloatArray, knots: FloatArray) -> FloatArray:
     """The logarithms of the scales that the log's other vehicles and the fleet suggest at each row, (n, k, 2).
 
     Args:
@@ -124,76 +137,92 @@ def stream_beginning(track: Track, squared: FloatArray, knots: FloatArray) -> Fl
         squared: Shape (n, k): squared Mahalanobis distances of the outcomes before any scale; NaN where unknown.
         knots: Shape (k,): see `knots_s`.
     """
-    known_ns, index, step_s = known_at_ns(track, knots), track.index(), track.step_s()
+    known_ns, index, step_s = outcome_known_times_ns(track, knots), track.vehicle_indices(), track.step_s()
     by_now = np.argsort(track.known_ns, kind="stable")
-    edges = FIRST_CELL + CELL * np.arange(N_CELLS + 1)
-    out = np.empty((*squared.shape, len(LEVELS)))
-    for k, quantiles in enumerate(_fleet_quantiles(knots)):
-        shares = np.interp(edges, [quantiles[0] - TAIL, *quantiles, quantiles[-1] + TAIL], [0.0, *QUANTILES, 1.0])
+    edges = LOG_FIRST_CELL + LOG_CELL_WIDTH * np.arange(N_LOG_CELLS + 1)
+    out = np.empty((*squared.shape, len(ELLIPSE_LEVELS)))
+    for k, quantiles in enumerate(_fleet_log_distance_quantiles(knots)):
+        shares = np.interp(
+            edges,
+            [quantiles[0] - LOG_TAIL_WIDTH, *quantiles, quantiles[-1] + LOG_TAIL_WIDTH],
+            [0.0, *QUANTILE_LEVELS, 1.0],
+        )
         rows = np.flatnonzero(np.isfinite(squared[:, k]) & (known_ns[:, k] < NEVER_NS))
         rows = rows[np.argsort(known_ns[rows, k], kind="stable")]
-        cell = (np.log(np.maximum(squared[rows, k], 1e-300)) - FIRST_CELL) / CELL
+        cell = (np.log(np.maximum(squared[rows, k], 1e-300)) - LOG_FIRST_CELL) / LOG_CELL_WIDTH
         found = stream_quantiles(
-            np.clip(cell, 0, N_CELLS - 1).astype(np.intp),
+            np.clip(cell, 0, N_LOG_CELLS - 1).astype(np.intp),
             step_s[rows] / knots[k],
             index[rows],
             np.searchsorted(known_ns[rows, k], track.known_ns[by_now], side="right"),
             index[by_now],
-            STREAM_OUTCOMES * np.diff(shares),
-            LEVELS,
+            FLEET_WEIGHT_OUTCOMES * np.diff(shares),
+            ELLIPSE_LEVELS,
         )
-        out[by_now, k] = FIRST_CELL + CELL * found - np.log(LIMITS)
+        out[by_now, k] = LOG_FIRST_CELL + LOG_CELL_WIDTH * found - np.log(ELLIPSE_SQUARED_RADII)
     return out
 
 
-def outcomes(
-    horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: Calibration | None = None
-) -> Actual:
+def actual_positions_at_knots(
+    horizon_s: float, stamp_ns: Int64Array, position_m: FloatArray, calibration: ScaleAdaptation | None = None
+) -> ActualPositions:
     """The vehicle's actual positions at the knots of paths of `horizon_s`, the same for every model; see `Actual`."""
-    settings = calibration or Calibration()
-    return actual_positions(stamp_ns, stamp_ns, position_m, knots_s(horizon_s).tolist(), settings.max_gap_s)
+    settings = calibration or ScaleAdaptation()
+    return actual_positions(stamp_ns, stamp_ns, position_m, scale_knots_s(horizon_s).tolist(), settings.max_gap_s)
 
 
-def log_variance_scale(
+def log_variance_scale_from_outcomes(
     paths: Paths,
     stamp_ns: Int64Array,
     position_m: FloatArray,
-    calibration: Calibration | None = None,
-    outcome: Actual | None = None,
+    calibration: ScaleAdaptation | None = None,
+    outcome: ActualPositions | None = None,
     begin: FloatArray | None = None,
 ) -> FloatArray:
     """The logarithms of the factors s^2 on the variance of each path, (n, k, 2); equal to `begin` until an outcome.
 
     The arguments are those of `calibrated`.
     """
-    settings = calibration or Calibration()
-    n, knots = len(stamp_ns), knots_s(float(paths.time_s[-1]))
-    squared = squared_distances(paths, stamp_ns, position_m, settings, outcome)
-    begin = np.zeros((*squared.shape, len(LEVELS))) if begin is None else begin
-    return _followed(squared, begin, stamp_ns, knots, settings).reshape(len(squared) * n, len(knots), len(LEVELS))
+    settings = calibration or ScaleAdaptation()
+    n, knots = len(stamp_ns), scale_knots_s(float(paths.time_s[-1]))
+    squared = squared_mahalanobis_distances(paths, stamp_ns, position_m, settings, outcome)
+    begin = np.zeros((*squared.shape, len(ELLIPSE_LEVELS))) if begin is None else begin
+    return _adapt_log_scale(squared, begin, stamp_ns, knots, settings).reshape(
+        len(squared) * n, len(knots), len(ELLIPSE_LEVELS)
+    )
 
 
-def squared_distances(
-    paths: Paths, stamp_ns: Int64Array, position_m: FloatArray, settings: Calibration, outcome: Actual | None = None
+def squared_mahalanobis_distances(
+    paths: Paths,
+    stamp_ns: Int64Array,
+    position_m: FloatArray,
+    settings: ScaleAdaptation,
+    outcome: ActualPositions | None = None,
 ) -> FloatArray:
     """Squared Mahalanobis distances of the outcomes at the knots, (sets, n, k); NaN where none is known."""
-    n, knots = len(stamp_ns), knots_s(float(paths.time_s[-1]))
+    n, knots = len(stamp_ns), scale_knots_s(float(paths.time_s[-1]))
     sets = len(paths) // n if n else 0
     if outcome is None:
-        outcome = outcomes(float(paths.time_s[-1]), stamp_ns, position_m, settings)
+        outcome = actual_positions_at_knots(float(paths.time_s[-1]), stamp_ns, position_m, settings)
     errors = horizon_errors(
-        paths, np.tile(stamp_ns, sets), stamp_ns, position_m, knots.tolist(), settings.max_gap_s, tiled(outcome, sets)
+        paths,
+        np.tile(stamp_ns, sets),
+        stamp_ns,
+        position_m,
+        knots.tolist(),
+        settings.max_gap_s,
+        repeat_for_path_sets(outcome, sets),
     )
     return np.where(errors.is_known, errors.mahalanobis2, np.nan).reshape(sets, n, len(knots))
 
 
-def _followed(
-    squared: FloatArray, begin: FloatArray, stamp_ns: Int64Array, knots: FloatArray, settings: Calibration
+def _adapt_log_scale(
+    squared: FloatArray, begin: FloatArray, stamp_ns: Int64Array, knots: FloatArray, settings: ScaleAdaptation
 ) -> FloatArray:
     """Adapt the log scales `begin` (sets, n, k, 2) to the vehicle's own squared distances (sets, n, k)."""
     if len(stamp_ns) < 2:
         return begin
-    excess = np.log(np.maximum(squared, 1e-300))[..., None] - np.log(LIMITS) - begin
+    excess = np.log(np.maximum(squared, 1e-300))[..., None] - np.log(ELLIPSE_SQUARED_RADII) - begin
     is_known = np.isfinite(squared)
     step_s = np.minimum(np.diff(stamp_ns, prepend=stamp_ns[0]) / NS_PER_S, settings.max_gap_s)
     out = np.empty_like(excess)
@@ -201,7 +230,7 @@ def _followed(
         # for each start: the first start whose outcome is not yet known
         n_known = np.searchsorted(stamp_ns + round(knot_s * NS_PER_S), stamp_ns, side="right")
         known = np.ascontiguousarray(is_known[..., k])
-        for level, share in enumerate(LEVELS.tolist()):
+        for level, share in enumerate(ELLIPSE_LEVELS.tolist()):
             out[..., k, level] = adapt_scale(
                 np.ascontiguousarray(excess[..., k, level]),
                 known,
@@ -214,7 +243,7 @@ def _followed(
     return np.asarray(out + begin)
 
 
-def predict_vehicles(
+def predict_vehicle_paths(
     model: str,
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
@@ -225,16 +254,16 @@ def predict_vehicles(
     step_s: float = 0.05,
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
-    calibration: Calibration | None = None,
+    calibration: ScaleAdaptation | None = None,
     log_time_ns: Int64Array | None = None,
     has_core: bool = False,
 ) -> Paths:
-    """Predict the paths of all rows; the arguments are those of `plan_vehicles`.
+    """Predict the paths of all rows; the arguments are those of `plan_vehicle_paths`.
 
     Args:
         has_core: The paths have a `core_factor`.
     """
-    plan = plan_vehicles(
+    plan = plan_vehicle_paths(
         model,
         vehicle,
         stamp_ns,
@@ -250,7 +279,7 @@ def predict_vehicles(
     return plan.take(slice(None), has_core=has_core)
 
 
-def plan_vehicles(
+def plan_vehicle_paths(
     model: str,
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
@@ -261,14 +290,14 @@ def plan_vehicles(
     step_s: float = 0.05,
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
-    calibration: Calibration | None = None,
+    calibration: ScaleAdaptation | None = None,
     log_time_ns: Int64Array | None = None,
 ) -> PathPlan:
     """Plan the paths of all rows, with their measured gains and each vehicle's covariance scaled by its own outcomes.
 
     Args:
         vehicle: Shape (n,): which vehicle a row is of.
-        stamp_ns: Shape (n,), any order; what is known first counts as the record (`record.known_tracks`).
+        stamp_ns: Shape (n,), any order; what is known first counts as the record (`record.state_histories_by_vehicle`).
         state, covariance, horizon_s, step_s, discretisation, prior: As in `rollout`.
         calibration: None: the default.
         log_time_ns: Shape (n,): when the states were known; None: at their stamps.
@@ -280,21 +309,21 @@ def plan_vehicles(
         step_s,
         state,
         covariance,
-        acted=measured_acted(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
+        acting_s=measure_acting_time_s(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
         discretisation=discretisation,
         prior=prior,
     )
     known_ns = stamp_ns if log_time_ns is None else log_time_ns
-    time_s, settings = plan.time_s, calibration or Calibration()
-    knots = knots_s(float(time_s[-1]))
-    log_scale = np.tile(beginning(model, float(time_s[-1])), (len(state), 1, 1))
-    tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
-    squared = [_squared(plan, track, settings) for track in tracks]
+    time_s, settings = plan.time_s, calibration or ScaleAdaptation()
+    knots = scale_knots_s(float(time_s[-1]))
+    log_scale = np.tile(initial_log_scale(model, float(time_s[-1])), (len(state), 1, 1))
+    tracks = state_histories_by_vehicle(vehicle, stamp_ns, known_ns, state, None)
+    squared = [_unscaled_squared_distances(plan, track, settings) for track in tracks]
     if learns and len(tracks) > 1:
-        every = joined(tracks)
-        log_scale[every.rows] = stream_beginning(every, np.concatenate(squared), knots)
+        every = concatenate_histories(tracks)
+        log_scale[every.rows] = log_scale_from_other_vehicles(every, np.concatenate(squared), knots)
     for track, distances in zip(tracks, squared, strict=True):
-        own = _followed(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, settings)[0]
+        own = _adapt_log_scale(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, settings)[0]
         # a state that a newer one overtook takes the scale of the newest state before it
         rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])
         if len(rows) > len(track.rows):
@@ -304,36 +333,36 @@ def plan_vehicles(
     return replace(plan, log_scale=log_scale)
 
 
-def _squared(plan: PathPlan, track: Track, settings: Calibration) -> FloatArray:
+def _unscaled_squared_distances(plan: PathPlan, track: StateHistory, settings: ScaleAdaptation) -> FloatArray:
     """Squared distances of one vehicle's outcomes before any scale, (n, k)."""
-    points = needed_points(plan.time_s, knots_s(float(plan.time_s[-1])).tolist())
+    points = indices_of_needed_points(plan.time_s, scale_knots_s(float(plan.time_s[-1])).tolist())
     judged = plan.take(track.rows, points=points)
-    return np.asarray(squared_distances(judged, track.stamp_ns, track.state[:, :2], settings)[0])
+    return np.asarray(squared_mahalanobis_distances(judged, track.stamp_ns, track.state[:, :2], settings)[0])
 
 
-def stream_beginnings(
+def initial_log_scale_of_each_row(
     model: str,
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
     known_ns: Int64Array,
     state: FloatArray,
     covariance: Covariances | None,
-    acted: FloatArray,
+    acting_s: FloatArray,
     *,
     horizon_s: float,
     step_s: float,
 ) -> FloatArray:
     """The log scales with which the ellipses of a model that learns begin at each row, (n, k, 2).
 
-    The arguments are those of `plan_vehicles`; `acted` comes from `record.measured_acted`.
+    The arguments are those of `plan_vehicle_paths`; `acted` comes from `record.measure_acting_time_s`.
     """
-    time_s = time_grid(horizon_s, step_s)
-    knots = knots_s(float(time_s[-1]))
-    out = np.tile(beginning(model, float(time_s[-1])), (len(state), 1, 1))
-    tracks = known_tracks(vehicle, stamp_ns, known_ns, state, None)
+    time_s = path_time_grid_s(horizon_s, step_s)
+    knots = scale_knots_s(float(time_s[-1]))
+    out = np.tile(initial_log_scale(model, float(time_s[-1])), (len(state), 1, 1))
+    tracks = state_histories_by_vehicle(vehicle, stamp_ns, known_ns, state, None)
     if len(tracks) > 1:
-        plan = PathPlan(model, horizon_s, step_s, state, covariance, acted)
-        every = joined(tracks)
-        squared = np.concatenate([_squared(plan, track, Calibration()) for track in tracks])
-        out[every.rows] = stream_beginning(every, squared, knots)
+        plan = PathPlan(model, horizon_s, step_s, state, covariance, acting_s)
+        every = concatenate_histories(tracks)
+        squared = np.concatenate([_unscaled_squared_distances(plan, track, ScaleAdaptation()) for track in tracks])
+        out[every.rows] = log_scale_from_other_vehicles(every, squared, knots)
     return out

@@ -52,7 +52,7 @@ class DriverPrior:
     cross_share: float = 0.7
     creep_speed_mps: float = 1.0
 
-    def trust(self, state: FloatArray, covariance: FloatArray | None) -> FloatArray:
+    def trust_in_derivatives(self, state: FloatArray, covariance: FloatArray | None) -> FloatArray:
         """g = s^2 / (s^2 + P), the posterior mean's share of a measured derivative under the prior N(0, s^2).
 
         Args:
@@ -65,7 +65,7 @@ class DriverPrior:
         n = len(state)
         if covariance is None:
             return np.ones((n, 4))
-        speed = np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
+        speed = np.maximum(np.abs(state[:, SPEED]), MIN_YAW_RATE_PRIOR_SPEED_MPS)
         sigma = np.empty((n, 4))
         sigma[:, 0] = self.accel_sigma_mps2
         sigma[:, 1] = self.jerk_sigma_mps3
@@ -75,14 +75,14 @@ class DriverPrior:
         noise = np.maximum(covariance[:, columns, columns], 0.0)
         return np.asarray(sigma**2 / (sigma**2 + noise), dtype=np.float64)
 
-    def along_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+    def along_accel_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
         """Sigma of the longitudinal acceleration that the driver adds, shape (n,)."""
         accel = trust[:, 0] * state[:, ACCEL]
         coming = trust[:, 1] * state[:, JERK] * self.jerk_time_s
         creep = np.minimum(np.abs(state[:, SPEED]) / self.creep_speed_mps, 1.0)
         return np.asarray(np.sqrt(self.along_floor_mps2**2 + self.along_share**2 * (accel**2 + coming**2)) * creep)
 
-    def cross_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
+    def cross_accel_sigma_mps2(self, state: FloatArray, trust: FloatArray) -> FloatArray:
         """Sigma of the lateral acceleration that the driver adds, shape (n,)."""
         speed = np.abs(state[:, SPEED])
         lateral = speed * trust[:, 2] * state[:, YAW_RATE]
@@ -91,11 +91,11 @@ class DriverPrior:
         return np.asarray(np.minimum(sigma, speed**2 * self.curvature_sigma_1pm))
 
 
-MIN_SPEED_MPS = 0.5
+MIN_YAW_RATE_PRIOR_SPEED_MPS = 0.5
 """Slower cars get the yaw-rate prior of this speed, since it would vanish at standstill. Chosen by hand; not fitted."""
 
 
-def added_variance(time_s: FloatArray, tau_s: float) -> FloatArray:
+def displacement_variance_s4(time_s: FloatArray, tau_s: float) -> FloatArray:
     """Variance of the displacement that a unit Gauss-Markov acceleration adds, its start value being known.
 
     var[int int a] - (int int E[a | a(0)])^2, in s^4, shape of `time_s`; grows as t^5 / (10 tau) at first.
@@ -104,9 +104,9 @@ def added_variance(time_s: FloatArray, tau_s: float) -> FloatArray:
     whole = 2.0 * (
         tau_s * time_s**3 / 3.0 - tau_s**2 * time_s**2 / 2.0 + tau_s**4 - tau_s**3 * decay * (time_s + tau_s)
     )
-    return np.asarray(np.maximum(whole - held_displacement(time_s, tau_s) ** 2, 0.0))
+    return np.asarray(np.maximum(whole - fading_accel_displacement_s2(time_s, tau_s) ** 2, 0.0))
 
 
-def held_displacement(time_s: FloatArray, tau_s: float) -> FloatArray:
+def fading_accel_displacement_s2(time_s: FloatArray, tau_s: float) -> FloatArray:
     """Displacement that a unit acceleration at the start causes while it fades, s^2: int int exp(-t/tau)."""
     return np.asarray(tau_s * time_s + tau_s**2 * np.expm1(-time_s / tau_s))

@@ -1,4 +1,5 @@
-"""Gains of acceleration and yaw rate on earlier drives: the prior of each vehicle's own history (`prediction.record`).
+"""Gains of acceleration and yaw rate on earlier drives: the prior of each vehicle's own history
+(`prediction.outcome_history`).
 
 It ships as `fleet_prior.toml`, which says what it was learned from; `python -m tests.studies.fleet_prior` makes it.
 """
@@ -12,16 +13,16 @@ from importlib.resources import files
 
 import numpy as np
 
-from cwcli.prediction.row_products import row_products
+from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 
-FILE = "fleet_prior.toml"
+FLEET_PRIOR_FILE = "fleet_prior.toml"
 """Name of the shipped file with the fleet's prior; `python -m tests.studies.fleet_prior` writes it."""
-KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
+HORIZON_KNOTS_S = np.array([0.5, 1.0, 2.5, 5.0])
 """Horizons (s) at which gains and ellipses are measured; between them they are interpolated. Chosen by hand."""
-PARTS = ("unclear", "lasting", "new")
-"""The parts that a derivative is divided into, see `prediction.record.parts_of`."""
-QUANTILES = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
+DERIVATIVE_PARTS = ("unclear", "lasting", "new")
+"""The parts that a derivative is divided into, see `prediction.outcome_history.parts_of`."""
+QUANTILE_LEVELS = np.array([0.05, 0.25, 0.5, 0.75, 0.9, 0.97])
 """Levels of the quantiles in `fleet_prior.toml`. Chosen: they hold both levels of the ellipses and the tails."""
 
 
@@ -30,7 +31,7 @@ class FleetPrior:
     """The gains that a vehicle's history begins with; the axes are along (acceleration) and across (yaw rate).
 
     Attributes:
-        gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `KNOTS_S`.
+        gain: Shape (2, k, 3): the share of each part that moves the car, by each knot of `HORIZON_KNOTS_S`.
         error_m: Shape (2, k): mean absolute error that is left over.
         log_squared: Shape (k, l): quantiles at `QUANTILES` of the logarithm of the squared Mahalanobis distance of the
             outcomes of `auto`, before any scale.
@@ -42,18 +43,20 @@ class FleetPrior:
 
 
 @lru_cache(maxsize=1)
-def fleet_prior() -> FleetPrior:
+def load_fleet_prior() -> FleetPrior:
     """Load the prior that ships with the package."""
-    table = tomllib.loads(files("cwcli.prediction").joinpath(FILE).read_text(encoding="utf-8"))
+    table = tomllib.loads(files("cwcli.prediction").joinpath(FLEET_PRIOR_FILE).read_text(encoding="utf-8"))
     axes = (table["along"], table["across"])
     return FleetPrior(
-        gain=np.array([[axis[part] for part in PARTS] for axis in axes], dtype=np.float64).transpose(0, 2, 1),
+        gain=np.array([[axis[part] for part in DERIVATIVE_PARTS] for axis in axes], dtype=np.float64).transpose(
+            0, 2, 1
+        ),
         error_m=np.array([axis["error_m"] for axis in axes], dtype=np.float64),
         log_squared=np.log(np.array(table["ellipse"]["squared"], dtype=np.float64)),
     )
 
 
-def acted_s(share: FloatArray) -> FloatArray:
+def acting_time_s(displacement_share: FloatArray) -> FloatArray:
     """The time by each knot for which a derivative must act in full so that it moves the car by `share` t^2/2.
 
     The derivative changes speed (heading) at a rate that is constant between knots and at most its own. It may fade and
@@ -67,12 +70,12 @@ def acted_s(share: FloatArray) -> FloatArray:
         Shape (..., 2, k), seconds: change of speed over acceleration, of heading over yaw rate. Linear between 0 and
         the knots, constant after the last.
     """
-    out = np.empty_like(share)
-    moved = acted = np.zeros(share.shape[:-1])
+    out = np.empty_like(displacement_share)
+    moved = acted = np.zeros(displacement_share.shape[:-1])
     before_s = 0.0
-    for k, knot_s in enumerate(KNOTS_S.tolist()):
+    for k, knot_s in enumerate(HORIZON_KNOTS_S.tolist()):
         step_s = knot_s - before_s
-        missing = share[..., k] * knot_s**2 / 2.0 - moved - acted * step_s
+        missing = displacement_share[..., k] * knot_s**2 / 2.0 - moved - acted * step_s
         least = np.stack([-acted[..., 0] / step_s, np.full(acted.shape[:-1], -1.0)], axis=-1)
         rate = np.clip(2.0 * missing / step_s**2, least, 1.0)
         moved = moved + acted * step_s + rate * step_s**2 / 2.0
@@ -82,20 +85,20 @@ def acted_s(share: FloatArray) -> FloatArray:
     return out
 
 
-def acted_at(acted: FloatArray, time_s: FloatArray) -> FloatArray:
+def interpolate_acting_time_s(acting_s: FloatArray, time_s: FloatArray) -> FloatArray:
     """Interpolate acting times between the knots.
 
     Acting times (k,) give the shape of `time_s`; (m, k) with times (1 or m, ...) give (m, ...).
     """
-    if acted.ndim == 1:
-        return np.asarray(np.interp(time_s, [0.0, *KNOTS_S], [0.0, *acted]))
-    before_s = np.concatenate([[0.0], KNOTS_S[:-1]])
+    if acting_s.ndim == 1:
+        return np.asarray(np.interp(time_s, [0.0, *HORIZON_KNOTS_S], [0.0, *acting_s]))
+    before_s = np.concatenate([[0.0], HORIZON_KNOTS_S[:-1]])
     shape = (-1,) + (1,) * (time_s.ndim - 1)
-    slopes = np.diff(acted, axis=1, prepend=0.0) / (KNOTS_S - before_s)
+    slopes = np.diff(acting_s, axis=1, prepend=0.0) / (HORIZON_KNOTS_S - before_s)
     if len(time_s) == 1:  # the same times for all cars: one product
-        inside = np.clip(time_s.reshape(1, -1) - before_s[:, None], 0.0, (KNOTS_S - before_s)[:, None])
-        return row_products(slopes, inside).reshape(len(acted), *time_s.shape[1:])
+        inside = np.clip(time_s.reshape(1, -1) - before_s[:, None], 0.0, (HORIZON_KNOTS_S - before_s)[:, None])
+        return multiply_rows_reproducibly(slopes, inside).reshape(len(acting_s), *time_s.shape[1:])
     out = np.zeros(time_s.shape)
-    for k, (start_s, knot_s) in enumerate(zip(before_s.tolist(), KNOTS_S.tolist(), strict=True)):
+    for k, (start_s, knot_s) in enumerate(zip(before_s.tolist(), HORIZON_KNOTS_S.tolist(), strict=True)):
         out += slopes[:, k].reshape(shape) * np.clip(time_s - start_s, 0.0, knot_s - start_s)
     return out

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import paths as kernel
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import KNOTS_S, acted_at
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
 from cwcli.prediction.models.base import Model, Responses
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, JERK, SPEED, YAW_ACCEL, YAW_RATE, X, Y
@@ -28,14 +28,14 @@ GAUSS_NODES = 0.5 + 0.5 * np.array([-np.sqrt(0.6), 0.0, np.sqrt(0.6)])
 """Nodes of the three-point Gauss-Legendre quadrature on [0, 1]."""
 GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 """Weights of the three-point Gauss-Legendre quadrature on [0, 1]."""
-BISECTIONS = 45
+N_BISECTIONS = 45
 """Number of bisections of a stop's time: they narrow a step of 0.05 s to below 1e-14 s."""
-STANDS_MPS = 1e-9
+STANDSTILL_SPEED_MPS = 1e-9
 """A lower speed counts as standing: it is the rounding of an acceleration that fades while the car stands."""
 
 
 @dataclass(frozen=True)
-class Integral:
+class IntegratedPaths:
     """A model's path for m starts and k times.
 
     Attributes:
@@ -53,7 +53,7 @@ class Integral:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _DiscretisedModel:
     """A model with its prior, in one discretisation, for m starts.
 
     Attributes:
@@ -61,7 +61,7 @@ class _Motion:
         hold_s: Shape (m, 2) or None: see `Model.hold`.
         points: Shape (p,): which of the times are wanted; None: all.
         acted: Shape (m, 2, k) or None: for how long acceleration and yaw rate act by each knot, instead of the model's
-            responses to them (`prediction.fleet.acted_s`).
+            responses to them (`prediction.fleet.acting_time_s`).
     """
 
     model: Model
@@ -70,25 +70,30 @@ class _Motion:
     is_paper: bool
     hold_s: FloatArray | None
     points: npt.NDArray[np.intp] | None = None
-    acted: FloatArray | None = None
+    acting_s: FloatArray | None = None
 
-    def of(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _Motion:
+    def select_starts(self, rows: npt.NDArray[np.bool_ | np.intp]) -> _DiscretisedModel:
         """The discretised model of some of the starts."""
         hold_s = None if self.hold_s is None else self.hold_s[rows]
-        acted = None if self.acted is None else self.acted[rows]
-        return _Motion(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
+        acted = None if self.acting_s is None else self.acting_s[rows]
+        return _DiscretisedModel(self.model, self.prior, self.time_s, self.is_paper, hold_s, self.points, acted)
 
-    def wanted(self, values: FloatArray) -> FloatArray:
+    def select_points(self, values: FloatArray) -> FloatArray:
         """Those columns of values (..., k) whose points are asked for."""
         return values if self.points is None else values[..., self.points]
 
-    def at(self, moving: FloatArray) -> Responses:
+    def responses_at(self, moving: FloatArray) -> Responses:
         """The responses at times of shape (1 or m, ...)."""
         if self.is_paper:
-            return _paper_at(self.model, moving, self.time_s)
-        if self.acted is not None:
+            return _paper_responses(self.model, moving, self.time_s)
+        if self.acting_s is not None:
             none = np.zeros_like(moving)
-            return Responses(acted_at(self.acted[:, 0], moving), none, acted_at(self.acted[:, 1], moving), none)
+            return Responses(
+                interpolate_acting_time_s(self.acting_s[:, 0], moving),
+                none,
+                interpolate_acting_time_s(self.acting_s[:, 1], moving),
+                none,
+            )
         if self.hold_s is None:
             return self.model.responses(moving, self.prior)
         shape = (-1,) + (1,) * (moving.ndim - 1)
@@ -103,53 +108,60 @@ class _Motion:
             yaw.heading_to_yaw_accel + yaw_s * (moving - yaw_s),
         )
 
-    def nodes(self, moving: FloatArray, width: FloatArray) -> tuple[Responses, FloatArray]:
+    def quadrature_nodes(self, moving: FloatArray, width: FloatArray) -> tuple[Responses, FloatArray]:
         """Responses at the quadrature nodes of each step, and the nodes' weights, (1 or m, k - 1, nodes)."""
         if self.is_paper:
-            return _paper_nodes(self.model, width, self.time_s), width
-        return self.at(moving[:, :-1, None] + width * GAUSS_NODES), width * GAUSS_WEIGHTS
+            return _paper_responses_of_steps(self.model, width, self.time_s), width
+        return self.responses_at(moving[:, :-1, None] + width * GAUSS_NODES), width * GAUSS_WEIGHTS
 
 
-def integrate(
+def integrate_paths(
     model: Model,
     state: FloatArray,
     time_s: FloatArray,
     prior: DriverPrior,
     discretisation: str,
     points: npt.NDArray[np.intp] | None = None,
-    acted: FloatArray | None = None,
-) -> Integral:
+    acting_s: FloatArray | None = None,
+) -> IntegratedPaths:
     """The path of m starts, shape (m, 8), over the times (k,), which start at 0 and have a common step.
 
     With `points` the integral holds these of the times only: the same numbers as without. `acted`: see `_Motion`.
     """
     hold_s = None if model.hold is None else model.hold(state, prior)
-    motion = _Motion(model, prior, time_s, discretisation == "paper", hold_s, points, acted)
-    grid = motion.at(time_s[None, :])
-    stop_s = _stop_time(motion, state, _speed(state, grid))
+    motion = _DiscretisedModel(model, prior, time_s, discretisation == "paper", hold_s, points, acting_s)
+    grid = motion.responses_at(time_s[None, :])
+    stop_s = _stop_times_s(motion, state, _speed_at_times_mps(state, grid))
     stops = np.isfinite(stop_s)
     if not stops.any():
-        return _path(motion, state, time_s[None, :], grid)
+        return _integrate_steps(motion, state, time_s[None, :], grid)
     if stops.all():
-        return _stopping(motion, state, stop_s)
-    going = _path(motion.of(~stops), state[~stops], time_s[None, :], motion.of(~stops).at(time_s[None, :]))
-    stopping = _stopping(motion.of(stops), state[stops], stop_s[stops])
-    return _merge(stops, stopping, going)
+        return _integrate_stopping_paths(motion, state, stop_s)
+    going = _integrate_steps(
+        motion.select_starts(~stops),
+        state[~stops],
+        time_s[None, :],
+        motion.select_starts(~stops).responses_at(time_s[None, :]),
+    )
+    stopping = _integrate_stopping_paths(motion.select_starts(stops), state[stops], stop_s[stops])
+    return _merge_stopping_and_going(stops, stopping, going)
 
 
-def _speed(state: FloatArray, at: Responses) -> FloatArray:
+def _speed_at_times_mps(state: FloatArray, at: Responses) -> FloatArray:
     """v(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _responded(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
+    return _add_responses(state, (SPEED, ACCEL, JERK), at.speed_to_accel, at.speed_to_jerk)
 
 
-def _heading(state: FloatArray, at: Responses) -> FloatArray:
+def _heading_at_times_rad(state: FloatArray, at: Responses) -> FloatArray:
     """phi(t), shape (m, ...) for responses of shape (1 or m, ...)."""
-    return _responded(state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel)
+    return _add_responses(state, (HEADING, YAW_RATE, YAW_ACCEL), at.heading_to_yaw_rate, at.heading_to_yaw_accel)
 
 
-def _responded(state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray) -> FloatArray:
+def _add_responses(
+    state: FloatArray, columns: tuple[int, int, int], first: FloatArray, second: FloatArray
+) -> FloatArray:
     """Speed or heading from its start value and the responses to its first and second derivative, (m, ...)."""
-    start, rate, rate2 = (_column(state, column, first.ndim) for column in columns)
+    start, rate, rate2 = (_state_column(state, column, first.ndim) for column in columns)
     out = np.asarray(rate * first)
     out += start
     if second.any():
@@ -157,19 +169,19 @@ def _responded(state: FloatArray, columns: tuple[int, int, int], first: FloatArr
     return out
 
 
-def _column(state: FloatArray, index: int, ndim: int) -> FloatArray:
+def _state_column(state: FloatArray, index: int, ndim: int) -> FloatArray:
     """A column of the states (m, 8), shaped to broadcast with responses of `ndim` dimensions."""
     return state[:, index].reshape((-1,) + (1,) * max(ndim - 1, 1))
 
 
-def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatArray:
+def _stop_times_s(motion: _DiscretisedModel, state: FloatArray, speed: FloatArray) -> FloatArray:
     """When each car comes to a stop, shape (m,); infinity if it doesn't. A car that stands and doesn't start: 0.
 
     `speed` is the free one on the grid, (m, k).
     """
     time_s, start = motion.time_s, state[:, SPEED]
     direction = np.where(start < 0.0, -1.0, 1.0)
-    crossed = direction[:, None] * speed[:, 1:] < STANDS_MPS
+    crossed = direction[:, None] * speed[:, 1:] < STANDSTILL_SPEED_MPS
     standing = (start == 0.0) & (speed[:, 1] <= 0.0)
     stop_s = np.full(len(state), np.inf)
     rows = np.flatnonzero(crossed.any(axis=1) & ~standing)
@@ -179,85 +191,91 @@ def _stop_time(motion: _Motion, state: FloatArray, speed: FloatArray) -> FloatAr
             before_v, after_v = speed[rows, after - 1], speed[rows, after]
             stop_s[rows] = time_s[after - 1] + (time_s[1] - time_s[0]) * before_v / (before_v - after_v)
         else:
-            found = _between_knots if motion.acted is not None else _bisect
-            stop_s[rows] = found(motion.of(rows), state[rows], direction[rows], time_s[after - 1], time_s[after])
+            found = _interpolate_stop_times_s if motion.acting_s is not None else _bisect_stop_times_s
+            stop_s[rows] = found(
+                motion.select_starts(rows), state[rows], direction[rows], time_s[after - 1], time_s[after]
+            )
     stop_s[standing] = 0.0
     return stop_s
 
 
-def _bisect(motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+def _bisect_stop_times_s(
+    motion: _DiscretisedModel, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
     """The time between `low` and `high` (each (m,)) at which direction * v falls below 0; `high` if it does not."""
-    for _ in range(BISECTIONS):
+    for _ in range(N_BISECTIONS):
         middle = 0.5 * (low + high)
-        moving = direction * _speed(state, motion.at(middle[:, None]))[:, 0] >= 0.0
+        moving = direction * _speed_at_times_mps(state, motion.responses_at(middle[:, None]))[:, 0] >= 0.0
         low, high = np.where(moving, middle, low), np.where(moving, high, middle)
     return 0.5 * (low + high)
 
 
-def _between_knots(
-    motion: _Motion, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
+def _interpolate_stop_times_s(
+    motion: _DiscretisedModel, state: FloatArray, direction: FloatArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     """The time as of `_bisect` for a speed that is linear between knots, as a measured acting time makes it."""
 
     def ahead_mps(time_s: FloatArray) -> FloatArray:
-        return np.asarray(direction * _speed(state, motion.at(time_s[:, None]))[:, 0])
+        return np.asarray(direction * _speed_at_times_mps(state, motion.responses_at(time_s[:, None]))[:, 0])
 
-    for knot_s in KNOTS_S.tolist():
+    for knot_s in HORIZON_KNOTS_S.tolist():
         inside = (low < knot_s) & (knot_s < high)
         if inside.any():
             moving = ahead_mps(np.full(len(state), knot_s)) >= 0.0
             low, high = np.where(inside & moving, knot_s, low), np.where(inside & ~moving, knot_s, high)
     before, after = np.maximum(ahead_mps(low), 0.0), np.minimum(ahead_mps(high), 0.0)
-    return np.asarray(low + (high - low) * before / np.maximum(before - after, STANDS_MPS))
+    return np.asarray(low + (high - low) * before / np.maximum(before - after, STANDSTILL_SPEED_MPS))
 
 
-def _stopping(motion: _Motion, state: FloatArray, stop_s: FloatArray) -> Integral:
+def _integrate_stopping_paths(motion: _DiscretisedModel, state: FloatArray, stop_s: FloatArray) -> IntegratedPaths:
     """Integrate the paths of cars that stop at `stop_s` (m,) and stay there."""
     time_s = motion.time_s
     moving = np.minimum(time_s[None, :], stop_s[:, None])
-    path = _path(motion, state, moving, motion.at(moving))
-    speed = np.where(motion.wanted(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
-    return Integral(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
+    path = _integrate_steps(motion, state, moving, motion.responses_at(moving))
+    speed = np.where(motion.select_points(time_s)[None, :] >= stop_s[:, None], 0.0, path.speed_mps)
+    return IntegratedPaths(path.x_m, path.y_m, path.heading_rad, speed, path.moving_s, path.jacobian)
 
 
-def _path(motion: _Motion, state: FloatArray, moving: FloatArray, grid: Responses) -> Integral:
+def _integrate_steps(
+    motion: _DiscretisedModel, state: FloatArray, moving: FloatArray, grid: Responses
+) -> IntegratedPaths:
     """Integrate position and Jacobian over the steps of the times `moving`, shape (1 or m, k)."""
     uses = motion.model.uses
-    at, weight = motion.nodes(moving, np.diff(moving, axis=1)[..., None])
-    heading = _heading(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
+    at, weight = motion.quadrature_nodes(moving, np.diff(moving, axis=1)[..., None])
+    heading = _heading_at_times_rad(state, at) if any(uses[2:]) else state[:, HEADING, None, None]
     points = np.arange(moving.shape[1]) if motion.points is None else motion.points
-    moving = motion.wanted(moving)
-    grid = grid if motion.points is None else Responses(*(motion.wanted(each) for each in grid))
+    moving = motion.select_points(moving)
+    grid = grid if motion.points is None else Responses(*(motion.select_points(each) for each in grid))
     m, k = len(state), len(points)
     jacobian = kernel.quadrature(
         state, cosine=np.cos(heading), sine=np.sin(heading), weight=weight, responses=at, uses=uses, points=points
     )
     # a turn by d moves the point (dx, dy) by d (-dy, dx)
     dx, dy = jacobian[1, :, :, HEADING], -jacobian[0, :, :, HEADING]
-    return Integral(
+    return IntegratedPaths(
         x_m=state[:, X, None] + dx,
         y_m=state[:, Y, None] + dy,
-        heading_rad=np.broadcast_to(_heading(state, grid), (m, k)),
-        speed_mps=np.broadcast_to(_speed(state, grid), (m, k)),
+        heading_rad=np.broadcast_to(_heading_at_times_rad(state, grid), (m, k)),
+        speed_mps=np.broadcast_to(_speed_at_times_mps(state, grid), (m, k)),
         moving_s=np.broadcast_to(moving, (m, k)),
         jacobian=jacobian,
     )
 
 
-def _paper_at(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
+def _paper_responses(model: Model, moving: FloatArray, time_s: FloatArray) -> Responses:
     """Responses of eq. 10's recursion, v_n = v0 + a0 n dT + j0 dT^2 n (n-1)/2, linear inside the steps."""
     step = time_s[1] - time_s[0]
     whole = np.floor(moving / step + 1e-9)
     second = step**2 * whole * (whole - 1.0) / 2.0 + whole * step * (moving - whole * step)
-    return _masked(model, Responses(moving, second, moving, second))
+    return _zero_unused_responses(model, Responses(moving, second, moving, second))
 
 
-def _paper_nodes(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:
+def _paper_responses_of_steps(model: Model, width: FloatArray, time_s: FloatArray) -> Responses:
     """Mean speed and old heading of each step, (1 or m, k-1, 1); `width` is less than a step where the car stops."""
     step = time_s[1] - time_s[0]
     n = np.arange(len(time_s) - 1, dtype=float)[None, :, None]
     started = step**2 * n * (n - 1.0) / 2.0
-    return _masked(
+    return _zero_unused_responses(
         model,
         Responses(
             n * step + width / 2.0, started + n * step * width / 2.0, n * step + 0.0 * width, started + 0.0 * width
@@ -265,12 +283,14 @@ def _paper_nodes(model: Model, width: FloatArray, time_s: FloatArray) -> Respons
     )
 
 
-def _masked(model: Model, at: Responses) -> Responses:
+def _zero_unused_responses(model: Model, at: Responses) -> Responses:
     """Set the responses to derivatives that the model does not use to 0."""
     return Responses(*(value if used else np.zeros_like(value) for used, value in zip(model.uses, at, strict=True)))
 
 
-def _merge(stops: npt.NDArray[np.bool_], stopping: Integral, going: Integral) -> Integral:
+def _merge_stopping_and_going(
+    stops: npt.NDArray[np.bool_], stopping: IntegratedPaths, going: IntegratedPaths
+) -> IntegratedPaths:
     """Put the paths of stopping and going cars back in the order of the mask `stops` (m,)."""
 
     def interleave(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -280,7 +300,7 @@ def _merge(stops: npt.NDArray[np.bool_], stopping: Integral, going: Integral) ->
 
     jacobian = np.empty((2, len(stops), *going.jacobian.shape[2:]))
     jacobian[:, stops], jacobian[:, ~stops] = stopping.jacobian, going.jacobian
-    return Integral(
+    return IntegratedPaths(
         interleave(stopping.x_m, going.x_m),
         interleave(stopping.y_m, going.y_m),
         interleave(stopping.heading_rad, going.heading_rad),

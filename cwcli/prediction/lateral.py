@@ -14,29 +14,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.dynamics.near_lane import LEAST_M
+from cwcli.dynamics.near_lane import MIN_PREVIEW_M
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.dynamics.single_track import steady_lateral_lever
+from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import UsageError, names_hint
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.covariances import turned
+from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.signals.units import NS_PER_S
 
 MAX_HORIZON_S = 60.0
 """Longest permitted horizon, s. Chosen by hand."""
-MAX_STEPS = 2000
+MAX_PATH_STEPS = 2000
 """Largest permitted number of steps of a path; it bounds the memory. Chosen by hand."""
-LATERAL_MODELS = ("cwcli", "zhang2011")
+LATERAL_PATH_MODELS = ("cwcli", "zhang2011")
 """Names of the path models; the module's text explains both."""
-Z_90 = 1.6448536269514722
+SIGMAS_HOLDING_90_PERCENT = 1.6448536269514722
 """A normal error lies within this many sigmas of 0 with a probability of 90 %."""
-ACCEL_S = 1.0
+ACCEL_SLOPE_WINDOW_S = 1.0
 """The acceleration is the slope of the speed over this time, s. Chosen by hand; not fitted."""
-ACCEL_FRAMES = 4
+MIN_ACCEL_FRAMES = 4
 """The acceleration is 0 with fewer frames than this in that time. Chosen by hand; not fitted."""
-ACCEL_SIGMAS = 2.0
+MIN_ACCEL_SIGMAS = 2.0
 """A slope of the speed within this many of its sigmas counts as 0. Chosen by hand; not fitted."""
 
 
@@ -45,7 +45,7 @@ class LateralPathConfig:
     """Options of the paths from the observer.
 
     Attributes:
-        model: One of `LATERAL_MODELS`.
+        model: One of `LATERAL_PATH_MODELS`.
         horizon_s, step_s: Length and step of the paths.
         adapt_s: Time constant with which the yaw rate approaches the road's.
         unrest_mps2: Standard deviation of the driver's unwanted lateral acceleration, correlated over `adapt_s`.
@@ -70,23 +70,25 @@ class LateralPathConfig:
         Raises:
             UsageError: Unknown model, or times that are not positive or do not fit.
         """
-        if self.model not in LATERAL_MODELS:
-            raise UsageError(f"there is no path model '{self.model}'", hint=names_hint(self.model, LATERAL_MODELS))
+        if self.model not in LATERAL_PATH_MODELS:
+            raise UsageError(f"there is no path model '{self.model}'", hint=names_hint(self.model, LATERAL_PATH_MODELS))
         ok = all(math.isfinite(t) and t > 0.0 for t in (self.horizon_s, self.step_s, self.adapt_s))
         if not ok or self.step_s > self.horizon_s:
             raise UsageError(f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is not possible")
-        if self.horizon_s > MAX_HORIZON_S or self.horizon_s > MAX_STEPS * self.step_s:
+        if self.horizon_s > MAX_HORIZON_S or self.horizon_s > MAX_PATH_STEPS * self.step_s:
             raise UsageError(
                 f"a horizon of {self.horizon_s:g} s in steps of {self.step_s:g} s is too long from the observer; "
-                f"permitted: {MAX_HORIZON_S:g} s, {MAX_STEPS} steps"
+                f"permitted: {MAX_HORIZON_S:g} s, {MAX_PATH_STEPS} steps"
             )
 
 
-def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConfig | None = None) -> Paths:
+def predict_paths_from_observer(
+    track: LateralTrack, vehicle: Vehicle, config: LateralPathConfig | None = None
+) -> Paths:
     """The path of the centre of gravity from each frame, in the body frame of that frame (x forward, y left).
 
     Args:
-        track: From the observer, n frames. A preview point nearer than `LEAST_M` counts as so far ahead.
+        track: From the observer, n frames. A preview point nearer than `MIN_PREVIEW_M` counts as so far ahead.
         vehicle: The car.
         config: Options; None: the defaults.
 
@@ -97,37 +99,38 @@ def lateral_paths(track: LateralTrack, vehicle: Vehicle, config: LateralPathConf
     t = np.arange(round(config.horizon_s / config.step_s) + 1, dtype=np.float64) * config.step_s
     v = np.asarray(track.speed_mps, dtype=np.float64)[:, None]
     if config.model == "cwcli":
-        v = np.maximum(v + recent_acceleration(track)[:, None] * t, 0.0)
+        v = np.maximum(v + recent_acceleration_mps2(track)[:, None] * t, 0.0)
     lateral, yaw_rate = track.state[:, 0:1], track.state[:, 1:2]
-    reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, LEAST_M)
+    reach_m = np.maximum(np.asarray(track.preview_m, np.float64) + vehicle.camera_forward_m, MIN_PREVIEW_M)
     if config.model == "zhang2011":
         turning = np.broadcast_to(yaw_rate, (len(v), len(t)))
         sideways = np.broadcast_to(lateral, turning.shape)
         forgets = np.zeros_like(t)
     else:
-        here, ahead = road_curvature(track, reach_m)
+        here, ahead = road_curvature_here_and_ahead(track, reach_m)
         road = v * (
-            here[:, None] + (ahead - here)[:, None] * np.clip(_integral(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
+            here[:, None]
+            + (ahead - here)[:, None] * np.clip(_cumulative_trapezoid(v, config.step_s) / reach_m[:, None], 0.0, 1.0)
         )
         forgets = np.exp(-t / config.adapt_s)
         turning = road + (yaw_rate - road[:, :1]) * forgets
-        lever = steady_lateral_lever(vehicle, v)
+        lever = steady_lateral_speed_per_yaw_rate_m(vehicle, v)
         sideways = lateral + lever * turning - lever[:, :1] * yaw_rate
     known = np.where(np.isfinite(lateral + v[:, :1]), 0.0, np.nan)
-    heading = _integral(turning, config.step_s) + known
+    heading = _cumulative_trapezoid(turning, config.step_s) + known
     cos, sin = np.cos(heading), np.sin(heading)
     forward = np.broadcast_to(v, heading.shape)
     return Paths(
         time_s=t,
-        x_m=_integral(forward * cos - sideways * sin, config.step_s) + known,
-        y_m=_integral(forward * sin + sideways * cos, config.step_s) + known,
+        x_m=_cumulative_trapezoid(forward * cos - sideways * sin, config.step_s) + known,
+        y_m=_cumulative_trapezoid(forward * sin + sideways * cos, config.step_s) + known,
         heading_rad=heading,
         speed_mps=np.hypot(forward, sideways),
-        position_covariance_m2=_covariance(track, vehicle, t, heading, v, config),
+        position_covariance_m2=_position_covariance(track, vehicle, t, heading, v, config),
     )
 
 
-def road_curvature(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def road_curvature_here_and_ahead(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The road's curvature beside the car and at the preview point, left bend positive, shape (n,) each.
 
     Beside the car it is the curvature that earlier frames measured at this place; a newer frame replaces what earlier
@@ -161,7 +164,7 @@ def road_curvature(track: LateralTrack, reach_m: FloatArray) -> tuple[FloatArray
     return here, filled
 
 
-def recent_acceleration(track: LateralTrack) -> FloatArray:
+def recent_acceleration_mps2(track: LateralTrack) -> FloatArray:
     """Slope of the speed over the last second, m/s^2, shape (n,); 0 where it is not known.
 
     The slope a is shrunk by its own sigma: a (1 - (2 sigma / a)^2), or 0. Over 2 s the error of an unshrunk slope would
@@ -173,7 +176,7 @@ def recent_acceleration(track: LateralTrack) -> FloatArray:
     time_s = (np.asarray(track.stamp_ns, np.int64) - track.stamp_ns[0]) / NS_PER_S
     known = np.isfinite(speed)
     v = np.where(known, speed - np.nanmean(speed) if known.any() else 0.0, 0.0)
-    first = np.searchsorted(time_s, time_s - ACCEL_S - 1e-9)
+    first = np.searchsorted(time_s, time_s - ACCEL_SLOPE_WINDOW_S - 1e-9)
     last = np.arange(len(speed)) + 1
 
     def total(values: FloatArray) -> FloatArray:
@@ -183,16 +186,16 @@ def recent_acceleration(track: LateralTrack) -> FloatArray:
     n, t, vt = total(np.ones_like(v)), total(time_s), total(v * time_s)
     count = np.maximum(n, 1.0)
     spread = total(time_s**2) - t * t / count
-    enough = (n >= ACCEL_FRAMES) & (spread > 1e-6) & known
+    enough = (n >= MIN_ACCEL_FRAMES) & (spread > 1e-6) & known
     spread = np.where(enough, spread, 1.0)
     slope = (vt - t * total(v) / count) / spread
     left = np.maximum(total(v * v) - total(v) ** 2 / count - slope**2 * spread, 0.0)
     variance = left / np.maximum(n - 2.0, 1.0) / spread
-    share = 1.0 - ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
+    share = 1.0 - MIN_ACCEL_SIGMAS**2 * variance / np.maximum(slope**2, 1e-12)
     return np.where(enough, slope * np.maximum(share, 0.0), 0.0)
 
 
-def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:
+def transform_paths_to_map(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray) -> Paths:
     """Transform paths from the body frame to the map, with n poses of shape (n,)."""
     cos, sin = np.cos(heading_rad)[:, None], np.sin(heading_rad)[:, None]
     return Paths(
@@ -201,11 +204,11 @@ def map_paths(paths: Paths, x_m: FloatArray, y_m: FloatArray, heading_rad: Float
         y_m=y_m[:, None] + sin * paths.x_m + cos * paths.y_m,
         heading_rad=heading_rad[:, None] + paths.heading_rad,
         speed_mps=paths.speed_mps,
-        position_covariance_m2=turned(paths.position_covariance_m2, -heading_rad[:, None]),
+        position_covariance_m2=rotate_plane_covariance(paths.position_covariance_m2, -heading_rad[:, None]),
     )
 
 
-def body_of(paths: Paths) -> Paths:
+def transform_paths_to_body(paths: Paths) -> Paths:
     """Transform published paths to the body frame of their start: first point at 0, first heading along x."""
     cos, sin = np.cos(paths.heading_rad[:, :1]), np.sin(paths.heading_rad[:, :1])
     dx, dy = paths.x_m - paths.x_m[:, :1], paths.y_m - paths.y_m[:, :1]
@@ -215,38 +218,38 @@ def body_of(paths: Paths) -> Paths:
         -sin * dx + cos * dy,
         paths.heading_rad - paths.heading_rad[:, :1],
         paths.speed_mps,
-        turned(paths.position_covariance_m2, paths.heading_rad[:, :1]),
+        rotate_plane_covariance(paths.position_covariance_m2, paths.heading_rad[:, :1]),
     )
 
 
-def dead_reckon(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
+def dead_reckon_poses(track: LateralTrack) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Integrate the observed motion to x, y and heading, shape (n,) each, from (0, 0, 0) at the first frame.
 
     Where there is no state, the car is taken to go straight on.
     """
     dt = np.diff(track.stamp_ns, prepend=track.stamp_ns[:1]) / NS_PER_S
     yaw_rate, lateral = np.nan_to_num(track.state[:, 1]), np.nan_to_num(track.state[:, 0])
-    heading = np.cumsum(_step_mean(yaw_rate) * dt)
+    heading = np.cumsum(_mean_with_previous(yaw_rate) * dt)
     v = np.nan_to_num(track.speed_mps)
     cos, sin = np.cos(heading), np.sin(heading)
-    x = np.cumsum(_step_mean(v * cos - lateral * sin) * dt)
-    y = np.cumsum(_step_mean(v * sin + lateral * cos) * dt)
+    x = np.cumsum(_mean_with_previous(v * cos - lateral * sin) * dt)
+    y = np.cumsum(_mean_with_previous(v * sin + lateral * cos) * dt)
     return x, y, heading
 
 
-def _step_mean(values: FloatArray) -> FloatArray:
+def _mean_with_previous(values: FloatArray) -> FloatArray:
     """The mean of each value and the one before it, shape (n,)."""
     before = np.concatenate([values[:1], values[:-1]])
     return np.asarray(0.5 * (values + before))
 
 
-def _integral(rate: FloatArray, step_s: float) -> FloatArray:
+def _cumulative_trapezoid(rate: FloatArray, step_s: float) -> FloatArray:
     """Integrate along the rows by the trapezoidal rule, from 0, (n, k)."""
     whole = np.cumsum(0.5 * step_s * (rate[:, 1:] + rate[:, :-1]), axis=1)
     return np.concatenate([np.zeros((len(rate), 1)), whole], axis=1)
 
 
-def _covariance(
+def _position_covariance(
     track: LateralTrack, vehicle: Vehicle, t: FloatArray, heading: FloatArray, v: FloatArray, config: LateralPathConfig
 ) -> FloatArray:
     """Position covariance xx, xy, yy, (n, k, 3): v_y, gamma, curvature and driver across the path, speed along it."""
@@ -255,8 +258,8 @@ def _covariance(
     given = track.covariance[:, :2, :2]
     is_given = np.isfinite(given).reshape(n, -1).all(axis=1)
     start = np.where(np.asarray(is_given)[:, None, None], given, assumed)
-    lever = steady_lateral_lever(vehicle, v)
-    turned, bent = _memory(t, config)
+    lever = steady_lateral_speed_per_yaw_rate_m(vehicle, v)
+    turned, bent = _yaw_rate_error_integrals(t, config)
     to_gamma = v * bent + lever * (turned - t)  # how far gamma's error carries the car sideways
     to_lateral = np.broadcast_to(t, to_gamma.shape)
     across = (
@@ -267,7 +270,7 @@ def _covariance(
     if config.model != "zhang2011":
         across = across + (config.curvature_sigma_1pm * v**2 * (0.5 * t**2 - bent)) ** 2
     # White noise behind the yaw rate: the integral of the squared answer to an impulse.
-    swing = _memory(t, LateralPathConfig(adapt_s=config.adapt_s))[1]
+    swing = _yaw_rate_error_integrals(t, LateralPathConfig(adapt_s=config.adapt_s))[1]
     grown = np.concatenate([[0.0], np.cumsum(0.5 * config.step_s * (swing[1:] ** 2 + swing[:-1] ** 2))])
     across = across + 2.0 * config.unrest_mps2**2 / config.adapt_s * grown
     along = (config.speed_sigma_mps * t) ** 2 + (0.5 * config.accel_sigma_mps2 * t**2) ** 2
@@ -283,7 +286,7 @@ def _covariance(
     )
 
 
-def _memory(t: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
+def _yaw_rate_error_integrals(t: FloatArray, config: LateralPathConfig) -> tuple[FloatArray, FloatArray]:
     """First and second integral over the times t (k,) of a unit yaw rate error that decays with `adapt_s`."""
     if config.model == "zhang2011":
         return t, 0.5 * t**2

@@ -13,13 +13,13 @@ from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
-ELLIPSE_50 = 2.0 * np.log(2.0)
+ELLIPSE_50_SQUARED_RADIUS = 2.0 * np.log(2.0)
 """Squared Mahalanobis distance at the border of the 50 % ellipse: the chi-square quantile, -2 ln(1 - 0.5)."""
-ELLIPSE_90 = 2.0 * np.log(10.0)
+ELLIPSE_90_SQUARED_RADIUS = 2.0 * np.log(10.0)
 """Squared Mahalanobis distance at the border of the 90 % ellipse: the chi-square quantile, -2 ln(1 - 0.9)."""
 
 BoolArray = npt.NDArray[np.bool_]
-Actual = tuple[FloatArray, BoolArray]
+ActualPositions = tuple[FloatArray, BoolArray]
 """Actual positions of n starts at h horizons, (n, h, 2), NaN where unknown; and where they are known, (n, h)."""
 
 
@@ -44,7 +44,7 @@ class HorizonErrors:
     mahalanobis2: FloatArray
     core_mahalanobis2: FloatArray
 
-    def rows(self, rows: slice) -> HorizonErrors:
+    def select_starts(self, rows: slice) -> HorizonErrors:
         """The errors of some starts."""
         return HorizonErrors(
             self.horizon_s,
@@ -64,7 +64,7 @@ def horizon_errors(
     track_xy: FloatArray,
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
-    actual: Actual | None = None,
+    actual: ActualPositions | None = None,
 ) -> HorizonErrors:
     """Compare predicted points with a track.
 
@@ -88,17 +88,17 @@ def horizon_errors(
     if actual is None:
         actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
     found, is_known = actual
-    predicted = _at_horizons(paths, horizon)
+    predicted = _interpolate_at_horizons(paths, horizon)
     error_x, error_y = found[..., 0] - predicted["x"], found[..., 1] - predicted["y"]
     cosine, sine = np.cos(predicted["heading"]), np.sin(predicted["heading"])
     xx, xy, yy = (predicted[name] for name in ("xx", "xy", "yy"))
-    squared = core_squared = _squared(error_x, error_y, xx, xy, yy)
+    squared = core_squared = _squared_mahalanobis(error_x, error_y, xx, xy, yy)
     if paths.core_factor is not None:
         factor = predicted["core"]
         kept = np.maximum(1.0 - factor, 0.0)
         start = np.moveaxis(paths.position_covariance_m2[:, :1], -1, 0)
         core = (factor * now + kept * then for now, then in zip((xx, xy, yy), start, strict=True))
-        core_squared = _squared(error_x, error_y, *core)
+        core_squared = _squared_mahalanobis(error_x, error_y, *core)
     return HorizonErrors(
         horizon_s=horizon,
         is_known=is_known & np.isfinite(error_x),
@@ -110,7 +110,7 @@ def horizon_errors(
     )
 
 
-def _squared(x: FloatArray, y: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+def _squared_mahalanobis(x: FloatArray, y: FloatArray, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
     """Squared Mahalanobis distances of errors (x, y) under the covariance xx, xy, yy, elementwise."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray((yy * x**2 - 2.0 * xy * x * y + xx * y**2) / (xx * yy - xy**2))
@@ -122,7 +122,7 @@ def actual_positions(
     track_xy: FloatArray,
     horizons_s: Sequence[float],
     max_gap_s: float = 0.5,
-) -> Actual:
+) -> ActualPositions:
     """Look up where the track is at each horizon of each start; the arguments are those of `horizon_errors`.
 
     Returns:
@@ -130,16 +130,16 @@ def actual_positions(
     """
     horizon = np.asarray(horizons_s, dtype=np.float64)
     at_ns = start_stamp_ns[:, None] + np.rint(horizon * NS_PER_S).astype(np.int64)[None, :]
-    return _on_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
+    return _interpolate_track(at_ns, track_stamp_ns, track_xy, max_gap_s)
 
 
-def tiled(actual: Actual, sets: int) -> Actual:
+def repeat_for_path_sets(actual: ActualPositions, sets: int) -> ActualPositions:
     """Repeat actual positions (n, h, 2) for several sets of paths from the same starts, one below the other."""
     found, is_known = actual
     return np.tile(found, (sets, 1, 1)), np.tile(is_known, (sets, 1))
 
 
-def _on_track(
+def _interpolate_track(
     at_ns: Int64Array, stamp_ns: Int64Array, xy: FloatArray, max_gap_s: float
 ) -> tuple[FloatArray, BoolArray]:
     """Track position at the given times (n, h), shape (n, h, 2), NaN where unknown; and where it is known."""
@@ -148,20 +148,20 @@ def _on_track(
     return on_track(at_ns, stamp_ns, xy, max_gap_s * NS_PER_S)
 
 
-def needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
+def indices_of_needed_points(time_s: FloatArray, horizons_s: Sequence[float]) -> npt.NDArray[np.intp]:
     """Increasing indices of the points that errors at the horizons depend on, and of the first and last point."""
-    after = _points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
+    after = _indices_of_points_after(time_s, np.asarray(horizons_s, dtype=np.float64))
     return np.unique(np.concatenate([[0], after - 1, after, [len(time_s) - 1]]))
 
 
-def _points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
+def _indices_of_points_after(time_s: FloatArray, horizon_s: FloatArray) -> npt.NDArray[np.intp]:
     """Index of the first point at or after each horizon, from 1 to the last point, (h,)."""
     return np.clip(np.searchsorted(time_s, horizon_s - 1e-9), 1, len(time_s) - 1)
 
 
-def _at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
+def _interpolate_at_horizons(paths: Paths, horizon_s: FloatArray) -> dict[str, FloatArray]:
     """Point, heading and covariance of each path at the horizons, linear between points, (n, h) each."""
-    after = _points_after(paths.time_s, horizon_s)
+    after = _indices_of_points_after(paths.time_s, horizon_s)
     share = (horizon_s - paths.time_s[after - 1]) / (paths.time_s[after] - paths.time_s[after - 1])
 
     def interpolate(values: FloatArray) -> FloatArray:

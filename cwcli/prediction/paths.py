@@ -35,7 +35,7 @@ class Paths:
     def __len__(self) -> int:
         return len(self.x_m)
 
-    def at(self, points: npt.NDArray[np.intp]) -> Paths:
+    def select_points(self, points: npt.NDArray[np.intp]) -> Paths:
         """The paths at some of their times."""
         return Paths(
             self.time_s[points],
@@ -60,7 +60,7 @@ class Paths:
         )
 
 
-def stacked(sets: Sequence[Paths]) -> Paths:
+def stack_paths(sets: Sequence[Paths]) -> Paths:
     """Stack sets of paths over the same times, one below the other; a `core_factor` is left out."""
     if len(sets) == 1:
         return sets[0]

@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import Discretisation, rollout, time_grid
-from cwcli.prediction.scales import scaled
+from cwcli.prediction.rollout import Discretisation, path_time_grid_s, roll_out_paths
+from cwcli.prediction.scales import scale_covariance_in_place
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.packed_covariances import Covariances
 
@@ -29,7 +29,8 @@ class PathPlan:
         model, horizon_s, step_s, discretisation, prior: As in `rollout`.
         state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
         acted: Shape (n, 2, k) or None, as in `rollout`.
-        log_scale: Shape (n, k, 2), of the ellipses (`calibrate.log_variance_scale`); None: they are not scaled.
+        log_scale: Shape (n, k, 2), of the ellipses (`calibrate.log_variance_scale_from_outcomes`); None: they are not
+            scaled.
     """
 
     model: str
@@ -37,7 +38,7 @@ class PathPlan:
     step_s: float
     state: FloatArray
     covariance: Covariances | None
-    acted: FloatArray | None = None
+    acting_s: FloatArray | None = None
     log_scale: FloatArray | None = None
     discretisation: Discretisation = "exact"
     prior: DriverPrior | None = None
@@ -45,7 +46,7 @@ class PathPlan:
     @property
     def time_s(self) -> FloatArray:
         """The times of each path's points, from its start."""
-        return time_grid(self.horizon_s, self.step_s)
+        return path_time_grid_s(self.horizon_s, self.step_s)
 
     def __len__(self) -> int:
         return len(self.state)
@@ -58,7 +59,7 @@ class PathPlan:
             points: The points to compute, without any scale of the covariance; None: all points, scaled.
             has_core: The paths get a `core_factor`.
         """
-        paths = rollout(
+        paths = roll_out_paths(
             self.model,
             self.state[rows],
             None if self.covariance is None else self.covariance[rows],
@@ -67,15 +68,15 @@ class PathPlan:
             discretisation=self.discretisation,
             prior=self.prior,
             points=points,
-            acted=None if self.acted is None else self.acted[rows],
+            acting_s=None if self.acting_s is None else self.acting_s[rows],
         )
         if self.log_scale is None or points is not None:
             return paths
-        return scaled(paths, self.log_scale[rows], has_core)
+        return scale_covariance_in_place(paths, self.log_scale[rows], has_core)
 
 
 @dataclass(frozen=True)
-class SomePaths:
+class SelectedPaths:
     """A selection of the paths of a plan, in any order."""
 
     plan: PathPlan

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.dynamics.samples import LateralTrack
-from cwcli.prediction.lateral import dead_reckon
+from cwcli.prediction.lateral import dead_reckon_poses
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import HEADING, MAP_FRAME, X, Y
@@ -21,7 +21,7 @@ MIN_SLIP_SPEED_MPS = 1.0
 
 
 @dataclass(frozen=True)
-class Poses:
+class VehiclePoses:
     """Positions of the car and directions of its axis.
 
     Attributes:
@@ -39,18 +39,18 @@ class Poses:
     at_yaw_rad: FloatArray
 
 
-def reckoned_poses(track: LateralTrack) -> Poses:
+def dead_reckoned_poses(track: LateralTrack) -> VehiclePoses:
     """Integrate the observed motion from the car's first state, which is the origin; NaN at frames without a state."""
-    x_m, y_m, yaw_rad = dead_reckon(track)
+    x_m, y_m, yaw_rad = dead_reckon_poses(track)
     has_state = np.isfinite(track.state[:, 0])
     first = int(np.argmax(has_state))
     dx, dy = x_m - x_m[first], y_m - y_m[first]
     cos, sin = np.cos(yaw_rad[first]), np.sin(yaw_rad[first])
     xy_m = np.where(has_state[:, None], np.column_stack([cos * dx + sin * dy, -sin * dx + cos * dy]), np.nan)
-    return Poses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
+    return VehiclePoses("the observed motion", ODOM_FRAME, track.stamp_ns, xy_m, xy_m, yaw_rad - yaw_rad[first])
 
 
-def poses_of_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> Poses:
+def poses_from_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack) -> VehiclePoses:
     """Build the poses from the ego's estimated track; the yaw is the course less the observed side slip.
 
     Args:
@@ -58,11 +58,11 @@ def poses_of_states(stamp_ns: Int64Array, state: FloatArray, track: LateralTrack
         track: The observed motion, n frames.
     """
     x_m, y_m, course_rad = resample(stamp_ns, state[:, [X, Y, HEADING]], track.stamp_ns, max_gap_s=MAX_GAP_S).T
-    yaw_rad = course_rad - slip_rad(track.state[:, 0], track.speed_mps)
-    return Poses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
+    yaw_rad = course_rad - side_slip_rad(track.state[:, 0], track.speed_mps)
+    return VehiclePoses("the ego state", MAP_FRAME, stamp_ns, state[:, :2], np.column_stack([x_m, y_m]), yaw_rad)
 
 
-def slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
+def side_slip_rad(lateral_mps: FloatArray, speed_mps: FloatArray) -> FloatArray:
     """Angle from the car's axis to its direction of motion; 0 at walking pace."""
     moves = np.abs(speed_mps) >= MIN_SLIP_SPEED_MPS
     return np.where(moves, np.arctan2(lateral_mps, np.where(moves, speed_mps, 1.0)), 0.0)

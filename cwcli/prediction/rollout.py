@@ -10,25 +10,25 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.errors import UsageError
-from cwcli.prediction.driver import DriverPrior, added_variance, held_displacement
-from cwcli.prediction.integrate import Integral, integrate
+from cwcli.prediction.driver import DriverPrior, displacement_variance_s4, fading_accel_displacement_s2
+from cwcli.prediction.integrate import IntegratedPaths, integrate_paths
 from cwcli.prediction.models import HYPOTHESES, MODELS
 from cwcli.prediction.models.base import Model
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.packed_covariances import Covariances
-from cwcli.signals.vehicle_state import ACCEL, DERIVATIVES, SPEED, YAW_RATE
+from cwcli.signals.vehicle_state import ACCEL, DERIVATIVE_INDICES, SPEED, YAW_RATE
 
 Discretisation = Literal["exact", "paper"]
 """How a model is integrated: exactly, or by song2016's recursion."""
 
-ROWS_AT_ONCE = 256
+ROWS_PER_BATCH = 256
 """Number of starts in a batch: the working arrays of one batch fit into the processor's cache."""
-DRIVER_POINTS = 501
+N_DRIVER_VARIANCE_POINTS = 501
 """Number of times at which the driver's variance over the horizon is tabulated. Chosen by hand."""
 
 
-def time_grid(horizon_s: float, step_s: float) -> FloatArray:
+def path_time_grid_s(horizon_s: float, step_s: float) -> FloatArray:
     """0, step, 2 step, ... up to the first point that reaches the horizon, shape (k,).
 
     Raises:
@@ -46,7 +46,7 @@ def time_grid(horizon_s: float, step_s: float) -> FloatArray:
     return np.arange(max(steps, 1) + 1, dtype=np.float64) * step_s
 
 
-def rollout(
+def roll_out_paths(
     model: str,
     state: FloatArray,
     covariance: Covariances | None,
@@ -56,7 +56,7 @@ def rollout(
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
     points: npt.NDArray[np.intp] | None = None,
-    acted: FloatArray | None = None,
+    acting_s: FloatArray | None = None,
 ) -> Paths:
     """Predict the paths of n starts.
 
@@ -71,10 +71,10 @@ def rollout(
         horizon_s, step_s: The last point is the first that reaches the horizon.
         discretisation: "exact" integrates the model; "paper" is song2016's recursion (eq. 2, 9, 10) with its step.
         prior: What drivers do; None: the default.
-        points: Shape (p,), increasing: which points of `time_grid` are wanted; None: all. They are the same numbers,
-            and come sooner.
-        acted: Shape (n, 2, k): for how long acceleration and yaw rate act, by `record.measured_acted`; for a model that
-            learns, others ignore it. None: no record.
+        points: Shape (p,), increasing: which points of `path_time_grid_s` are wanted; None: all. They are the same
+            numbers, and come sooner.
+        acted: Shape (n, 2, k): for how long acceleration and yaw rate act, by `record.measure_acting_time_s`; for a
+            model that learns, others ignore it. None: no record.
 
     Returns:
         Paths of shape (n, k). A row that is not finite in its state gives a row of NaN.
@@ -83,27 +83,31 @@ def rollout(
         UsageError: Unknown model, a bad horizon or step, or "paper" for a model that the paper doesn't have.
         ValueError: Shapes that don't fit.
     """
-    chosen = _model(model, discretisation)
+    chosen = _require_model(model, discretisation)
     prior = prior or DriverPrior()
     _check_shapes(state, covariance)
-    time_s = time_grid(horizon_s, step_s)
+    time_s = path_time_grid_s(horizon_s, step_s)
     kept_s = time_s if points is None else time_s[points]
     n, k = len(state), len(kept_s)
     x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
     position_covariance = np.empty((n, k, 3))
-    driver = _driver_variance(chosen, float(time_s[-1]), prior)
-    for first in range(0, n, ROWS_AT_ONCE):
-        rows = slice(first, first + ROWS_AT_ONCE)
+    driver = _tabulate_driver_variance(chosen, float(time_s[-1]), prior)
+    for first in range(0, n, ROWS_PER_BATCH):
+        rows = slice(first, first + ROWS_PER_BATCH)
         start = state[rows]
         start_covariance = None if covariance is None else covariance[rows]
-        own = acted[rows] if acted is not None and chosen.learns else None
+        own = acting_s[rows] if acting_s is not None and chosen.learns else None
         trust = np.ones((len(start), 4)) if own is not None else chosen.trust(start, start_covariance, prior)
         trust = trust * np.array(chosen.uses)
-        path = integrate(chosen, _trusted(start, trust), time_s, prior, discretisation, points, own)
+        path = integrate_paths(
+            chosen, _scale_derivatives_by_trust(start, trust), time_s, prior, discretisation, points, own
+        )
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
-        out = _driver_noise(path, start, start_covariance, prior.trust(start, start_covariance), driver, prior)
+        out = _driver_position_covariance(
+            path, start, start_covariance, prior.trust_in_derivatives(start, start_covariance), driver, prior
+        )
         if start_covariance is not None:
-            out += _carried(path.jacobian, _shrunk(start_covariance, trust))
+            out += _propagate_position_covariance(path.jacobian, _scale_covariance_by_trust(start_covariance, trust))
         position_covariance[rows] = out
     return Paths(kept_s, x, y, heading, speed, position_covariance)
 
@@ -118,27 +122,29 @@ def path_jacobian(
     prior: DriverPrior | None = None,
 ) -> FloatArray:
     """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
-    chosen = _model(model, discretisation)
+    chosen = _require_model(model, discretisation)
     prior = prior or DriverPrior()
     _check_shapes(state, None)
     trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
-    path = integrate(chosen, _trusted(state, trust), time_grid(horizon_s, step_s), prior, discretisation)
+    path = integrate_paths(
+        chosen, _scale_derivatives_by_trust(state, trust), path_time_grid_s(horizon_s, step_s), prior, discretisation
+    )
     jacobian = np.moveaxis(path.jacobian, 0, 2)
-    jacobian[..., DERIVATIVES] *= trust[:, None, None, :]
+    jacobian[..., DERIVATIVE_INDICES] *= trust[:, None, None, :]
     return jacobian
 
 
-def check_request(model: str, discretisation: Discretisation, horizon_s: float, step_s: float) -> None:
+def check_rollout_options(model: str, discretisation: Discretisation, horizon_s: float, step_s: float) -> None:
     """Check what can be checked without a state.
 
     Raises:
         UsageError: As `rollout`.
     """
-    _model(model, discretisation)
-    time_grid(horizon_s, step_s)
+    _require_model(model, discretisation)
+    path_time_grid_s(horizon_s, step_s)
 
 
-def _model(name: str, discretisation: Discretisation) -> Model:
+def _require_model(name: str, discretisation: Discretisation) -> Model:
     """The model of this name; a `UsageError` if it is unknown or has no form in this discretisation."""
     model = HYPOTHESES[name] if name in HYPOTHESES else MODELS.require(name)
     if discretisation == "paper" and not model.in_paper:
@@ -154,22 +160,22 @@ def _check_shapes(state: FloatArray, covariance: Covariances | None) -> None:
         raise ValueError(f"covariance has shape {covariance.shape}, not ({len(state)}, 8, 8)")
 
 
-def _trusted(state: FloatArray, trust: FloatArray) -> FloatArray:
+def _scale_derivatives_by_trust(state: FloatArray, trust: FloatArray) -> FloatArray:
     """Multiply each derivative of the states by its trust (n, 4); one with trust 0 becomes 0, even if it is NaN."""
     out = state.copy()
-    out[:, DERIVATIVES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVES] * trust)
+    out[:, DERIVATIVE_INDICES] = np.where(trust == 0.0, 0.0, state[:, DERIVATIVE_INDICES] * trust)
     return out
 
 
-def _shrunk(covariance: FloatArray, trust: FloatArray) -> FloatArray:
+def _scale_covariance_by_trust(covariance: FloatArray, trust: FloatArray) -> FloatArray:
     """Scale the derivatives' variances by their trust g (the posterior's g P); correlations stay; (n, 8, 8)."""
     scale = np.ones(covariance.shape[:2])
-    scale[:, DERIVATIVES] = np.sqrt(trust)
+    scale[:, DERIVATIVE_INDICES] = np.sqrt(trust)
     both = scale[:, :, None] * scale[:, None, :]
     return np.where(both == 0.0, 0.0, covariance * both)
 
 
-def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
+def _propagate_position_covariance(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
     """Position covariances J P J' along the paths as xx, xy, yy, (n, k, 3), from Jacobians (2, n, k, 8)."""
     to_x, to_y = jacobian
     by_x = np.matmul(to_x, covariance)
@@ -180,7 +186,7 @@ def _carried(jacobian: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class _DriverVariance:
+class _DriverDisplacementVariance:
     """Displacement variance per unit acceleration variance on a fine grid of times, s^4.
 
     Attributes:
@@ -197,34 +203,37 @@ class _DriverVariance:
 
 
 @lru_cache(maxsize=64)
-def _driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverVariance:
+def _tabulate_driver_variance(model: Model, horizon_s: float, prior: DriverPrior) -> _DriverDisplacementVariance:
     """Tabulate the driver's displacement variance of a model over the horizon."""
-    time_s = np.linspace(0.0, horizon_s, DRIVER_POINTS)
+    time_s = np.linspace(0.0, horizon_s, N_DRIVER_VARIANCE_POINTS)
     out = model.responses(time_s, prior)
-    along, cross = (_running_integral(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
+    along, cross = (_cumulative_trapezoid(r, time_s) for r in (out.speed_to_accel, out.heading_to_yaw_rate))
     if model.learns:  # the part that its gains leave out did not follow on earlier drives
-        along, cross = held_displacement(time_s, prior.accel_time_s), held_displacement(time_s, prior.yaw_time_s)
-    return _DriverVariance(
+        along, cross = (
+            fading_accel_displacement_s2(time_s, prior.accel_time_s),
+            fading_accel_displacement_s2(time_s, prior.yaw_time_s),
+        )
+    return _DriverDisplacementVariance(
         time_s,
-        along_added=added_variance(time_s, prior.accel_time_s),
-        cross_added=added_variance(time_s, prior.yaw_time_s),
-        along_ignored=(held_displacement(time_s, prior.accel_time_s) - along) ** 2,
-        cross_ignored=(held_displacement(time_s, prior.yaw_time_s) - cross) ** 2,
+        along_added=displacement_variance_s4(time_s, prior.accel_time_s),
+        cross_added=displacement_variance_s4(time_s, prior.yaw_time_s),
+        along_ignored=(fading_accel_displacement_s2(time_s, prior.accel_time_s) - along) ** 2,
+        cross_ignored=(fading_accel_displacement_s2(time_s, prior.yaw_time_s) - cross) ** 2,
     )
 
 
-def _running_integral(values: FloatArray, time_s: FloatArray) -> FloatArray:
+def _cumulative_trapezoid(values: FloatArray, time_s: FloatArray) -> FloatArray:
     """Trapezoidal running integral from 0, shape (k,)."""
     steps = 0.5 * (values[1:] + values[:-1]) * np.diff(time_s)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _driver_noise(
-    path: Integral,
+def _driver_position_covariance(
+    path: IntegratedPaths,
     start: FloatArray,
     covariance: FloatArray | None,
     trust: FloatArray,
-    driver: _DriverVariance,
+    driver: _DriverDisplacementVariance,
     prior: DriverPrior,
 ) -> FloatArray:
     """Position covariance that the driver adds, in map axes, (m, k, 3); it grows while the car moves.
@@ -239,11 +248,15 @@ def _driver_noise(
     if covariance is not None:
         accel_m2ps4 += trust[:, 0] * covariance[:, ACCEL, ACCEL]
         yaw_rate_rad2ps2 += trust[:, 2] * covariance[:, YAW_RATE, YAW_RATE]
-    along_m2 = _spread(path.moving_s, driver.time_s, driver.along_added, prior.along_sigma_mps2(start, trust))
-    along_m2 += _spread(path.moving_s, driver.time_s, driver.along_ignored, np.sqrt(accel_m2ps4))
-    cross_m2 = _spread(path.moving_s, driver.time_s, driver.cross_added, prior.cross_sigma_mps2(start, trust))
+    along_m2 = _interpolate_variance_m2(
+        path.moving_s, driver.time_s, driver.along_added, prior.along_accel_sigma_mps2(start, trust)
+    )
+    along_m2 += _interpolate_variance_m2(path.moving_s, driver.time_s, driver.along_ignored, np.sqrt(accel_m2ps4))
+    cross_m2 = _interpolate_variance_m2(
+        path.moving_s, driver.time_s, driver.cross_added, prior.cross_accel_sigma_mps2(start, trust)
+    )
     ignored = np.abs(start[:, SPEED]) * np.sqrt(yaw_rate_rad2ps2)
-    cross_m2 += _spread(path.moving_s, driver.time_s, driver.cross_ignored, ignored)
+    cross_m2 += _interpolate_variance_m2(path.moving_s, driver.time_s, driver.cross_ignored, ignored)
     cosine, sine = np.cos(path.heading_rad), np.sin(path.heading_rad)
     xx = along_m2 * cosine**2 + cross_m2 * sine**2
     yy = along_m2 * sine**2 + cross_m2 * cosine**2
@@ -251,7 +264,9 @@ def _driver_noise(
     return np.stack([xx, xy, yy], axis=-1)
 
 
-def _spread(moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray) -> FloatArray:
+def _interpolate_variance_m2(
+    moving_s: FloatArray, time_s: FloatArray, variance_s4: FloatArray, sigma_mps2: FloatArray
+) -> FloatArray:
     """Interpolate tabulated variances at the moving times (m, k) and scale them with the sigmas (m,), m^2."""
     rows = moving_s[:1] if moving_s.strides[0] == 0 else moving_s  # one row for all cars that do not stop
     return np.asarray(np.interp(rows, time_s, variance_s4) * sigma_mps2[:, None] ** 2)

@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 
-def row_products(weights: FloatArray, rows: FloatArray) -> FloatArray:
+def multiply_rows_reproducibly(weights: FloatArray, rows: FloatArray) -> FloatArray:
     """`weights @ rows`, (n, k) times (k, m), for a small k.
 
     BLAS adds in an order that depends on the number of rows. The last bit of a path would then depend on what comes

@@ -6,35 +6,40 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.prediction.fleet import KNOTS_S
+from cwcli.prediction.fleet import HORIZON_KNOTS_S
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import ROWS_AT_ONCE
-from cwcli.prediction.row_products import row_products
+from cwcli.prediction.rollout import ROWS_PER_BATCH
+from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.signals.columns import FloatArray
 
 
-def knots_s(horizon_s: float) -> FloatArray:
+def scale_knots_s(horizon_s: float) -> FloatArray:
     """Times (s) at which the scale of paths of this horizon is measured, shape (k,): the knots up to the path's end."""
-    return np.asarray([*(knot for knot in KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(KNOTS_S[-1]))])
+    return np.asarray(
+        [*(knot for knot in HORIZON_KNOTS_S if knot < horizon_s - 1e-9), min(horizon_s, float(HORIZON_KNOTS_S[-1]))]
+    )
 
 
-def between_knots(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
+def interpolate_log_scale(log_scale: FloatArray, time_s: FloatArray) -> FloatArray:
     """Interpolate the log scale from the knots (n, k) to the times of the paths, (n, times)."""
-    knots = np.concatenate([[0.0], knots_s(float(time_s[-1]))])
+    knots = np.concatenate([[0.0], scale_knots_s(float(time_s[-1]))])
     hats = np.stack([np.interp(time_s, knots, row) for row in np.eye(len(knots))[1:]])
-    return row_products(log_scale, hats)
+    return multiply_rows_reproducibly(log_scale, hats)
 
 
-def scaled(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
+def scale_covariance_in_place(paths: Paths, log_scale: FloatArray, has_core: bool) -> Paths:
     """Scale the covariance of the paths in place; with `has_core` the result has the factor for the 50 % ellipse."""
     core_factor = np.empty(paths.x_m.shape) if has_core else None
-    for first in range(0, len(paths), ROWS_AT_ONCE):
-        rows = slice(first, first + ROWS_AT_ONCE)
-        covariance, whole = paths.position_covariance_m2[rows], between_knots(log_scale[rows, :, 1], paths.time_s)
+    for first in range(0, len(paths), ROWS_PER_BATCH):
+        rows = slice(first, first + ROWS_PER_BATCH)
+        covariance, whole = (
+            paths.position_covariance_m2[rows],
+            interpolate_log_scale(log_scale[rows, :, 1], paths.time_s),
+        )
         factor = np.exp(whole)
         kept = np.maximum(1.0 - factor, 0.0)[..., None] * covariance[:, :1]
         covariance *= factor[..., None]
         covariance += kept
         if core_factor is not None:
-            core_factor[rows] = np.exp(between_knots(log_scale[rows, :, 0], paths.time_s) - whole)
+            core_factor[rows] = np.exp(interpolate_log_scale(log_scale[rows, :, 0], paths.time_s) - whole)
     return replace(paths, core_factor=core_factor)

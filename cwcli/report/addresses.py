@@ -1,4 +1,4 @@
-"""Where a run's warnings and conflicts stand in its page: links for what other commands write."""
+"""Links from what other commands write to a run's warnings and conflicts in its page."""
 
 from __future__ import annotations
 
@@ -8,35 +8,36 @@ from urllib.parse import quote
 
 from cwcli.errors import CwcliError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.gates import Check
+from cwcli.metrics.gates import GateCheck
 from cwcli.report.drive import read_drive
-from cwcli.report.encounters import find_meetings
-from cwcli.report.pairs import link_texts, warning_marks
-from cwcli.report.source import Entry, read_run
-from cwcli.report.story import name_of, verdict_badge
-from cwcli.report.tables import MAX_ROWS
+from cwcli.report.encounters import find_encounters
+from cwcli.report.pairs import unwarned_conflict_links, warning_anchor_names
+from cwcli.report.source import LogEntry, read_reported_run
+from cwcli.report.story import name_of_other, verdict_badge
+from cwcli.report.tables import MAX_TABLE_ROWS
 
-MAX_LINKS = 20
-"""Of one check."""
-MAX_LOGS = 20
-"""That are read for links; each takes about as long as it takes to judge its warnings."""
-KEPT = "/:?=&%~.-_+@,;"
-"""What stands in an address as it is; the rest, brackets and spaces among it, is escaped."""
-ABOUT = "warnings."
-"""What the names of metrics of warnings and conflicts begin with."""
+MAX_LINKS_PER_CHECK = 20
+"""The greatest number of links that are given for one check. Chosen by hand; not fitted."""
+MAX_LOGS_READ_FOR_LINKS = 20
+"""The greatest number of logs that are read for links, as judging the warnings of each takes time.
+Chosen by hand; not fitted."""
+UNESCAPED_URL_CHARACTERS = "/:?=&%~.-_+@,;"
+"""Characters that stay as they are in an address; all others, such as brackets and spaces, are escaped."""
+WARNING_METRIC_PREFIX = "warnings."
+"""The beginning of the names of all metrics of warnings and conflicts."""
 
 
 @dataclass(frozen=True)
-class Link:
-    """A warning or a conflict: in words, and its address in the page."""
+class PageLink:
+    """A link to a warning or a conflict: its description and its address in the page."""
 
     words: str
     address: str
 
 
 @dataclass(frozen=True)
-class Difference:
-    """A warning or a conflict that is not in two runs as it was.
+class WarningDifference:
+    """A warning or conflict that two runs do not have alike.
 
     Attributes:
         change: `new`, `gone`, or `other`: with another verdict.
@@ -50,8 +51,8 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Differing:
-    """What differs between two runs.
+class WarningDifferences:
+    """The warnings and conflicts by which two runs differ.
 
     Attributes:
         listed: At most MAX_LINKS, what is new first.
@@ -61,7 +62,7 @@ class Differing:
         n_left_out: How many logs of both runs were not looked at, as they are more than MAX_LOGS.
     """
 
-    listed: tuple[Difference, ...]
+    listed: tuple[WarningDifference, ...]
     n: int
     n_logs: int
     unread: tuple[str, ...] = ()
@@ -69,15 +70,15 @@ class Differing:
 
 
 @dataclass(frozen=True)
-class Marked:
-    """What has an anchor in a page: its name there, in words, and the kind of its verdict."""
+class LinkTarget:
+    """A warning or conflict that has an anchor in a page: the anchor's name, a description, and the verdict."""
 
-    mark: str
+    anchor_name: str
     words: str
     verdict: str
 
 
-class Addresses:
+class PageAddresses:
     """Links into the page that `cwcli report` makes of a run."""
 
     def __init__(self, source: str, page: str) -> None:
@@ -96,35 +97,40 @@ class Addresses:
         if source == "-" or Path(source).suffix.lower() == ".parquet":
             raise UsageError("--report-at needs the annotated logs as files, to find their warnings in", where=source)
         self._source = source
-        self._run = read_run(source)
-        self._page = quote(page.strip(), safe=KEPT)
-        self._known: dict[str, list[Link]] = {}
+        self._run = read_reported_run(source)
+        self._page = quote(page.strip(), safe=UNESCAPED_URL_CHARACTERS)
+        self._known: dict[str, list[PageLink]] = {}
 
-    def of_check(self, gate: str, check: Check) -> list[Link]:
-        """The warnings and conflicts that a gate on warnings asked about: those of its log, or of all logs."""
-        if ABOUT not in gate and ABOUT not in check.detail:
+    def links_of_check(self, gate: str, check: GateCheck) -> list[PageLink]:
+        """Return links to the warnings and conflicts that a gate asks about, of its log or of all logs."""
+        if WARNING_METRIC_PREFIX not in gate and WARNING_METRIC_PREFIX not in check.detail:
             return []
         is_any = not check.log or not self._run.is_folder
         entries = [entry for entry in self._run.entries if is_any or entry.id == check.log]
-        found: list[Link] = []
-        for entry in entries[:MAX_LOGS]:
-            found += self._of_log(entry)
-            if len(found) >= MAX_LINKS:
+        found: list[PageLink] = []
+        for entry in entries[:MAX_LOGS_READ_FOR_LINKS]:
+            found += self._links_of_log(entry)
+            if len(found) >= MAX_LINKS_PER_CHECK:
                 break
-        return found[:MAX_LINKS]
+        return found[:MAX_LINKS_PER_CHECK]
 
-    def _of_log(self, entry: Entry) -> list[Link]:
+    def _links_of_log(self, entry: LogEntry) -> list[PageLink]:
+        """Return the links of a log, which is read once; none of more than `MAX_LOGS_READ_FOR_LINKS` logs."""
         if entry.id not in self._known:
-            is_unread = entry.log is None or entry.has_failed or len(self._known) >= MAX_LOGS
-            self._known[entry.id] = [] if is_unread else self._read(entry)
+            is_unread = entry.log is None or entry.has_failed or len(self._known) >= MAX_LOGS_READ_FOR_LINKS
+            self._known[entry.id] = [] if is_unread else self._read_links(entry)
         return self._known[entry.id]
 
-    def _read(self, entry: Entry) -> list[Link]:
+    def _read_links(self, entry: LogEntry) -> list[PageLink]:
+        """Read a log's warnings and conflicts as links."""
         whose = f"{entry.id}: " if len(self.entries) > 1 else ""
-        return [Link(f"{whose}{each.words}", self.address(each.mark)) for each in self.marked(entry) or ()]
+        return [
+            PageLink(f"{whose}{each.words}", self.address_of_anchor(each.anchor_name))
+            for each in self.read_link_targets(entry) or ()
+        ]
 
-    def marked(self, entry: Entry, name: str = "") -> list[Marked] | None:
-        """What has an anchor of one log; None of one that has failed or can't be read.
+    def read_link_targets(self, entry: LogEntry, name: str = "") -> list[LinkTarget] | None:
+        """Read which warnings and conflicts of a log have an anchor; None if the log failed or can't be read.
 
         Args:
             entry: The log.
@@ -134,12 +140,12 @@ class Addresses:
             return None
         try:
             with Log.open(str(entry.log) if self.is_folder else self._source) as log:
-                return _marked(log, name or self.name_of(entry))
+                return _find_link_targets(log, name or self.anchor_log_name(entry))
         except CwcliError:
             return None
 
-    def name_of(self, entry: Entry) -> str:
-        """What the anchors of a log are made of.
+    def anchor_log_name(self, entry: LogEntry) -> str:
+        """Return the log's name that its anchors are derived from.
 
         Raises:
             InputError: The log can't be read.
@@ -149,26 +155,26 @@ class Addresses:
         with Log.open(self._source) as log:
             return log.name.rpartition("/")[2]
 
-    def address(self, mark: str) -> str:
-        """Of an anchor."""
-        return f"{self._page}#{mark}"
+    def address_of_anchor(self, anchor_name: str) -> str:
+        """Return the address of an anchor in the page."""
+        return f"{self._page}#{anchor_name}"
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
-        """The logs."""
+    def entries(self) -> tuple[LogEntry, ...]:
+        """The logs of the run."""
         return self._run.entries
 
     @property
     def is_folder(self) -> bool:
-        """The run is the output of `cwcli run -d`."""
+        """Whether the run is the output of `cwcli run -d`."""
         return self._run.is_folder
 
 
-def differences(early: Addresses, late: Addresses) -> Differing:
-    """The warnings and missed conflicts by which two runs differ; logs are paired by their ids, two single logs always.
+def compare_warnings_of_runs(early: PageAddresses, late: PageAddresses) -> WarningDifferences:
+    """Compare the warnings and missed conflicts of two runs; logs are paired by id, two single logs always.
 
-    A warning is the same one where its name is (`cwcli.report.marks`): whom it was of, by which rule, and how many such
-    came before it.
+    A warning is the same one where its name is (`cwcli.report.anchor_names`): whom it was of, by which rule, and how
+    many such came before it.
 
     Args:
         early, late: Two runs. Links are to the later one's page.
@@ -177,41 +183,46 @@ def differences(early: Addresses, late: Addresses) -> Differing:
     if not (early.is_folder or late.is_folder):
         known = {entry.id: early.entries[0] for entry in late.entries}
     pairs = [(known[entry.id], entry) for entry in late.entries if entry.id in known]
-    found: dict[str, list[Difference]] = {"new": [], "other": [], "gone": []}
+    found: dict[str, list[WarningDifference]] = {"new": [], "other": [], "gone": []}
     unread = []
-    for first, entry in pairs[:MAX_LOGS]:
-        name = late.name_of(entry)
-        before, after = early.marked(first, name), late.marked(entry, name)
+    for first, entry in pairs[:MAX_LOGS_READ_FOR_LINKS]:
+        name = late.anchor_log_name(entry)
+        before, after = early.read_link_targets(first, name), late.read_link_targets(entry, name)
         if before is None or after is None:
             unread.append(entry.id)
             continue
-        was, now = ({each.mark: each for each in marked} for marked in (before, after))
+        was, now = ({each.anchor_name: each for each in marked} for marked in (before, after))
         whose = f"{entry.id}: " if len(late.entries) > 1 else ""
         for mark, each in now.items():
             words = f"{whose}{each.words}"
             if mark not in was:
-                found["new"].append(Difference("new", words, late.address(mark)))
+                found["new"].append(WarningDifference("new", words, late.address_of_anchor(mark)))
             elif was[mark].verdict != each.verdict:
                 words += f" (before: {was[mark].verdict})"
-                found["other"].append(Difference("other", words, late.address(mark)))
+                found["other"].append(WarningDifference("other", words, late.address_of_anchor(mark)))
         found["gone"] += [
-            Difference("gone", f"{whose}{each.words}", "") for mark, each in was.items() if mark not in now
+            WarningDifference("gone", f"{whose}{each.words}", "") for mark, each in was.items() if mark not in now
         ]
     every = [each for kind in found.values() for each in kind]
-    n_read = len(pairs[:MAX_LOGS])
-    return Differing(tuple(every[:MAX_LINKS]), len(every), n_read - len(unread), tuple(unread), len(pairs) - n_read)
+    n_read = len(pairs[:MAX_LOGS_READ_FOR_LINKS])
+    return WarningDifferences(
+        tuple(every[:MAX_LINKS_PER_CHECK]), len(every), n_read - len(unread), tuple(unread), len(pairs) - n_read
+    )
 
 
-def _marked(log: Log, name: str) -> list[Marked]:
-    """Name and words of what has an anchor in the page: what went wrong first, then the warnings that came true."""
-    meetings = find_meetings(read_drive(log))
-    right: list[Marked] = []
-    wrong: list[Marked] = []
-    named = zip(warning_marks(name, meetings), meetings.encounters, strict=True)
-    for mark, encounter in list(named)[:MAX_ROWS]:
+def _find_link_targets(log: Log, name: str) -> list[LinkTarget]:
+    """Find what has an anchor in a log's page: false and missed warnings first, then those that came true."""
+    drive_encounters = find_encounters(read_drive(log))
+    right: list[LinkTarget] = []
+    wrong: list[LinkTarget] = []
+    named = zip(warning_anchor_names(name, drive_encounters), drive_encounters.encounters, strict=True)
+    for mark, encounter in list(named)[:MAX_TABLE_ROWS]:
         badge = verdict_badge(encounter)
-        told = right if badge.tone == "alert" else wrong
-        words = f"warning {encounter.event_id}, {name_of(encounter)}: {badge.text}"
-        told.append(Marked(mark, words, badge.text.partition(",")[0]))
-    missed = [Marked(mark, f"{words}: not warned of", "not warned of") for mark, words in link_texts(meetings, name)]
+        targets = right if badge.tone == "alert" else wrong
+        words = f"warning {encounter.event_id}, {name_of_other(encounter)}: {badge.text}"
+        targets.append(LinkTarget(mark, words, badge.text.partition(",")[0]))
+    missed = [
+        LinkTarget(mark, f"{words}: not warned of", "not warned of")
+        for mark, words in unwarned_conflict_links(drive_encounters, name)
+    ]
     return [*wrong, *missed, *right]

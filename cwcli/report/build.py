@@ -1,4 +1,4 @@
-"""From a run to its page: which logs get how much of it, and what is left out."""
+"""Builds the page of a run: how much of it each log gets, and what is left out."""
 
 from __future__ import annotations
 
@@ -12,40 +12,56 @@ import numpy as np
 from cwcli.channels.published import EGO_PATH, WARNINGS
 from cwcli.channels.warning import read_warnings
 from cwcli.errors import CwcliError
-from cwcli.evaluation.system.topics import System
-from cwcli.fleet.folder import id_of_annotated
-from cwcli.fleet.results import read_metrics
+from cwcli.evaluation.system.topics import OtherSystemTopics
+from cwcli.fleet.folder import log_id_of_annotated_file
+from cwcli.fleet.results import read_run_metrics
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.gates import GateResult, check_gates
-from cwcli.metrics.pooling import MetricRow, rows_of
-from cwcli.pipeline.records import run_records
+from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
+from cwcli.pipeline.records import read_run_records
 from cwcli.report.drive import read_drive, require_results
-from cwcli.report.encounters import find_meetings
-from cwcli.report.gates import badge_of_run, badges_of_log, gate_views
-from cwcli.report.overview import MAX_BYTES, Candidate, Report, assemble, footer, log_metrics
-from cwcli.report.page import Page, Renderer
-from cwcli.report.pooled import FoundSource, sources_in
-from cwcli.report.section import Detail, log_view
-from cwcli.report.sensors import doubts, first_remark
-from cwcli.report.source import Entry, Run, read_run
-from cwcli.report.story import Badge, Story, tell
-from cwcli.report.system import judged_system, system_sentences
-from cwcli.report.tiles import Tiles
+from cwcli.report.encounters import find_encounters
+from cwcli.report.gates import build_gate_views, gate_badge_of_run, gate_badges_of_log
+from cwcli.report.overview import (
+    MAX_PAGE_BYTES,
+    LogCandidate,
+    Report,
+    assemble_run_report,
+    footer_sentences,
+    log_metrics_of_entry,
+)
+from cwcli.report.page import PageContent, PageRenderer
+from cwcli.report.pooled import SourceInLog, read_ego_sources
+from cwcli.report.section import DetailLevel, build_log_view
+from cwcli.report.sensors import reasons_for_doubt, sensor_remarks_sentence
+from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
+from cwcli.report.story import Badge, Story, build_story
+from cwcli.report.system import judge_other_system, other_system_sentences
+from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
 from cwcli.warning.rows import RAISED
 
-OPEN_LOGS = 3
-"""In a run of no more logs than this, all are shown unfolded; in larger ones the first."""
-FEW_LOGS = 5
-PER_ROW_BYTES = 900
-MAX_PATHS = 20_000
-MAX_MISFITS = 5
-"""After so many logs that do not fit any more, the others are not tried."""
-MAX_STORY = 400
-FOLDED = Detail(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
-TIGHT = Detail(
+MAX_UNFOLDED_LOGS = 3
+"""Runs of at most this many logs are shown with every log unfolded; in larger ones only the first is.
+Chosen by hand; not fitted."""
+MAX_LOGS_IN_FULL_DETAIL = 5
+"""Runs of at most this many logs are first tried with full detail of each log. Chosen by hand; not fitted."""
+OVERVIEW_ROW_BYTES = 900
+"""Space that is reserved for one row of the overview table, in bytes. Estimated by hand."""
+MAX_PATHS_TO_EVALUATE = 20_000
+"""Metrics that no gate needs are not computed for logs of more predicted paths, as it takes longer than the page.
+Chosen by hand; not fitted."""
+MAX_LOGS_TOO_LARGE = 5
+"""After this many logs whose section exceeds the remaining bytes, no further log is tried.
+Chosen by hand; not fitted."""
+MAX_STORY_CHARACTERS = 400
+"""The greatest length of a log's description in the overview table, in characters. Chosen by hand; not fitted."""
+FOLDED_DETAIL = DetailLevel(n_pieces=250, n_events=3, n_frame_events=1, n_frames=3, n_moments=0, has_all_metrics=False)
+"""The detail of logs in runs of more than `MAX_LOGS_IN_FULL_DETAIL` logs. Chosen by hand; not fitted."""
+MINIMAL_DETAIL = DetailLevel(
     n_pieces=150, n_events=1, n_frame_events=1, n_frames=2, n_moments=0, has_all_metrics=False, has_residuals=False
 )
+"""The least detail that is tried before a log is left without figures. Chosen by hand; not fitted."""
 Progress = Callable[[str], None]
 
 
@@ -53,12 +69,12 @@ def build_report(
     source: str,
     *,
     gates: Sequence[str] = (),
-    system: System | None = None,
-    tiles: Tiles | None = None,
+    system: OtherSystemTopics | None = None,
+    tiles: TileServer | None = None,
     recover: bool = False,
     progress: Progress | None = None,
 ) -> Report:
-    """Make the page.
+    """Build the HTML page of a run or of one annotated log.
 
     Args:
         source: An output folder of `cwcli run -d`, or one annotated log.
@@ -75,94 +91,104 @@ def build_report(
             there.
     """
     say = progress or (lambda text: None)
-    renderer = Renderer(tiles)
-    run = read_run(source)
+    renderer = PageRenderer(tiles)
+    run = read_reported_run(source)
     if system is not None and run.is_folder:
-        run = _scored_again(run, source, system, say)
+        run = _replace_metrics_with_system(run, source, system, say)
     gates = [*run.gates, *gates]
     if len(run.entries) == 1 and not run.entries[0].has_failed and run.entries[0].log is not None:
         source = source if not run.is_folder else str(run.entries[0].log)
-        return _of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
-    results = check_gates(gates, [log_metrics(each) for each in run.entries])
-    candidates = sorted((_candidate(each, results) for each in run.entries), key=_order)
-    is_few = len(candidates) <= FEW_LOGS
-    budget = MAX_BYTES - renderer.fixed_bytes - PER_ROW_BYTES * len(candidates) - 20_000
+        return _build_report_of_one_log(run, source, gates, renderer, say, system=system, recover=recover)
+    results = check_gates(gates, [log_metrics_of_entry(each) for each in run.entries])
+    candidates = sorted((_build_candidate(each, results) for each in run.entries), key=_candidate_sort_key)
+    is_few = len(candidates) <= MAX_LOGS_IN_FULL_DETAIL
+    budget = MAX_PAGE_BYTES - renderer.fixed_size_bytes - OVERVIEW_ROW_BYTES * len(candidates) - 20_000
     sections: list[str] = []
     n_misfits = 0
     shown = [candidate for candidate in candidates if candidate.entry.log is not None]
     for index, candidate in enumerate(shown):
         say(candidate.entry.name)
-        is_open = len(shown) <= OPEN_LOGS or index == 0
-        made = _section(candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open)
+        is_open = len(shown) <= MAX_UNFOLDED_LOGS or index == 0
+        made = _render_section_within_budget(
+            candidate, f"log-{index + 1}", renderer, budget, system, is_few=is_few, is_open=is_open
+        )
         if made is None:
             n_misfits += 1
-            if n_misfits == MAX_MISFITS:
+            if n_misfits == MAX_LOGS_TOO_LARGE:
                 break
             continue
         candidate.anchor = f"log-{index + 1}"
         sections.append(made)
         budget -= len(made.encode())
-        if budget < PER_ROW_BYTES:
+        if budget < OVERVIEW_ROW_BYTES:
             break
-    return assemble(run, candidates, results, sections, renderer)
+    return assemble_run_report(run, candidates, results, sections, renderer)
 
 
-def _of_one_log(
-    run: Run,
+def _build_report_of_one_log(
+    run: ReportedRun,
     source: str,
     gates: Sequence[str],
-    renderer: Renderer,
+    renderer: PageRenderer,
     say: Progress,
     *,
-    system: System | None,
+    system: OtherSystemTopics | None,
     recover: bool,
 ) -> Report:
-    """The page of one annotated log."""
+    """Build the page of one annotated log."""
     say(run.name)
     entry = run.entries[0]
     with Log.open(source, recover=recover) as log:
         require_results(log)
         if not run.is_folder:
-            name = id_of_annotated(Path(source)) or log.name.rpartition("/")[2]
-            entry = Entry(entry.id, name, log.name, entry.log, metrics=_evaluated(log, system, is_needed=bool(gates)))
-        results = check_gates(gates, [log_metrics(entry)])
+            name = log_id_of_annotated_file(Path(source)) or log.name.rpartition("/")[2]
+            entry = LogEntry(
+                entry.id,
+                name,
+                log.name,
+                entry.log,
+                metrics=_evaluate_headline_metrics(log, system, is_needed=bool(gates)),
+            )
+        results = check_gates(gates, [log_metrics_of_entry(entry)])
         section, story, badges = "", None, []
-        for detail in (Detail(), Detail(n_pieces=400), FOLDED, TIGHT):
-            view = _view(log, entry, "log-1", [], detail, system, is_alone=True, is_open=True)
+        for detail in (DetailLevel(), DetailLevel(n_pieces=400), FOLDED_DETAIL, MINIMAL_DETAIL):
+            view = _read_and_build_log_view(log, entry, "log-1", [], detail, system, is_alone=True, is_open=True)
             if not entry.metrics:
                 note = "No metrics are shown; `cwcli evaluate` computes them."
                 view = replace(view, notes=(*view.notes, note))
-            story, section = view.story, renderer.log(view)
-            if renderer.fixed_bytes + len(section.encode()) < MAX_BYTES - 20_000:
+            story, section = view.story, renderer.render_log_section(view)
+            if renderer.fixed_size_bytes + len(section.encode()) < MAX_PAGE_BYTES - 20_000:
                 break
     assert story is not None
-    badges = [badge_of_run(results), *story.badges]
-    page = Page(
+    badges = [gate_badge_of_run(results), *story.badges]
+    page = PageContent(
         title=entry.name,
         headline=story.headline,
         sentences=(" ".join(story.more),),
         badges=tuple(badges),
-        gates=tuple(gate_views(results)),
+        gates=tuple(build_gate_views(results)),
         columns=(),
         rows=(),
-        footer=footer(renderer.tiles),
+        footer=footer_sentences(renderer.tiles),
     )
-    html = renderer.page(page, [section]).encode()
-    n_failed = int(any(result.failed for result in results))
+    html = renderer.render_page(page, [section]).encode()
+    n_failed = int(any(result.failed_checks for result in results))
     return Report(html, n_logs=1, n_detailed=1, n_failed=n_failed, left_out=())
 
 
-def _scored_again(run: Run, source: str, system: System, say: Progress) -> Run:
-    """The run with the metrics of another system among those of each log."""
-    found = {log.id: log for log in read_metrics(source, system=system, step=say).logs}
+def _replace_metrics_with_system(
+    run: ReportedRun, source: str, system: OtherSystemTopics, say: Progress
+) -> ReportedRun:
+    """Return the run with the metrics of another system added to those of each log."""
+    found = {log.id: log for log in read_run_metrics(source, system=system, step=say).logs}
     known = {entry.id: found[entry.id].rows for entry in run.entries if entry.id in found}
     return replace(
         run, entries=tuple(replace(each, metrics=known.get(each.id) or each.metrics) for each in run.entries)
     )
 
 
-def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str, MetricRow]:
-    """The headline metrics of a log that is not part of a run; none where they can't be computed.
+def _evaluate_headline_metrics(log: Log, system: OtherSystemTopics | None, *, is_needed: bool) -> dict[str, MetricRow]:
+    """Compute the headline metrics of a log that is not part of a run; {} where they can't be computed.
 
     Args:
         is_needed: For a gate. Else they are left out where so many paths would have to be read that it takes longer
@@ -171,24 +197,24 @@ def _evaluated(log: Log, system: System | None, *, is_needed: bool) -> dict[str,
     from cwcli.evaluation.evaluate_log import evaluate_log
 
     n_paths = sum(channel.message_count or 0 for channel in log.channels if channel.schema_name == EGO_PATH.schema)
-    if n_paths > MAX_PATHS and not is_needed and system is None:
+    if n_paths > MAX_PATHS_TO_EVALUATE and not is_needed and system is None:
         return {}
     try:
-        return rows_of(evaluate_log(log, system=system))
+        return metric_rows_by_name(evaluate_log(log, system=system))
     except CwcliError:
         if system is not None:  # it is asked for
             raise
         return {}
 
 
-def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
-    """What the run tells of a log, and how many warnings its channel holds."""
+def _build_candidate(entry: LogEntry, results: Sequence[GateResult]) -> LogCandidate:
+    """Collect what the run says of a log, and count the warnings of its channel."""
     badges: list[Badge] = []
     n_warnings, rank = 0, 3
     if entry.has_failed:
         badges.append(Badge("the run failed", "bad"))
         rank = 0
-    of_gates = [] if entry.has_failed else badges_of_log(results, entry.id)
+    of_gates = [] if entry.has_failed else gate_badges_of_log(results, entry.id)
     badges += of_gates
     if any(badge.tone == "bad" for badge in of_gates):
         rank = min(rank, 1)
@@ -197,52 +223,55 @@ def _candidate(entry: Entry, results: Sequence[GateResult]) -> Candidate:
         story = ": ".join(entry.error[key] for key in ("where", "what") if entry.error.get(key))
         if entry.error.get("hint"):
             story += f" (hint: {entry.error['hint']})"
-    sources: list[FoundSource] = []
+    sources: list[SourceInLog] = []
     if entry.log is not None:
         try:
             with Log.open(str(entry.log)) as log:
-                n_warnings = _count_warnings(log)
-                sources = sources_in(entry.id, run_records(log).get("estimate", {}))
+                n_warnings = _count_raised_warnings(log)
+                sources = read_ego_sources(entry.id, read_run_records(log).get("estimate", {}))
         except CwcliError as error:
             story, rank = story or f"{error.what}", 0
             badges.append(Badge("the annotated log can't be read", "bad"))
     if n_warnings:
         rank = min(rank, 2)
-    return Candidate(entry, badges, rank, n_warnings, story[:MAX_STORY], sources=tuple(sources))
+    return LogCandidate(entry, badges, rank, n_warnings, story[:MAX_STORY_CHARACTERS], sources=tuple(sources))
 
 
-def _count_warnings(log: Log) -> int:
+def _count_raised_warnings(log: Log) -> int:
+    """Count the warnings that the log's channel raises."""
     if WARNINGS.topic not in {channel.topic for channel in log.channels}:
         return 0
     warnings = read_warnings(log.columns(WARNINGS.topic, ["state"]))
     return int(np.count_nonzero(warnings.state == RAISED))
 
 
-def _order(candidate: Candidate) -> tuple[Any, ...]:
-    """What went wrong comes first, then what was warned of, then the rest."""
+def _candidate_sort_key(candidate: LogCandidate) -> tuple[Any, ...]:
+    """Sort key: failed logs come first, then those with warnings, then the rest."""
     return candidate.rank, candidate.n_warnings == 0, candidate.entry.id
 
 
-def _section(
-    candidate: Candidate,
+def _render_section_within_budget(
+    candidate: LogCandidate,
     anchor: str,
-    renderer: Renderer,
+    renderer: PageRenderer,
     budget: int,
-    system: System | None,
+    system: OtherSystemTopics | None,
     *,
     is_few: bool,
     is_open: bool,
 ) -> str | None:
-    """The log's part of the page, in as much detail as the budget allows; None where even the least is too much."""
+    """Render a log's section in as much detail as the budget of bytes allows; None if the least is too much."""
     assert candidate.entry.log is not None
-    details = (Detail(), FOLDED, TIGHT) if is_few else (FOLDED, TIGHT)
+    details = (DetailLevel(), FOLDED_DETAIL, MINIMAL_DETAIL) if is_few else (FOLDED_DETAIL, MINIMAL_DETAIL)
     try:
         with Log.open(candidate.entry.log) as log:
             for detail in details:
                 entry, badges = candidate.entry, candidate.badges
-                view = _view(log, entry, anchor, badges, detail, system, is_alone=False, is_open=is_open)
-                candidate.story = candidate.story or view.story.headline[:MAX_STORY]
-                made = renderer.log(view)
+                view = _read_and_build_log_view(
+                    log, entry, anchor, badges, detail, system, is_alone=False, is_open=is_open
+                )
+                candidate.story = candidate.story or view.story.headline[:MAX_STORY_CHARACTERS]
+                made = renderer.render_log_section(view)
                 if len(made.encode()) <= budget:
                     candidate.badges += view.story.badges
                     candidate.links = view.links
@@ -253,26 +282,31 @@ def _section(
     return None
 
 
-def _view(
+def _read_and_build_log_view(
     log: Log,
-    entry: Entry,
+    entry: LogEntry,
     anchor: str,
     badges: Sequence[Badge],
-    detail: Detail,
-    system: System | None,
+    detail: DetailLevel,
+    system: OtherSystemTopics | None,
     *,
     is_alone: bool,
     is_open: bool,
 ) -> LogView:
-    drive = replace(read_drive(log), system=judged_system(log, system))
-    meetings = find_meetings(drive)
-    story: Story = tell(drive, meetings, entry.left_out.get("warn", ""), doubts(drive))
-    story = replace(story, more=(*story.more, *filter(None, (first_remark(drive),)), *system_sentences(drive)))
-    return log_view(
+    """Read an annotated log and collect everything that its section shows."""
+    drive = replace(read_drive(log), other_system=judge_other_system(log, system))
+    drive_encounters = find_encounters(drive)
+    story: Story = build_story(
+        drive, drive_encounters, entry.skip_reason_by_stage.get("warn", ""), reasons_for_doubt(drive)
+    )
+    story = replace(
+        story, more=(*story.more, *filter(None, (sensor_remarks_sentence(drive),)), *other_system_sentences(drive))
+    )
+    return build_log_view(
         log,
         entry,
         drive,
-        meetings,
+        drive_encounters,
         story,
         anchor=anchor,
         badges=[*badges, *story.badges],

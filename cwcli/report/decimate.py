@@ -15,7 +15,7 @@ from cwcli.signals.columns import FloatArray
 Rows = npt.NDArray[np.intp]
 
 
-def envelope_rows(values: FloatArray, n_pieces: int) -> Rows:
+def min_max_row_indices(values: FloatArray, n_pieces: int) -> Rows:
     """Rows of the least and the largest value of each of `n_pieces` pieces of equal numbers of rows, in order.
 
     All rows where there are not more than twice as many; the first and the last row always.
@@ -41,8 +41,8 @@ def envelope_rows(values: FloatArray, n_pieces: int) -> Rows:
     return np.unique(chosen[chosen < n])
 
 
-def band(lower: FloatArray, upper: FloatArray, n_pieces: int) -> tuple[Rows, FloatArray, FloatArray]:
-    """A band with one pair of values a piece, that covers every sample's band.
+def decimate_band(lower: FloatArray, upper: FloatArray, n_pieces: int) -> tuple[Rows, FloatArray, FloatArray]:
+    """Reduce a band to one pair of values per piece that covers every sample's band.
 
     Args:
         lower, upper: Shape (n,).
@@ -58,20 +58,20 @@ def band(lower: FloatArray, upper: FloatArray, n_pieces: int) -> tuple[Rows, Flo
     return rows, np.fmin.reduceat(lower, edges[:-1]), np.fmax.reduceat(upper, edges[:-1])
 
 
-def spot_rows(x: FloatArray, y: FloatArray, n_columns: int, n_lines: int) -> Rows:
+def first_row_per_grid_cell(x: FloatArray, y: FloatArray, n_columns: int, n_grid_rows: int) -> Rows:
     """The first row that falls into each cell of a grid over the finite points, in order."""
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     if len(known) <= 1:
         return known
     cells = []
-    for values, n_cells in ((x[known], n_columns), (y[known], n_lines)):
+    for values, n_cells in ((x[known], n_columns), (y[known], n_grid_rows)):
         span = float(np.ptp(values)) or 1.0
         cells.append(np.minimum(((values - values.min()) / span * n_cells).astype(np.int64), n_cells - 1))
-    _, first = np.unique(cells[0] * n_lines + cells[1], return_index=True)
+    _, first = np.unique(cells[0] * n_grid_rows + cells[1], return_index=True)
     return known[np.sort(first)]
 
 
-def track_rows(xy: FloatArray, tolerance: float) -> Rows:
+def simplified_track_row_indices(xy: FloatArray, tolerance: float) -> Rows:
     """Rows of a line's points such that no left-out one is further than `tolerance` from the line that remains.
 
     Douglas and Peucker's method. A row with NaN is kept: the line is broken there.

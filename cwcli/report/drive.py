@@ -10,21 +10,25 @@ import numpy as np
 
 from cwcli.channels.lanes import LaneRows, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES, REJECTED, REMOTE_STATE, TARGETS, WARNINGS
-from cwcli.channels.rejected import read_rejected
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import KINEMATICS, VehicleStates, read_states
-from cwcli.channels.warning import WITHOUT_WORDS, read_warnings
+from cwcli.channels.rejected import read_gated_measurements
+from cwcli.channels.target import read_targets_as_states
+from cwcli.channels.vehicle_state import KINEMATIC_FIELDS, VehicleStates, read_vehicle_states
+from cwcli.channels.warning import WARNING_EVENT_FIELDS, read_warnings
 from cwcli.errors import CwcliError, DataError, MissingSignalError
-from cwcli.estimation.from_signals import ego_measurements
+from cwcli.estimation.from_signals import ego_signal_to_measurements
 from cwcli.estimation.measurements import Measurements
-from cwcli.estimation.result import NOTHING_GATED, Gated
+from cwcli.estimation.result import NO_GATED_MEASUREMENTS, GatedMeasurements
 from cwcli.evaluation.estimate import read_ego_truth
-from cwcli.evaluation.records import rule_of, sources_of, warn_record
-from cwcli.evaluation.subject import EgoTruth
+from cwcli.evaluation.evaluation_context import EgoTruth
+from cwcli.evaluation.records import (
+    find_collision_warning_record,
+    source_config_from_record,
+    warning_config_from_record,
+)
 from cwcli.evaluation.system.warnings import FlagScores
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack
-from cwcli.pipeline.records import inputs_of, map_of, run_records
+from cwcli.pipeline.records import map_from_record, read_input_counts, read_run_records
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -35,19 +39,20 @@ from cwcli.signals.canonical import (
 )
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import tracks_of
+from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import read_sources
+from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.warning.rows import WarningRows
-from cwcli.warning.types import WarningConfig, outline_of
+from cwcli.warning.types import WarningConfig, median_outline_m
 
-EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+"""Roles of the ego's sensors whose raw measurements the report draws."""
 EgoSignal = PositionSignal | PoseSignal | VelocitySignal | SpeedSignal | HeadingSignal | ImuSignal
 
 
 @dataclass(frozen=True)
 class OtherTrack:
-    """What is known of another vehicle.
+    """The track of another vehicle.
 
     Attributes:
         id: As in the channel.
@@ -63,17 +68,17 @@ class OtherTrack:
 
 
 @dataclass(frozen=True)
-class JudgedSystem:
-    """Another system's warnings: their topic, what became of them, and what is to be said of them."""
+class OtherSystemVerdicts:
+    """Another system's warnings: their topic, their verdicts, and notes for the reader."""
 
     topic: str
-    found: FlagScores
+    flag_scores: FlagScores
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class Drive:
-    """One annotated log.
+    """One annotated log as the report needs it.
 
     Attributes:
         name: Of the log.
@@ -88,7 +93,7 @@ class Drive:
         camera: Topic of the camera frames, or "".
         notes: What the reader of the page should know.
         truth: The ego's, None where the log has none.
-        gated: The ego's measurements that were not believed.
+        gated: The ego's measurements that the estimator gated.
         system: Another system's warnings, None where none are judged.
     """
 
@@ -97,31 +102,31 @@ class Drive:
     end_ns: int
     ego: VehicleStates | None
     others: tuple[OtherTrack, ...]
-    measured: tuple[Measurements, ...]
+    measurements: tuple[Measurements, ...]
     warnings: WarningRows | None
     lanes: LaneRows | None
-    rule: WarningConfig
+    warning_config: WarningConfig
     records: Mapping[str, Mapping[str, str]]
-    camera: str
+    camera_topic: str
     notes: tuple[str, ...] = ()
     truth: EgoTruth | None = None
-    gated: Gated = NOTHING_GATED
-    system: JudgedSystem | None = None
+    gated: GatedMeasurements = NO_GATED_MEASUREMENTS
+    other_system: OtherSystemVerdicts | None = None
 
-    def seconds(self, stamp_ns: Int64Array) -> FloatArray:
+    def seconds_since_start(self, stamp_ns: Int64Array) -> FloatArray:
         """Stamps as seconds from the log's start."""
         return np.asarray((stamp_ns - self.start_ns) / NS_PER_S, dtype=np.float64)
 
-    def inputs(self, stage: str) -> list[dict[str, Any]]:
-        """What became of the stage's input messages, as its record tells; [] where it does not."""
-        return inputs_of(self.records.get(stage, {}))
+    def stage_input_records(self, stage: str) -> list[dict[str, Any]]:
+        """Return what a stage's record says of its input messages; [] where it says nothing."""
+        return read_input_counts(self.records.get(stage, {}))
 
 
-TOPICS: Mapping[str, tuple[str, ...] | None] = {
+SHOWN_FIELDS_BY_TOPIC: Mapping[str, tuple[str, ...] | None] = {
     EGO_STATE.topic: None,
-    REMOTE_STATE.topic: KINEMATICS,
+    REMOTE_STATE.topic: KINEMATIC_FIELDS,
     TARGETS.topic: None,
-    WARNINGS.topic: WITHOUT_WORDS,
+    WARNINGS.topic: WARNING_EVENT_FIELDS,
     LANES.topic: None,
     REJECTED.topic: None,
 }
@@ -129,12 +134,12 @@ TOPICS: Mapping[str, tuple[str, ...] | None] = {
 
 
 def require_results(log: Log) -> None:
-    """Refuse a log of which there is nothing to show.
+    """Check that a stage of cwcli has run on the log.
 
     Raises:
         MissingSignalError: No stage of cwcli has run on it.
     """
-    if not any(channel.topic in TOPICS for channel in log.channels):
+    if not any(channel.topic in SHOWN_FIELDS_BY_TOPIC for channel in log.channels):
         raise MissingSignalError(
             "the log holds no channel of cwcli: there is nothing to report",
             where=log.name,
@@ -149,93 +154,101 @@ def read_drive(log: Log) -> Drive:
         InputError: The log is damaged.
         DataError: A channel of cwcli's was written by another version.
     """
-    records = run_records(log)
+    records = read_run_records(log)
     there = {channel.topic for channel in log.channels}
-    wanted = {topic: fields for topic, fields in TOPICS.items() if topic in there}
-    columns = log.load(wanted) if wanted else {}
-    warn, is_of_targets = warn_record(records)
-    ego = read_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
+    wanted = {topic: fields for topic, fields in SHOWN_FIELDS_BY_TOPIC.items() if topic in there}
+    columns = log.load_topics(wanted) if wanted else {}
+    warn, is_of_targets = find_collision_warning_record(records)
+    ego = read_vehicle_states(columns[EGO_STATE.topic]) if EGO_STATE.topic in columns else None
     notes: list[str] = []
     others: list[OtherTrack] = []
     if REMOTE_STATE.topic in columns:
-        others += _tracks(read_states(columns[REMOTE_STATE.topic], with_covariance=False), "vehicle")
+        others += _split_into_tracks(read_vehicle_states(columns[REMOTE_STATE.topic], with_covariance=False), "vehicle")
     if TARGETS.topic in columns:
-        others += _targets(columns[TARGETS.topic], notes)
+        others += _read_target_tracks(columns[TARGETS.topic], notes)
     if is_of_targets:
         others.sort(key=lambda other: other.kind != "target")
-    measured = _measured(log, records, notes) if ego is not None and len(ego) else ()
+    measured = _read_ego_measurements(log, records, notes) if ego is not None and len(ego) else ()
     return Drive(
         name=log.name,
         start_ns=log.start_ns,
         end_ns=log.end_ns,
         ego=ego if ego is not None and len(ego) else None,
         others=tuple(others),
-        measured=measured,
-        truth=_truth(log, records, ego, notes) if ego is not None and len(ego) else None,
+        measurements=measured,
+        truth=_read_ego_truth_or_note(log, records, ego, notes) if ego is not None and len(ego) else None,
         warnings=read_warnings(columns[WARNINGS.topic]) if WARNINGS.topic in columns else None,
         lanes=read_lanes(columns[LANES.topic]) if LANES.topic in columns else None,
-        rule=rule_of(warn),
+        warning_config=warning_config_from_record(warn),
         records=records,
-        camera=_camera(log, records),
+        camera_topic=_find_camera_topic(log, records),
         notes=tuple(notes),
-        gated=read_rejected(columns[REJECTED.topic]) if REJECTED.topic in columns else NOTHING_GATED,
+        gated=read_gated_measurements(columns[REJECTED.topic]) if REJECTED.topic in columns else NO_GATED_MEASUREMENTS,
     )
 
 
-def _targets(columns: Columns, notes: list[str]) -> list[OtherTrack]:
+def _read_target_tracks(columns: Columns, notes: list[str]) -> list[OtherTrack]:
+    """Read the tracked targets; a note is added if they can't be read."""
     try:
-        return _tracks(read_targets(columns), "target")
+        return _split_into_tracks(read_targets_as_states(columns), "target")
     except DataError as error:
         notes.append(f"the targets are not drawn: {error.what}")
         return []
 
 
-def _tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
+def _split_into_tracks(states: VehicleStates, kind: str) -> list[OtherTrack]:
+    """Split states into one track per vehicle."""
     found = []
-    for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
-        size = outline_of(states.length_m[rows], states.width_m[rows])
+    for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
+        size = median_outline_m(states.length_m[rows], states.width_m[rows])
         found.append(OtherTrack(vehicle, kind, ActualTrack(states.stamp_ns[rows], states.state[rows, :4]), size))
     return found
 
 
-def ego_size(ego: VehicleStates) -> tuple[float, float]:
-    """Length and width of the ego, the warnings' defaults where they are not told."""
-    return outline_of(ego.length_m, ego.width_m)
+def ego_length_and_width_m(ego: VehicleStates) -> tuple[float, float]:
+    """Return length and width of the ego in m; the warnings' defaults where the states have none."""
+    return median_outline_m(ego.length_m, ego.width_m)
 
 
-def _measured(log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]) -> tuple[Measurements, ...]:
-    """The ego's sensors as the estimator read them: same topics, same clock, same span."""
+def _read_ego_measurements(
+    log: Log, records: Mapping[str, Mapping[str, str]], notes: list[str]
+) -> tuple[Measurements, ...]:
+    """Read the ego's measurements as the estimator did: same topics, same clock, same time span."""
     record = records.get("estimate", {})
     try:
-        sources = read_sources(log, sources_of(record), command="report", required=(), optional=EGO_ROLES)
-        local_map = map_of(record)
+        sources = read_sensor_signals(
+            log, source_config_from_record(record), command="report", required=(), optional=EGO_SENSOR_ROLES
+        )
+        local_map = map_from_record(record)
         found: list[Measurements] = []
-        for role in EGO_ROLES:
+        for role in EGO_SENSOR_ROLES:
             for signal in sources.by_role.get(role, ()):
                 assert isinstance(signal, EgoSignal)
                 if not isinstance(signal, PositionSignal) or local_map is not None:
-                    found.extend(ego_measurements(signal, local_map))
+                    found.extend(ego_signal_to_measurements(signal, local_map))
     except CwcliError as error:
         notes.append(f"the raw measurements are not drawn: {error.what}")
         return ()
     return tuple(found)
 
 
-def _truth(log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleStates, notes: list[str]) -> EgoTruth | None:
-    """The ego's truth, chosen as the estimator did."""
+def _read_ego_truth_or_note(
+    log: Log, records: Mapping[str, Mapping[str, str]], ego: VehicleStates, notes: list[str]
+) -> EgoTruth | None:
+    """Read the ego's truth from the topic that the estimator chose; a note is added if it can't be read."""
     try:
-        return read_ego_truth(log, records.get("estimate", {}), ego.by_stamp())
+        return read_ego_truth(log, records.get("estimate", {}), ego.sort_by_stamp())
     except CwcliError as error:
         notes.append(f"the truth is not drawn: {error.what}")
         return None
 
 
-def _camera(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
-    """The camera's topic: the one of the lanes, else the first channel of frames."""
-    from cwcli.logs.read.frames import is_camera
+def _find_camera_topic(log: Log, records: Mapping[str, Mapping[str, str]]) -> str:
+    """Find the camera's topic: the one that the lanes used, else the first channel of frames, else ""."""
+    from cwcli.logs.read.frames import is_camera_channel
 
-    topics = [channel.topic for channel in log.channels if is_camera(channel)]
-    for entry in inputs_of(records.get("lanes", {})):
+    topics = [channel.topic for channel in log.channels if is_camera_channel(channel)]
+    for entry in read_input_counts(records.get("lanes", {})):
         if entry.get("topic") in topics:
             return str(entry["topic"])
     return topics[0] if topics else ""

@@ -10,27 +10,32 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.warning import WarningEvent, warning_events
-from cwcli.evaluation.conflicts import EventVerdict, RealConflict, judge, real_conflicts
+from cwcli.evaluation.conflicts import RealConflict, WarningVerdict, find_real_conflicts, judge_warning
 from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import ActualTrack, Pair, interpolate
-from cwcli.report.drive import Drive, OtherTrack, ego_size
+from cwcli.measures.pair import ActualTrack, Pair, interpolate_track
+from cwcli.report.drive import Drive, OtherTrack, ego_length_and_width_m
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.row_order import rows_by_stamp
+from cwcli.signals.row_order import sort_rows_by_stamp
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.lane_departure import RULE as LANE_DEPARTURE
-from cwcli.warning.pair import STANDING_MPS
+from cwcli.warning.pair import STANDSTILL_SPEED_MPS
 
 MAX_DETAILED_OTHERS = 400
-"""Other vehicles whose distance to the ego is computed: those that are warned of, then the longest heard."""
-AHEAD_RAD = math.radians(45.0)
-BESIDE_RAD = math.radians(60.0)
+"""The distance to the ego is computed for this many others: those warned of, then the longest tracks.
+Chosen by hand; not fitted."""
+SAME_DIRECTION_RAD = math.radians(45.0)
+"""Headings that differ less, in rad, are the same direction; those within it of pi are opposite.
+Chosen by hand; not fitted."""
+AHEAD_BEARING_RAD = math.radians(60.0)
+"""Bearings below it, in rad, are ahead; those within it of pi are behind; others are beside.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Encounter:
-    """One warning.
+    """One warning, its vehicles and its verdict.
 
     Attributes:
         event_id: Its number in the log.
@@ -60,29 +65,29 @@ class Encounter:
     alert_probability: float
     rows: Int64Array
     pair: Pair | None
-    verdict: EventVerdict | None
+    verdict: WarningVerdict | None
     conflict: RealConflict | None
     least_gap_m: float
     direction: str
 
     @property
     def is_lane_departure(self) -> bool:
-        """It is about the car's own lane, not about another vehicle."""
+        """Whether the warning is about the car's own lane, not about another vehicle."""
         return self.rule == LANE_DEPARTURE
 
 
 @dataclass(frozen=True)
 class Conflict:
-    """What really happened: with whom, what, and the numbers of the warnings that are about it."""
+    """A conflict that really happened, with whom, and the numbers of the warnings about it."""
 
     other: OtherTrack
     conflict: RealConflict
-    warned_by: tuple[int, ...] = ()
+    warning_ids: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
-class Nearest:
-    """The nearest approach of a drive: of whom, how near the centres came, when, and the pair.
+class NearestApproach:
+    """The nearest approach of a drive: the other vehicle, the distance of the centres, the time, and the pair.
 
     Attributes:
         is_parked: The two stood whenever both were known: how near they came is where they were parked.
@@ -96,8 +101,8 @@ class Nearest:
 
 
 @dataclass(frozen=True)
-class Meetings:
-    """All that happened between the ego and the others.
+class DriveEncounters:
+    """All warnings, conflicts and approaches between the ego and the others.
 
     Attributes:
         encounters: The warnings, in order of time.
@@ -109,36 +114,36 @@ class Meetings:
     """
 
     encounters: tuple[Encounter, ...]
-    missed: tuple[Conflict, ...]
-    nearest: Nearest | None
+    missed_conflicts: tuple[Conflict, ...]
+    nearest: NearestApproach | None
     n_not_compared: int
     conflicts: tuple[Conflict, ...] = ()
     pairs: tuple[tuple[OtherTrack, Pair], ...] = ()
 
 
-def find_meetings(drive: Drive) -> Meetings:
-    """Bring the warnings together with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
+def find_encounters(drive: Drive) -> DriveEncounters:
+    """Match the warnings with the tracks. What really happened comes from the tracks, as in `cwcli warn`."""
     alerts = [] if drive.warnings is None else warning_events(drive.warnings)
     if drive.ego is None:
-        return Meetings(tuple(_without_motion(drive, alert) for alert in alerts), (), None, 0)
-    rows = rows_by_stamp(drive.ego.stamp_ns)
+        return DriveEncounters(tuple(_encounter_from_channel(drive, alert) for alert in alerts), (), None, 0)
+    rows = sort_rows_by_stamp(drive.ego.stamp_ns)
     host = ActualTrack(drive.ego.stamp_ns[rows], drive.ego.state[rows])
     warned = {entry.other_id for entry in alerts}
     ranked = sorted(drive.others, key=lambda other: (other.id not in warned, -len(other.track.stamp_ns)))
     pairs: dict[int, Pair] = {}
     for other in ranked[:MAX_DETAILED_OTHERS]:
-        pairs[id(other)] = _pair(drive, host, other)
+        pairs[id(other)] = _pair_with_host(drive, host, other)
     by_id: dict[str, OtherTrack] = {}
     for other in drive.others:
         by_id.setdefault(other.id, other)
-    conflicts = {key: real_conflicts(pair, drive.rule) for key, pair in pairs.items()}
+    conflicts = {key: find_real_conflicts(pair, drive.warning_config) for key, pair in pairs.items()}
     encounters: list[Encounter] = []
     warned_by: dict[tuple[int, int], list[int]] = {}
     for alert in alerts:
         other_track = None if alert.rule == LANE_DEPARTURE else by_id.get(alert.other_id)
-        encounter = _encounter(drive, alert, other_track, host, pairs, conflicts)
-        if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict >= 0:
-            key = id(other_track), encounter.verdict.conflict
+        encounter = _build_encounter(drive, alert, other_track, host, pairs, conflicts)
+        if other_track is not None and encounter.verdict is not None and encounter.verdict.conflict_index >= 0:
+            key = id(other_track), encounter.verdict.conflict_index
             warned_by.setdefault(key, []).append(encounter.event_id)
         encounters.append(encounter)
     compared = ranked[:MAX_DETAILED_OTHERS]
@@ -149,28 +154,28 @@ def find_meetings(drive: Drive) -> Meetings:
         for index, conflict in enumerate(conflicts[id(other)])
     ]
     happened.sort(key=lambda entry: entry.conflict.onset_ns)
-    missed = [each for each in happened if not each.warned_by]
-    return Meetings(
+    missed = [each for each in happened if not each.warning_ids]
+    return DriveEncounters(
         encounters=tuple(encounters),
-        missed=tuple(missed) if drive.warnings is not None else (),
-        nearest=_nearest(compared, pairs),
+        missed_conflicts=tuple(missed) if drive.warnings is not None else (),
+        nearest=_find_nearest_approach(compared, pairs),
         n_not_compared=max(0, len(ranked) - MAX_DETAILED_OTHERS),
         conflicts=tuple(happened),
         pairs=tuple((other, pairs[id(other)]) for other in compared),
     )
 
 
-def _pair(drive: Drive, host: ActualTrack, other: OtherTrack) -> Pair:
-    """The pair at those of the host's stamps at which the other is known."""
+def _pair_with_host(drive: Drive, host: ActualTrack, other: OtherTrack) -> Pair:
+    """Pair the ego with another vehicle at those of the ego's stamps at which the other is known."""
     assert drive.ego is not None
-    margin_ns = round(drive.rule.max_gap_s * NS_PER_S)
+    margin_ns = round(drive.warning_config.max_gap_s * NS_PER_S)
     first = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[0] - margin_ns))
     last = int(np.searchsorted(host.stamp_ns, other.track.stamp_ns[-1] + margin_ns, side="right"))
     part = ActualTrack(host.stamp_ns[first:last], host.state[first:last])
-    return Pair(part, other.track, ego_size(drive.ego), other.size_m, drive.rule.max_gap_s)
+    return Pair(part, other.track, ego_length_and_width_m(drive.ego), other.size_m, drive.warning_config.max_gap_s)
 
 
-def _encounter(
+def _build_encounter(
     drive: Drive,
     alert: WarningEvent,
     other: OtherTrack | None,
@@ -178,21 +183,22 @@ def _encounter(
     pairs: dict[int, Pair],
     conflicts: dict[int, list[RealConflict]],
 ) -> Encounter:
+    """Build the encounter of a warning, with its verdict where both tracks are known."""
     pair = pairs.get(id(other)) if other is not None else None
     verdict, conflict, gap, direction = None, None, math.nan, ""
     if other is not None and pair is not None and len(pair.stamp_ns):
-        verdict = judge(alert.raised_ns, alert.last_ns, conflicts[id(other)], pair, drive.rule)
-        conflict = conflicts[id(other)][verdict.conflict] if verdict.conflict >= 0 else None
-        gap = _least_gap(pair, alert.raised_ns, alert.raised_ns + round(drive.rule.max_lead_s * NS_PER_S))
-        direction = _direction(host, other, alert.raised_ns, drive.rule.max_gap_s)
-    alone = _without_motion(drive, alert)
+        verdict = judge_warning(alert.raised_ns, alert.last_ns, conflicts[id(other)], pair, drive.warning_config)
+        conflict = conflicts[id(other)][verdict.conflict_index] if verdict.conflict_index >= 0 else None
+        gap = _least_gap_m(pair, alert.raised_ns, alert.raised_ns + round(drive.warning_config.max_lead_s * NS_PER_S))
+        direction = _direction_phrase(host, other, alert.raised_ns, drive.warning_config.max_gap_s)
+    alone = _encounter_from_channel(drive, alert)
     return replace(
         alone, other=other, pair=pair, verdict=verdict, conflict=conflict, least_gap_m=gap, direction=direction
     )
 
 
-def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
-    """The warning as its channel tells it."""
+def _encounter_from_channel(drive: Drive, alert: WarningEvent) -> Encounter:
+    """Build the encounter of a warning from its channel alone."""
     assert drive.warnings is not None
     said, row = drive.warnings, alert.rows[0]
     return Encounter(
@@ -215,47 +221,48 @@ def _without_motion(drive: Drive, alert: WarningEvent) -> Encounter:
     )
 
 
-def _least_gap(pair: Pair, begin_ns: int, end_ns: int) -> float:
-    inside = pair.value(GAP)[(pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns)]
+def _least_gap_m(pair: Pair, begin_ns: int, end_ns: int) -> float:
+    """Return the least distance of the outlines between two stamps, in m; NaN if it is not known."""
+    inside = pair.evaluate_measure(GAP)[(pair.stamp_ns >= begin_ns) & (pair.stamp_ns <= end_ns)]
     known = inside[np.isfinite(inside)]
     return float(known.min()) if len(known) else math.nan
 
 
-def _direction(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
-    """Where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
+def _direction_phrase(host: ActualTrack, other: OtherTrack, at_ns: int, max_gap_s: float) -> str:
+    """Describe where the other vehicle comes from, seen from the driver's seat, when the warning is given."""
     stamps = np.array([at_ns], np.int64)
-    own = interpolate(host, stamps, max_gap_s)[0]
-    theirs = interpolate(other.track, stamps, max_gap_s)[0]
+    own = interpolate_track(host, stamps, max_gap_s)[0]
+    theirs = interpolate_track(other.track, stamps, max_gap_s)[0]
     if not (np.isfinite(own).all() and np.isfinite(theirs).all()):
         return ""
     bearing = wrap_angle(math.atan2(theirs[1] - own[1], theirs[0] - own[0]) - float(own[3]))
     turned = wrap_angle(float(theirs[3] - own[3]))
     side = "left" if bearing > 0.0 else "right"
-    if abs(turned) <= AHEAD_RAD:
-        if abs(bearing) < BESIDE_RAD:
+    if abs(turned) <= SAME_DIRECTION_RAD:
+        if abs(bearing) < AHEAD_BEARING_RAD:
             return "ahead in the same direction"
-        return "coming from behind" if abs(bearing) > math.pi - BESIDE_RAD else f"beside it on the {side}"
-    if abs(turned) >= math.pi - AHEAD_RAD:
+        return "coming from behind" if abs(bearing) > math.pi - AHEAD_BEARING_RAD else f"beside it on the {side}"
+    if abs(turned) >= math.pi - SAME_DIRECTION_RAD:
         return "coming towards it"
     return f"coming from the {'right' if turned > 0.0 else 'left'}"
 
 
-def met_rows(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
-    """The moments at which both are known and one of the two moves; of two that only ever stood all, and True."""
+def rows_of_moving_pair(pair: Pair) -> tuple[npt.NDArray[np.intp], bool]:
+    """Return the rows at which both are known and one moves; all known rows and True if both always stood."""
     is_known = np.isfinite(pair.distance_m)
-    moves = np.abs(pair.host.state[:, SPEED]) > STANDING_MPS
-    moves |= np.abs(pair.others[:, SPEED]) > STANDING_MPS
+    moves = np.abs(pair.host.state[:, SPEED]) > STANDSTILL_SPEED_MPS
+    moves |= np.abs(pair.other_states[:, SPEED]) > STANDSTILL_SPEED_MPS
     is_parked = not (is_known & moves).any()
     return np.flatnonzero(is_known if is_parked else is_known & moves), is_parked
 
 
-def _nearest(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> Nearest | None:
-    """The nearest approach while one of the two moved; of two that only ever stood, where nobody else was near."""
+def _find_nearest_approach(others: Sequence[OtherTrack], pairs: dict[int, Pair]) -> NearestApproach | None:
+    """Find the nearest approach; pairs that always stood count only if there is no other pair."""
     found = []
     for other in others:
         pair = pairs[id(other)]
-        rows, is_parked = met_rows(pair)
+        rows, is_parked = rows_of_moving_pair(pair)
         if len(rows):
             row = int(rows[pair.distance_m[rows].argmin()])
-            found.append(Nearest(other, float(pair.distance_m[row]), int(pair.stamp_ns[row]), pair, is_parked))
+            found.append(NearestApproach(other, float(pair.distance_m[row]), int(pair.stamp_ns[row]), pair, is_parked))
     return min(found, key=lambda each: (each.is_parked, each.distance_m), default=None)

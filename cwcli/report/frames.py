@@ -17,20 +17,22 @@ from cwcli.report.drive import Drive
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.encoded import Image
 from cwcli.vision.frames import DecodedFrame, decode_frame, decode_frames
-from cwcli.vision.overlay import burn_in
-from cwcli.vision.video import VIDEO_FORMATS
+from cwcli.vision.overlay import draw_boundaries
+from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 T = TypeVar("T")
 
-WIDTH_PX = 320
+THUMBNAIL_WIDTH_PX = 320
+"""Width of a thumbnail in pixels. Chosen by hand; not fitted."""
 JPEG_QUALITY = 60
-MAX_APART_NS = 500_000_000
-"""A frame further from the wanted time than this is not shown."""
+"""Quality of the thumbnails' JPEG files, 0 to 100. Chosen by hand; not fitted."""
+MAX_FRAME_OFFSET_NS = 500_000_000
+"""A frame farther from the wanted time than this is not shown, in ns. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
 class Thumbnail:
-    """A small picture.
+    """A small picture of a camera frame.
 
     Attributes:
         stamp_ns: Of the frame.
@@ -46,90 +48,93 @@ class Thumbnail:
     n_lines: int | None
 
 
-def thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
-    """The frames nearest to the wanted times.
+def make_thumbnails(log: Log, drive: Drive, wanted_ns: Sequence[int]) -> tuple[dict[int, Thumbnail], str]:
+    """Make thumbnails of the frames that are nearest to the wanted times.
 
     Returns:
         Wanted time -> picture, for the times that have one; and why some have none, or "".
     """
-    if not drive.camera or not wanted_ns:
+    if not drive.camera_topic or not wanted_ns:
         return {}, ""
     found: dict[int, Thumbnail] = {}
     rejected = ""
     try:
-        for wanted, decoded in _nearest(log, drive.camera, sorted(set(wanted_ns))):
+        for wanted, decoded in _iter_nearest_frames(log, drive.camera_topic, sorted(set(wanted_ns))):
             if decoded.image is None:
-                rejected = f"some camera frames could not be decoded: {decoded.rejected}"
+                rejected = f"some camera frames could not be decoded: {decoded.rejection_reason}"
             else:
-                found[wanted] = _thumbnail(decoded.image, decoded.stamp_ns, drive.lanes)
+                found[wanted] = _make_thumbnail(decoded.image, decoded.stamp_ns, drive.lanes)
     except CwcliError as error:
         return found, f"the camera frames can't be shown: {error.what}"
     return found, rejected
 
 
-def _nearest(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
-    """Each wanted time with the frame nearest to it, decoded. One pass; a video is decoded along the way."""
+def _iter_nearest_frames(log: Log, topic: str, wanted_ns: list[int]) -> Iterator[tuple[int, DecodedFrame]]:
+    """Yield each wanted time with its nearest frame, decoded, in one pass; a video is decoded along the way."""
     frames = log.frames(topic)
     first = next(frames, None)
     if first is None:
         return
-    if first.format.lower() in VIDEO_FORMATS:
-        decoded = decode_frames(_chained(first, frames), size_of=None, where=f"{log.name}: {topic}")
-        for wanted, picture in _pick(((each.stamp_ns, each) for each in decoded), wanted_ns):
+    if first.format.lower() in CODEC_OF_VIDEO_FORMAT:
+        decoded = decode_frames(_iter_with_first(first, frames), size_of=None, where=f"{log.name}: {topic}")
+        for wanted, picture in _iter_nearest_items(((each.stamp_ns, each) for each in decoded), wanted_ns):
             yield wanted, picture
         return
-    stamped = ((_stamp_ns(each), each) for each in _chained(first, frames))
-    for wanted, frame in _pick(stamped, wanted_ns):
+    stamped = ((_frame_stamp_ns(each), each) for each in _iter_with_first(first, frames))
+    for wanted, frame in _iter_nearest_items(stamped, wanted_ns):
         yield wanted, decode_frame(0, frame, None)
 
 
-def _chained(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+def _iter_with_first(first: Frame, rest: Iterator[Frame]) -> Iterator[Frame]:
+    """Yield the first frame, then the rest."""
     yield first
     yield from rest
 
 
-def _pick(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
-    """Each wanted time with the item whose stamp is nearest, if it is near enough; items come in time order."""
+def _iter_nearest_items(items: Iterator[tuple[int, T]], wanted_ns: list[int]) -> Iterator[tuple[int, T]]:
+    """Yield each wanted time with the item of the nearest stamp, if near enough; items come in order of time."""
     waiting = list(wanted_ns)
     before: tuple[int, T] | None = None
     for item in items:
         while waiting and item[0] >= waiting[0]:
             wanted = waiting.pop(0)
             nearer = item if before is None or item[0] - wanted <= wanted - before[0] else before
-            if abs(nearer[0] - wanted) <= MAX_APART_NS:
+            if abs(nearer[0] - wanted) <= MAX_FRAME_OFFSET_NS:
                 yield wanted, nearer[1]
         before = item
         if not waiting:
             return
     for wanted in waiting:
-        if before is not None and abs(before[0] - wanted) <= MAX_APART_NS:
+        if before is not None and abs(before[0] - wanted) <= MAX_FRAME_OFFSET_NS:
             yield wanted, before[1]
 
 
-def _stamp_ns(frame: Frame) -> int:
+def _frame_stamp_ns(frame: Frame) -> int:
+    """Return the frame's stamp, its log time if it has none."""
     return frame.log_time_ns if frame.stamp_ns is None else frame.stamp_ns
 
 
-def _lines(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list[FloatArray] | None:
-    """The left and the right boundary in the pixels of an image; None where the frame was not searched."""
+def _boundary_lines_px(lanes: LaneRows | None, stamp_ns: int, size: tuple[int, int]) -> list[FloatArray] | None:
+    """Return the left and the right boundary in the pixels of an image; None if the frame was not searched."""
     if lanes is None:
         return None
     rows = np.flatnonzero(lanes.stamp_ns == stamp_ns)[:1].tolist()
-    return next((lanes.lines(row, size) for row in rows if (lanes.search_size[row] > 1).all()), None)
+    return next((lanes.boundaries_in_pixels(row, size) for row in rows if (lanes.search_size[row] > 1).all()), None)
 
 
-def _thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thumbnail:
+def _make_thumbnail(image: Image, stamp_ns: int, lanes: LaneRows | None) -> Thumbnail:
+    """Shrink an image, draw its lane boundaries, and encode it as JPEG."""
     import cv2
 
-    height_px = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))
-    small = np.asarray(cv2.resize(image, (WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8)
+    height_px = max(1, round(image.shape[0] * THUMBNAIL_WIDTH_PX / image.shape[1]))
+    small = np.asarray(cv2.resize(image, (THUMBNAIL_WIDTH_PX, height_px), interpolation=cv2.INTER_AREA), np.uint8)
     if small.ndim == 2:
         small = np.repeat(small[..., None], 3, axis=2)
-    lines = _lines(lanes, stamp_ns, (WIDTH_PX, height_px))
-    drawn = small if lines is None else burn_in(small, lines)
+    lines = _boundary_lines_px(lanes, stamp_ns, (THUMBNAIL_WIDTH_PX, height_px))
+    drawn = small if lines is None else draw_boundaries(small, lines)
     done, data = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not done:
         raise RuntimeError("OpenCV could not encode a JPEG")
     text = base64.b64encode(data.tobytes()).decode("ascii")
     n_lines = None if lines is None else sum(len(points) > 1 for points in lines)
-    return Thumbnail(stamp_ns, f"data:image/jpeg;base64,{text}", WIDTH_PX, height_px, n_lines)
+    return Thumbnail(stamp_ns, f"data:image/jpeg;base64,{text}", THUMBNAIL_WIDTH_PX, height_px, n_lines)

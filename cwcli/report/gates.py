@@ -4,54 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from cwcli.metrics.gates import GateResult, Status
+from cwcli.metrics.gates import CheckStatus, GateResult
 from cwcli.report.page import GateView
 from cwcli.report.story import Badge
-from cwcli.text import count
+from cwcli.text import format_count
 
-MAX_DETAILS = 5
-BADGES = {
-    Status.PASSED: Badge("passed", "good"),
-    Status.FAILED: Badge("failed", "bad"),
-    Status.SKIPPED: Badge("not judged", "plain"),
+MAX_LISTED_CHECKS = 5
+"""The greatest number of compared values that are listed for a gate. Chosen by hand; not fitted."""
+BADGE_BY_STATUS = {
+    CheckStatus.PASSED: Badge("passed", "good"),
+    CheckStatus.FAILED: Badge("failed", "bad"),
+    CheckStatus.SKIPPED: Badge("not judged", "plain"),
 }
+"""The badge of each gate status."""
 
 
-def gate_views(results: Sequence[GateResult]) -> list[GateView]:
-    """The gates for the page, the failed ones first."""
-    ordered = sorted(results, key=lambda result: result.status is not Status.FAILED)
-    return [GateView(result.gate, BADGES[result.status], _details(result)) for result in ordered]
+def build_gate_views(results: Sequence[GateResult]) -> list[GateView]:
+    """Build the gates' rows for the page, failed gates first."""
+    ordered = sorted(results, key=lambda result: result.status is not CheckStatus.FAILED)
+    return [
+        GateView(result.gate, BADGE_BY_STATUS[result.status], _format_compared_values(result)) for result in ordered
+    ]
 
 
-def badges_of_log(results: Sequence[GateResult], log: str) -> list[Badge]:
-    """The gates' verdict on one log; gates on the run as a whole count for none."""
+def gate_badges_of_log(results: Sequence[GateResult], log: str) -> list[Badge]:
+    """Return the badge of the gates' verdict on one log; [] if no gate is about it."""
     checks = [check for result in results for check in result.checks if check.log == log]
-    failed = sum(check.status is Status.FAILED for check in checks)
+    failed = sum(check.status is CheckStatus.FAILED for check in checks)
     if failed:
-        return [Badge(f"{count(failed, 'gate')} failed", "bad")]
-    return [Badge("gates passed", "good")] if any(check.status is Status.PASSED for check in checks) else []
+        return [Badge(f"{format_count(failed, 'gate')} failed", "bad")]
+    return [Badge("gates passed", "good")] if any(check.status is CheckStatus.PASSED for check in checks) else []
 
 
-def badge_of_run(results: Sequence[GateResult]) -> Badge:
-    """The gates' verdict on the run."""
-    failed = sum(result.status is Status.FAILED for result in results)
+def gate_badge_of_run(results: Sequence[GateResult]) -> Badge:
+    """Return the badge of the gates' verdict on the run."""
+    failed = sum(result.status is CheckStatus.FAILED for result in results)
     if failed:
-        return Badge(f"{failed} of {count(len(results), 'gate')} failed", "bad")
+        return Badge(f"{failed} of {format_count(len(results), 'gate')} failed", "bad")
     if not results:
         return Badge("no gates set", "plain")
-    passed = sum(result.status is Status.PASSED for result in results)
-    return Badge(f"{passed} of {count(len(results), 'gate')} passed", "good")
+    passed = sum(result.status is CheckStatus.PASSED for result in results)
+    return Badge(f"{passed} of {format_count(len(results), 'gate')} passed", "good")
 
 
-def _details(result: GateResult) -> str:
-    """The values that were compared: of the failed checks, or of a few."""
-    failed = result.failed
-    told = [f"{check.log}: {check.detail}" if check.log else check.detail for check in failed or result.checks]
-    text = "; ".join(told[:MAX_DETAILS])
-    if len(told) > MAX_DETAILS:
-        text += f"; and {len(told) - MAX_DETAILS} more"
+def _format_compared_values(result: GateResult) -> str:
+    """Format the values that were compared, of the failed checks if there are any."""
+    failed = result.failed_checks
+    texts = [f"{check.log}: {check.detail}" if check.log else check.detail for check in failed or result.checks]
+    text = "; ".join(texts[:MAX_LISTED_CHECKS])
+    if len(texts) > MAX_LISTED_CHECKS:
+        text += f"; and {len(texts) - MAX_LISTED_CHECKS} more"
     return (
-        f"failed for {len(failed)} of {count(len(result.checks), 'log')}: {text}"
+        f"failed for {len(failed)} of {format_count(len(result.checks), 'log')}: {text}"
         if len(result.checks) > 1 and failed
         else text
     )

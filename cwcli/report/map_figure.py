@@ -7,133 +7,169 @@ from typing import Any
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
-from cwcli.measures.pair import ActualTrack, interpolate
-from cwcli.report.decimate import spot_rows, track_rows
+from cwcli.measures.pair import ActualTrack, interpolate_track
+from cwcli.report.decimate import first_row_per_grid_cell, simplified_track_row_indices
 from cwcli.report.drawing import (
-    ALERT,
-    EGO,
-    OTHERS,
-    RAW,
-    TRUTH,
+    EGO_COLOUR,
+    MEASURED_COLOUR,
+    OTHER_VEHICLE_COLOURS,
+    TRUTH_COLOUR,
+    WARNING_COLOUR,
     Figure,
     Trace,
-    axis,
-    dots,
-    equal_axes,
-    line,
-    rounded,
-    words,
+    axis_settings,
+    equalise_axis_scales,
+    escape_figure_text,
+    line_trace,
+    marker_trace,
+    rounded_json_numbers,
 )
 from cwcli.report.drive import Drive, OtherTrack
-from cwcli.report.encounters import Meetings
+from cwcli.report.encounters import DriveEncounters
 from cwcli.signals.columns import FloatArray, Int64Array
 
-MAX_OTHERS = 12
-MAX_NAMED = 4
-MAX_WORDED = 4
-MAX_MARKED = 30
-SPOTS = 500
-TRACK_PARTS = 4000.0
-MIN_TOLERANCE_M = 0.02
-BREAK_S = 2.0
-SLANTED = 0.7
-MARGIN, LEAST_MARGIN_M = 0.04, 1.0
-OTHERS_WIDTH = 1.3
-SYMBOLS = ("square", "diamond", "triangle-down", "pentagon", "hexagon", "star")
+MAX_OTHERS_ON_MAP = 12
+"""The greatest number of other vehicles on the map. Chosen by hand; not fitted."""
+MAX_OTHERS_IN_LEGEND = 4
+"""The greatest number of other vehicles that the legend names. Chosen by hand; not fitted."""
+MAX_SPELLED_OUT_WARNINGS = 4
+"""The labels of at most this many warnings say `warning 1`, else only `1`. Chosen by hand; not fitted."""
+MAX_WARNINGS_ON_MAP = 30
+"""The greatest number of warnings that the map marks. Chosen by hand; not fitted."""
+N_FIX_GRID_CELLS = 500
+"""Cells of the grid along each axis; of fixes in one cell the first is drawn. Chosen by hand; not fitted."""
+TOLERANCES_PER_EXTENT = 4000.0
+"""The track's extent divided by this is the tolerance of its simplification. Chosen by hand; not fitted."""
+MIN_TRACK_TOLERANCE_M = 0.02
+"""The least tolerance of a track's simplification, in m. Chosen by hand; not fitted."""
+LINE_BREAK_S = 2.0
+"""No line is drawn across longer gaps, in s. Chosen by hand; not fitted."""
+LABEL_ABOVE_MIN_COSINE = 0.7
+"""Labels stand above the car where the cosine of its heading is larger, else to its left.
+Chosen by hand; not fitted."""
+AXIS_MARGIN_SHARE = 0.04
+"""Margin at each end of an axis, as a share of what is drawn. Chosen by hand; not fitted."""
+MIN_AXIS_MARGIN_M = 1.0
+"""The least margin at each end of an axis, in m. Chosen by hand; not fitted."""
+OTHERS_LINE_WIDTH_PX = 1.3
+"""Line width of the other vehicles' tracks, in pixels. Chosen by hand; not fitted."""
+TRACK_END_SYMBOLS = ("square", "diamond", "triangle-down", "pentagon", "hexagon", "star")
+"""Plotly symbols at the ends of the others' tracks, in order."""
 
 
-def map_figure(drive: Drive, meetings: Meetings) -> tuple[Figure, tuple[str, ...]] | None:
-    """The map and what was left out of it; None without any track, and where no position is a number."""
+def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[Figure, tuple[str, ...]] | None:
+    """Build the map and the notes on what it leaves out; None if there is no position to draw."""
     if drive.ego is None and not drive.others:
         return None
-    shown = shown_others(drive, meetings)
-    data, own = [{**trace, "legendrank": 1} for trace in _fixes(drive)], list[Trace]()
-    tolerance = MIN_TOLERANCE_M
+    shown = others_on_map(drive, drive_encounters)
+    data, own = [{**trace, "legendrank": 1} for trace in _fix_traces(drive)], list[Trace]()
+    tolerance = MIN_TRACK_TOLERANCE_M
     if drive.ego is not None:
         xy = drive.ego.state[:, :2]
-        tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TRACK_PARTS)
+        tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TOLERANCES_PER_EXTENT)
         if drive.truth is not None:
-            own.append(_track(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH, "dot"))
-        own.append(_track(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO, "solid"))
+            own.append(
+                _track_trace(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH_COLOUR, "dot")
+            )
+        own.append(_track_trace(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO_COLOUR, "solid"))
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state
-        colour = OTHERS[index % len(OTHERS)]
-        track = _track(drive, stamps, states[:, :2], tolerance, other_name(other), colour, "solid", width=OTHERS_WIDTH)
-        data.append(track if index < MAX_NAMED else {**track, "showlegend": False})
-        data.append(_end(other, index))
+        colour = OTHER_VEHICLE_COLOURS[index % len(OTHER_VEHICLE_COLOURS)]
+        track = _track_trace(
+            drive,
+            stamps,
+            states[:, :2],
+            tolerance,
+            escaped_vehicle_name(other),
+            colour,
+            "solid",
+            width=OTHERS_LINE_WIDTH_PX,
+        )
+        data.append(track if index < MAX_OTHERS_IN_LEGEND else {**track, "showlegend": False})
+        data.append(_track_end_trace(other, index))
     data += [{**trace, "legendrank": 2} for trace in own]  # above the others, but named before them
     if drive.ego is not None:
-        x, y = (rounded(drive.ego.state[:1, column], 2) for column in (0, 1))
-        data.append(dots(x, y, "start", EGO, symbol="circle-open", size=11))
-        data += _marks(drive, meetings, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
-    across, up = _span(data, "x"), _span(data, "y")
+        x, y = (rounded_json_numbers(drive.ego.state[:1, column], 2) for column in (0, 1))
+        data.append(marker_trace(x, y, "start", EGO_COLOUR, symbol="circle-open", size=11))
+        data += _warning_traces(drive, drive_encounters, ActualTrack(drive.ego.stamp_ns, drive.ego.state))
+    across, up = _axis_range(data, "x"), _axis_range(data, "y")
     if across is None or up is None:
         return None
-    layout: dict[str, Any] = equal_axes(
-        {"xaxis": axis("east [m]", range=across), "yaxis": axis("north [m]", range=up), "dragmode": "pan"}
+    layout: dict[str, Any] = equalise_axis_scales(
+        {
+            "xaxis": axis_settings("east [m]", range=across),
+            "yaxis": axis_settings("north [m]", range=up),
+            "dragmode": "pan",
+        }
     )
     left_out = []
-    if len(shown) > MAX_NAMED:
-        left_out.append(f"the map's legend names {MAX_NAMED} of the {len(shown)} others; pointing at a line names it")
+    if len(shown) > MAX_OTHERS_IN_LEGEND:
+        left_out.append(
+            f"the map's legend names {MAX_OTHERS_IN_LEGEND} of the {len(shown)} others; pointing at a line names it"
+        )
     if len(drive.others) > len(shown):
         left_out.append(f"{len(drive.others) - len(shown)} of {len(drive.others)} other vehicles are not on the map")
-    if meetings.n_not_compared:
-        left_out.append(f"the distance of {meetings.n_not_compared} others was not computed")
-    if len(meetings.encounters) > MAX_MARKED:
-        left_out.append(f"the map marks the first {MAX_MARKED} of {len(meetings.encounters)} warnings")
+    if drive_encounters.n_not_compared:
+        left_out.append(f"the distance of {drive_encounters.n_not_compared} others was not computed")
+    if len(drive_encounters.encounters) > MAX_WARNINGS_ON_MAP:
+        left_out.append(f"the map marks the first {MAX_WARNINGS_ON_MAP} of {len(drive_encounters.encounters)} warnings")
     return {"data": data, "layout": layout}, tuple(left_out)
 
 
-def shown_others(drive: Drive, meetings: Meetings) -> list[OtherTrack]:
-    """The others on the map: those that were warned of, missed or nearest, then the longest heard."""
+def others_on_map(drive: Drive, drive_encounters: DriveEncounters) -> list[OtherTrack]:
+    """Return the others on the map: those warned of, missed or nearest, then the longest tracks."""
     first: dict[int, OtherTrack] = {}
     for other in (
-        *(encounter.other for encounter in meetings.encounters),
-        *(missed.other for missed in meetings.missed),
-        meetings.nearest.other if meetings.nearest else None,
+        *(encounter.other for encounter in drive_encounters.encounters),
+        *(missed.other for missed in drive_encounters.missed_conflicts),
+        drive_encounters.nearest.other if drive_encounters.nearest else None,
         *sorted(drive.others, key=lambda other: -len(other.track.stamp_ns)),
     ):
         if other is not None:
             first.setdefault(id(other), other)
-    return list(first.values())[:MAX_OTHERS]
+    return list(first.values())[:MAX_OTHERS_ON_MAP]
 
 
-def other_name(other: OtherTrack) -> str:
-    """`vehicle 17`, safe for a figure."""
-    return f"{other.kind} {words(other.id)}"
+def escaped_vehicle_name(other: OtherTrack) -> str:
+    """Return a name such as `vehicle 17`, escaped for a figure."""
+    return f"{other.kind} {escape_figure_text(other.id)}"
 
 
-def with_breaks(stamp_ns: Int64Array, values: FloatArray, break_s: float = BREAK_S) -> tuple[Int64Array, FloatArray]:
-    """The rows with one of NaN wherever nothing is known for longer than `break_s`, so that no line is drawn there."""
+def insert_line_breaks(
+    stamp_ns: Int64Array, values: FloatArray, break_s: float = LINE_BREAK_S
+) -> tuple[Int64Array, FloatArray]:
+    """Insert a row of NaN in each gap longer than `break_s`, so that no line is drawn there."""
     after = np.flatnonzero(np.diff(stamp_ns) > break_s * 1e9) + 1
     if not len(after):
         return stamp_ns, values
     return np.insert(stamp_ns, after, stamp_ns[after - 1]), np.insert(values, after, np.nan, axis=0)
 
 
-def _span(data: list[Trace], name: str) -> list[float | None] | None:
-    """What an axis covers: all that is drawn, and a margin, so that no line ends on the frame; None of nothing."""
-    told = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
-    if not len(told):
+def _axis_range(data: list[Trace], name: str) -> list[float | None] | None:
+    """Return the range of an axis: all that is drawn and a margin; None if nothing is drawn."""
+    numbers = np.array([value for trace in data for value in trace[name] if value is not None], np.float64)
+    if not len(numbers):
         return None
-    margin = max(MARGIN * float(np.ptp(told)), LEAST_MARGIN_M)
-    return rounded(np.array([told.min() - margin, told.max() + margin]), 2)
+    margin = max(AXIS_MARGIN_SHARE * float(np.ptp(numbers)), MIN_AXIS_MARGIN_M)
+    return rounded_json_numbers(np.array([numbers.min() - margin, numbers.max() + margin]), 2)
 
 
-def _end(other: OtherTrack, index: int) -> Trace:
-    """Where a track ends: a symbol of its own, and the name of those in the legend, as tracks on one road overlap."""
-    colour = OTHERS[index % len(OTHERS)]
+def _track_end_trace(other: OtherTrack, index: int) -> Trace:
+    """Return the marker at the end of a track, with the vehicle's name if the legend has it."""
+    colour = OTHER_VEHICLE_COLOURS[index % len(OTHER_VEHICLE_COLOURS)]
     known = np.flatnonzero(np.isfinite(other.track.state[:, :2]).all(axis=1))[-1:]
-    x, y = (rounded(other.track.state[known, column], 2) for column in (0, 1))
-    end = dots(x, y, other_name(other), colour, symbol=SYMBOLS[index % len(SYMBOLS)], size=8)
+    x, y = (rounded_json_numbers(other.track.state[known, column], 2) for column in (0, 1))
+    end = marker_trace(
+        x, y, escaped_vehicle_name(other), colour, symbol=TRACK_END_SYMBOLS[index % len(TRACK_END_SYMBOLS)], size=8
+    )
     end |= {"showlegend": False, "hovertemplate": "the end of %{fullData.name}<extra></extra>"}
-    if index < MAX_NAMED:
-        end |= {"mode": "markers+text", "text": [words(other.id)], "textposition": "top right"}
+    if index < MAX_OTHERS_IN_LEGEND:
+        end |= {"mode": "markers+text", "text": [escape_figure_text(other.id)], "textposition": "top right"}
         end["textfont"] = {"color": colour, "size": 11}
     return end
 
 
-def _track(
+def _track_trace(
     drive: Drive,
     stamp_ns: Int64Array,
     xy: FloatArray,
@@ -143,81 +179,98 @@ def _track(
     dash: str,
     width: float = 2.0,
 ) -> Trace:
-    stamp_ns, xy = with_breaks(stamp_ns, xy)
-    rows = track_rows(xy, tolerance)
-    return line(
-        rounded(xy[rows, 0], 2),
-        rounded(xy[rows, 1], 2),
+    """Return the simplified line of a track."""
+    stamp_ns, xy = insert_line_breaks(stamp_ns, xy)
+    rows = simplified_track_row_indices(xy, tolerance)
+    return line_trace(
+        rounded_json_numbers(xy[rows, 0], 2),
+        rounded_json_numbers(xy[rows, 1], 2),
         name,
         colour,
         dash=dash,
         width=width,
-        customdata=rounded(drive.seconds(stamp_ns[rows]), 2),
+        customdata=rounded_json_numbers(drive.seconds_since_start(stamp_ns[rows]), 2),
         hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
     )
 
 
-def _fixes(drive: Drive) -> list[Trace]:
-    """The raw positions; those that would fall onto the same spot are drawn once."""
-    found = [measured for measured in drive.measured if measured.kind is Kind.POSITION]
+def _fix_traces(drive: Drive) -> list[Trace]:
+    """Return the trace of the raw positions; those in one grid cell are drawn once."""
+    found = [measured for measured in drive.measurements if measured.kind is Kind.POSITION]
     traces = []
     for measured in found[:1]:
-        rows = spot_rows(measured.values[:, 0], measured.values[:, 1], SPOTS, SPOTS)
+        rows = first_row_per_grid_cell(measured.values[:, 0], measured.values[:, 1], N_FIX_GRID_CELLS, N_FIX_GRID_CELLS)
         x, y = measured.values[rows].T
         traces.append(
-            dots(
-                rounded(x, 2),
-                rounded(y, 2),
+            marker_trace(
+                rounded_json_numbers(x, 2),
+                rounded_json_numbers(y, 2),
                 "raw position fixes",
-                RAW,
+                MEASURED_COLOUR,
                 size=4,
                 opacity=0.6,
-                customdata=rounded(drive.seconds(measured.stamp_ns[rows]), 2),
+                customdata=rounded_json_numbers(drive.seconds_since_start(measured.stamp_ns[rows]), 2),
                 hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
             )
         )
     return traces
 
 
-def _marks(drive: Drive, meetings: Meetings, ego: ActualTrack) -> list[Trace]:
-    """Where the car was when it was warned, where the other was, and where they came nearest."""
-    gap_s = drive.rule.max_gap_s
-    shown = meetings.encounters[:MAX_MARKED]
+def _warning_traces(drive: Drive, drive_encounters: DriveEncounters, ego: ActualTrack) -> list[Trace]:
+    """Return the markers of the warnings: the ego, the other, and the nearest approach."""
+    gap_s = drive.warning_config.max_gap_s
+    shown = drive_encounters.encounters[:MAX_WARNINGS_ON_MAP]
     if not shown:
         return []
-    word = "warning " if len(shown) <= MAX_WORDED else ""
-    raised = interpolate(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
+    word = "warning " if len(shown) <= MAX_SPELLED_OUT_WARNINGS else ""
+    raised = interpolate_track(ego, np.array([each.raised_ns for each in shown], np.int64), gap_s)
     traces = [
         {
-            **dots(
-                rounded(raised[:, 0], 2),
-                rounded(raised[:, 1], 2),
+            **marker_trace(
+                rounded_json_numbers(raised[:, 0], 2),
+                rounded_json_numbers(raised[:, 1], 2),
                 "warning given",
-                ALERT,
+                WARNING_COLOUR,
                 symbol="triangle-up",
                 size=15,
             ),
             "mode": "markers+text",
             "text": [f"<b>{word}{each.event_id}</b>" for each in shown],
-            "textposition": ["top center" if abs(np.cos(state[3])) > SLANTED else "middle left" for state in raised],
-            "textfont": {"color": ALERT, "size": 13},
+            "textposition": [
+                "top center" if abs(np.cos(state[3])) > LABEL_ABOVE_MIN_COSINE else "middle left" for state in raised
+            ],
+            "textfont": {"color": WARNING_COLOUR, "size": 13},
             "cliponaxis": False,
         }
     ]
     others = [(each, each.other) for each in shown if each.other is not None]
-    at_warning = [interpolate(other.track, np.array([each.raised_ns], np.int64), gap_s)[0] for each, other in others]
+    at_warning = [
+        interpolate_track(other.track, np.array([each.raised_ns], np.int64), gap_s)[0] for each, other in others
+    ]
     if at_warning:
         there = np.array(at_warning)
         name = "the other at that moment"
         traces.append(
-            dots(rounded(there[:, 0], 2), rounded(there[:, 1], 2), name, ALERT, symbol="triangle-up-open", size=12)
+            marker_trace(
+                rounded_json_numbers(there[:, 0], 2),
+                rounded_json_numbers(there[:, 1], 2),
+                name,
+                WARNING_COLOUR,
+                symbol="triangle-up-open",
+                size=12,
+            )
         )
     nearest_ns = [each.verdict.closest_ns for each, _ in others if each.verdict and each.verdict.closest_ns >= 0]
     if nearest_ns:
-        nearest = interpolate(ego, np.array(nearest_ns, np.int64), gap_s)
+        nearest = interpolate_track(ego, np.array(nearest_ns, np.int64), gap_s)
         traces.append(
-            dots(
-                rounded(nearest[:, 0], 2), rounded(nearest[:, 1], 2), "nearest approach", "#000000", symbol="x", size=9
+            marker_trace(
+                rounded_json_numbers(nearest[:, 0], 2),
+                rounded_json_numbers(nearest[:, 1], 2),
+                "nearest approach",
+                "#000000",
+                symbol="x",
+                size=9,
             )
         )
     return traces

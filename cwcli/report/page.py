@@ -20,19 +20,20 @@ from typing import TYPE_CHECKING, Any
 from cwcli.errors import UsageError, install_hint
 from cwcli.report.pooled import PooledMetric, PooledSource
 from cwcli.report.story import Badge
-from cwcli.report.tiles import Tiles
+from cwcli.report.tiles import TileServer
 from cwcli.report.views import LogView
-from cwcli.text import printable
+from cwcli.text import escape_control_characters
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 GZIP_LEVEL = 9
+"""The compression level of what the page embeds, the highest."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One log of the overview; `anchor` is "" where it has no details. links: anchor and words of each part of it."""
+class OverviewRow:
+    """One log of the overview; `anchor` is "" without details; `links` are anchors and descriptions of its parts."""
 
     anchor: str
     name: str
@@ -44,7 +45,7 @@ class Row:
 
 @dataclass(frozen=True)
 class GateView:
-    """One gate of the run."""
+    """One gate of the run, as the page shows it."""
 
     expression: str
     badge: Badge
@@ -52,8 +53,8 @@ class GateView:
 
 
 @dataclass(frozen=True)
-class Page:
-    """What stands around the logs."""
+class PageContent:
+    """The content of the page around the sections of the logs."""
 
     title: str
     headline: str
@@ -61,36 +62,36 @@ class Page:
     badges: tuple[Badge, ...]
     gates: tuple[GateView, ...]
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[OverviewRow, ...]
     footer: tuple[str, ...]
     metrics: tuple[PooledMetric, ...] = ()
     sources: tuple[PooledSource, ...] = ()
     n_sources: int = 0
 
 
-class Renderer:
-    """The templates and what the page embeds.
+class PageRenderer:
+    """Renders the templates and holds what every page embeds.
 
     Raises:
         UsageError: The extra `report` is not installed.
     """
 
-    def __init__(self, tiles: Tiles | None = None) -> None:
+    def __init__(self, tiles: TileServer | None = None) -> None:
         """Read the templates.
 
         Args:
             tiles: What may be drawn below the maps, or None.
         """
         self.tiles = tiles
-        self._environment = _environment()
-        self._css = _asset("report.css")
-        self._script = _asset("report.js")
-        library = _plotly()
-        self._library = _packed(library)
+        self._environment = _template_environment()
+        self._css = _read_asset("report.css")
+        self._script = _read_asset("report.js")
+        library = _plotly_library()
+        self._library = _compress_to_base64(library)
         self._policy = "; ".join(
             (
                 "default-src 'none'",
-                f"script-src '{_hash(self._script)}' '{_hash(library)}'",
+                f"script-src '{_script_policy_hash(self._script)}' '{_script_policy_hash(library)}'",
                 "style-src 'unsafe-inline'",
                 "img-src data: blob:" + (f" {tiles.origin}" if tiles is not None else ""),
                 "base-uri 'none'",
@@ -99,23 +100,23 @@ class Renderer:
         )
 
     @property
-    def fixed_bytes(self) -> int:
-        """Size of what every page holds."""
+    def fixed_size_bytes(self) -> int:
+        """Size of what every page holds, in bytes."""
         return len(self._library) + len(self._css) + len(self._script) + 2000
 
-    def log(self, view: LogView) -> str:
-        """One log's part of the page."""
-        return self._render("log.html", log=view)
+    def render_log_section(self, view: LogView) -> str:
+        """Render one log's section as HTML."""
+        return self._render_template("log.html", log=view)
 
-    def page(self, page: Page, sections: Sequence[str]) -> str:
-        """The page.
+    def render_page(self, page: PageContent, sections: Sequence[str]) -> str:
+        """Render the whole page as HTML.
 
         Args:
             sections: What `log` returned.
         """
         from markupsafe import Markup
 
-        return self._render(
+        return self._render_template(
             "page.html",
             page=page,
             tiles=self.tiles,
@@ -126,68 +127,74 @@ class Renderer:
             library=Markup(self._library),
         )
 
-    def _render(self, name: str, **values: Any) -> str:
+    def _render_template(self, name: str, **values: Any) -> str:
+        """Render a template."""
         return self._environment.get_template(name).render(**values)
 
 
-def _environment() -> Environment:
-    """Templates in which every value is escaped, and shown with its invisible characters spelled out."""
+def _template_environment() -> Environment:
+    """Load the templates; every value is escaped, and its invisible characters are spelled out."""
     try:
         from jinja2 import Environment, FunctionLoader, StrictUndefined
     except ModuleNotFoundError as error:
-        raise _missing("jinja2") from error
+        raise _missing_package_error("jinja2") from error
     from markupsafe import Markup
 
-    macros = _asset("macros.html")
+    macros = _read_asset("macros.html")
 
-    def load(name: str) -> str:
+    def load_template(name: str) -> str:
         imports = (
             "{% from 'macros.html' import badge, badge_list, plot, frames, player, table, odd_logs, gate_table %}\n"
         )
-        return macros if name == "macros.html" else imports + _asset(name)
+        return macros if name == "macros.html" else imports + _read_asset(name)
 
-    def visible(value: Any) -> Any:
-        return printable(value) if type(value) is str else value
+    def spell_out_invisible(value: Any) -> Any:
+        return escape_control_characters(value) if type(value) is str else value
 
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
-        loader=FunctionLoader(load),
-        finalize=visible,
+        loader=FunctionLoader(load_template),
+        finalize=spell_out_invisible,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
     environment.filters["listed"] = lambda value: Markup(json.dumps(value, separators=(",", ":"), allow_nan=False))
-    environment.filters["packed"] = lambda value: Markup(packed_json(value))
+    environment.filters["packed"] = lambda value: Markup(compress_json_to_base64(value))
     return environment
 
 
-def packed_json(value: Any) -> str:
-    """JSON for a script element, compressed and in base64: a quarter of the size, and nothing that HTML could read."""
-    return _packed(json.dumps(value, separators=(",", ":"), allow_nan=False))
+def compress_json_to_base64(value: Any) -> str:
+    """Encode a value as compressed JSON in base64, which HTML can't misread."""
+    return _compress_to_base64(json.dumps(value, separators=(",", ":"), allow_nan=False))
 
 
-def _packed(text: str) -> str:
+def _compress_to_base64(text: str) -> str:
+    """Compress a text and encode it in base64."""
     return base64.b64encode(gzip.compress(text.encode(), GZIP_LEVEL, mtime=0)).decode("ascii")
 
 
-def _asset(name: str) -> str:
+def _read_asset(name: str) -> str:
+    """Read a template, style sheet or script of the package."""
     return (resources.files("cwcli.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def _plotly() -> str:
+def _plotly_library() -> str:
+    """Return the source of the plotting library."""
     try:
         from plotly.offline import get_plotlyjs
     except ModuleNotFoundError as error:
-        raise _missing("plotly") from error
+        raise _missing_package_error("plotly") from error
     library: str = get_plotlyjs()
     return library
 
 
-def _missing(package: str) -> UsageError:
+def _missing_package_error(package: str) -> UsageError:
+    """Return the error for a package that is not installed."""
     return UsageError(f"the report needs the package {package}", hint=install_hint("report"))
 
 
-def _hash(script: str) -> str:
+def _script_policy_hash(script: str) -> str:
+    """Return the hash by which a content security policy allows a script."""
     return f"sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode('ascii')}"

@@ -9,50 +9,53 @@ import numpy as np
 from cwcli.measures.distance import MEASURE as DISTANCE
 from cwcli.measures.drac import MEASURE as DRAC
 from cwcli.measures.gap import MEASURE as GAP
-from cwcli.measures.pair import OfPair, Pair
+from cwcli.measures.pair import Pair, PairQuantity
 from cwcli.measures.ttc import MEASURE as TTC
+from cwcli.report.anchor_names import stable_anchor_names
 from cwcli.report.drive import Drive
-from cwcli.report.encounters import Conflict, Meetings, met_rows
-from cwcli.report.marks import marks
-from cwcli.report.story import short_name
+from cwcli.report.encounters import Conflict, DriveEncounters, rows_of_moving_pair
+from cwcli.report.story import short_vehicle_name
 from cwcli.report.views import TableView
 from cwcli.signals.row_order import Rows
 from cwcli.signals.units import NS_PER_S
 
-EXTREMES = ("nearest [m]", "least gap [m]", "least TTC [s]", "most DRAC [m/s²]")
-MAX_PAIRS = 12
-MAX_CONFLICTS = 200
+EXTREME_HEADINGS = ("nearest [m]", "least gap [m]", "least TTC [s]", "most DRAC [m/s²]")
+"""Headings of the extremes of a pair."""
+MAX_LISTED_PAIRS = 12
+"""The greatest number of other vehicles in the table of extremes. Chosen by hand; not fitted."""
+MAX_LISTED_CONFLICTS = 200
+"""The greatest number of conflicts in the table of conflicts. Chosen by hand; not fitted."""
 
 
-def warning_marks(log: str, meetings: Meetings) -> list[str]:
-    """A name for each warning that a rerun keeps: `warning-3f2a`."""
-    return marks(log, "warning", ((each.rule, each.other_id) for each in meetings.encounters))
+def warning_anchor_names(log: str, drive_encounters: DriveEncounters) -> list[str]:
+    """Return an anchor name for each warning that a rerun keeps, such as `warning-3f2a`."""
+    return stable_anchor_names(log, "warning", ((each.rule, each.other_id) for each in drive_encounters.encounters))
 
 
-def conflict_marks(log: str, meetings: Meetings) -> list[str]:
-    """A name for each conflict that a rerun keeps: `conflict-3f2a`."""
-    return marks(log, "conflict", ((each.other.id,) for each in meetings.conflicts))
+def conflict_anchor_names(log: str, drive_encounters: DriveEncounters) -> list[str]:
+    """Return an anchor name for each conflict that a rerun keeps, such as `conflict-3f2a`."""
+    return stable_anchor_names(log, "conflict", ((each.other.id,) for each in drive_encounters.conflicts))
 
 
-def pairs_table(drive: Drive, meetings: Meetings) -> TableView | None:
-    """The extremes of each pair, and when they were; None where nobody was near."""
-    met = [(other, pair, met_rows(pair)[0]) for other, pair in meetings.pairs]
+def pair_extremes_table(drive: Drive, drive_encounters: DriveEncounters) -> TableView | None:
+    """Build the table of each pair's extremes and their times; None where nobody was near."""
+    met = [(other, pair, rows_of_moving_pair(pair)[0]) for other, pair in drive_encounters.pairs]
     near = [(float(pair.distance_m[rows].min()), other, pair, rows) for other, pair, rows in met if len(rows)]
     if not near:
         return None
     table = []
-    for _, other, pair, rows in sorted(near, key=lambda each: each[0])[:MAX_PAIRS]:
+    for _, other, pair, rows in sorted(near, key=lambda each: each[0])[:MAX_LISTED_PAIRS]:
         extremes = [
             text
             for measure, sign in ((DISTANCE, 1.0), (GAP, 1.0), (TTC, 1.0), (DRAC, -1.0))
-            for text in _extreme(drive, pair, rows, measure, sign)
+            for text in _extreme_and_time_cells(drive, pair, rows, measure, sign)
         ]
-        n_warnings = sum(each.other is other for each in meetings.encounters)
-        n_conflicts = sum(each.other is other for each in meetings.conflicts)
-        table.append((short_name(other.kind, other.id), *extremes, str(n_warnings), str(n_conflicts)))
+        n_warnings = sum(each.other is other for each in drive_encounters.encounters)
+        n_conflicts = sum(each.other is other for each in drive_encounters.conflicts)
+        table.append((short_vehicle_name(other.kind, other.id), *extremes, str(n_warnings), str(n_conflicts)))
     columns = (
         ("other", False),
-        *((name, True) for what in EXTREMES for name in (what, "at [s]")),
+        *((name, True) for what in EXTREME_HEADINGS for name in (what, "at [s]")),
         ("warnings", True),
         ("conflicts", True),
     )
@@ -62,46 +65,58 @@ def pairs_table(drive: Drive, meetings: Meetings) -> TableView | None:
     return TableView("How critical each other came to be", columns, tuple(table), hint)
 
 
-def conflicts_table(drive: Drive, meetings: Meetings, log: str) -> TableView | None:
-    """Every conflict, warned of or not; None where there was none."""
-    found = meetings.conflicts
+def conflicts_table(drive: Drive, drive_encounters: DriveEncounters, log: str) -> TableView | None:
+    """Build the table of all conflicts, warned of or not; None where there was none."""
+    found = drive_encounters.conflicts
     if not found:
         return None
-    rows = [_conflict_row(drive, each) for each in found[:MAX_CONFLICTS]]
+    rows = [_conflict_cells(drive, each) for each in found[:MAX_LISTED_CONFLICTS]]
     columns = (
         ("with", False), ("from [s]", True), ("to [s]", True), ("nearest [m]", True), ("at [s]", True),
         ("warned by", False),
     )  # fmt: skip
-    hint = f"a conflict: {drive.rule.definition.words}"
+    hint = f"a conflict: {drive.warning_config.parsed_conflict_definition.conflict_text}"
     if len(found) > len(rows):
         hint += f"; the first {len(rows)} of {len(found)}"
-    names = tuple(conflict_marks(log, meetings)[: len(rows)])
+    names = tuple(conflict_anchor_names(log, drive_encounters)[: len(rows)])
     return TableView("Conflicts", columns, tuple(rows), hint, row_marks=names)
 
 
-def _conflict_row(drive: Drive, each: Conflict) -> tuple[str, ...]:
+def _conflict_cells(drive: Drive, each: Conflict) -> tuple[str, ...]:
+    """Return the cells of a conflict."""
     met = each.conflict
-    times = [_at(drive, stamp) for stamp in (met.onset_ns, met.end_ns)]
-    warned = ", ".join(f"warning {number}" for number in each.warned_by)
-    name = short_name(each.other.kind, each.other.id)
-    return name, *times, f"{met.closest_m:.2f}", _at(drive, met.closest_ns), warned or "nobody"
+    times = [_seconds_since_start_text(drive, stamp) for stamp in (met.onset_ns, met.end_ns)]
+    warned = ", ".join(f"warning {number}" for number in each.warning_ids)
+    name = short_vehicle_name(each.other.kind, each.other.id)
+    return name, *times, f"{met.closest_m:.2f}", _seconds_since_start_text(drive, met.closest_ns), warned or "nobody"
 
 
-def _extreme(drive: Drive, pair: Pair, rows: Rows, measure: OfPair, sign: float) -> tuple[str, str]:
-    """The least (or with -1 the largest) value and when it was; nothing where the measure was never defined."""
-    values = sign * pair.value(measure)[rows]
+def _extreme_and_time_cells(
+    drive: Drive, pair: Pair, rows: Rows, measure: PairQuantity, sign: float
+) -> tuple[str, str]:
+    """Return the least (or with -1 the largest) value and its time; `-` where the measure is never defined."""
+    values = sign * pair.evaluate_measure(measure)[rows]
     if np.isnan(values).all():
         return "-", "-"
     row = int(np.nanargmin(values))
     value = sign * float(values[row])
-    return f"{value:.2f}" if math.isfinite(value) else "contact", _at(drive, int(pair.stamp_ns[rows[row]]))
+    return f"{value:.2f}" if math.isfinite(value) else "contact", _seconds_since_start_text(
+        drive, int(pair.stamp_ns[rows[row]])
+    )
 
 
-def _at(drive: Drive, stamp_ns: int) -> str:
+def _seconds_since_start_text(drive: Drive, stamp_ns: int) -> str:
+    """Format a stamp as seconds since the log began."""
     return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.1f}"
 
 
-def link_texts(meetings: Meetings, log: str) -> list[tuple[str, str]]:
-    """Name and words of a link to each conflict without a warning, of those that the table lists."""
-    named = list(zip(conflict_marks(log, meetings), meetings.conflicts, strict=True))[:MAX_CONFLICTS]
-    return [(mark, f"conflict with {short_name(e.other.kind, e.other.id)}") for mark, e in named if not e.warned_by]
+def unwarned_conflict_links(drive_encounters: DriveEncounters, log: str) -> list[tuple[str, str]]:
+    """Return anchor name and text of each listed conflict without a warning."""
+    named = list(zip(conflict_anchor_names(log, drive_encounters), drive_encounters.conflicts, strict=True))[
+        :MAX_LISTED_CONFLICTS
+    ]
+    return [
+        (mark, f"conflict with {short_vehicle_name(e.other.kind, e.other.id)}")
+        for mark, e in named
+        if not e.warning_ids
+    ]

@@ -13,21 +13,25 @@ from typing import IO
 
 from cwcli.errors import OutputError, UsageError
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-TIMEOUT_S, TIMEOUT_A_FIGURE_S = 120.0, 2.0
-"""What a browser may take to start and to print, and more for each figure that it draws."""
-FIGURE = b'<script type="text/plain" id="log-'
-DRAWING_MS = 60_000
-"""Of the page's own time, which runs as fast as the figures are drawn."""
+BROWSER_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+"""Programs that can print a page, in the order in which they are looked for."""
+PRINT_TIMEOUT_S = 120.0
+"""Time that the browser may take to start and to print, in s. Chosen by hand; not fitted."""
+PRINT_TIMEOUT_PER_FIGURE_S = 2.0
+"""Time that the browser may take in addition for each figure, in s. Chosen by hand; not fitted."""
+FIGURE_TAG = b'<script type="text/plain" id="log-'
+"""The tag by which the page's figures are counted."""
+DRAWING_TIME_BUDGET_MS = 60_000
+"""Virtual time that the browser gives the page to draw its figures, in ms. Chosen by hand; not fitted."""
 
 
 def find_browser() -> str:
-    """The browser's program.
+    """Find a browser that can print the page.
 
     Raises:
         UsageError: There is none.
     """
-    found = next((path for path in map(shutil.which, BROWSERS) if path), None)
+    found = next((path for path in map(shutil.which, BROWSER_PROGRAMS) if path), None)
     if found is None:
         raise UsageError(
             "a PDF needs Chromium, and none is installed",
@@ -36,23 +40,24 @@ def find_browser() -> str:
     return found
 
 
-def printed(html: bytes, browser: str) -> bytes:
-    """The page as a PDF, every log unfolded.
+def print_pdf(html: bytes, browser: str) -> bytes:
+    """Print the page as a PDF, every log unfolded.
 
     Raises:
         OutputError: The browser did not print it.
     """
-    limit_s = TIMEOUT_S + TIMEOUT_A_FIGURE_S * html.count(FIGURE)
+    limit_s = PRINT_TIMEOUT_S + PRINT_TIMEOUT_PER_FIGURE_S * html.count(FIGURE_TAG)
     try:
         with tempfile.TemporaryDirectory(prefix="cwcli-", ignore_cleanup_errors=True) as folder:
-            return _printed_in(Path(folder), html, browser, limit_s)
+            return _print_pdf_in_folder(Path(folder), html, browser, limit_s)
     except subprocess.TimeoutExpired as error:
         raise OutputError(f"{browser} did not print the page: it took longer than {limit_s:.0f} s") from error
     except OSError as error:
         raise OutputError(f"{browser} did not print the page: {error}") from error
 
 
-def _printed_in(folder: Path, html: bytes, browser: str, limit_s: float) -> bytes:
+def _print_pdf_in_folder(folder: Path, html: bytes, browser: str, limit_s: float) -> bytes:
+    """Print the page inside a temporary folder."""
     page, target, talk = folder / "report.html", folder / "report.pdf", folder / "talk.txt"
     page.write_bytes(html.replace(b'<details class="log"', b'<details open class="log"'))
     command = [
@@ -64,22 +69,22 @@ def _printed_in(folder: Path, html: bytes, browser: str, limit_s: float) -> byte
         "--disable-background-networking",
         "--no-pdf-header-footer",
         f"--user-data-dir={folder / 'profile'}",
-        f"--virtual-time-budget={DRAWING_MS}",
+        f"--virtual-time-budget={DRAWING_TIME_BUDGET_MS}",
         f"--print-to-pdf={target}",
         page.as_uri(),
     ]
     with talk.open("wb") as said:  # no pipe: it would stay open as long as any child of the browser lives
-        code = _run_with_children(command, said, limit_s)
+        code = _run_and_end_children(command, said, limit_s)
     if code or not target.is_file():
         lines = talk.read_text("utf-8", "replace").strip().splitlines()
         raise OutputError(f"{browser} did not print the page: {lines[-1] if lines else 'it says nothing'}")
     return target.read_bytes()
 
 
-def _run_with_children(command: list[str], said: IO[bytes], limit_s: float) -> int:
-    """Exit code of a program; its children end with it, as they would go on to write into its folder."""
+def _run_and_end_children(command: list[str], stderr_file: IO[bytes], limit_s: float) -> int:
+    """Run a program and return its exit code; its children are ended with it, as they write into its folder."""
     process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=said, start_new_session=True
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=stderr_file, start_new_session=True
     )
     try:
         return process.wait(limit_s)

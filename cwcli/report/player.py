@@ -9,23 +9,23 @@ from cwcli.report.frames import Thumbnail
 from cwcli.report.views import Player
 from cwcli.signals.units import NS_PER_S
 
-MAX_BYTES = 1_300_000
-"""Of a log's frames, as text; more are thinned out."""
+MAX_FRAMES_TEXT_BYTES = 1_300_000
+"""The greatest size of a log's frames as text, in bytes; more are thinned out. Chosen by hand; not fitted."""
 
 
-def moments(drive: Drive, n: int) -> list[int]:
-    """Stamps, evenly over the log, at which frames are wanted; none without a camera."""
-    if not drive.camera or n < 1:
+def evenly_spaced_stamps_ns(drive: Drive, n: int) -> list[int]:
+    """Return n stamps, evenly over the log, at which frames are wanted; [] without a camera."""
+    if not drive.camera_topic or n < 1:
         return []
     span = drive.end_ns - drive.start_ns
     return [drive.start_ns + span * k // max(n - 1, 1) for k in range(n)]
 
 
-def player_of(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
-    """The frames in the order of their stamps, thinned out to fit; None of fewer than two."""
+def build_player(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
+    """Build the player of the frames in order of time, thinned out to fit; None of fewer than two."""
     unique = {picture.stamp_ns: picture for picture in pictures}
     shown = [unique[stamp] for stamp in sorted(unique)]
-    while len(shown) > 2 and sum(len(each.data_uri) for each in shown) > MAX_BYTES:
+    while len(shown) > 2 and sum(len(each.data_uri) for each in shown) > MAX_FRAMES_TEXT_BYTES:
         shown = shown[::2]
     if len(shown) < 2:
         return None
@@ -33,11 +33,14 @@ def player_of(drive: Drive, pictures: Iterable[Thumbnail]) -> Player | None:
         first=shown[0].data_uri,
         width_px=shown[0].width_px,
         height_px=shown[0].height_px,
-        start_s=round(_seconds(drive, min(shown[0].stamp_ns, drive.start_ns)), 2),
-        end_s=round(_seconds(drive, max(shown[-1].stamp_ns, drive.end_ns)), 2),
-        moments=tuple((round(_seconds(drive, each.stamp_ns), 3), each.data_uri.partition(",")[2]) for each in shown),
+        start_s=round(_seconds_since_start(drive, min(shown[0].stamp_ns, drive.start_ns)), 2),
+        end_s=round(_seconds_since_start(drive, max(shown[-1].stamp_ns, drive.end_ns)), 2),
+        moments=tuple(
+            (round(_seconds_since_start(drive, each.stamp_ns), 3), each.data_uri.partition(",")[2]) for each in shown
+        ),
     )
 
 
-def _seconds(drive: Drive, stamp_ns: int) -> float:
+def _seconds_since_start(drive: Drive, stamp_ns: int) -> float:
+    """Return the seconds since the log began."""
     return (stamp_ns - drive.start_ns) / NS_PER_S

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.metrics.headline import metric_of
-from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pooled_rows
-from cwcli.pipeline.records import Record, json_entry, latency_of, number
-from cwcli.report.tables import value_text
+from cwcli.metrics.headline import find_metric
+from cwcli.metrics.pooling import LogMetrics, MetricRow, metric_names, pool_all_metrics
+from cwcli.pipeline.records import Record, read_json_entry, read_latency_s, read_number
+from cwcli.report.tables import format_metric_value
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.text import interval
-from cwcli.text import number as shown
+from cwcli.text import format_interval
+from cwcli.text import format_number as shown
 
-MORE = (
+FURTHER_METRICS = (
     "data.duration_s",
     "ego.distance_km",
     "ego.position_nees",
@@ -29,29 +29,40 @@ MORE = (
     "warnings.raised_per_hour",
     "warnings.raised_per_100km",
 )
-"""What is shown beside the metrics that runs are compared by."""
-EXTENT = ("data.duration_s", "ego.distance_km")
-"""A long drive is no odd one."""
-MAX_ODD = 3
-MAX_SOURCES = 20
-N_BINS = 24
-WIDTH_PX, HEIGHT_PX = 192, 26
-FAR_MADS = 5.0
-"""A log stands out that is so many sigmas (by the median deviation) from the median: one in 1.7 million by chance."""
-MAD_TO_SIGMA = 1.4826
-LEAST_SPREAD = 0.05
-"""Of the median: values that nearly agree have no outliers."""
-LEAST_COUNT, LEAST_S = 1.0, 0.005
-"""Likewise of counts and of times: one more or less is nothing odd where most logs have none."""
-LARGEST = 1e300
-"""Larger values are drawn there: their differences would overflow."""
-REACH = 3.0
-"""The axis goes so many interquartile ranges beyond the quartiles; what is farther stands at its ends."""
+"""Metrics that are shown besides those that runs are compared by. Chosen by hand; not fitted."""
+EXTENT_METRICS = ("data.duration_s", "ego.distance_km")
+"""Metrics of a drive's length, in which no log counts as an outlier."""
+MAX_OUTLIER_LOGS = 3
+"""The greatest number of outlier logs that are named for a metric. Chosen by hand; not fitted."""
+MAX_LISTED_SOURCES = 20
+"""The greatest number of sources in the table of all logs. Chosen by hand; not fitted."""
+N_HISTOGRAM_BINS = 24
+"""Number of bins of a histogram. Chosen by hand; not fitted."""
+HISTOGRAM_WIDTH_PX = 192
+"""Width of a histogram in pixels. Chosen by hand; not fitted."""
+HISTOGRAM_HEIGHT_PX = 26
+"""Height of a histogram in pixels. Chosen by hand; not fitted."""
+OUTLIER_SIGMAS = 5.0
+"""A log this many sigmas (by the median deviation) from the median is an outlier: one in 1.7 million by chance."""
+SIGMA_PER_MAD = 1.4826
+"""The sigma of a normal distribution divided by its median absolute deviation."""
+MIN_SIGMA_SHARE_OF_MEDIAN = 0.05
+"""The least sigma as a share of the median, so that values that nearly agree have no outliers.
+Chosen by hand; not fitted."""
+MIN_COUNT_SIGMA = 1.0
+"""The least sigma of counts, as one more or less is ordinary where most logs have none. Chosen by hand; not fitted."""
+MIN_TIME_SIGMA_S = 0.005
+"""The least sigma of times, in s. Chosen by hand; not fitted."""
+MAX_DRAWN_MAGNITUDE = 1e300
+"""Larger magnitudes are drawn at this value, as their differences would overflow."""
+AXIS_REACH_QUARTILE_RANGES = 3.0
+"""The axis reaches this many interquartile ranges beyond the quartiles; values beyond are drawn at its ends.
+Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class OddLog:
-    """A log that stands out: its name, its anchor ("" where it has no figures), its value, and where it is drawn."""
+class OutlierLog:
+    """An outlier log: its name, its anchor ("" without figures), its value, and where it is drawn."""
 
     name: str
     anchor: str
@@ -60,8 +71,8 @@ class OddLog:
 
 
 @dataclass(frozen=True)
-class Bar:
-    """A bar of a histogram, in pixels, and how many logs it stands for."""
+class HistogramBar:
+    """A bar of a histogram, in pixels, and the number of its logs."""
 
     x_px: float
     height_px: float
@@ -69,10 +80,10 @@ class Bar:
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How the logs' values lie: bars of a histogram from `low` to `high`."""
+class Histogram:
+    """The histogram of the logs' values: its bars from `low` to `high`, and a description."""
 
-    bars: tuple[Bar, ...]
+    bars: tuple[HistogramBar, ...]
     low: str
     high: str
     words: str
@@ -99,27 +110,27 @@ class PooledMetric:
     n_logs: int
     n_samples: int
     median: str
-    spread: Spread
-    odd: tuple[OddLog, ...]
+    spread: Histogram
+    odd: tuple[OutlierLog, ...]
 
 
 @dataclass(frozen=True)
-class FoundSource:
-    """What the estimator found of a source in one log; NaN where nothing is told."""
+class SourceInLog:
+    """What the estimator found of a source in one log; NaN where the record has no value."""
 
     log: str
     source: str
     quantity: str
     latency_s: float
     nis: float
-    is_inside: bool | None
+    is_nis_inside_bounds: bool | None
     gated: float
     used: float
 
 
 @dataclass(frozen=True)
 class PooledSource:
-    """A source over all logs, in words and numbers as they are shown."""
+    """A source over all logs, as text for the page."""
 
     source: str
     quantity: str
@@ -129,11 +140,11 @@ class PooledSource:
     nis: str
     outside: str
     gated: str
-    odd: tuple[OddLog, ...]
+    odd: tuple[OutlierLog, ...]
 
 
-def pooled_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tuple[PooledMetric, ...]:
-    """The metrics over all logs that have them; none of fewer than two logs.
+def pool_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tuple[PooledMetric, ...]:
+    """Pool the metrics over all logs that have them; () of fewer than two logs.
 
     Args:
         logs: Of the run.
@@ -142,78 +153,87 @@ def pooled_metrics(logs: Sequence[LogMetrics], anchors: Mapping[str, str]) -> tu
     known = [log for log in logs if log.rows]
     if len(known) < 2:
         return ()
-    names = [name for name in metric_names(known) if _is_shown(name)]
+    names = [name for name in metric_names(known) if _is_shown_metric(name)]
     of_interest = [LogMetrics(log.id, {name: log.rows[name] for name in names if name in log.rows}) for log in known]
     found = []
-    for name, row in pooled_rows(of_interest).items():
+    for name, row in pool_all_metrics(of_interest).items():
         values = {log.id: log.rows[name].value for log in of_interest if name in log.rows}
         finite = {log: value for log, value in values.items() if math.isfinite(value)}
         if len(finite) > 1 and math.isfinite(row.value):
-            found.append(_pooled(row, finite, anchors))
+            found.append(_build_pooled_metric(row, finite, anchors))
     return tuple(found)
 
 
-def _is_shown(name: str) -> bool:
-    metric = metric_of(name)
-    return metric is not None and (metric.is_compared or name in MORE)
+def _is_shown_metric(name: str) -> bool:
+    """Whether the page shows a metric over all logs."""
+    metric = find_metric(name)
+    return metric is not None and (metric.is_compared or name in FURTHER_METRICS)
 
 
-def _pooled(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
-    metric = metric_of(row.metric)
-    told = _bounded(values.values())
-    spread, low, high = spread_of(told, row.metric)
+def _build_pooled_metric(row: MetricRow, values: Mapping[str, float], anchors: Mapping[str, str]) -> PooledMetric:
+    """Build the row of a metric over all logs."""
+    metric = find_metric(row.metric)
+    drawable = _clip_to_drawable(values.values())
+    spread, low, high = build_histogram(drawable, row.metric)
     return PooledMetric(
         name=row.metric,
         unit=row.unit,
         doc="" if metric is None else metric.doc,
-        value=value_text(row.metric, row.value),
-        between=interval(row.low, row.high),
+        value=format_metric_value(row.metric, row.value),
+        between=format_interval(row.low, row.high),
         n_logs=len(values),
         n_samples=row.n,
-        median=shown(float(np.median(told))),
+        median=shown(float(np.median(drawable))),
         spread=spread,
         odd=()
-        if row.metric in EXTENT
-        else odd_logs(row.metric, values, anchors, low, high, least_spread(row.metric, row.unit)),
+        if row.metric in EXTENT_METRICS
+        else find_outlier_logs(row.metric, values, anchors, low, high, min_outlier_sigma(row.metric, row.unit)),
     )
 
 
-def _bounded(values: Iterable[float]) -> FloatArray:
-    return np.clip(np.array(list(values), np.float64), -LARGEST, LARGEST)
+def _clip_to_drawable(values: Iterable[float]) -> FloatArray:
+    """Clip values to what can be drawn."""
+    return np.clip(np.array(list(values), np.float64), -MAX_DRAWN_MAGNITUDE, MAX_DRAWN_MAGNITUDE)
 
 
-def spread_of(values: FloatArray, name: str) -> tuple[Spread, float, float]:
-    """The histogram of at least one finite value (n,), and the span that it covers."""
-    ends = value_text(name, float(values.min())), value_text(name, float(values.max()))
-    values = _bounded(values)
+def build_histogram(values: FloatArray, metric_name: str) -> tuple[Histogram, float, float]:
+    """Build the histogram of at least one finite value (n,), and return it with the ends of its axis."""
+    ends = format_metric_value(metric_name, float(values.min())), format_metric_value(metric_name, float(values.max()))
+    values = _clip_to_drawable(values)
     first, third = np.quantile(values, [0.25, 0.75])
-    reach = REACH * (third - first)
+    reach = AXIS_REACH_QUARTILE_RANGES * (third - first)
     low, high = max(float(values.min()), first - reach), min(float(values.max()), third + reach)
     if not high > low:  # all but a few agree
         low, high = float(values.min()), float(values.max())
-    edges = np.linspace(low, high, N_BINS + 1) if high > low else np.linspace(low - 0.5, high + 0.5, N_BINS + 1)
+    edges = (
+        np.linspace(low, high, N_HISTOGRAM_BINS + 1)
+        if high > low
+        else np.linspace(low - 0.5, high + 0.5, N_HISTOGRAM_BINS + 1)
+    )
     counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges)
-    step = WIDTH_PX / N_BINS
+    step = HISTOGRAM_WIDTH_PX / N_HISTOGRAM_BINS
     bars = tuple(
-        Bar(round(k * step, 1), round(max(2.0, HEIGHT_PX * float(n) / float(counts.max())), 1), int(n))
+        HistogramBar(
+            round(k * step, 1), round(max(2.0, HISTOGRAM_HEIGHT_PX * float(n) / float(counts.max())), 1), int(n)
+        )
         for k, n in enumerate(counts.tolist())
         if n
     )
     words = f"{len(values)} logs from {ends[0]} to {ends[1]}"
-    return Spread(bars, *ends, words), float(edges[0]), float(edges[-1])
+    return Histogram(bars, *ends, words), float(edges[0]), float(edges[-1])
 
 
-def least_spread(name: str, unit: str) -> float:
-    """The sigma that a metric has at least when logs are looked for that stand out, in its unit."""
+def min_outlier_sigma(name: str, unit: str) -> float:
+    """Return the least sigma of a metric in the search for outlier logs, in its unit."""
     if name.endswith(("_count", ".count")):
-        return LEAST_COUNT
-    return LEAST_S if unit == "s" else 0.0
+        return MIN_COUNT_SIGMA
+    return MIN_TIME_SIGMA_S if unit == "s" else 0.0
 
 
-def odd_logs(
-    name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float, least: float
-) -> tuple[OddLog, ...]:
-    """The logs whose value is far from the others', the farthest first; none of fewer than four.
+def find_outlier_logs(
+    name: str, values: Mapping[str, float], anchors: Mapping[str, str], low: float, high: float, min_sigma: float
+) -> tuple[OutlierLog, ...]:
+    """Find the logs whose value is far from the others', the farthest first; () of fewer than four logs.
 
     Where more than half of the logs agree exactly, these tell nothing of how far apart ordinary logs lie: then one
     log alone stands out, and several don't.
@@ -223,80 +243,81 @@ def odd_logs(
         values: Log -> its value.
         anchors: Log -> where its part of the page is.
         low, high: Span of the axis.
-        least: See `least_spread`.
+        least: See `min_outlier_sigma`.
     """
     if len(values) < 4:
         return ()
-    told = dict(zip(values, _bounded(values.values()).tolist(), strict=True))
-    median = float(np.median(list(told.values())))
-    spread = MAD_TO_SIGMA * float(np.median([abs(value - median) for value in told.values()]))
-    reach = FAR_MADS * max(spread, LEAST_SPREAD * abs(median), least, 1e-9)
+    drawable = dict(zip(values, _clip_to_drawable(values.values()).tolist(), strict=True))
+    median = float(np.median(list(drawable.values())))
+    spread = SIGMA_PER_MAD * float(np.median([abs(value - median) for value in drawable.values()]))
+    reach = OUTLIER_SIGMAS * max(spread, MIN_SIGMA_SHARE_OF_MEDIAN * abs(median), min_sigma, 1e-9)
     far = sorted(
-        (log for log, value in told.items() if abs(value - median) > reach),
-        key=lambda log: (-abs(told[log] - median), log),
+        (log for log, value in drawable.items() if abs(value - median) > reach),
+        key=lambda log: (-abs(drawable[log] - median), log),
     )
     if spread == 0.0 and len(far) > 1:
         return ()
     return tuple(
-        OddLog(
+        OutlierLog(
             log,
             anchors.get(log, ""),
-            value_text(name, values[log]),
-            round(float(np.clip((told[log] - low) / (high - low), 0.0, 1.0)) * WIDTH_PX, 1),
+            format_metric_value(name, values[log]),
+            round(float(np.clip((drawable[log] - low) / (high - low), 0.0, 1.0)) * HISTOGRAM_WIDTH_PX, 1),
         )
-        for log in far[:MAX_ODD]
+        for log in far[:MAX_OUTLIER_LOGS]
     )
 
 
-def sources_in(log: str, record: Record) -> list[FoundSource]:
-    """What a record of `estimate` tells of the ego's sources; what does not fit is left out."""
+def read_ego_sources(log: str, record: Record) -> list[SourceInLog]:
+    """Read the ego's sources from a record of `estimate`; entries of another form are left out."""
     found = []
-    for entry in json_entry(record, "sources", list):
+    for entry in read_json_entry(record, "sources", list):
         if isinstance(entry, dict) and entry.get("vehicle") == EGO_ID:
             inside = entry.get("nis_inside")
             found.append(
-                FoundSource(
+                SourceInLog(
                     log,
                     str(entry.get("source")),
                     str(entry.get("quantity")).replace("_", " "),
-                    latency_of(entry, "latency_found_s"),
-                    number(entry, "nis_per_dof"),
+                    read_latency_s(entry, "latency_found_s"),
+                    read_number(entry, "nis_per_dof"),
                     inside if isinstance(inside, bool) else None,
-                    number(entry, "gated"),
-                    number(entry, "used"),
+                    read_number(entry, "gated"),
+                    read_number(entry, "used"),
                 )
             )
     return found
 
 
-def pooled_sources(found: Sequence[FoundSource], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
-    """Each source and quantity over the logs that have it, the most frequent first; none that only one log has.
+def pool_sources(found: Sequence[SourceInLog], anchors: Mapping[str, str]) -> tuple[tuple[PooledSource, ...], int]:
+    """Pool each source and quantity that at least two logs have, the most frequent first.
 
     Returns:
         At most MAX_SOURCES, and how many there are.
     """
-    groups: dict[tuple[str, str], list[FoundSource]] = {}
+    groups: dict[tuple[str, str], list[SourceInLog]] = {}
     for each in found:
         groups.setdefault((each.source, each.quantity), []).append(each)
     shown_groups = sorted((group for group in groups.values() if len(group) > 1), key=lambda group: -len(group))
-    return tuple(_source(group, anchors) for group in shown_groups[:MAX_SOURCES]), len(shown_groups)
+    return tuple(_pool_source(group, anchors) for group in shown_groups[:MAX_LISTED_SOURCES]), len(shown_groups)
 
 
-def _source(group: Sequence[FoundSource], anchors: Mapping[str, str]) -> PooledSource:
+def _pool_source(group: Sequence[SourceInLog], anchors: Mapping[str, str]) -> PooledSource:
+    """Pool one source and quantity."""
     latencies = {each.log: 1e3 * each.latency_s for each in group if math.isfinite(each.latency_s)}
     nis = [each.nis for each in group if math.isfinite(each.nis)]
-    judged = [each.is_inside for each in group if each.is_inside is not None]
+    judged = [each.is_nis_inside_bounds for each in group if each.is_nis_inside_bounds is not None]
     gated = sum(each.gated for each in group if each.gated >= 0.0)
     used = sum(each.used for each in group if each.used >= 0.0)
-    told = np.array(list(latencies.values()))
+    drawable = np.array(list(latencies.values()))
     return PooledSource(
         source=group[0].source,
         quantity=group[0].quantity,
         n_logs=len(group),
-        latency=f"{np.median(told):.0f}" if len(told) else "-",
-        latency_between=f"{told.min():.0f} to {told.max():.0f}" if len(told) else "",
+        latency=f"{np.median(drawable):.0f}" if len(drawable) else "-",
+        latency_between=f"{drawable.min():.0f} to {drawable.max():.0f}" if len(drawable) else "",
         nis=f"{np.median(nis):.2f}" if nis else "-",
         outside=f"{judged.count(False)} of {len(judged)}" if judged else "-",
         gated=f"{shown(100.0 * gated / (gated + used), 3)} %" if 0.0 < gated + used < math.inf else "-",
-        odd=odd_logs("", latencies, anchors, 0.0, 1.0, 1e3 * LEAST_S),
+        odd=find_outlier_logs("", latencies, anchors, 0.0, 1.0, 1e3 * MIN_TIME_SIGMA_S),
     )

@@ -10,15 +10,26 @@ from typing import Any
 import numpy as np
 
 from cwcli.estimation.imu import level_imu
-from cwcli.estimation.latency import DRIFT_REACH_S
+from cwcli.estimation.latency import MAX_DRIFT_REACH_S
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.pipeline.records import json_entry, latency_of, number, told_by
-from cwcli.report.decimate import spot_rows
-from cwcli.report.drawing import ALERT, EGO, RAW, Figure, Trace, axis, dots, polygon, rounded, words
+from cwcli.pipeline.records import read_json_entry, read_latency_s, read_number, read_recorded_summary
+from cwcli.report.decimate import first_row_per_grid_cell
+from cwcli.report.drawing import (
+    EGO_COLOUR,
+    MEASURED_COLOUR,
+    WARNING_COLOUR,
+    Figure,
+    Trace,
+    axis_settings,
+    escape_figure_text,
+    marker_trace,
+    polygon_trace,
+    rounded_json_numbers,
+)
 from cwcli.report.drive import Drive
-from cwcli.report.sensors import INTERVAL_95, leading_number
-from cwcli.report.signal_figures import is_gated
+from cwcli.report.sensors import INTERVAL_95_SIGMAS, parse_leading_number
+from cwcli.report.signal_figures import gated_mask
 from cwcli.report.views import Plot
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray, Int64Array
@@ -27,34 +38,42 @@ from cwcli.signals.resample import resample
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, EGO_ID, HEADING, SPEED, YAW_RATE
 
-MAX_SOURCES = 8
-MAX_GAP_S = 0.5
-MAX_LINES = 60
-ROW_PX, AROUND_PX = 130, 110
-SHOWN_SIGMAS = 2.2
-"""The axis covers so many sigmas of the noise at least, and all but one residual in 500 that was believed."""
-DEG = math.degrees(1.0)
-PARTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {
+MAX_RESIDUAL_FIGURES = 8
+"""The greatest number of residual figures. Chosen by hand; not fitted."""
+MAX_INTERPOLATION_GAP_S = 0.5
+"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
+N_DOT_GRID_ROWS = 60
+"""Cells of the grid over the height; of dots in one cell the first is drawn. Chosen by hand; not fitted."""
+PANEL_HEIGHT_PX = 130
+"""Height of one component's panel, in pixels. Chosen by hand; not fitted."""
+MARGIN_HEIGHT_PX = 110
+"""Height of the axis and legend around the panels, in pixels. Chosen by hand; not fitted."""
+MIN_AXIS_SIGMAS = 2.2
+"""The axis covers this many sigmas of the noise at least, and 99.8 % of the residuals that were not gated.
+Chosen by hand; not fitted."""
+DEGREES_PER_RADIAN = math.degrees(1.0)
+"""The factor from radians to degrees."""
+RESIDUAL_COMPONENTS: Mapping[Kind, tuple[tuple[str, str, float], ...]] = {
     Kind.POSITION: (("ahead", "m", 1.0), ("left", "m", 1.0)),
     Kind.VELOCITY: (("ahead", "m/s", 1.0), ("left", "m/s", 1.0)),
     Kind.SPEED: (("speed", "m/s", 1.0),),
-    Kind.HEADING: (("heading", "deg", DEG),),
+    Kind.HEADING: (("heading", "deg", DEGREES_PER_RADIAN),),
     Kind.ACCEL: (("acceleration", "m/s²", 1.0),),
-    Kind.YAW_RATE: (("yaw rate", "deg/s", DEG),),
+    Kind.YAW_RATE: (("yaw rate", "deg/s", DEGREES_PER_RADIAN),),
 }
-"""What is drawn of a quantity: name, unit, and the factor that makes it."""
+"""The components of each quantity's residuals: name, unit, and factor from SI units."""
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """Of one source and quantity.
+class SourceResiduals:
+    """The residuals of one source and quantity.
 
     Attributes:
         source, kind: Whose they are.
         stamp_ns: Shape (n,): as measured.
         values: Shape (n, d), one column for each of `PARTS`, in its unit; NaN where nothing was estimated.
         is_gated: Shape (n,): which the estimator did not believe.
-        sigma: One sigma of the white noise that the filter took, in the same unit; NaN where it is not told.
+        sigma: One sigma of the white noise that the filter took, in the same unit; NaN where the record has none.
         hint: What was found of the source, in words.
     """
 
@@ -67,17 +86,17 @@ class Residuals:
     hint: str
 
 
-def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot], int]:
-    """A figure for each source and quantity of the ego; none from records that do not tell of the sources.
+def build_residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot], int]:
+    """Build a figure for each source and quantity of the ego; none if the record names no sources.
 
     Returns:
         At most MAX_SOURCES, and how many there could be.
     """
     plots = []
-    found = list(residuals(drive))
-    for index, each in enumerate(found[:MAX_SOURCES]):
+    found = list(iter_source_residuals(drive))
+    for index, each in enumerate(found[:MAX_RESIDUAL_FIGURES]):
         title = f"Residuals of {each.source}: {each.kind.name.lower().replace('_', ' ')}"
-        height_px = AROUND_PX + ROW_PX * each.values.shape[1]
+        height_px = MARGIN_HEIGHT_PX + PANEL_HEIGHT_PX * each.values.shape[1]
         figure = residual_figure(drive, each, n_pieces)
         plots.append(
             Plot(f"{anchor}-residuals-{index + 1}", "residuals", title, each.hint, figure, height_px=height_px)
@@ -85,43 +104,62 @@ def residual_plots(drive: Drive, anchor: str, n_pieces: int) -> tuple[list[Plot]
     return plots, len(found)
 
 
-def residuals(drive: Drive) -> Iterator[Residuals]:
-    """The residuals of each of the ego's sources, in the order of the record's table.
+def iter_source_residuals(drive: Drive) -> Iterator[SourceResiduals]:
+    """Yield the residuals of each of the ego's sources, in the order of the record's table.
 
     They are taken against the estimate by hindsight at the corrected time: stamps less the latency, speeds by their
     scale, biases off. Slow errors, and what a lever arm or a road's grade does to a source, stay in them.
     """
     if drive.ego is None:
         return
-    states = drive.ego.by_stamp()
+    states = drive.ego.sort_by_stamp()
     record = drive.records.get("estimate", {})
-    found = told_by(record)
-    of_parameters = found.cells("parameters", "source", "quantity", "parameter", "value", "unit", "status")
-    of_noise = found.cells("noise", "source", "quantity", "white noise")
-    measured = {(each.source, each.kind): each for source in drive.measured for each in _levelled(drive, source)}
-    for report in json_entry(record, "sources", list):
+    found = read_recorded_summary(record)
+    of_parameters = found.column_cells("parameters", "source", "quantity", "parameter", "value", "unit", "status")
+    of_noise = found.column_cells("noise", "source", "quantity", "white noise")
+    measured = {
+        (each.source, each.kind): each
+        for source in drive.measurements
+        for each in _level_and_sort_measurements(drive, source)
+    }
+    for report in read_json_entry(record, "sources", list):
         if not isinstance(report, dict) or report.get("vehicle") != EGO_ID:
             continue
         source = str(report.get("source"))
-        kind = next((kind for kind in PARTS if kind.name.lower() == report.get("quantity")), None)
+        kind = next((kind for kind in RESIDUAL_COMPONENTS if kind.name.lower() == report.get("quantity")), None)
         if kind is None or (source, kind) not in measured:
             continue
         rows = measured[source, kind]
         own = (source, kind.name.lower().replace("_", " "))
-        told = [row for row in of_parameters if row[:2] == own]
+        parameters = [row for row in of_parameters if row[:2] == own]
         noise = next((row for row in of_noise if row[:2] == own), None)
-        scale = PARTS[kind][0][2]
-        estimated = resample(states.stamp_ns, states.state, _corrected(rows.stamp_ns, report), max_gap_s=MAX_GAP_S)
-        values = _differences(rows, estimated, bias=_found(told, "bias", 0.0), factor=_found(told, "scale", 1.0))
+        scale = RESIDUAL_COMPONENTS[kind][0][2]
+        estimated = resample(
+            states.stamp_ns, states.state, _subtract_latency(rows.stamp_ns, report), max_gap_s=MAX_INTERPOLATION_GAP_S
+        )
+        values = _compute_residuals(
+            rows,
+            estimated,
+            bias=_used_parameter_value(parameters, "bias", 0.0),
+            factor=_used_parameter_value(parameters, "scale", 1.0),
+        )
         if not np.isfinite(values).any():
             continue
-        sigma = math.nan if noise is None else leading_number(noise[2])
-        gated = is_gated(source, kind.name.lower(), rows.stamp_ns, drive.gated)
-        yield Residuals(source, kind, rows.stamp_ns, values * scale, gated, sigma * scale, _hint(report, told, noise))
+        sigma = math.nan if noise is None else parse_leading_number(noise[2])
+        gated = gated_mask(source, kind.name.lower(), rows.stamp_ns, drive.gated)
+        yield SourceResiduals(
+            source,
+            kind,
+            rows.stamp_ns,
+            values * scale,
+            gated,
+            sigma * scale,
+            _source_findings_text(report, parameters, noise),
+        )
 
 
-def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
-    """The measurements in the order of their stamps; an IMU as the acceleration and the yaw rate that it gives."""
+def _level_and_sort_measurements(drive: Drive, measured: Measurements) -> list[Measurements]:
+    """Sort measurements by stamp; an IMU becomes levelled acceleration and yaw rate."""
     order = np.argsort(measured.stamp_ns, kind="stable")
     stamp_ns, values = measured.stamp_ns[order], np.asarray(measured.values, np.float64)[order]
     if values.ndim == 1:
@@ -132,8 +170,8 @@ def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
     stamp_ns, values = stamp_ns[known], values[known]
     if not len(values):
         return []
-    levelled = level_imu(drive.seconds(stamp_ns), values, None)
-    kept = stamp_ns[np.isin(drive.seconds(stamp_ns), levelled.time_s)]
+    levelled = level_imu(drive.seconds_since_start(stamp_ns), values, None)
+    kept = stamp_ns[np.isin(drive.seconds_since_start(stamp_ns), levelled.time_s)]
     if len(kept) != len(levelled.time_s):  # equal stamps, one of which was left out
         return []
     return [
@@ -142,18 +180,18 @@ def _levelled(drive: Drive, measured: Measurements) -> list[Measurements]:
     ]
 
 
-def _corrected(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
-    """The stamps without the latency that was taken off them."""
-    latency_s, drift = latency_of(report, "latency_s"), number(report, "latency_drift")
+def _subtract_latency(stamp_ns: Int64Array, report: Mapping[str, Any]) -> Int64Array:
+    """Subtract the latency that the estimator applied from the stamps."""
+    latency_s, drift = read_latency_s(report, "latency_s"), read_number(report, "latency_drift")
     taken_s = np.full(len(stamp_ns), latency_s if math.isfinite(latency_s) else 0.0)
     if 0.0 < abs(drift) <= 1.0 and len(stamp_ns):
         middle_ns = (int(stamp_ns[0]) + int(stamp_ns[-1])) // 2
-        taken_s += drift * np.clip((stamp_ns - middle_ns) / NS_PER_S, -DRIFT_REACH_S, DRIFT_REACH_S)
+        taken_s += drift * np.clip((stamp_ns - middle_ns) / NS_PER_S, -MAX_DRIFT_REACH_S, MAX_DRIFT_REACH_S)
     return np.asarray(stamp_ns - np.rint(taken_s * NS_PER_S).astype(np.int64))
 
 
-def _differences(measured: Measurements, estimated: FloatArray, *, bias: float, factor: float) -> FloatArray:
-    """Measured minus estimated, shape (n, d): of vectors the parts along the estimated heading and to its left."""
+def _compute_residuals(measured: Measurements, estimated: FloatArray, *, bias: float, factor: float) -> FloatArray:
+    """Subtract the estimates from the measurements, shape (n, d); vectors along the heading and to its left."""
     values, heading = measured.values, estimated[:, HEADING]
     along, left = (
         np.column_stack([np.cos(heading), np.sin(heading)]),
@@ -172,96 +210,103 @@ def _differences(measured: Measurements, estimated: FloatArray, *, bias: float, 
     return np.column_stack([np.einsum("ni,ni->n", off, along), np.einsum("ni,ni->n", off, left)])
 
 
-def _found(told: list[tuple[Any, ...]], parameter: str, otherwise: float) -> float:
-    """A parameter that the estimator used."""
-    for _, _, name, value, _, status in told:
+def _used_parameter_value(parameters: list[tuple[Any, ...]], parameter: str, default: float) -> float:
+    """Return the value of a parameter that the estimator used, else the default."""
+    for _, _, name, value, _, status in parameters:
         if (
             name == parameter
             and (status in (ParameterStatus.USED, ParameterStatus.GIVEN) or name == "bias")  # which is always a state
-            and math.isfinite(leading_number(value))
+            and math.isfinite(parse_leading_number(value))
         ):
-            return leading_number(value)
-    return otherwise
+            return parse_leading_number(value)
+    return default
 
 
-def _hint(report: Mapping[str, Any], told: list[tuple[Any, ...]], noise: tuple[Any, ...] | None) -> str:
-    """`latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); white noise 0.2 m; 75 of 2117 gated`."""
+def _source_findings_text(
+    report: Mapping[str, Any], parameters: list[tuple[Any, ...]], noise: tuple[Any, ...] | None
+) -> str:
+    """Format the findings: `latency 1013 ± 88 ms (applied); bias -1.8 m/s² (used); 75 of 2117 gated`."""
     said = []
-    status, found = report.get("latency_status"), 1e3 * number(report, "latency_found_s")
+    status, found = report.get("latency_status"), 1e3 * read_number(report, "latency_found_s")
     if math.isfinite(found):
-        sigma = 1e3 * number(report, "latency_sigma_s")
+        sigma = 1e3 * read_number(report, "latency_sigma_s")
         said.append(f"latency {found:.0f}{f' +- {sigma:.0f}' if math.isfinite(sigma) else ''} ms ({status})")
     elif status:
         said.append(f"latency: {status}")
     said += [
-        f"{name} {_with_unit(str(value), str(unit))} ({status})" for _, _, name, value, unit, status in told if value
+        f"{name} {_insert_unit(str(value), str(unit))} ({status})"
+        for _, _, name, value, unit, status in parameters
+        if value
     ]
     if noise is not None:
         said.append(f"white noise {noise[2]}")
-    nis, inside = number(report, "nis_per_dof"), report.get("nis_inside")
+    nis, inside = read_number(report, "nis_per_dof"), report.get("nis_inside")
     if math.isfinite(nis):
         where = f", {'inside' if inside else 'outside'} its 95 % bounds" if isinstance(inside, bool) else ""
         said.append(f"NIS per degree of freedom {nis:.2f}{where}")
-    gated, used = number(report, "gated"), number(report, "used")
+    gated, used = read_number(report, "gated"), read_number(report, "used")
     if gated > 0.0 and math.isfinite(used):
         said.append(f"{gated:.0f} of {gated + used:.0f} gated")
     return "; ".join(said).replace("+-", "±").replace("^2", "²")
 
 
-def _with_unit(value: str, unit: str) -> str:
-    """`2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
+def _insert_unit(value: str, unit: str) -> str:
+    """Insert the unit: `2.02 m for 90 s`, `-1.82 +- 0.096 m/s^2`."""
     first, parts, rest = value.partition(" for ")
     return f"{first} {unit}".rstrip() + parts + rest
 
 
-def residual_figure(drive: Drive, found: Residuals, n_pieces: int) -> Figure:
+def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figure:
     """The residuals as dots, gated ones as crosses, in the 95 % band of the white noise; what is beyond the axis stands
     at its edge."""
     data: list[Trace] = []
     layout: dict[str, Any] = {}
-    parts = PARTS[found.kind]
+    parts = RESIDUAL_COMPONENTS[found.kind]
     n = len(parts)
-    at = drive.seconds(found.stamp_ns)
-    span = rounded(np.array([at.min(), at.max()]), 2)
+    at = drive.seconds_since_start(found.stamp_ns)
+    span = rounded_json_numbers(np.array([at.min(), at.max()]), 2)
     for index, (name, unit, _) in enumerate(parts):
         key = "y" if index == 0 else f"y{index + 1}"
         values = found.values[:, index]
-        limit = _limit(values[~found.is_gated], found.sigma)
+        limit = _axis_limit(values[~found.is_gated], found.sigma)
         top = 1.0 - index * (1.0 / n)
-        layout[f"yaxis{key[1:]}"] = axis(
+        layout[f"yaxis{key[1:]}"] = axis_settings(
             f"{name}<br>[{unit}]", domain=[round(top - 1.0 / n + (0.06 if n > 1 else 0.0), 4), round(top, 4)],
-            range=rounded(np.array([-limit, limit]), 6), zeroline=True,
+            range=rounded_json_numbers(np.array([-limit, limit]), 6), zeroline=True,
         )  # fmt: skip
         more = {"yaxis": key, "showlegend": index == 0}
         if math.isfinite(found.sigma):
-            edge = rounded(np.array([-1.0, 1.0]) * INTERVAL_95 * found.sigma, 6)
+            edge = rounded_json_numbers(np.array([-1.0, 1.0]) * INTERVAL_95_SIGMAS * found.sigma, 6)
             x, y = [span[0], span[1], span[1], span[0]], [edge[0], edge[0], edge[1], edge[1]]
-            data.append(polygon(x, y, "95 % of the noise", EGO, alpha=0.15, legendgroup="noise", **more))
+            data.append(polygon_trace(x, y, "95 % of the noise", EGO_COLOUR, alpha=0.15, legendgroup="noise", **more))
         for rows, label, colour, style in (
-            (~found.is_gated, "residual", RAW, {"size": 3, "opacity": 0.6}),
-            (found.is_gated, "gated", ALERT, {"size": 5, "symbol": "x"}),
+            (~found.is_gated, "residual", MEASURED_COLOUR, {"size": 3, "opacity": 0.6}),
+            (found.is_gated, "gated", WARNING_COLOUR, {"size": 5, "symbol": "x"}),
         ):
-            data += _dots(at[rows], values[rows], limit, n_pieces, label, colour, {**style, **more}, unit)
-    layout["xaxis"] = axis("time since the log began [s]", anchor=f"y{n}" if n > 1 else "y", range=span)
+            data += _residual_dot_traces(
+                at[rows], values[rows], limit, n_pieces, label, colour, {**style, **more}, unit
+            )
+    layout["xaxis"] = axis_settings("time since the log began [s]", anchor=f"y{n}" if n > 1 else "y", range=span)
     return {"data": data, "layout": layout}
 
 
-def _limit(believed: FloatArray, sigma: float) -> float:
-    """Half the height of the axis."""
+def _axis_limit(believed: FloatArray, sigma: float) -> float:
+    """Return half the height of the axis, in the component's unit."""
     known = np.abs(believed[np.isfinite(believed)])
     most = float(np.quantile(known, 0.998)) if len(known) else 0.0
-    return 1.1 * max(most, SHOWN_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
+    return 1.1 * max(most, MIN_AXIS_SIGMAS * sigma if math.isfinite(sigma) else 0.0) or 1.0
 
 
-def _dots(
+def _residual_dot_traces(
     at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, colour: str, style: dict[str, Any],
     unit: str,
 ) -> list[Trace]:  # fmt: skip
+    """Return the dots of residuals; those beyond the axis are drawn at its edge."""
     shown = np.clip(values, -limit, limit)
-    rows = spot_rows(at, shown, n_pieces, MAX_LINES)
+    rows = first_row_per_grid_cell(at, shown, n_pieces, N_DOT_GRID_ROWS)
     if not len(rows):
         return []
-    x, y = rounded(at[rows], 2), rounded(shown[rows], 4)
-    text = [f"{value:.3g} {words(unit)}" for value in values[rows].tolist()] if label == "gated" else None
+    x, y = rounded_json_numbers(at[rows], 2), rounded_json_numbers(shown[rows], 4)
+    text = [f"{value:.3g} {escape_figure_text(unit)}" for value in values[rows].tolist()] if label == "gated" else None
     hover = {"text": text, "hovertemplate": "%{x} s: %{text}, gated"} if text else {"hoverinfo": "skip"}
-    return [dots(x, y, label, colour, legendgroup=label, **hover, **style)]
+    return [marker_trace(x, y, label, colour, legendgroup=label, **hover, **style)]

@@ -7,47 +7,48 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.channels.predicted_path import read_paths
+from cwcli.channels.predicted_path import read_predicted_paths
 from cwcli.channels.published import EGO_PATH, REMOTE_PATH
 from cwcli.errors import CwcliError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import map_of
+from cwcli.pipeline.records import map_from_record
 from cwcli.prediction.paths import Paths
 from cwcli.report.drawing import Figure
 from cwcli.report.drive import Drive
-from cwcli.report.encounter_figures import distance_figure, fan_figure, nearest_figure
-from cwcli.report.encounters import Encounter, Meetings
-from cwcli.report.frames import Thumbnail, thumbnails
-from cwcli.report.map_figure import map_figure
-from cwcli.report.pairs import conflicts_table, link_texts, pairs_table, warning_marks
-from cwcli.report.player import moments, player_of
-from cwcli.report.residuals import residual_plots
-from cwcli.report.sensors import error_figure, sensors_view
+from cwcli.report.encounter_figures import nearest_approach_figure, predicted_paths_figure, warning_distance_figure
+from cwcli.report.encounters import DriveEncounters, Encounter
+from cwcli.report.frames import Thumbnail, make_thumbnails
+from cwcli.report.map_figure import build_map_figure
+from cwcli.report.pairs import conflicts_table, pair_extremes_table, unwarned_conflict_links, warning_anchor_names
+from cwcli.report.player import build_player, evenly_spaced_stamps_ns
+from cwcli.report.residuals import build_residual_plots
+from cwcli.report.sensors import build_sensors_view, truth_error_figure
 from cwcli.report.signal_figures import lane_figure, motion_figure
-from cwcli.report.source import Entry
+from cwcli.report.source import LogEntry
 from cwcli.report.story import (
     Badge,
     Story,
-    careful_sentence,
+    careful_driver_sentence,
     encounter_sentence,
-    most_critical,
+    encounters_by_criticality,
     verdict_badge,
     verdict_sentence,
 )
-from cwcli.report.system import system_tables
-from cwcli.report.tables import all_warnings, encounter_facts, log_tables
+from cwcli.report.system import other_system_tables
+from cwcli.report.tables import all_warnings_table, build_log_tables, encounter_facts_table
 from cwcli.report.views import EventView, LogView, Picture, Plot
-from cwcli.signals.row_order import rows_by_id
+from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 FRAME_OFFSETS_S = (-2.0, -1.0, 0.0, 1.0, 2.0)
-MAX_LINKS = 5
-"""To conflicts without a warning, in the table of all logs."""
+"""Times of the camera frames around a warning, in s. Chosen by hand; not fitted."""
+MAX_MISSED_CONFLICT_LINKS = 5
+"""The greatest number of links to conflicts without a warning in a row of the overview. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Detail:
-    """How much of a log is shown.
+class DetailLevel:
+    """The level of detail of a log's section.
 
     Attributes:
         n_pieces: Of a signal's line.
@@ -68,53 +69,60 @@ class Detail:
     has_residuals: bool = True
 
 
-def log_view(
+def build_log_view(
     log: Log,
-    entry: Entry,
+    entry: LogEntry,
     drive: Drive,
-    meetings: Meetings,
+    drive_encounters: DriveEncounters,
     story: Story,
     *,
     anchor: str,
     badges: Sequence[Badge],
-    detail: Detail,
+    detail: DetailLevel,
     is_alone: bool,
     is_open: bool,
 ) -> LogView:
-    """Everything that is shown of a log."""
-    notes = [*drive.notes, *(drive.system.notes if drive.system is not None else ())]
-    chosen = sorted(most_critical(meetings)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id))
-    pictures, over_all, why = _pictures(log, drive, chosen[: detail.n_frame_events], detail)
+    """Collect everything that the page shows of a log."""
+    notes = [*drive.notes, *(drive.other_system.notes if drive.other_system is not None else ())]
+    chosen = sorted(
+        encounters_by_criticality(drive_encounters)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id)
+    )
+    pictures, over_all, why = _collect_thumbnails(log, drive, chosen[: detail.n_frame_events], detail)
     if why:
         notes.append(why)
     first: list[Plot] = []
-    drawn = map_figure(drive, meetings)
+    drawn = build_map_figure(drive, drive_encounters)
     if drawn is not None:
         figure, left_out = drawn
-        plot = _plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure)
-        first.append(replace(plot, origin=_origin(drive)))
+        plot = _make_plot(anchor, "map", "Where everybody drove", "seen from above, north up", figure)
+        first.append(replace(plot, origin=_map_origin_text(drive)))
         notes += left_out
-    named = warning_marks(entry.name, meetings)
-    mark = dict(zip((each.event_id for each in meetings.encounters), named, strict=True))
+    named = warning_anchor_names(entry.name, drive_encounters)
+    mark = dict(zip((each.event_id for each in drive_encounters.encounters), named, strict=True))
     with_figures = {each.event_id for each in chosen}
     events = []
-    worst = most_critical(meetings)[0] if chosen else None
+    worst = encounters_by_criticality(drive_encounters)[0] if chosen else None
     for encounter in chosen:
-        shown = _event(log, drive, encounter, anchor, pictures, notes, is_told=len(chosen) == 1)
+        shown = _build_event_view(log, drive, encounter, anchor, pictures, notes, is_in_headline=len(chosen) == 1)
         shown = replace(shown, mark=mark[encounter.event_id])
         if encounter is worst and shown.plots and len(first) == 1 and shown.plots[0].kind == "fan":
             first.append(shown.plots[0])
             shown = replace(shown, plots=shown.plots[1:])
         events.append(shown)
-    if not chosen and len(first) == 1 and meetings.nearest is not None and not meetings.nearest.is_parked:
-        near = nearest_figure(drive, meetings.nearest)
+    if (
+        not chosen
+        and len(first) == 1
+        and drive_encounters.nearest is not None
+        and not drive_encounters.nearest.is_parked
+    ):
+        near = nearest_approach_figure(drive, drive_encounters.nearest)
         if near is not None:
-            title = f"How near {meetings.nearest.other.kind} {meetings.nearest.other.id} came"
-            first.append(_plot(anchor, "distance", title, "from the estimated tracks", near))
-    signals = _signals(drive, meetings, anchor, detail, with_first=first)
-    sensors = sensors_view(drive)
+            title = f"How near {drive_encounters.nearest.other.kind} {drive_encounters.nearest.other.id} came"
+            first.append(_make_plot(anchor, "distance", title, "from the estimated tracks", near))
+    signals = _build_signal_plots(drive, drive_encounters, anchor, detail, with_first=first)
+    sensors = build_sensors_view(drive)
     if sensors is not None and detail.has_residuals:
-        plots, n_residuals = residual_plots(drive, anchor, detail.n_pieces)
+        plots, n_residuals = build_residual_plots(drive, anchor, detail.n_pieces)
         sensors = replace(sensors, plots=tuple(plots), n_residuals=n_residuals)
     return LogView(
         anchor=anchor,
@@ -125,36 +133,45 @@ def log_view(
         is_open=is_open,
         first=tuple(first),
         events=tuple(events),
-        event_table=all_warnings(drive, meetings, {key: name for key, name in mark.items() if key not in with_figures})
-        if len(meetings.encounters) > len(chosen)
+        event_table=all_warnings_table(
+            drive, drive_encounters, {key: name for key, name in mark.items() if key not in with_figures}
+        )
+        if len(drive_encounters.encounters) > len(chosen)
         else None,
-        others=tuple(filter(None, (pairs_table(drive, meetings), conflicts_table(drive, meetings, entry.name)))),
+        others=tuple(
+            filter(
+                None,
+                (pair_extremes_table(drive, drive_encounters), conflicts_table(drive, drive_encounters, entry.name)),
+            )
+        ),
         signals=tuple(signals),
-        system=tuple(system_tables(drive, entry.metrics)),
-        frames=tuple(_evenly(drive, pictures)) if not chosen else (),
-        player=player_of(drive, over_all),
+        system=tuple(other_system_tables(drive, entry.metrics)),
+        frames=tuple(_pictures_in_time_order(drive, pictures)) if not chosen else (),
+        player=build_player(drive, over_all),
         sensors=sensors,
-        tables=tuple(log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
+        tables=tuple(build_log_tables(drive, entry, has_all_metrics=detail.has_all_metrics)),
         links=(
             *((event.mark, f"warning {event.number}") for event in events),
-            *link_texts(meetings, entry.name)[:MAX_LINKS],
+            *unwarned_conflict_links(drive_encounters, entry.name)[:MAX_MISSED_CONFLICT_LINKS],
         ),
         notes=tuple(dict.fromkeys(notes)),
     )
 
 
-def _plot(anchor: str, kind: str, title: str, hint: str, figure: Figure, suffix: str = "") -> Plot:
+def _make_plot(anchor: str, kind: str, title: str, hint: str, figure: Figure, suffix: str = "") -> Plot:
+    """Make a plot whose id follows from the anchor and the kind."""
     return Plot(f"{anchor}-{kind}{suffix}", kind, title, hint, figure)
 
 
-def _origin(drive: Drive) -> str:
-    local_map = map_of(drive.records.get("estimate", {}))
+def _map_origin_text(drive: Drive) -> str:
+    """Format the map's origin as latitude, longitude and altitude; "" if it is not known."""
+    local_map = map_from_record(drive.records.get("estimate", {}))
     if local_map is None:
         return ""
     return f"{local_map.origin_lat_deg!r},{local_map.origin_lon_deg!r},{local_map.origin_alt_m!r}"
 
 
-def _event(
+def _build_event_view(
     log: Log,
     drive: Drive,
     encounter: Encounter,
@@ -162,42 +179,45 @@ def _event(
     pictures: dict[int, Thumbnail],
     notes: list[str],
     *,
-    is_told: bool,
+    is_in_headline: bool,
 ) -> EventView:
+    """Build a warning's part of the section."""
     suffix = f"-{encounter.event_id}"
     plots = []
     has_paths = drive.ego is not None and not encounter.is_lane_departure
-    paths = _paths(log, drive, encounter, notes) if has_paths else (None, None)
-    fan = fan_figure(drive, encounter, paths)
+    paths = _paths_known_at_warning(log, drive, encounter, notes) if has_paths else (None, None)
+    fan = predicted_paths_figure(drive, encounter, paths)
     if fan is not None:
         at = f"{(encounter.raised_ns - drive.start_ns) / NS_PER_S:.1f}"
         title = f"Warning {encounter.event_id}, at {at} s: the predicted paths"
-        plots.append(_plot(anchor, "fan", title, "ahead is up; dotted: what followed", fan, suffix))
-    distance = distance_figure(drive, encounter)
+        plots.append(_make_plot(anchor, "fan", title, "ahead is up; dotted: what followed", fan, suffix))
+    distance = warning_distance_figure(drive, encounter)
     if distance is not None:
         hint = "by the estimated tracks; time to collision at constant velocities"
-        plots.append(_plot(anchor, "distance", "How near they came", hint, distance, suffix))
+        plots.append(_make_plot(anchor, "distance", "How near they came", hint, distance, suffix))
     frames = []
     for offset_s in FRAME_OFFSETS_S:
         picture = pictures.get(encounter.raised_ns + round(offset_s * NS_PER_S))
         if picture is not None:
             frames.append(
-                _picture(drive, picture, f"{offset_s:+.0f} s from the warning" if offset_s else "the warning")
+                _build_picture(drive, picture, f"{offset_s:+.0f} s from the warning" if offset_s else "the warning")
             )
-    said = (verdict_sentence(drive.rule, encounter), careful_sentence(drive, encounter))
+    said = (verdict_sentence(drive.warning_config, encounter), careful_driver_sentence(drive, encounter))
     return EventView(
         number=encounter.event_id,
         badge=verdict_badge(encounter),
-        sentence="" if is_told else encounter_sentence(drive, encounter),
-        verdict="" if is_told else " ".join(filter(None, said)),
+        sentence="" if is_in_headline else encounter_sentence(drive, encounter),
+        verdict="" if is_in_headline else " ".join(filter(None, said)),
         plots=tuple(plots),
-        table=encounter_facts(drive, encounter),
+        table=encounter_facts_table(drive, encounter),
         frames=tuple(frames),
     )
 
 
-def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tuple[Paths | None, Paths | None]:
-    """The paths of both cars, as known at the warning; targets have no published ones."""
+def _paths_known_at_warning(
+    log: Log, drive: Drive, encounter: Encounter, notes: list[str]
+) -> tuple[Paths | None, Paths | None]:
+    """Return the predicted paths of both vehicles as known at the warning; targets have none."""
     topics = {channel.topic for channel in log.channels}
     assert drive.warnings is not None
     logged_ns = int(drive.warnings.log_time_ns[encounter.rows[0]])
@@ -206,22 +226,22 @@ def _paths(log: Log, drive: Drive, encounter: Encounter, notes: list[str]) -> tu
         path = None
         if channel.topic in topics:
             try:
-                path = _known_path(log, channel.topic, vehicle, logged_ns, drive.rule.max_age_s)
+                path = _newest_logged_path(log, channel.topic, vehicle, logged_ns, drive.warning_config.max_age_s)
             except CwcliError as error:
                 notes.append(error.what)
         found.append(path)
     return found[0], found[1]
 
 
-def _known_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float) -> Paths | None:
-    """The newest path of a vehicle that had been logged at a time, or None.
+def _newest_logged_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float) -> Paths | None:
+    """Return the newest path of a vehicle that had been logged at a time, or None.
 
     The paths are by far the largest channels of an annotated log: loaded whole, twenty vehicles over ten minutes fill a
     gigabyte. So only what was logged shortly before is read.
     """
     start_ns = max(0, at_ns - round(max_age_s * NS_PER_S))
-    predicted = read_paths(log.load({topic: None}, logged=(start_ns, at_ns + 1))[topic])
-    rows = dict(rows_by_id(predicted.ids)).get(vehicle, ())
+    predicted = read_predicted_paths(log.load_topics({topic: None}, logged=(start_ns, at_ns + 1))[topic])
+    rows = dict(iter_rows_by_id(predicted.ids)).get(vehicle, ())
     if not len(rows):
         return None
     newest = rows[np.lexsort((rows, predicted.stamp_ns[rows]))[-1:]]
@@ -230,36 +250,40 @@ def _known_path(log: Log, topic: str, vehicle: str, at_ns: int, max_age_s: float
 
 
 def _ego_id(drive: Drive) -> str:
+    """Return the ego's id in the channel of states."""
     assert drive.ego is not None
     return drive.ego.ids.values[int(drive.ego.ids.codes[0])]
 
 
-def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, with_first: list[Plot]) -> list[Plot]:
+def _build_signal_plots(
+    drive: Drive, drive_encounters: DriveEncounters, anchor: str, detail: DetailLevel, *, with_first: list[Plot]
+) -> list[Plot]:
+    """Build the plots over time; without a map the lane's plot goes to `with_first`."""
     plots = []
-    motion = motion_figure(drive, meetings, detail.n_pieces)
+    motion = motion_figure(drive, drive_encounters, detail.n_pieces)
     if motion is not None:
         n = len(drive.ego) if drive.ego is not None else 0
         hint = "blue: estimated, with its 1-sigma band; grey: measured"
         if len(drive.gated):
-            hint += "; red crosses: not believed"
+            hint += "; red crosses: gated"
         if n > 2 * detail.n_pieces:
             hint += (
                 f". {n} states are drawn as the least and the largest value of each of {detail.n_pieces} pieces, "
                 "the band around all of them; measurements on the same spot once"
             )
-        plots.append(_plot(anchor, "motion", "How the car moved", hint, motion))
-    errors = None if drive.truth is None else error_figure(drive, drive.truth, meetings, detail.n_pieces)
+        plots.append(_make_plot(anchor, "motion", "How the car moved", hint, motion))
+    errors = None if drive.truth is None else truth_error_figure(drive, drive.truth, drive_encounters, detail.n_pieces)
     if errors is not None:
         assert drive.truth is not None
         hint = f"estimated minus {drive.truth.topic}; the band is what the covariance says, 95 % should lie in it"
-        plots.append(_plot(anchor, "errors", "How wrong the estimate is", hint, errors))
-    lane = lane_figure(drive, meetings, detail.n_pieces)
+        plots.append(_make_plot(anchor, "errors", "How wrong the estimate is", hint, errors))
+    lane = lane_figure(drive, drive_encounters, detail.n_pieces)
     if lane is not None:
         hint = (
             "at the preview point, with 1-sigma bands; offset: the lane's centre, right positive; heading: of the car "
         )
         hint += "from the lane, left positive; curvature: right positive"
-        plot = _plot(anchor, "lane", "The car in its lane", hint, lane)
+        plot = _make_plot(anchor, "lane", "The car in its lane", hint, lane)
         if not with_first:
             with_first.append(plot)
         else:
@@ -267,29 +291,31 @@ def _signals(drive: Drive, meetings: Meetings, anchor: str, detail: Detail, *, w
     return plots
 
 
-def _pictures(
-    log: Log, drive: Drive, chosen: Sequence[Encounter], detail: Detail
+def _collect_thumbnails(
+    log: Log, drive: Drive, chosen: Sequence[Encounter], detail: DetailLevel
 ) -> tuple[dict[int, Thumbnail], list[Thumbnail], str]:
-    """Pictures by the times that are shown beside each other, those over the whole log, and why some are missing."""
-    if not drive.camera:
+    """Return thumbnails by the times that are shown, those of the player, and why some are missing."""
+    if not drive.camera_topic:
         return {}, [], ""
     wanted = [each.raised_ns + round(offset_s * NS_PER_S) for each in chosen for offset_s in FRAME_OFFSETS_S]
     if not wanted:
         span = drive.end_ns - drive.start_ns
         wanted = [drive.start_ns + span * (2 * k + 1) // (2 * detail.n_frames) for k in range(detail.n_frames)]
-    over_all = moments(drive, detail.n_moments)
-    found, why = thumbnails(log, drive, [*wanted, *over_all])
+    over_all = evenly_spaced_stamps_ns(drive, detail.n_moments)
+    found, why = make_thumbnails(log, drive, [*wanted, *over_all])
     return {at: found[at] for at in wanted if at in found}, [found[at] for at in over_all if at in found], why
 
 
-def _evenly(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:
+def _pictures_in_time_order(drive: Drive, pictures: dict[int, Thumbnail]) -> list[Picture]:
+    """Return the pictures in order of time, each once."""
     unique: dict[int, Thumbnail] = {picture.stamp_ns: picture for _, picture in sorted(pictures.items())}
-    return [_picture(drive, picture, "") for picture in unique.values()]
+    return [_build_picture(drive, picture, "") for picture in unique.values()]
 
 
-def _picture(drive: Drive, picture: Thumbnail, what: str) -> Picture:
+def _build_picture(drive: Drive, picture: Thumbnail, caption_suffix: str) -> Picture:
+    """Build a picture with its caption."""
     at_s = (picture.stamp_ns - drive.start_ns) / NS_PER_S
-    caption = f"{at_s:.2f} s: {what}" if what else f"{at_s:.2f} s"
+    caption = f"{at_s:.2f} s: {caption_suffix}" if caption_suffix else f"{at_s:.2f} s"
     if picture.n_lines is not None:
         caption += f", {('no lane boundary', 'one lane boundary', 'both lane boundaries')[picture.n_lines]} found"
     return Picture(picture.data_uri, picture.width_px, picture.height_px, f"Camera frame at {caption}", caption, at_s)

@@ -8,131 +8,142 @@ from typing import TypeGuard
 
 import numpy as np
 
-from cwcli.evaluation.estimate import covariance_at
-from cwcli.evaluation.subject import EgoTruth
-from cwcli.pipeline.records import Told, real, told_by
-from cwcli.pipeline.result import Cell, Section
-from cwcli.report.drawing import Figure, rounded
+from cwcli.evaluation.estimate import covariances_nearest_in_time
+from cwcli.evaluation.evaluation_context import EgoTruth
+from cwcli.pipeline.records import RecordedSummary, read_recorded_summary, to_float_or_nan
+from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.report.drawing import Figure, rounded_json_numbers
 from cwcli.report.drive import Drive
-from cwcli.report.encounters import Meetings
-from cwcli.report.signal_figures import Curve, stacked
+from cwcli.report.encounters import DriveEncounters
+from cwcli.report.signal_figures import SignalCurve, stacked_curves_figure
 from cwcli.report.views import SensorsView, TableView
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.resample import resample
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
-from cwcli.text import join_names, number
+from cwcli.text import format_number, join_names
 
-SHOWN = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
-"""Tables of `estimate` that are about the sensors, in this order."""
-MAX_ROWS = 60
-MAX_GAP_S = 0.5
-ELLIPSE_95 = math.sqrt(-2.0 * math.log(0.05))
-"""Of a two-dimensional error, in standard deviations along its direction."""
-INTERVAL_95 = 1.96
-MOST_KMH = 200.0
-"""No public road but some motorways allows more than 130; trucks and cars on test tracks stay below 200."""
-MOST_NEES = 2.0
-"""Per degree of freedom, as in the estimator's own verdict."""
-MOST_ACCEL_MPS2 = 12.0
-"""Tyres on a dry road hold about 1.2 g at the most."""
-
-
-LATE_MS = 100.0
-"""A latency that shows in the figures is put into words."""
-TILTED_DEG = 3.0
-"""Likewise a bias of the accelerometer, as the pitch that would give it; roads seldom are steeper for long."""
-GRAVITY_MPS2 = 9.80665
+SENSOR_TABLE_KEYS = ("sources", "parameters", "noise", "errors", "nees", "link", "reception")
+"""Keys of the tables of `estimate` about the sensors, in the order of the page."""
+MAX_TABLE_ROWS = 60
+"""The greatest number of rows of a table. Chosen by hand; not fitted."""
+MAX_INTERPOLATION_GAP_S = 0.5
+"""States are not interpolated across longer gaps, in s. Chosen by hand; not fitted."""
+ELLIPSE_95_SIGMAS = math.sqrt(-2.0 * math.log(0.05))
+"""Half axis of the 95 % ellipse in standard deviations (Rayleigh distribution)."""
+INTERVAL_95_SIGMAS = 1.96
+"""Half width of the 95 % interval in standard deviations (normal distribution)."""
+MAX_PLAUSIBLE_SPEED_KMH = 200.0
+"""Larger speeds, in km/h, are doubted: few motorways allow more than 130, and test tracks stay below 200."""
+MAX_NEES_PER_DOF = 2.0
+"""Larger NEES per degree of freedom are doubted, as in the estimator's own verdict."""
+MAX_PLAUSIBLE_ACCEL_MPS2 = 12.0
+"""Larger accelerations, in m/s^2, are doubted: tyres on a dry road transmit about 1.2 g at most."""
 
 
-def sensors_view(drive: Drive) -> SensorsView | None:
-    """What the records tell of the sensors; None where they tell nothing."""
-    estimate = told_by(drive.records.get("estimate", {}))
+MIN_REMARKED_LATENCY_MS = 100.0
+"""Smaller corrected latencies, in ms, are not remarked, as the figures do not show them. Chosen by hand; not fitted."""
+MIN_REMARKED_PITCH_DEG = 3.0
+"""Smaller pitch angles, in deg, are not remarked, as road grades reach them. Chosen by hand; not fitted."""
+STANDARD_GRAVITY_MPS2 = 9.80665
+"""Standard gravity, in m/s^2."""
+
+
+def build_sensors_view(drive: Drive) -> SensorsView | None:
+    """Collect what the records say of the sensors; None where they say nothing."""
+    estimate = read_recorded_summary(drive.records.get("estimate", {}))
     found = {section.key: section for section in estimate.sections}
-    tables = tuple(_table(found[key]) for key in SHOWN if key in found and found[key].rows)
-    notes = tuple(f"{stage}: {note}" for stage, record in drive.records.items() for note in told_by(record).notes)
+    tables = tuple(_table_view_of_section(found[key]) for key in SENSOR_TABLE_KEYS if key in found and found[key].rows)
+    notes = tuple(
+        f"{stage}: {note}" for stage, record in drive.records.items() for note in read_recorded_summary(record).notes
+    )
     if not (tables or notes or estimate.verdict):
         return None
-    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_remarks(estimate)))
+    return SensorsView(estimate.verdict, tables, tuple(dict.fromkeys(notes)), tuple(_iter_sensor_remarks(estimate)))
 
 
-def _remarks(told: Told) -> Iterator[str]:
-    """What explains the figures: why blue lies beside grey, and a bias that is a pitch."""
-    for source, quantity, late_s in _late(told):
+def _iter_sensor_remarks(results: RecordedSummary) -> Iterator[str]:
+    """Yield sentences that explain the figures: applied latencies and pitched IMUs."""
+    for source, quantity, late_s in _iter_late_sources(results):
         word, side = ("late", "ahead of") if late_s > 0.0 else ("early", "behind")
         yield (
             f"The {quantity} of {source} came {abs(late_s):.2f} s {word} by its stamps; that is corrected, so the "
             f"estimate (blue) lies as far {side} what was measured (grey)."
         )
-    for source, bias_mps2, pitch_deg in _pitched(told):
+    for source, bias_mps2, pitch_deg in _iter_pitched_imus(results):
         yield (
             f"The acceleration of {source} is off by {bias_mps2:.2f} m/s²: that of an IMU pitched by "
             f"{pitch_deg:.0f} degrees."
         )
 
 
-def first_remark(drive: Drive) -> str:
-    """The same in a sentence for the top of the page; "" where nothing is odd."""
-    told = told_by(drive.records.get("estimate", {}))
+def sensor_remarks_sentence(drive: Drive) -> str:
+    """Summarise the remarks on the sensors in a sentence; "" if there are none."""
+    results = read_recorded_summary(drive.records.get("estimate", {}))
     said = [
         f"the {quantity} of {source} came {abs(late_s):.2f} s {'late' if late_s > 0.0 else 'early'} (corrected)"
-        for source, quantity, late_s in _late(told)
+        for source, quantity, late_s in _iter_late_sources(results)
     ]
-    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _pitched(told)]
+    said += [f"{source} is pitched by {pitch_deg:.0f} degrees" for source, _, pitch_deg in _iter_pitched_imus(results)]
     return f"Of the sensors {join_names(said)}." if said else ""
 
 
-def _late(told: Told) -> Iterator[tuple[str, str, float]]:
-    """Source, quantity and latency [s] of those whose corrected latency shows in the figures."""
-    for source, quantity, found, status in told.cells(
+def _iter_late_sources(results: RecordedSummary) -> Iterator[tuple[str, str, float]]:
+    """Yield source, quantity and latency [s] of each source whose applied latency shows in the figures."""
+    for source, quantity, found, status in results.column_cells(
         "sources", "source", "quantity", "latency [ms]", "latency status"
     ):
-        latency_ms = leading_number(found)
-        if status == "applied" and LATE_MS <= abs(latency_ms) < math.inf:
+        latency_ms = parse_leading_number(found)
+        if status == "applied" and MIN_REMARKED_LATENCY_MS <= abs(latency_ms) < math.inf:
             yield str(source), str(quantity), latency_ms / 1000.0
 
 
-def _pitched(told: Told) -> Iterator[tuple[str, float, float]]:
-    """Source, bias of the acceleration [m/s^2] and the pitch that would give it [deg], where that is no road's."""
-    for source, quantity, parameter, value in told.cells("parameters", "source", "quantity", "parameter", "value"):
-        bias = leading_number(value)
-        if (quantity, parameter) == ("accel", "bias") and abs(bias) < GRAVITY_MPS2:
-            pitch_deg = math.degrees(math.asin(abs(bias) / GRAVITY_MPS2))
-            if pitch_deg >= TILTED_DEG:
+def _iter_pitched_imus(results: RecordedSummary) -> Iterator[tuple[str, float, float]]:
+    """Yield source, acceleration bias [m/s^2] and pitch [deg] of each IMU that is pitched more than a road."""
+    for source, quantity, parameter, value in results.column_cells(
+        "parameters", "source", "quantity", "parameter", "value"
+    ):
+        bias = parse_leading_number(value)
+        if (quantity, parameter) == ("accel", "bias") and abs(bias) < STANDARD_GRAVITY_MPS2:
+            pitch_deg = math.degrees(math.asin(abs(bias) / STANDARD_GRAVITY_MPS2))
+            if pitch_deg >= MIN_REMARKED_PITCH_DEG:
                 yield str(source), bias, pitch_deg
 
 
-def leading_number(cell: Cell) -> float:
-    """The number at the beginning of `1013 +- 88`; NaN where there is none."""
+def parse_leading_number(cell: Cell) -> float:
+    """Parse the number at the beginning of `1013 +- 88`; NaN if there is none."""
     try:
         return float(str(cell).partition(" ")[0])
     except ValueError:
         return math.nan
 
 
-def _table(section: Section) -> TableView:
+def _table_view_of_section(section: SummaryTable) -> TableView:
+    """Convert a summary's table to the page's form."""
     numeric = [any(_is_number(row[k]) for row in section.rows) for k in range(len(section.columns))]
-    rows = tuple(tuple(map(_text, row)) for row in section.rows[:MAX_ROWS])
-    return TableView(section.title, tuple(zip(map(_heading, section.columns), numeric, strict=True)), rows)
+    rows = tuple(tuple(map(_cell_text, row)) for row in section.rows[:MAX_TABLE_ROWS])
+    return TableView(section.title, tuple(zip(map(_heading_text, section.columns), numeric, strict=True)), rows)
 
 
-def _heading(column: str) -> str:
-    """`loss_share` as `loss share`."""
+def _heading_text(column: str) -> str:
+    """Format a column name such as `loss_share` as `loss share`."""
     return column.replace("_", " ")
 
 
 def _is_number(cell: Cell) -> TypeGuard[int | float]:
+    """Whether a cell is a number and no truth value."""
     return isinstance(cell, int | float) and not isinstance(cell, bool)
 
 
-def _text(cell: Cell) -> str:
+def _cell_text(cell: Cell) -> str:
+    """Format a cell as text."""
     if cell is None:
         return "-"
-    return number(cell) if isinstance(cell, float) else str(cell)
+    return format_number(cell) if isinstance(cell, float) else str(cell)
 
 
-def doubts(drive: Drive) -> list[str]:
-    """What must be known first: values that no car has on a road, and covariances that the truth contradicts.
+def reasons_for_doubt(drive: Drive) -> list[str]:
+    """Return reasons to doubt the estimate: implausible values, and covariances that the truth contradicts.
 
     Returns:
         In words: `a speed of 211 km/h`, `a covariance of the heading that is too small by a factor of 16.8`.
@@ -143,32 +154,36 @@ def doubts(drive: Drive) -> list[str]:
     speed = np.abs(state[:, SPEED])
     found = []
     for values, most, said in (
-        (3.6 * speed, MOST_KMH, "a speed of {:.0f} km/h"),
-        (np.abs(state[:, ACCEL]), MOST_ACCEL_MPS2, "an acceleration of {:.0f} m/s²"),
-        (speed * np.abs(state[:, YAW_RATE]), MOST_ACCEL_MPS2, "a lateral acceleration of {:.0f} m/s²"),
+        (3.6 * speed, MAX_PLAUSIBLE_SPEED_KMH, "a speed of {:.0f} km/h"),
+        (np.abs(state[:, ACCEL]), MAX_PLAUSIBLE_ACCEL_MPS2, "an acceleration of {:.0f} m/s²"),
+        (speed * np.abs(state[:, YAW_RATE]), MAX_PLAUSIBLE_ACCEL_MPS2, "a lateral acceleration of {:.0f} m/s²"),
     ):
         finite = values[np.isfinite(values)]
         if len(finite) and finite.max() > most:
             found.append(said.format(float(finite.max())))
-    for name, nees in told_by(drive.records.get("estimate", {})).cells("nees", "error of", "NEES/dof"):
-        if _is_number(nees) and real(nees) > MOST_NEES:
-            found.append(f"a covariance of the {name} that is too small by a factor of {real(nees):.2g}")
+    for name, nees in read_recorded_summary(drive.records.get("estimate", {})).column_cells(
+        "nees", "error of", "NEES/dof"
+    ):
+        if _is_number(nees) and to_float_or_nan(nees) > MAX_NEES_PER_DOF:
+            found.append(f"a covariance of the {name} that is too small by a factor of {to_float_or_nan(nees):.2g}")
     return found
 
 
-def error_figure(drive: Drive, truth: EgoTruth, meetings: Meetings, n_pieces: int) -> Figure | None:
-    """The errors over time as a figure; None where states and truth never meet."""
-    curves = error_curves(drive, truth)
+def truth_error_figure(
+    drive: Drive, truth: EgoTruth, drive_encounters: DriveEncounters, n_pieces: int
+) -> Figure | None:
+    """Draw the errors against the truth over time; None if states and truth have no common time."""
+    curves = truth_error_curves(drive, truth)
     if not curves or drive.ego is None:
         return None
-    figure = stacked(drive, curves, meetings, n_pieces, around_zero=True)
-    span = drive.seconds(drive.ego.by_stamp().stamp_ns[[0, -1]])
-    figure["layout"]["xaxis"]["range"] = rounded(span, 2)
+    figure = stacked_curves_figure(drive, curves, drive_encounters, n_pieces, around_zero=True)
+    span = drive.seconds_since_start(drive.ego.sort_by_stamp().stamp_ns[[0, -1]])
+    figure["layout"]["xaxis"]["range"] = rounded_json_numbers(span, 2)
     return figure
 
 
-def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
-    """Errors of position, speed and heading over time with their 95 % bands; empty where the two never meet.
+def truth_error_curves(drive: Drive, truth: EgoTruth) -> list[SignalCurve]:
+    """Compute the errors of position, speed and heading with 95 % bands; [] without a common time.
 
     The position's band is the extent of its 95 % ellipse in the direction of the error: the line leaves the band where
     the truth leaves the ellipse.
@@ -176,15 +191,22 @@ def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
     ego = drive.ego
     if ego is None:
         return []
-    states = ego.by_stamp()
-    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_GAP_S)
+    states = ego.sort_by_stamp()
+    state = resample(states.stamp_ns, states.state, truth.stamp_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
     error = state[:, :2] - truth.xy
     if not np.isfinite(error).any():
         return []
-    covariance = covariance_at(truth.stamp_ns, states)
+    covariance = covariances_nearest_in_time(truth.stamp_ns, states)
     distance = np.hypot(*error.T)
     curves = [
-        Curve("position", "m", 3, truth.stamp_ns, distance, ELLIPSE_95 * along_error(error, covariance[:, :2, :2]))
+        SignalCurve(
+            "position",
+            "m",
+            3,
+            truth.stamp_ns,
+            distance,
+            ELLIPSE_95_SIGMAS * sigma_along_error(error, covariance[:, :2, :2]),
+        )
     ]
     turn = math.degrees(1.0)
     for title, unit, decimals, true, column, scale in (
@@ -196,12 +218,14 @@ def error_curves(drive: Drive, truth: EgoTruth) -> list[Curve]:
         difference = state[:, column] - true
         difference = wrap_angle(difference) if column == HEADING else difference
         sigma = np.sqrt(np.maximum(covariance[:, column, column], 0.0))
-        curves.append(Curve(title, unit, decimals, truth.stamp_ns, difference * scale, INTERVAL_95 * sigma * scale))
+        curves.append(
+            SignalCurve(title, unit, decimals, truth.stamp_ns, difference * scale, INTERVAL_95_SIGMAS * sigma * scale)
+        )
     return curves
 
 
-def along_error(error: FloatArray, covariance: FloatArray) -> FloatArray:
-    """One standard deviation in the direction of each error.
+def sigma_along_error(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Compute one standard deviation in the direction of each error.
 
     Args:
         error: Shape (n, 2).

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from cwcli.errors import InputError
-from cwcli.fleet.folder import MANIFEST, NOT_DONE, RecordedLog, read_output
+from cwcli.fleet.folder import MANIFEST_NAME, NOT_DONE_TEXT, RecordedLog, read_output_folder
 from cwcli.fleet.results import read_metrics_table
-from cwcli.logs.read.recording import is_recording
-from cwcli.metrics.pooling import MetricRow, rows_of
+from cwcli.logs.read.recording import is_recording_folder
+from cwcli.metrics.pooling import MetricRow, metric_rows_by_name
 from cwcli.url import name_url
 
 
 @dataclass(frozen=True)
-class Entry:
+class LogEntry:
     """One log of a run.
 
     Attributes:
@@ -35,13 +35,13 @@ class Entry:
     log: Path | None
     has_failed: bool = False
     error: Mapping[str, str] = field(default_factory=dict)
-    left_out: Mapping[str, str] = field(default_factory=dict)
+    skip_reason_by_stage: Mapping[str, str] = field(default_factory=dict)
     metrics: Mapping[str, MetricRow] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Run:
-    """What the report is about.
+class ReportedRun:
+    """The run that the report is about.
 
     Attributes:
         name: Of the folder or the log.
@@ -51,13 +51,13 @@ class Run:
     """
 
     name: str
-    entries: tuple[Entry, ...]
+    entries: tuple[LogEntry, ...]
     gates: tuple[str, ...]
     is_folder: bool
 
 
-def read_run(source: str) -> Run:
-    """Find out what to report on.
+def read_reported_run(source: str) -> ReportedRun:
+    """Read the run to report on.
 
     Args:
         source: An output folder of `cwcli run -d`, an annotated log, or `-` for one on standard input.
@@ -69,38 +69,38 @@ def read_run(source: str) -> Run:
         raise InputError("the name of the run is empty", hint="is a variable of the shell not set?")
     path = Path(source)
     try:
-        is_folder = source != "-" and path.is_dir() and not is_recording(path)
+        is_folder = source != "-" and path.is_dir() and not is_recording_folder(path)
     except ValueError as error:  # a zero byte in the name
         raise InputError(str(error), where=source) from error
     if not is_folder:
         shown = Path(name_url(source))
-        return Run(shown.name, (Entry(shown.stem, shown.name, str(shown), path),), (), is_folder=False)
-    run = read_output(path)
+        return ReportedRun(shown.name, (LogEntry(shown.stem, shown.name, str(shown), path),), (), is_folder=False)
+    run = read_output_folder(path)
     if run is None:
         raise InputError(
-            f"the folder has no readable {MANIFEST}: it is no output of `cwcli run -d`",
+            f"the folder has no readable {MANIFEST_NAME}: it is no output of `cwcli run -d`",
             where=source,
             hint="name such a folder, or one annotated log",
         )
     if not run.logs:
         raise InputError("the folder holds no log", where=source, hint="fill it with `cwcli run logs/*.mcap -d out/`")
-    return Run(path.resolve().name, tuple(_entry(log) for log in run.logs), run.gates, is_folder=True)
+    return ReportedRun(path.resolve().name, tuple(_build_log_entry(log) for log in run.logs), run.gates, is_folder=True)
 
 
-def _entry(log: RecordedLog) -> Entry:
-    """One log of the folder. If its metrics are damaged, that is its error."""
-    annotated = None if log.folder is None else log.folder.annotated
+def _build_log_entry(log: RecordedLog) -> LogEntry:
+    """Build the entry of one log of the folder; damaged metrics count as its failure."""
+    annotated = None if log.folder is None else log.folder.annotated_log_path
     has_failed = log.entry.get("status") != "done"
     error, left_out = log.entry.get("error"), log.entry.get("left_out")
     if has_failed and not isinstance(error, dict):
-        error = {"what": NOT_DONE}
+        error = {"what": NOT_DONE_TEXT}
     metrics: dict[str, MetricRow] = {}
     try:
-        metrics = {} if log.folder is None else _metrics(log.folder.metrics)
+        metrics = {} if log.folder is None else _read_log_metrics(log.folder.metrics_path)
     except InputError as damage:
         if not has_failed:
             has_failed, error = True, {"what": damage.what, "where": damage.where, "hint": "do the run again"}
-    return Entry(
+    return LogEntry(
         id=log.id,
         name=log.id,
         source=str(log.entry.get("source") or ""),
@@ -109,13 +109,15 @@ def _entry(log: RecordedLog) -> Entry:
         error={key: str(error[key]) for key in ("what", "where", "hint") if error.get(key)}
         if isinstance(error, dict)
         else {},
-        left_out={str(stage): str(reason) for stage, reason in left_out.items()} if isinstance(left_out, dict) else {},
+        skip_reason_by_stage={str(stage): str(reason) for stage, reason in left_out.items()}
+        if isinstance(left_out, dict)
+        else {},
         metrics=metrics,
     )
 
 
-def _metrics(file: Path) -> dict[str, MetricRow]:
-    """The log's rows of the metrics dataset; none where there is no file.
+def _read_log_metrics(file: Path) -> dict[str, MetricRow]:
+    """Read the log's rows of the metrics dataset; {} if there is no file.
 
     Raises:
         InputError: The file is damaged.
@@ -123,6 +125,6 @@ def _metrics(file: Path) -> dict[str, MetricRow]:
     if not file.is_file():
         return {}
     try:
-        return rows_of(read_metrics_table(file))
+        return metric_rows_by_name(read_metrics_table(file))
     except (ValueError, TypeError) as error:
         raise InputError(f"can't be read: {error}", where=str(file)) from error

@@ -10,29 +10,31 @@ from typing import Literal
 
 import numpy as np
 
-from cwcli.estimation.known import THIS_LOG
-from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED
-from cwcli.evaluation.estimate import driven_m
-from cwcli.evaluation.preventable import careful_driver
-from cwcli.evaluation.records import warn_record
-from cwcli.pipeline.records import configuration_of
+from cwcli.estimation.online_availability import PARAMETERS_FROM_LOG
+from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED
+from cwcli.evaluation.estimate import driven_distance_m
+from cwcli.evaluation.preventable import simulate_careful_driver
+from cwcli.evaluation.records import find_collision_warning_record
+from cwcli.pipeline.records import read_configuration
 from cwcli.report.drive import Drive
-from cwcli.report.encounters import Encounter, Meetings
+from cwcli.report.encounters import DriveEncounters, Encounter
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import count, duration, join_names, printable
+from cwcli.text import escape_control_characters, format_count, format_duration, join_names
 from cwcli.warning.types import WarningConfig
 
 Tone = Literal["good", "bad", "alert", "plain"]
-MAX_ID = 40
-LANE = "lane"
-SAID = {
-    TRUE: "came true",
-    LATE: "came late",
-    FALSE: "false",
-    UNDECIDED: "not decided",
-    LANE: "of lane departure",
+MAX_ID_CHARACTERS = 40
+"""The greatest length of a vehicle's id in a sentence, in characters. Chosen by hand; not fitted."""
+LANE_DEPARTURE_KIND = "lane"
+"""The kind under which lane departures are counted."""
+VERDICT_PHRASES = {
+    VERDICT_TRUE: "came true",
+    VERDICT_LATE: "came late",
+    VERDICT_FALSE: "false",
+    VERDICT_UNDECIDED: "not decided",
+    LANE_DEPARTURE_KIND: "of lane departure",
 }
-"""What became of a warning, in a list."""
+"""Verdict on a warning -> the phrase in a list of counts, in the order of the list."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Badge:
 
     @property
     def symbol(self) -> str:
-        """For readers without colours."""
+        """A symbol for readers who do not see the colours."""
         return {"good": "✓", "bad": "✗", "alert": "⚠", "plain": "•"}[self.tone]
 
 
@@ -63,15 +65,17 @@ class Story:
     badges: tuple[Badge, ...]
 
 
-def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[str] = ()) -> Story:
-    """The story of a drive.
+def build_story(
+    drive: Drive, drive_encounters: DriveEncounters, left_out: str = "", doubts: Sequence[str] = ()
+) -> Story:
+    """Build the story of a drive.
 
     Args:
         left_out: Why the warnings were not computed, where they were not.
         doubts: What makes the estimate hard to believe; it is said first.
     """
-    story = _story(drive, meetings, left_out)
-    if knowledge := _knowledge(drive):
+    story = _build_story_without_doubts(drive, drive_encounters, left_out)
+    if knowledge := _state_knowledge_sentence(drive):
         story = replace(story, more=(knowledge, *story.more))
     if not doubts:
         return story
@@ -80,46 +84,56 @@ def tell(drive: Drive, meetings: Meetings, left_out: str = "", doubts: Sequence[
     return replace(story, headline=f"{first} {story.headline}", badges=badges)
 
 
-def _story(drive: Drive, meetings: Meetings, left_out: str) -> Story:
-    more = [_length(drive)]
+def _build_story_without_doubts(drive: Drive, drive_encounters: DriveEncounters, left_out: str) -> Story:
+    """Build the story without the reasons to doubt the estimate."""
+    more = [_drive_length_sentence(drive)]
     if drive.warnings is None:
-        return _without_warnings(drive, left_out, more)
-    if not meetings.encounters:
-        more += _missed(drive, meetings)
+        return _build_story_without_warnings(drive, left_out, more)
+    if not drive_encounters.encounters:
+        more += _missed_conflict_sentences(drive, drive_encounters)
         badges = [Badge("no warning", "plain")]
-        if meetings.missed:
-            badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
-        return Story(_nobody_near(drive, meetings), tuple(more), tuple(badges))
-    if len(meetings.encounters) == 1:
-        headline = encounter_sentence(drive, meetings.encounters[0])
-        verdict = verdict_sentence(drive.rule, meetings.encounters[0])
-        careful = careful_sentence(drive, meetings.encounters[0])
+        if drive_encounters.missed_conflicts:
+            badges.append(
+                Badge(f"{format_count(len(drive_encounters.missed_conflicts), 'conflict')} without a warning", "bad")
+            )
+        return Story(_no_warning_sentence(drive, drive_encounters), tuple(more), tuple(badges))
+    if len(drive_encounters.encounters) == 1:
+        headline = encounter_sentence(drive, drive_encounters.encounters[0])
+        verdict = verdict_sentence(drive.warning_config, drive_encounters.encounters[0])
+        careful = careful_driver_sentence(drive, drive_encounters.encounters[0])
         more = [*filter(None, (verdict, careful)), *more]
     else:
-        worst = min(meetings.encounters, key=_urgency)
-        headline = f"cwcli gave {len(meetings.encounters)} warnings: {_tally(meetings)}. "
+        worst = min(drive_encounters.encounters, key=_criticality_sort_key)
+        headline = f"cwcli gave {len(drive_encounters.encounters)} warnings: {_verdict_counts_text(drive_encounters)}. "
         sentence = encounter_sentence(drive, worst)
         if worst.is_lane_departure:
             headline += f"The first: {sentence[0].lower()}{sentence[1:]}"
         else:
             headline += f"The most critical: {sentence[0].lower()}{sentence[1:]}"
-    return Story(headline, (*more, *_missed(drive, meetings)), tuple(_badges(meetings)))
+    return Story(
+        headline,
+        (*more, *_missed_conflict_sentences(drive, drive_encounters)),
+        tuple(_warning_badges(drive_encounters)),
+    )
 
 
 def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
-    """`At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`"""
+    """Format `At 4.7 s cwcli warned that the car would collide with vehicle 2, coming from the right; ...`."""
     if encounter.is_lane_departure:
         side = encounter.other_id.removesuffix(" boundary")
         where = f" over its {side} boundary" if side in {"left", "right"} else ""
-        return f"At {_at(drive, encounter.raised_ns)} cwcli warned that the car would leave its lane{where}."
+        return (
+            f"At {_seconds_since_start_text(drive, encounter.raised_ns)} cwcli warned that the car would leave its "
+            f"lane{where}."
+        )
     direction = f", {encounter.direction}" if encounter.direction else ""
-    text = f"At {_at(drive, encounter.raised_ns)} cwcli warned that the car would collide with "
-    text += f"{name_of(encounter)}{direction}"
+    text = f"At {_seconds_since_start_text(drive, encounter.raised_ns)} cwcli warned that the car would collide with "
+    text += f"{name_of_other(encounter)}{direction}"
     verdict = encounter.verdict
     if verdict is None or verdict.closest_ns < 0 or not math.isfinite(verdict.closest_m):
         return f"{text}. How near they came is not known."
     apart = f"{verdict.closest_m:.1f} m between their centres"
-    at = _at(drive, verdict.closest_ns)
+    at = _seconds_since_start_text(drive, verdict.closest_ns)
     if encounter.least_gap_m < 0.0:
         return f"{text}; they did: at {at} their outlines overlap, with {apart}."
     if math.isfinite(encounter.least_gap_m):
@@ -128,139 +142,159 @@ def encounter_sentence(drive: Drive, encounter: Encounter) -> str:
 
 
 def verdict_sentence(rule: WarningConfig, encounter: Encounter) -> str:
-    """Whether the warning was right."""
+    """Say whether the warning was right."""
     verdict = encounter.verdict
     if encounter.is_lane_departure:
         return ""
     if verdict is None:
         return "Whether the warning was right can't be said: the other's track is not in the log."
-    conflict = rule.definition.words
-    if verdict.kind == TRUE:
+    conflict = rule.parsed_conflict_definition.conflict_text
+    if verdict.kind == VERDICT_TRUE:
         return f"The warning was right: it came {verdict.lead_time_s:.1f} s before {conflict}."
-    if verdict.kind == LATE:
+    if verdict.kind == VERDICT_LATE:
         return f"The warning was late: it came {-verdict.lead_time_s:.1f} s after {conflict}."
-    if verdict.kind == FALSE:
+    if verdict.kind == VERDICT_FALSE:
         return f"By what followed it was a false alarm: there was no moment when {conflict}."
     return "Whether the warning was right can't be said: the tracks end too early."
 
 
-def careful_sentence(drive: Drive, encounter: Encounter) -> str:
-    """`A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
+def careful_driver_sentence(drive: Drive, encounter: Encounter) -> str:
+    """Format `A careful driver would have stayed 4.0 m away, braking at 3.1 s.`; "" without a conflict."""
     if encounter.pair is None or encounter.conflict is None:
         return ""
-    found = careful_driver(encounter.pair, encounter.conflict)
+    found = simulate_careful_driver(encounter.pair, encounter.conflict)
     if found is None:
         return ""
-    outcome, braked_ns = found.outcome, found.braked_ns
+    outcome, braked_ns = found.outcome, found.first_braking_ns
     if outcome.avoided:
-        how = "without braking" if braked_ns is None else f"braking at {_at(drive, braked_ns)}"
+        how = "without braking" if braked_ns is None else f"braking at {_seconds_since_start_text(drive, braked_ns)}"
         return f"A careful driver would have stayed {outcome.least_gap_m:.1f} m away, {how}."
-    braked = "would not have braked" if braked_ns is None else f"would have braked at {_at(drive, braked_ns)}"
+    braked = (
+        "would not have braked"
+        if braked_ns is None
+        else f"would have braked at {_seconds_since_start_text(drive, braked_ns)}"
+    )
     return f"A careful driver {braked}, and would have crashed at {outcome.impact_mps:.1f} m/s relative to the other."
 
 
 def verdict_badge(encounter: Encounter) -> Badge:
-    """The verdict on one warning."""
+    """Return the badge of the verdict on one warning."""
     if encounter.is_lane_departure:
         return Badge("lane departure", "alert")
-    kind = encounter.verdict.kind if encounter.verdict is not None else UNDECIDED
-    if kind == TRUE:
+    kind = encounter.verdict.kind if encounter.verdict is not None else VERDICT_UNDECIDED
+    if kind == VERDICT_TRUE:
         assert encounter.verdict is not None
         return Badge(f"came true, {encounter.verdict.lead_time_s:.1f} s ahead", "alert")
-    texts: dict[str, tuple[str, Tone]] = {LATE: ("came too late", "bad"), FALSE: ("false alarm", "bad")}
+    texts: dict[str, tuple[str, Tone]] = {VERDICT_LATE: ("came too late", "bad"), VERDICT_FALSE: ("false alarm", "bad")}
     text, tone = texts.get(kind, ("not decided", "plain"))
     return Badge(text, tone)
 
 
-def name_of(encounter: Encounter) -> str:
-    """`vehicle 17`."""
+def name_of_other(encounter: Encounter) -> str:
+    """Return a name such as `vehicle 17` of whom the warning is about."""
     if encounter.is_lane_departure:
-        return printable(encounter.other_id)[:MAX_ID]
-    return short_name(encounter.other.kind if encounter.other is not None else "vehicle", encounter.other_id)
+        return escape_control_characters(encounter.other_id)[:MAX_ID_CHARACTERS]
+    return short_vehicle_name(encounter.other.kind if encounter.other is not None else "vehicle", encounter.other_id)
 
 
-def short_name(kind: str, other_id: str) -> str:
-    """`vehicle 17`, cut where the id is long."""
-    shown = printable(other_id)
-    return f"{kind} {shown if len(shown) <= MAX_ID else shown[: MAX_ID - 1] + '…'}"
+def short_vehicle_name(kind: str, other_id: str) -> str:
+    """Return a name such as `vehicle 17`, cut where the id is long."""
+    shown = escape_control_characters(other_id)
+    return f"{kind} {shown if len(shown) <= MAX_ID_CHARACTERS else shown[: MAX_ID_CHARACTERS - 1] + '…'}"
 
 
-def _urgency(encounter: Encounter) -> tuple[float, float, int]:
+def _criticality_sort_key(encounter: Encounter) -> tuple[float, float, int]:
+    """Sort key: the least gap first, then the least distance, then the earliest."""
     verdict = encounter.verdict
     nearest = verdict.closest_m if verdict is not None and math.isfinite(verdict.closest_m) else math.inf
     gap = encounter.least_gap_m if math.isfinite(encounter.least_gap_m) else math.inf
     return gap, nearest, encounter.raised_ns
 
 
-def most_critical(meetings: Meetings) -> list[Encounter]:
-    """The warnings, the one with the least distance first."""
-    return sorted(meetings.encounters, key=_urgency)
+def encounters_by_criticality(drive_encounters: DriveEncounters) -> list[Encounter]:
+    """Sort the warnings, the one with the least distance first."""
+    return sorted(drive_encounters.encounters, key=_criticality_sort_key)
 
 
-def _at(drive: Drive, stamp_ns: int) -> str:
+def _seconds_since_start_text(drive: Drive, stamp_ns: int) -> str:
+    """Format a stamp as seconds since the log began."""
     return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.1f} s"
 
 
-def _kinds(meetings: Meetings) -> Counter[str]:
+def _count_verdict_kinds(drive_encounters: DriveEncounters) -> Counter[str]:
+    """Count the warnings by verdict."""
     return Counter(
-        LANE if each.is_lane_departure else each.verdict.kind if each.verdict is not None else UNDECIDED
-        for each in meetings.encounters
+        LANE_DEPARTURE_KIND
+        if each.is_lane_departure
+        else each.verdict.kind
+        if each.verdict is not None
+        else VERDICT_UNDECIDED
+        for each in drive_encounters.encounters
     )
 
 
-def _tally(meetings: Meetings) -> str:
-    kinds = _kinds(meetings)
+def _verdict_counts_text(drive_encounters: DriveEncounters) -> str:
+    """Format the numbers of warnings by verdict."""
+    kinds = _count_verdict_kinds(drive_encounters)
     parts = []
-    for kind, said in SAID.items():
+    for kind, said in VERDICT_PHRASES.items():
         if kinds[kind]:
             parts.append(f"{kinds[kind]} {said}")
     return join_names(parts)
 
 
-def _badges(meetings: Meetings) -> list[Badge]:
-    if len(meetings.encounters) == 1:
-        badges = [Badge(f"1 warning: {verdict_badge(meetings.encounters[0]).text}", "alert")]
-        kind = _kinds(meetings)
-        if kind[LATE] or kind[FALSE]:
+def _warning_badges(drive_encounters: DriveEncounters) -> list[Badge]:
+    """Return the badges of the warnings and of the missed conflicts."""
+    if len(drive_encounters.encounters) == 1:
+        badges = [Badge(f"1 warning: {verdict_badge(drive_encounters.encounters[0]).text}", "alert")]
+        kind = _count_verdict_kinds(drive_encounters)
+        if kind[VERDICT_LATE] or kind[VERDICT_FALSE]:
             badges = [Badge(badges[0].text, "bad")]
     else:
-        kinds = _kinds(meetings)
-        tone: Tone = "bad" if kinds[FALSE] or kinds[LATE] else "alert"
-        badges = [Badge(f"{len(meetings.encounters)} warnings: {_tally(meetings)}", tone)]
-    if meetings.missed:
-        badges.append(Badge(f"{count(len(meetings.missed), 'conflict')} without a warning", "bad"))
+        kinds = _count_verdict_kinds(drive_encounters)
+        tone: Tone = "bad" if kinds[VERDICT_FALSE] or kinds[VERDICT_LATE] else "alert"
+        badges = [Badge(f"{len(drive_encounters.encounters)} warnings: {_verdict_counts_text(drive_encounters)}", tone)]
+    if drive_encounters.missed_conflicts:
+        badges.append(
+            Badge(f"{format_count(len(drive_encounters.missed_conflicts), 'conflict')} without a warning", "bad")
+        )
     return badges
 
 
-def _missed(drive: Drive, meetings: Meetings) -> list[str]:
-    told = []
-    conflict = drive.rule.definition.words
-    for missed in meetings.missed[:3]:
-        told.append(
-            f"No warning came before {_at(drive, missed.conflict.onset_ns)}, when {conflict} "
-            f"({missed.other.kind} {printable(missed.other.id)[:MAX_ID]}, nearest {missed.conflict.closest_m:.1f} m)."
+def _missed_conflict_sentences(drive: Drive, drive_encounters: DriveEncounters) -> list[str]:
+    """Return sentences on the first conflicts without a warning."""
+    sentences = []
+    conflict = drive.warning_config.parsed_conflict_definition.conflict_text
+    for missed in drive_encounters.missed_conflicts[:3]:
+        sentences.append(
+            f"No warning came before {_seconds_since_start_text(drive, missed.conflict.onset_ns)}, when {conflict} "
+            f"({missed.other.kind} {escape_control_characters(missed.other.id)[:MAX_ID_CHARACTERS]}, nearest "
+            f"{missed.conflict.closest_m:.1f} m)."
         )
-    if len(meetings.missed) > len(told):
-        told.append(f"{len(meetings.missed) - len(told)} more conflicts had no warning either.")
-    return told
+    if len(drive_encounters.missed_conflicts) > len(sentences):
+        sentences.append(
+            f"{len(drive_encounters.missed_conflicts) - len(sentences)} more conflicts had no warning either."
+        )
+    return sentences
 
 
-def _nobody_near(drive: Drive, meetings: Meetings) -> str:
-    text = f"In this drive of {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
+def _no_warning_sentence(drive: Drive, drive_encounters: DriveEncounters) -> str:
+    """Return the headline of a drive without a warning."""
+    text = f"In this drive of {format_duration((drive.end_ns - drive.start_ns) / NS_PER_S)} cwcli gave no warning"
     if drive.ego is None:  # the lane alone was watched
         return f"{text} of leaving the lane; the car's place was not estimated, so no collision was looked for."
-    if meetings.nearest is None:
+    if drive_encounters.nearest is None:
         return f"{text}; no other vehicle was heard while the car's place was known."
-    nearest = meetings.nearest
-    name = f"{nearest.other.kind} {printable(nearest.other.id)[:MAX_ID]}"
-    at = _at(drive, nearest.stamp_ns)
+    nearest = drive_encounters.nearest
+    name = f"{nearest.other.kind} {escape_control_characters(nearest.other.id)[:MAX_ID_CHARACTERS]}"
+    at = _seconds_since_start_text(drive, nearest.stamp_ns)
     return f"{text}; the nearest other, {name}, was {nearest.distance_m:.1f} m away (centre to centre) at {at}."
 
 
-def _knowledge(drive: Drive) -> str:
-    """Which states the warnings started from; "" where there are none, or an older version made them."""
-    record, _ = warn_record(drive.records)
-    states = configuration_of(record).get("states")
+def _state_knowledge_sentence(drive: Drive) -> str:
+    """Say which states the warnings started from; "" if there are none or the record does not say."""
+    record, _ = find_collision_warning_record(drive.records)
+    states = read_configuration(record).get("states")
     if drive.warnings is None or states is None:
         return ""
     if states != "online":
@@ -269,35 +303,38 @@ def _knowledge(drive: Drive) -> str:
             "them like this."
         )
     used = drive.records.get("estimate", {}).get("online_parameters", "")
-    but = ", but with noise and latencies from the whole log" if used == THIS_LOG else ""
-    return f"Warnings are told when the car could have known{but}; what happened is told in hindsight."
+    but = ", but with noise and latencies from the whole log" if used == PARAMETERS_FROM_LOG else ""
+    return f"Warnings are given when the car could have known{but}; what happened is judged in hindsight."
 
 
-def _length(drive: Drive) -> str:
-    """How long the drive was, in time and way."""
-    text = f"The log is {duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
+def _drive_length_sentence(drive: Drive) -> str:
+    """Say how long and how far the drive was, and how many others were known."""
+    text = f"The log is {format_duration((drive.end_ns - drive.start_ns) / NS_PER_S)} long"
     if drive.ego is not None and len(drive.ego) > 1:
         top = float(np.nanmax(np.abs(drive.ego.state[:, 2])))
-        text += f"; the car drove {driven_m(drive.ego):.0f} m, at most {3.6 * top:.0f} km/h"
+        text += f"; the car drove {driven_distance_m(drive.ego):.0f} m, at most {3.6 * top:.0f} km/h"
     heard = sum(other.kind == "vehicle" for other in drive.others)
     seen = sum(other.kind == "target" for other in drive.others)
     if heard:
-        text += f"; {count(heard, 'other vehicle')} {'was' if heard == 1 else 'were'} heard by radio"
+        text += f"; {format_count(heard, 'other vehicle')} {'was' if heard == 1 else 'were'} heard by radio"
     if seen:
-        text += f"; {count(seen, 'target')} {'was' if seen == 1 else 'were'} tracked by its sensors"
+        text += f"; {format_count(seen, 'target')} {'was' if seen == 1 else 'were'} tracked by its sensors"
     return text + "."
 
 
-def _without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
+def _build_story_without_warnings(drive: Drive, left_out: str, more: list[str]) -> Story:
+    """Build the story of a drive for which no warnings were computed."""
     why = left_out or ("`cwcli warn` was not run" if drive.others else "no other vehicle is in the log")
-    reason = f": {printable(why)}" if drive.ego is not None or left_out else ""
+    reason = f": {escape_control_characters(why)}" if drive.ego is not None or left_out else ""
     sentences = []
     if drive.lanes is not None and len(drive.lanes):
         both = int(np.count_nonzero(drive.lanes.found.all(axis=1)))
         sentences.append(f"Both lane boundaries were found in {both} of {len(drive.lanes)} camera frames")
     n_targets = sum(other.kind == "target" for other in drive.others)
     if n_targets and drive.ego is None:
-        sentences.append(f"{count(n_targets, 'target')} {'was' if n_targets == 1 else 'were'} tracked by the sensors")
+        sentences.append(
+            f"{format_count(n_targets, 'target')} {'was' if n_targets == 1 else 'were'} tracked by the sensors"
+        )
     if drive.ego is None:
         sentences.append(f"the car's motion was not estimated{'' if sentences else reason}")
     else:

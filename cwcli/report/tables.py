@@ -7,52 +7,54 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from cwcli.metrics.headline import metric_of
+from cwcli.metrics.headline import find_metric
 from cwcli.report.drive import Drive
-from cwcli.report.encounters import Encounter, Meetings
-from cwcli.report.source import Entry
-from cwcli.report.story import name_of, verdict_badge
+from cwcli.report.encounters import DriveEncounters, Encounter
+from cwcli.report.source import LogEntry
+from cwcli.report.story import name_of_other, verdict_badge
 from cwcli.report.views import TableView
 from cwcli.signals.units import NS_PER_S
-from cwcli.text import interval, number
+from cwcli.text import format_interval, format_number
 
-LEAD_IN = "the log began"
-MAX_ROWS = 200
+TIME_ORIGIN_PHRASE = "the log began"
+"""The phrase that says what times in the tables count from."""
+MAX_TABLE_ROWS = 200
+"""The greatest number of rows of a table. Chosen by hand; not fitted."""
 
 
-def encounter_facts(drive: Drive, encounter: Encounter) -> TableView:
-    """What was predicted and what happened, side by side."""
+def encounter_facts_table(drive: Drive, encounter: Encounter) -> TableView:
+    """Build the table of what a warning predicted and what happened."""
 
-    def seconds(stamp_ns: int) -> str:
-        return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f} s after {LEAD_IN}"
+    def seconds_text(stamp_ns: int) -> str:
+        return f"{(stamp_ns - drive.start_ns) / NS_PER_S:.2f} s after {TIME_ORIGIN_PHRASE}"
 
-    def metres(value: float) -> str:
+    def metres_text(value: float) -> str:
         return f"{value:.2f} m" if math.isfinite(value) else "-"
 
     verdict = encounter.verdict
     rows = [
-        ("warned of", name_of(encounter)),
+        ("warned of", name_of_other(encounter)),
         *([("where it was", encounter.direction)] if encounter.direction else []),
         ("rule", encounter.rule or "-"),
-        ("warning given", seconds(encounter.raised_ns)),
-        ("warning stood until", seconds(encounter.last_ns)),
+        ("warning given", seconds_text(encounter.raised_ns)),
+        ("warning stood until", seconds_text(encounter.last_ns)),
     ]
-    rows += _predicted(drive, encounter)
+    rows += _prediction_rows(drive, encounter)
     if verdict is not None:
         if verdict.closest_ns >= 0:
-            rows.append(("really nearest", seconds(verdict.closest_ns)))
-        rows.append(("really: centres apart by", metres(verdict.closest_m)))
+            rows.append(("really nearest", seconds_text(verdict.closest_ns)))
+        rows.append(("really: centres apart by", metres_text(verdict.closest_m)))
         gap = encounter.least_gap_m
-        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres(gap)
+        overlap = f"none: they overlapped by {-gap:.2f} m" if gap < 0.0 else metres_text(gap)
         rows.append(("really: gap between outlines", overlap))
         if math.isfinite(verdict.lead_time_s):
             rows.append(("warned before the conflict by", f"{verdict.lead_time_s:.2f} s"))
     return TableView("In numbers", (("", False), ("", False)), tuple(rows))
 
 
-def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
-    """What the warning said at the moment when it was given."""
-    lane, rule = encounter.is_lane_departure, drive.rule
+def _prediction_rows(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
+    """Return the rows of what the warning predicted when it was given."""
+    lane, rule = encounter.is_lane_departure, drive.warning_config
     within = "probability of the crossing" if lane else f"probability within {rule.horizon_s:g} s"
     compared = f"probability, which the rule compares with {rule.probability:g}"
     said = (
@@ -68,15 +70,17 @@ def _predicted(drive: Drive, encounter: Encounter) -> list[tuple[str, str]]:
     ]
 
 
-def all_warnings(drive: Drive, meetings: Meetings, marks: Mapping[int, str]) -> TableView:
-    """All warnings, where not all have figures; marks: names for links to those without, by their numbers."""
+def all_warnings_table(
+    drive: Drive, drive_encounters: DriveEncounters, anchor_name_by_warning: Mapping[int, str]
+) -> TableView:
+    """Build the table of all warnings; `marks`: warning number -> anchor name, of those without figures."""
     rows = []
-    for each in meetings.encounters:
+    for each in drive_encounters.encounters:
         verdict = each.verdict
         nearest = f"{verdict.closest_m:.2f}" if verdict is not None and math.isfinite(verdict.closest_m) else "-"
         lead = f"{verdict.lead_time_s:.2f}" if verdict is not None and math.isfinite(verdict.lead_time_s) else "-"
         at = f"{(each.raised_ns - drive.start_ns) / NS_PER_S:.2f}"
-        rows.append((str(each.event_id), name_of(each), at, verdict_badge(each).text, lead, nearest))
+        rows.append((str(each.event_id), name_of_other(each), at, verdict_badge(each).text, lead, nearest))
     columns = (
         ("warning", True),
         ("of", False),
@@ -85,25 +89,26 @@ def all_warnings(drive: Drive, meetings: Meetings, marks: Mapping[int, str]) -> 
         ("lead [s]", True),
         ("nearest [m]", True),
     )
-    kept = rows[:MAX_ROWS]
+    kept = rows[:MAX_TABLE_ROWS]
     hint = "the most critical ones have figures above"
     if len(rows) > len(kept):
-        hint += f"; the first {MAX_ROWS} of {len(rows)} are listed"
-    names = tuple(marks.get(each.event_id, "") for each in meetings.encounters[: len(kept)])
+        hint += f"; the first {MAX_TABLE_ROWS} of {len(rows)} are listed"
+    names = tuple(anchor_name_by_warning.get(each.event_id, "") for each in drive_encounters.encounters[: len(kept)])
     return TableView("All warnings", columns, tuple(kept), hint, row_marks=names)
 
 
-def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[TableView]:
+def build_log_tables(drive: Drive, entry: LogEntry, *, has_all_metrics: bool) -> list[TableView]:
+    """Build the tables of a log: its input messages and its metrics."""
     tables = []
     rows: list[tuple[str, ...]] = []
     for stage in drive.records:
-        for given in drive.inputs(stage):
+        for given in drive.stage_input_records(stage):
             reasons = [
                 f"{n} {reason} ({kind.replace('_', ' ')})"
                 for kind in ("rejected", "repaired", "set_aside")
-                for reason, n in _counts(given.get(kind)).items()
+                for reason, n in _nonzero_counts(given.get(kind)).items()
             ]
-            totals = [str(sum(_counts(given.get(kind)).values())) for kind in ("rejected", "repaired")]
+            totals = [str(sum(_nonzero_counts(given.get(kind)).values())) for kind in ("rejected", "repaired")]
             topic, role = str(given.get("topic", "")), str(given.get("role", "")).replace("_", " ")
             read, used = str(given.get("read", "")), str(given.get("used", ""))
             rows.append((stage, topic, role, read, used, *totals, "; ".join(reasons)))
@@ -120,19 +125,19 @@ def log_tables(drive: Drive, entry: Entry, *, has_all_metrics: bool) -> list[Tab
         )
         if not any(row[-1] for row in rows):
             columns, rows = columns[:-1], [row[:-1] for row in rows]
-        tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_ROWS])))
+        tables.append(TableView("What became of the messages", columns, tuple(rows[:MAX_TABLE_ROWS])))
     if entry.metrics:
-        tables += _metrics_tables(entry, has_all_metrics)
+        tables += _build_metrics_tables(entry, has_all_metrics)
     return tables
 
 
-def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
-    """The metrics that runs are compared by, and behind them, folded, the rest."""
+def _build_metrics_tables(entry: LogEntry, has_all_metrics: bool) -> list[TableView]:
+    """Build the table of the metrics that runs are compared by, and a folded one of the rest."""
     main: list[tuple[str, ...]] = []
     rest: list[tuple[str, ...]] = []
-    for metric in list(entry.metrics.values())[: 2 * MAX_ROWS]:
-        known = metric_of(metric.metric)
-        value, between = value_text(metric.metric, metric.value), interval(metric.low, metric.high)
+    for metric in list(entry.metrics.values())[: 2 * MAX_TABLE_ROWS]:
+        known = find_metric(metric.metric)
+        value, between = format_metric_value(metric.metric, metric.value), format_interval(metric.low, metric.high)
         if metric.stage == "system":  # beside cwcli's own, in a table of its own
             continue
         row = (metric.metric, value, metric.unit, metric.states, between, str(metric.n))
@@ -140,26 +145,27 @@ def _metrics_tables(entry: Entry, has_all_metrics: bool) -> list[TableView]:
     texts = ("metric", "unit", "states", "95 % interval")
     names = ("metric", "value", "unit", "states", "95 % interval", "samples")
     columns = tuple((name, name not in texts) for name in names)
-    tables = [without_empty(TableView("Headline metrics", columns, tuple(main)))] if main else []
+    tables = [drop_empty_columns(TableView("Headline metrics", columns, tuple(main)))] if main else []
     if rest and has_all_metrics:
-        tables.append(without_empty(TableView("Further metrics", columns, tuple(rest), is_folded=True)))
+        tables.append(drop_empty_columns(TableView("Further metrics", columns, tuple(rest), is_folded=True)))
     return tables
 
 
-def without_empty(table: TableView) -> TableView:
-    """The table without columns in which no row holds anything."""
+def drop_empty_columns(table: TableView) -> TableView:
+    """Drop the columns in which every row is empty."""
     kept = [k for k in range(len(table.columns)) if any(row[k] not in ("", "-") for row in table.rows)]
     rows = tuple(tuple(row[k] for k in kept) for row in table.rows)
     return replace(table, columns=tuple(table.columns[k] for k in kept), rows=rows)
 
 
-def value_text(name: str, value: float) -> str:
-    """A metric's value; a count without decimals."""
+def format_metric_value(name: str, value: float) -> str:
+    """Format a metric's value; counts have no decimals."""
     is_count = name.endswith(("_count", ".count")) and math.isfinite(value)
-    return f"{value:.0f}" if is_count else number(value)
+    return f"{value:.0f}" if is_count else format_number(value)
 
 
-def _counts(value: Any) -> dict[str, int]:
+def _nonzero_counts(value: Any) -> dict[str, int]:
+    """Return the positive counts by reason; {} if the value is no mapping."""
     if not isinstance(value, dict):
         return {}
     return {str(reason): n for reason, n in value.items() if isinstance(n, int) and n}

@@ -8,15 +8,22 @@ from urllib.parse import urlsplit
 
 from cwcli.errors import UsageError
 
-MAX_TEMPLATE, MAX_ATTRIBUTION = 500, 200
-HOST = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
-ALLOWED = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
-"""What an address is made of, without quotes, semicolons and spaces."""
-EXAMPLE = "e.g. --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© the makers of the map'"
+MAX_TEMPLATE_CHARACTERS = 500
+"""The greatest length of the address template, in characters. Chosen by hand; not fitted."""
+MAX_ATTRIBUTION_CHARACTERS = 200
+"""The greatest length of the attribution, in characters. Chosen by hand; not fitted."""
+HOST_PATTERN = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?\.?|\[[0-9A-Fa-f:.]+\]")
+"""Pattern of a host name or an address in brackets."""
+ADDRESS_PATTERN = re.compile(r"[A-Za-z0-9\-._~:/?#\[\]@!$&()*+,=%{}]+")
+"""Pattern of an address template: the characters of an address without quotes, semicolons and spaces."""
+OPTIONS_EXAMPLE = (
+    "e.g. --tiles 'https://tiles.example.org/{z}/{x}/{y}.png' --tiles-attribution '© the makers of the map'"
+)
+"""Example of both options, for hints of errors."""
 
 
 @dataclass(frozen=True)
-class Tiles:
+class TileServer:
     """A server of map tiles in Web Mercator (EPSG:3857), 256 pixels wide.
 
     Attributes:
@@ -30,43 +37,46 @@ class Tiles:
     origin: str
 
 
-def parse_tiles(template: str | None, attribution: str | None) -> Tiles | None:
-    """The tiles that the options name; None where there are none.
+def parse_tile_server(template: str | None, attribution: str | None) -> TileServer | None:
+    """Parse the server of map tiles that the options name; None if they name none.
 
     Raises:
         UsageError: An option is missing or empty, or the template is no address of tiles.
     """
     if template is None:
         if attribution is not None:
-            raise UsageError("--tiles-attribution without --tiles", hint=EXAMPLE)
+            raise UsageError("--tiles-attribution without --tiles", hint=OPTIONS_EXAMPLE)
         return None
-    if not (attribution or "").strip() or len(attribution or "") > MAX_ATTRIBUTION:
-        what = f"--tiles needs --tiles-attribution: whose map it is, in at most {MAX_ATTRIBUTION} characters"
-        raise UsageError(what, hint=EXAMPLE)
+    if not (attribution or "").strip() or len(attribution or "") > MAX_ATTRIBUTION_CHARACTERS:
+        what = f"--tiles needs --tiles-attribution: whose map it is, in at most {MAX_ATTRIBUTION_CHARACTERS} characters"
+        raise UsageError(what, hint=OPTIONS_EXAMPLE)
     try:
         parts = urlsplit(template)
         host, port = parts.hostname or "", parts.port
     except ValueError as error:
-        raise _wrong(str(error)) from error
-    if len(template) > MAX_TEMPLATE or not ALLOWED.fullmatch(template):
-        raise _wrong(f"it holds what no address holds, or more than {MAX_TEMPLATE} characters")
+        raise _invalid_tiles_error(str(error)) from error
+    if len(template) > MAX_TEMPLATE_CHARACTERS or not ADDRESS_PATTERN.fullmatch(template):
+        raise _invalid_tiles_error(f"it holds what no address holds, or more than {MAX_TEMPLATE_CHARACTERS} characters")
     if parts.scheme not in ("http", "https"):
-        raise _wrong("it does not begin with http:// or https://")
+        raise _invalid_tiles_error("it does not begin with http:// or https://")
     if parts.username is not None or parts.password is not None:
-        raise _wrong("it holds a name or a password, which everybody could read who has the page")
+        raise _invalid_tiles_error("it holds a name or a password, which everybody could read who has the page")
     host = f"[{host}]" if ":" in host else host
     if "_" in host:  # no host of a content security policy may hold one (CSP 3, 2.3.1): the source would be ignored
-        raise _wrong("its host holds an underscore, and browsers take no pictures from such; give its IP address")
-    if not HOST.fullmatch(host):
-        raise _wrong("it names no host")
+        raise _invalid_tiles_error(
+            "its host holds an underscore, and browsers take no pictures from such; give its IP address"
+        )
+    if not HOST_PATTERN.fullmatch(host):
+        raise _invalid_tiles_error("it names no host")
     rest = f"{parts.path}?{parts.query}"
     if parts.fragment or any(rest.count(f"{{{name}}}") != 1 for name in "zxy"):
-        raise _wrong("behind the host {z}, {x} and {y} must stand once each")
+        raise _invalid_tiles_error("behind the host {z}, {x} and {y} must stand once each")
     if set(re.sub(r"\{[zxy]\}", "", template)) & set("{}"):
-        raise _wrong("only {z}, {x} and {y} can be filled in")
+        raise _invalid_tiles_error("only {z}, {x} and {y} can be filled in")
     origin = f"{parts.scheme}://{host}" + (f":{port}" if port is not None else "")
-    return Tiles(template, (attribution or "").strip(), origin)
+    return TileServer(template, (attribution or "").strip(), origin)
 
 
-def _wrong(why: str) -> UsageError:
-    return UsageError(f"--tiles is no address of map tiles: {why}", hint=EXAMPLE)
+def _invalid_tiles_error(why: str) -> UsageError:
+    """Return the error for an unusable template."""
+    return UsageError(f"--tiles is no address of map tiles: {why}", hint=OPTIONS_EXAMPLE)

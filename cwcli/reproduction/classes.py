@@ -1,4 +1,4 @@
-"""The classes of a compared number, and which of them a number gets by itself and its expectation."""
+"""The classes of a number compared with a paper's, and how a number gets its class from its expectation."""
 
 from __future__ import annotations
 
@@ -6,28 +6,35 @@ import math
 from dataclasses import dataclass
 
 REPRODUCED = "reproduced"
+"""The class of the paper's number within the tolerance, on inputs that were not fitted to it."""
 FITTED = "fitted"
-WITHIN = "within own bound"
+"""The class of what holds on inputs that were chosen so that it holds."""
+WITHIN_OWN_BOUND = "within own bound"
+"""The class of a number within a bound of our own, where the paper prints none."""
 BETTER = "better"
+"""The class of a number that is better than the paper's by more than the tolerance."""
 DIFFERS = "differs"
-OPEN = "not determinable"
-CLASSES: dict[str, str] = {
+"""The class of another number than the paper's, or one outside our own bound."""
+NOT_DETERMINABLE = "not determinable"
+"""The class of a number that nothing can be compared with."""
+CLASS_MEANINGS: dict[str, str] = {
     REPRODUCED: "the paper's number, within the tolerance, on inputs that were not fitted to it",
     FITTED: "it holds on inputs that were chosen so that it holds",
-    WITHIN: "within a bound of our own; the paper prints no number",
+    WITHIN_OWN_BOUND: "within a bound of our own; the paper prints no number",
     BETTER: "better than the paper's number by more than the tolerance",
     DIFFERS: "another number than the paper's, or outside our own bound",
-    OPEN: "there is nothing to compare with",
+    NOT_DETERMINABLE: "there is nothing to compare with",
 }
-"""Class -> what it says, in the order of the tables."""
-BINDING = frozenset({REPRODUCED, FITTED, WITHIN, BETTER})
-"""Who claims one of these must reach it, or the exit code is 1."""
-ROUNDING = 1e-9
+"""Class -> its meaning, in the order of the tables."""
+BINDING_CLASSES = frozenset({REPRODUCED, FITTED, WITHIN_OWN_BOUND, BETTER})
+"""Classes that must be reached where they are claimed, or the exit code is 1."""
+ROUNDING_TOLERANCE = 1e-9
+"""Numbers may exceed a bound by this much through rounding. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """One number of ours.
+class MeasuredNumber:
+    """One number of ours, with its 95 % interval.
 
     Attributes:
         figure: Where it stands in the paper: `table 1`, `fig 9`.
@@ -64,15 +71,15 @@ class Expectation:
     figure: str
     what: str
     unit: str
-    claim: str
-    paper: tuple[float, float] | None = None
-    says: str = ""
+    claimed_class: str
+    paper_range: tuple[float, float] | None = None
+    paper_statement: str = ""
     tolerance: float = 0.0
-    better: str = ""
+    better_direction: str = ""
     at_least: float = -math.inf
     at_most: float = math.inf
-    fit: str = ""
-    why: str = ""
+    fit_key: str = ""
+    reason_key: str = ""
     is_comparable: bool = True
 
     @property
@@ -83,61 +90,69 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Finding:
-    """A number beside what is expected of it."""
+    """A number together with what is expected of it."""
 
     expected: Expectation
-    measured: Measured
+    measured: MeasuredNumber
 
     @property
-    def reached(self) -> str:
-        """The class that the number has, a key of `CLASSES`."""
+    def reached_class(self) -> str:
+        """The class that the number reaches, a key of `CLASSES`."""
         row, ours = self.expected, self.measured.ours
         if math.isnan(ours):
-            return OPEN
-        if not self._keeps_bound or (row.paper is not None and row.is_comparable and not self._is_near):
-            return BETTER if self._keeps_bound and self._is_better else DIFFERS
-        if not row.is_comparable or (row.paper is None and not row.is_bounded):
-            return OPEN
-        if row.fit:
+            return NOT_DETERMINABLE
+        if not self._is_within_own_bound or (
+            row.paper_range is not None and row.is_comparable and not self._is_within_tolerance
+        ):
+            return BETTER if self._is_within_own_bound and self._is_better_than_paper else DIFFERS
+        if not row.is_comparable or (row.paper_range is None and not row.is_bounded):
+            return NOT_DETERMINABLE
+        if row.fit_key:
             return FITTED
-        return WITHIN if row.paper is None else REPRODUCED
+        return WITHIN_OWN_BOUND if row.paper_range is None else REPRODUCED
 
     @property
     def has_failed(self) -> bool:
-        """Whether a class is claimed that is not reached, or our own bound is not kept."""
-        claim, reached = self.expected.claim, self.reached
-        if not self._keeps_bound:
+        """Whether a claimed class is not reached, or our own bound is violated."""
+        claim, reached = self.expected.claimed_class, self.reached_class
+        if not self._is_within_own_bound:
             return claim != DIFFERS
         may_be = {claim, BETTER} if claim in {REPRODUCED, FITTED} else {claim}
-        return claim in BINDING and reached not in may_be
+        return claim in BINDING_CLASSES and reached not in may_be
 
     @property
-    def is_stale(self) -> bool:
-        """Whether the class is another one than is claimed, without being a failure."""
-        return not self.has_failed and self.reached != self.expected.claim
+    def has_unclaimed_class(self) -> bool:
+        """Whether the class differs from the claimed one without being a failure."""
+        return not self.has_failed and self.reached_class != self.expected.claimed_class
 
     @property
-    def _keeps_bound(self) -> bool:
+    def _is_within_own_bound(self) -> bool:
+        """Whether the number is within our own bound; true without one."""
         row, ours = self.expected, self.measured.ours
         if not row.is_bounded:
             return True
-        return row.at_least - ROUNDING <= ours <= row.at_most + ROUNDING  # false for NaN
+        return row.at_least - ROUNDING_TOLERANCE <= ours <= row.at_most + ROUNDING_TOLERANCE  # false for NaN
 
     @property
-    def _is_near(self) -> bool:
+    def _is_within_tolerance(self) -> bool:
+        """Whether the number is within the tolerance around the paper's."""
         row, ours = self.expected, self.measured.ours
-        if row.paper is None:
+        if row.paper_range is None:
             return False
-        return row.paper[0] - row.tolerance - ROUNDING <= ours <= row.paper[1] + row.tolerance + ROUNDING
+        return (
+            row.paper_range[0] - row.tolerance - ROUNDING_TOLERANCE
+            <= ours
+            <= row.paper_range[1] + row.tolerance + ROUNDING_TOLERANCE
+        )
 
     @property
-    def _is_better(self) -> bool:
-        """Better with the whole of its interval."""
+    def _is_better_than_paper(self) -> bool:
+        """Whether the whole interval is better than the paper's number."""
         row, measured = self.expected, self.measured
-        if row.paper is None or not row.is_comparable:
+        if row.paper_range is None or not row.is_comparable:
             return False
-        if row.better == "lower":
-            return (measured.ours if math.isnan(measured.high) else measured.high) < row.paper[0]
-        if row.better == "higher":
-            return (measured.ours if math.isnan(measured.low) else measured.low) > row.paper[1]
+        if row.better_direction == "lower":
+            return (measured.ours if math.isnan(measured.high) else measured.high) < row.paper_range[0]
+        if row.better_direction == "higher":
+            return (measured.ours if math.isnan(measured.low) else measured.low) > row.paper_range[1]
         return False

@@ -10,18 +10,28 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
-from cwcli.reproduction.classes import BETTER, CLASSES, DIFFERS, FITTED, OPEN, REPRODUCED, WITHIN, Expectation
+from cwcli.reproduction.classes import (
+    BETTER,
+    CLASS_MEANINGS,
+    DIFFERS,
+    FITTED,
+    NOT_DETERMINABLE,
+    REPRODUCED,
+    WITHIN_OWN_BOUND,
+    Expectation,
+)
 
-ROW_KEYS = {
+EXPECTATION_KEYS = {
     "what", "unit", "class", "paper", "says", "tolerance", "better", "at_least", "at_most", "fit", "why", "comparable",
 }  # fmt: skip
-BEYOND = "beyond"
-"""The reason of a row that has no expectation, in a part that goes beyond the paper."""
+"""The keys that a row of an expectations file may have."""
+BEYOND_PAPER_REASON = "beyond"
+"""Key of the reason of rows without an expectation, in parts that go beyond the paper."""
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A numbered figure or table of the paper, or a part of ours that has none there.
+class PaperFigure:
+    """A numbered figure or table of the paper, or a part of ours that is not in it.
 
     Attributes:
         name: `fig 9`.
@@ -33,24 +43,24 @@ class Figure:
     """
 
     name: str
-    prints: str
-    rows: Mapping[str, Expectation]
-    pictures: tuple[str, ...]
-    why_none: str
-    is_beyond: bool
+    description: str
+    expectation_by_number: Mapping[str, Expectation]
+    plot_names: tuple[str, ...]
+    reason_for_absence: str
+    is_beyond_paper: bool
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedInputs:
     """Inputs that were chosen so that something holds: which, and how wide the choice is."""
 
-    what: str
-    width: str
+    chosen_inputs: str
+    choice_width: str
 
 
 @dataclass(frozen=True)
-class Expectations:
-    """One paper's.
+class PaperExpectations:
+    """The expectations of one paper.
 
     Attributes:
         paper: Its key.
@@ -62,45 +72,45 @@ class Expectations:
 
     paper: str
     source: str
-    figures: Mapping[str, Figure]
-    fits: Mapping[str, Fit]
+    figures: Mapping[str, PaperFigure]
+    fits: Mapping[str, FittedInputs]
     reasons: Mapping[str, str]
     notes: tuple[str, ...] = ()
 
-    def row(self, figure: str, what: str) -> Expectation:
-        """The expectation of a number.
+    def expectation_of(self, figure: str, what: str) -> Expectation:
+        """Return the expectation of a number.
 
         Raises:
             KeyError: There is none, and the figure is in the paper.
         """
         found = self.figures[figure]
-        if what in found.rows or not found.is_beyond:
-            return found.rows[what]
-        return Expectation(figure, what, "", OPEN, why=BEYOND)
+        if what in found.expectation_by_number or not found.is_beyond_paper:
+            return found.expectation_by_number[what]
+        return Expectation(figure, what, "", NOT_DETERMINABLE, reason_key=BEYOND_PAPER_REASON)
 
 
 @cache
-def load_expectations(paper: str) -> Expectations:
+def load_expectations(paper: str) -> PaperExpectations:
     """Read the expectations of a paper and check their form.
 
     Raises:
-        ValueError: See `expectations_of`.
+        ValueError: See `parse_expectations`.
     """
     text = files(f"cwcli.reproduction.{paper}").joinpath("expectations.toml").read_text(encoding="utf-8")
-    return expectations_of(tomllib.loads(text))
+    return parse_expectations(tomllib.loads(text))
 
 
-def expectations_of(document: Mapping[str, Any]) -> Expectations:
-    """A document as expectations.
+def parse_expectations(document: Mapping[str, Any]) -> PaperExpectations:
+    """Parse a document of expectations and check it.
 
     Raises:
         ValueError: A row claims a class that it has no right to; a key is unknown, missing or not used.
     """
     figures = {}
     for name, table in document["figures"].items():
-        rows = [_row(name, fields) for fields in table.get("rows", ())]
+        rows = [_parse_expectation(name, fields) for fields in table.get("rows", ())]
         pictures = tuple(table.get("pictures", ()))
-        figure = Figure(
+        figure = PaperFigure(
             name,
             table["prints"],
             {row.what: row for row in rows},
@@ -108,23 +118,24 @@ def expectations_of(document: Mapping[str, Any]) -> Expectations:
             table.get("why_none", ""),
             table.get("beyond", False),
         )
-        if len(figure.rows) < len(rows):
+        if len(figure.expectation_by_number) < len(rows):
             raise ValueError(f"{name}: two rows have the same name")
-        if bool(figure.why_none) == bool(rows or pictures or figure.is_beyond):
+        if bool(figure.reason_for_absence) == bool(rows or pictures or figure.is_beyond_paper):
             raise ValueError(f"{name}: it has rows or a picture, or a reason why it has none")
         figures[name] = figure
-    fits = {key: Fit(fields["what"], fields["width"]) for key, fields in document.get("fits", {}).items()}
+    fits = {key: FittedInputs(fields["what"], fields["width"]) for key, fields in document.get("fits", {}).items()}
     reasons = dict(document["reasons"])
-    every = [row for figure in figures.values() for row in figure.rows.values()]
-    _check_keys("fit", {row.fit for row in every} - {""}, fits)
-    _check_keys("reason", {row.why for row in every} - {""} | {BEYOND}, reasons)
+    every = [row for figure in figures.values() for row in figure.expectation_by_number.values()]
+    _check_keys_defined_and_used("fit", {row.fit_key for row in every} - {""}, fits)
+    _check_keys_defined_and_used("reason", {row.reason_key for row in every} - {""} | {BEYOND_PAPER_REASON}, reasons)
     notes = tuple(document.get("notes", ()))
-    return Expectations(document["paper"], document["source"], figures, fits, reasons, notes)
+    return PaperExpectations(document["paper"], document["source"], figures, fits, reasons, notes)
 
 
-def _row(figure: str, fields: Mapping[str, Any]) -> Expectation:
+def _parse_expectation(figure: str, fields: Mapping[str, Any]) -> Expectation:
+    """Parse one row and check its claim."""
     where = f"{figure}, {fields.get('what')}"
-    if unknown := set(fields) - ROW_KEYS:
+    if unknown := set(fields) - EXPECTATION_KEYS:
         raise ValueError(f"{where}: unknown keys {sorted(unknown)}")
     printed = fields.get("paper")
     paper = None
@@ -135,45 +146,48 @@ def _row(figure: str, fields: Mapping[str, Any]) -> Expectation:
         figure=figure,
         what=fields["what"],
         unit=fields.get("unit", ""),
-        claim=fields["class"],
-        paper=paper,
-        says=fields.get("says", ""),
+        claimed_class=fields["class"],
+        paper_range=paper,
+        paper_statement=fields.get("says", ""),
         tolerance=float(fields.get("tolerance", 0.0)),
-        better=fields.get("better", ""),
+        better_direction=fields.get("better", ""),
         at_least=float(fields.get("at_least", -math.inf)),
         at_most=float(fields.get("at_most", math.inf)),
-        fit=fields.get("fit", ""),
-        why=fields.get("why", ""),
+        fit_key=fields.get("fit", ""),
+        reason_key=fields.get("why", ""),
         is_comparable=fields.get("comparable", True),
     )
-    if fault := fault_of(row, has_tolerance="tolerance" in fields):
+    if fault := fault_in_claim(row, has_tolerance="tolerance" in fields):
         raise ValueError(f"{where}: {fault}")
     return row
 
 
-def fault_of(row: Expectation, *, has_tolerance: bool) -> str:
-    """What is wrong with a row's claim, "" if nothing is."""
-    has_number = row.paper is not None and row.is_comparable
+def fault_in_claim(row: Expectation, *, has_tolerance: bool) -> str:
+    """Describe what is wrong with a row's claim; "" if nothing is."""
+    has_number = row.paper_range is not None and row.is_comparable
     faults = {
-        f"there is no class '{row.claim}'": row.claim not in CLASSES,
-        "'reproduced' needs a number of the paper that can be compared": row.claim == REPRODUCED and not has_number,
-        "'reproduced' with fitted inputs": row.claim == REPRODUCED and row.fit != "",
-        "'fitted' needs the fit": row.claim == FITTED and not row.fit,
-        "'fitted' needs a number or a bound": row.claim == FITTED and not (has_number or row.is_bounded),
-        "'within own bound' needs a bound": row.claim == WITHIN and not row.is_bounded,
-        "'within own bound' where the paper prints a number, or with fitted inputs": row.claim == WITHIN
-        and (row.paper is not None or row.fit != ""),
-        "'better' needs a number that can be compared, and which way is better": row.claim == BETTER
-        and not (has_number and row.better),
-        "'better' is 'lower' or 'higher'": row.better not in ("", "lower", "higher"),
-        "a reason is missing": row.claim in {BETTER, DIFFERS, OPEN} and not row.why,
+        f"there is no class '{row.claimed_class}'": row.claimed_class not in CLASS_MEANINGS,
+        "'reproduced' needs a number of the paper that can be compared": row.claimed_class == REPRODUCED
+        and not has_number,
+        "'reproduced' with fitted inputs": row.claimed_class == REPRODUCED and row.fit_key != "",
+        "'fitted' needs the fit": row.claimed_class == FITTED and not row.fit_key,
+        "'fitted' needs a number or a bound": row.claimed_class == FITTED and not (has_number or row.is_bounded),
+        "'within own bound' needs a bound": row.claimed_class == WITHIN_OWN_BOUND and not row.is_bounded,
+        "'within own bound' where the paper prints a number, or with fitted inputs": row.claimed_class
+        == WITHIN_OWN_BOUND
+        and (row.paper_range is not None or row.fit_key != ""),
+        "'better' needs a number that can be compared, and which way is better": row.claimed_class == BETTER
+        and not (has_number and row.better_direction),
+        "'better' is 'lower' or 'higher'": row.better_direction not in ("", "lower", "higher"),
+        "a reason is missing": row.claimed_class in {BETTER, DIFFERS, NOT_DETERMINABLE} and not row.reason_key,
         "a number that can be compared needs a tolerance, and only that": has_tolerance != has_number,
     }
     return next((text for text, is_so in faults.items() if is_so), "")
 
 
-def _check_keys(kind: str, used: set[str], defined: Mapping[str, object]) -> None:
+def _check_keys_defined_and_used(kind: str, used: set[str], defined: Mapping[str, object]) -> None:
+    """Check that every used key is defined and every defined one is used."""
     if missing := sorted(used - set(defined)):
         raise ValueError(f"there is no {kind} '{missing[0]}'")
-    if idle := sorted(set(defined) - used - {BEYOND}):
+    if idle := sorted(set(defined) - used - {BEYOND_PAPER_REASON}):
         raise ValueError(f"the {kind} '{idle[0]}' is not used")

@@ -1,4 +1,4 @@
-"""What a part of a reproduction makes: numbers, and the figures of the paper redrawn."""
+"""The results of a part of a reproduction: numbers, and the figures of the paper redrawn."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.metrics.intervals import bootstrap_interval
-from cwcli.reproduction.classes import Measured
+from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.signals.columns import FloatArray
 
 BOOTSTRAP_SEED = 2016
+"""Seed of the bootstrap intervals, the year of song2016; any seed would do."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot: shape (k,) each; a dot at `dot_x` if there is one (a warning)."""
+    """One line of a plot, x and y of shape (k,); a dot at `dot_x` if that is finite (a warning)."""
 
     label: str
     x: FloatArray
@@ -57,15 +58,15 @@ class Plot:
 
 
 @dataclass(frozen=True)
-class Part:
+class StudyPart:
     """The numbers and plots of one group of figures."""
 
-    measured: tuple[Measured, ...]
+    numbers: tuple[MeasuredNumber, ...]
     plots: tuple[Plot, ...] = ()
 
 
-def median_interval(values: FloatArray) -> tuple[float, float, float]:
-    """Median and its 95 % bootstrap interval; all NaN without values."""
+def median_with_interval(values: FloatArray) -> tuple[float, float, float]:
+    """Return the median and its 95 % bootstrap interval; all NaN without values."""
     known = values[np.isfinite(values)]
     if not len(known):
         return math.nan, math.nan, math.nan
@@ -73,6 +74,6 @@ def median_interval(values: FloatArray) -> tuple[float, float, float]:
     return float(np.median(known)), low, high
 
 
-def ordered(values: Sequence[float]) -> bool:
+def is_strictly_increasing(values: Sequence[float]) -> bool:
     """Whether the values rise strictly."""
     return all(a < b for a, b in pairwise(values))

@@ -1,4 +1,4 @@
-"""The findings of a reproduction as a table and as a summary: every sentence follows from the numbers."""
+"""Builds the table and the summary of a reproduction's findings; every sentence follows from the numbers."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.pipeline.result import Cell, Section, Summary
-from cwcli.reproduction.classes import BINDING, CLASSES, Expectation, Finding
-from cwcli.reproduction.expectations import Expectations, load_expectations
-from cwcli.reproduction.findings import Part, Plot
+from cwcli.pipeline.result import Cell, StageSummary, SummaryTable
+from cwcli.reproduction.classes import BINDING_CLASSES, CLASS_MEANINGS, Expectation, Finding
+from cwcli.reproduction.expectations import PaperExpectations, load_expectations
+from cwcli.reproduction.findings import Plot, StudyPart
 
-COLUMNS = ("what", "paper", "ours", "tolerance", "class", "why")
+FINDING_COLUMNS = ("what", "paper", "ours", "tolerance", "class", "why")
+"""Headings of the table of findings."""
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What came out.
+    """The result of reproducing a paper.
 
     Attributes:
         expectations: Of the paper.
@@ -30,28 +31,28 @@ class Reproduction:
         summary: For people and `--json`.
     """
 
-    expectations: Expectations
+    expectations: PaperExpectations
     findings: tuple[Finding, ...]
     plots: tuple[Plot, ...]
     table: Table
-    summary: Summary
+    summary: StageSummary
 
     @property
-    def failed(self) -> tuple[Finding, ...]:
+    def failed_findings(self) -> tuple[Finding, ...]:
         """The findings that do not reach what is claimed of them."""
         return tuple(finding for finding in self.findings if finding.has_failed)
 
 
-def reproduction(
+def assemble_reproduction(
     paper: str,
-    parts: Sequence[Part],
+    parts: Sequence[StudyPart],
     note: str,
     *,
-    sections: Sequence[Section] = (),
+    sections: Sequence[SummaryTable] = (),
     notes: Sequence[str] = (),
     only: Collection[str] = (),
 ) -> Reproduction:
-    """Put the parts together, in the order of the expectations.
+    """Assemble the parts of a reproduction, in the order of the expectations.
 
     Args:
         paper: Key of the paper.
@@ -64,34 +65,36 @@ def reproduction(
     expected = load_expectations(paper)
     names = [name for name in expected.figures if not only or name in only]
     findings = tuple(
-        Finding(expected.row(each.figure, each.what), each)
+        Finding(expected.expectation_of(each.figure, each.what), each)
         for name in names
         for part in parts
-        for each in part.measured
+        for each in part.numbers
         if each.figure == name
     )
-    pictures = [picture for name in names for picture in expected.figures[name].pictures]
+    pictures = [picture for name in names for picture in expected.figures[name].plot_names]
     plots = [plot for part in parts for plot in part.plots if plot.figure in pictures]
     plots.sort(key=lambda plot: pictures.index(plot.figure))
-    summary = Summary(
+    summary = StageSummary(
         f"reproduce {paper}",
         (
-            *(_section(expected, name, [f for f in findings if f.expected.figure == name]) for name in names),
+            *(_figure_section(expected, name, [f for f in findings if f.expected.figure == name]) for name in names),
             *sections,
-            *_keys(expected, findings),
-            counts(findings),
+            *_fits_and_reasons_sections(expected, findings),
+            class_counts_table(findings),
         ),
         (),
-        (note, *notes, *claims(findings), exit_note(findings)),
+        (note, *notes, *unclaimed_class_notes(findings), exit_code_sentence(findings)),
     )
     return Reproduction(expected, findings, tuple(plots), findings_table(paper, expected, findings), summary)
 
 
-def exit_note(findings: Sequence[Finding]) -> str:
-    """What the exit code is, and why."""
-    n_binding = sum(finding.expected.claim in BINDING or finding.expected.is_bounded for finding in findings)
+def exit_code_sentence(findings: Sequence[Finding]) -> str:
+    """Return the sentence that says which exit code follows, and why."""
+    n_binding = sum(
+        finding.expected.claimed_class in BINDING_CLASSES or finding.expected.is_bounded for finding in findings
+    )
     failed = [
-        f"{f.expected.figure}, {f.expected.what}: {f.reached} instead of {f.expected.claim}"
+        f"{f.expected.figure}, {f.expected.what}: {f.reached_class} instead of {f.expected.claimed_class}"
         for f in findings
         if f.has_failed
     ]
@@ -100,26 +103,26 @@ def exit_note(findings: Sequence[Finding]) -> str:
     return f"exit code 0: all {n_binding} claims are met"
 
 
-def claims(findings: Sequence[Finding]) -> tuple[str, ...]:
-    """A note for each number that is in another class than claimed, and no failure."""
+def unclaimed_class_notes(findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return a note for each number whose class differs from the claimed one without being a failure."""
     return tuple(
-        f"{f.expected.figure}, {f.expected.what}: {f.reached}, and {f.expected.claim} was expected"
+        f"{f.expected.figure}, {f.expected.what}: {f.reached_class}, and {f.expected.claimed_class} was expected"
         for f in findings
-        if f.is_stale
+        if f.has_unclaimed_class
     )
 
 
-def counts(findings: Sequence[Finding]) -> Section:
-    """How many findings are of each class."""
-    found = Counter(finding.reached for finding in findings)
-    rows: tuple[tuple[Cell, ...], ...] = tuple((name, found[name], meaning) for name, meaning in CLASSES.items())
-    return Section("classes", "How many numbers are of each class", ("class", "numbers", "meaning"), rows)
+def class_counts_table(findings: Sequence[Finding]) -> SummaryTable:
+    """Count the findings of each class."""
+    found = Counter(finding.reached_class for finding in findings)
+    rows: tuple[tuple[Cell, ...], ...] = tuple((name, found[name], meaning) for name, meaning in CLASS_MEANINGS.items())
+    return SummaryTable("classes", "How many numbers are of each class", ("class", "numbers", "meaning"), rows)
 
 
-def findings_table(name: str, expected: Expectations, findings: Sequence[Finding]) -> Table:
-    """One row a finding."""
+def findings_table(name: str, expected: PaperExpectations, findings: Sequence[Finding]) -> Table:
+    """Build the table of findings as columns, one row a finding."""
     rows = [(f.expected, f.measured) for f in findings]
-    printed = [row.paper or (math.nan, math.nan) for row, _ in rows]
+    printed = [row.paper_range or (math.nan, math.nan) for row, _ in rows]
     return Table(
         name,
         {
@@ -128,16 +131,16 @@ def findings_table(name: str, expected: Expectations, findings: Sequence[Finding
             "unit": [row.unit for row, _ in rows],
             "paper": np.array([low for low, _ in printed], dtype=np.float64),
             "paper_to": np.array([high for _, high in printed], dtype=np.float64),
-            "says": [row.says for row, _ in rows],
+            "says": [row.paper_statement for row, _ in rows],
             "ours": np.array([measured.ours for _, measured in rows], dtype=np.float64),
             "low": np.array([measured.low for _, measured in rows], dtype=np.float64),
             "high": np.array([measured.high for _, measured in rows], dtype=np.float64),
             "tolerance": np.array([row.tolerance for row, _ in rows], dtype=np.float64),
-            "class": [f.reached for f in findings],
-            "claim": [row.claim for row, _ in rows],
+            "class": [f.reached_class for f in findings],
+            "claim": [row.claimed_class for row, _ in rows],
             "has_failed": np.array([f.has_failed for f in findings], dtype=np.bool_),
             "fitted": [_fit_text(expected, row) for row, _ in rows],
-            "why": [expected.reasons.get(row.why, "") for row, _ in rows],
+            "why": [expected.reasons.get(row.reason_key, "") for row, _ in rows],
         },
         docs={
             "paper": ColumnDoc(doc="the paper's number, or the least of a range; NaN where it prints none"),
@@ -150,52 +153,55 @@ def findings_table(name: str, expected: Expectations, findings: Sequence[Finding
     )
 
 
-def row_cells(finding: Finding) -> tuple[Cell, ...]:
-    """A finding under the headings of `COLUMNS`."""
+def finding_cells(finding: Finding) -> tuple[Cell, ...]:
+    """Return a finding's cells under the headings of `COLUMNS`."""
     row, measured = finding.expected, finding.measured
-    printed = row.says
-    if row.paper is not None:
-        low, high = row.paper
+    printed = row.paper_statement
+    if row.paper_range is not None:
+        low, high = row.paper_range
         printed = f"{low:g}" if low == high else f"{low:g} to {high:g}"
     ours = "-" if math.isnan(measured.ours) else f"{measured.ours:.4g}"
     if not math.isnan(measured.low):
         ours += f" ({measured.low:.4g} to {measured.high:.4g})"
-    keys = ", ".join(key for key in (row.fit, row.why) if key)
-    reached = finding.reached + (f" (claimed: {row.claim})" if finding.has_failed else "")
+    keys = ", ".join(key for key in (row.fit_key, row.reason_key) if key)
+    reached = finding.reached_class + (f" (claimed: {row.claimed_class})" if finding.has_failed else "")
     what = f"{row.what} [{row.unit}]" if row.unit else row.what
     return (what, printed or "-", ours, tolerance_text(row), reached, keys)
 
 
 def tolerance_text(row: Expectation) -> str:
-    """The tolerance around the paper's number, or our own bound."""
-    texts = [f"+-{row.tolerance:g}"] if row.paper is not None and row.is_comparable else []
+    """Format the tolerance around the paper's number, or our own bound."""
+    texts = [f"+-{row.tolerance:g}"] if row.paper_range is not None and row.is_comparable else []
     texts += [f"at least {row.at_least:g}"] if math.isfinite(row.at_least) else []
     texts += [f"at most {row.at_most:g}"] if math.isfinite(row.at_most) else []
     return ", ".join(texts)
 
 
-def _section(expected: Expectations, name: str, findings: Sequence[Finding]) -> Section:
+def _figure_section(expected: PaperExpectations, name: str, findings: Sequence[Finding]) -> SummaryTable:
+    """Build the section of one figure."""
     figure = expected.figures[name]
     key = name.replace(" ", "_")
     if not findings:
-        text = figure.why_none or f"a picture: {', '.join(figure.pictures)}"
-        return Section(key, name, ("in the paper", "ours"), ((figure.prints, text),))
-    return Section(key, f"{name}: {figure.prints}", COLUMNS, tuple(row_cells(finding) for finding in findings))
+        text = figure.reason_for_absence or f"a picture: {', '.join(figure.plot_names)}"
+        return SummaryTable(key, name, ("in the paper", "ours"), ((figure.description, text),))
+    return SummaryTable(
+        key, f"{name}: {figure.description}", FINDING_COLUMNS, tuple(finding_cells(finding) for finding in findings)
+    )
 
 
-def _keys(expected: Expectations, findings: Sequence[Finding]) -> tuple[Section, ...]:
-    """What the keys in the column "why" stand for: those that occur."""
+def _fits_and_reasons_sections(expected: PaperExpectations, findings: Sequence[Finding]) -> tuple[SummaryTable, ...]:
+    """Build the sections that explain the keys of the column "why"."""
     rows = [finding.expected for finding in findings]
-    fits = {row.fit for row in rows}
-    whys = {row.why for row in rows}
+    fits = {row.fit_key for row in rows}
+    whys = {row.reason_key for row in rows}
     return (
-        Section(
+        SummaryTable(
             "fits",
             "Inputs that were chosen so that something holds",
             ("key", "what was chosen", "how wide the choice is"),
-            tuple((key, fit.what, fit.width) for key, fit in expected.fits.items() if key in fits),
+            tuple((key, fit.chosen_inputs, fit.choice_width) for key, fit in expected.fits.items() if key in fits),
         ),
-        Section(
+        SummaryTable(
             "reasons",
             "Reasons",
             ("key", "reason"),
@@ -204,5 +210,8 @@ def _keys(expected: Expectations, findings: Sequence[Finding]) -> tuple[Section,
     )
 
 
-def _fit_text(expected: Expectations, row: Expectation) -> str:
-    return f"{expected.fits[row.fit].what} ({expected.fits[row.fit].width})" if row.fit else ""
+def _fit_text(expected: PaperExpectations, row: Expectation) -> str:
+    """Describe which inputs were fitted; "" if none were."""
+    return (
+        f"{expected.fits[row.fit_key].chosen_inputs} ({expected.fits[row.fit_key].choice_width})" if row.fit_key else ""
+    )

@@ -1,4 +1,4 @@
-"""The redrawn figures as files."""
+"""Writes the redrawn figures as files."""
 
 from __future__ import annotations
 
@@ -7,24 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from cwcli.errors import UsageError, install_hint
-from cwcli.output import Together, write_file
+from cwcli.output import AtomicGroup, write_file
 from cwcli.reproduction.findings import Plot
 
-FORMATS = ("png", "svg")
+PLOT_FORMATS = ("png", "svg")
+"""File formats of the plots."""
 
 
-def check_format(file_format: str) -> None:
-    """Refuse a format that there is not.
+def check_plot_format(file_format: str) -> None:
+    """Check that a format of plots exists.
 
     Raises:
         UsageError: As it says.
     """
-    if file_format not in FORMATS:
-        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(FORMATS)}")
+    if file_format not in PLOT_FORMATS:
+        raise UsageError(f"there is no plot format '{file_format}'", hint=f"one of: {', '.join(PLOT_FORMATS)}")
 
 
-def check_matplotlib() -> None:
-    """Refuse to begin where nothing can be drawn.
+def require_matplotlib() -> None:
+    """Check that matplotlib is installed.
 
     Raises:
         UsageError: matplotlib is not installed.
@@ -36,7 +37,7 @@ def check_matplotlib() -> None:
 
 
 def write_plots(
-    plots: Sequence[Plot], folder: str, together: Together, *, paper: str, file_format: str, force: bool = False
+    plots: Sequence[Plot], folder: str, together: AtomicGroup, *, paper: str, file_format: str, force: bool = False
 ) -> list[str]:
     """Draw each plot into `<folder>/<figure>.<format>`; the folder must exist. `paper` stands in the titles.
     The files appear with the others of `together`.
@@ -48,16 +49,16 @@ def write_plots(
         UsageError: matplotlib is not installed, or an unknown format.
         OutputError: A file can't be written.
     """
-    check_format(file_format)
-    check_matplotlib()
+    check_plot_format(file_format)
+    require_matplotlib()
     import matplotlib as mpl
 
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "cwcli"  # the same input gives the same bytes
-    return [_write(plot, paper, Path(folder), together, file_format, force) for plot in plots]
+    return [_draw_and_write_plot(plot, paper, Path(folder), together, file_format, force) for plot in plots]
 
 
-STYLES: dict[str, dict[str, Any]] = {
+CURVE_STYLES: dict[str, dict[str, Any]] = {
     "left": {"color": "tab:orange", "linewidth": 1.6},
     "right": {"color": "tab:cyan", "linewidth": 1.6},
     "true": {"color": "black"},
@@ -72,16 +73,21 @@ STYLES: dict[str, dict[str, Any]] = {
     "constant jerk": {"color": "tab:green"},
     "our default": {"color": "tab:red", "linestyle": "--"},
 }
-"""A method looks the same in every figure; ours is dashed where it may lie on the paper's."""
-LONG_LABEL = 15
-"""Letters; of longer ones five do not stand side by side."""
-LEAST_MAP_HEIGHT = 0.15
-"""Of a map, by its width."""
-PALETTE = 200
-"""Colours of a PNG: half the bytes of true colour, and no visible difference."""
+"""Label of a curve -> its style in every figure; ours is dashed where it may cover the paper's."""
+LONG_LABEL_CHARACTERS = 15
+"""Labels from this length on, in characters, leave room for three columns in the legend instead of five.
+Chosen by hand; not fitted."""
+MIN_MAP_HEIGHT_SHARE = 0.15
+"""The least height of a map, as a share of its width. Chosen by hand; not fitted."""
+N_PALETTE_COLOURS = 200
+"""Number of colours of a PNG: half the bytes of true colour, without a visible difference.
+Chosen by hand; not fitted."""
 
 
-def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format: str, force: bool) -> str:
+def _draw_and_write_plot(
+    plot: Plot, paper: str, folder: Path, together: AtomicGroup, file_format: str, force: bool
+) -> str:
+    """Draw a plot and write it as a file."""
     import io
 
     import numpy as np
@@ -95,7 +101,7 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
     if plot.is_map:
         axes.set_aspect("equal")
     for curve in plot.curves:
-        style: dict[str, Any] = {"linewidth": 1.2, **STYLES.get(curve.label, {})}
+        style: dict[str, Any] = {"linewidth": 1.2, **CURVE_STYLES.get(curve.label, {})}
         if curve.is_points:
             style |= {"linestyle": "", "marker": "o", "markersize": 3.0}
         (line,) = axes.plot(curve.x, curve.y, label=curve.label, **style)
@@ -108,7 +114,7 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
         axes.axhline(y, color="black", linestyle="-.", linewidth=0.8, label=label)
     if plot.is_map:  # two cars behind one another leave a line without height
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-        half = 0.5 * max(high - low, LEAST_MAP_HEIGHT * (right - left))
+        half = 0.5 * max(high - low, MIN_MAP_HEIGHT_SHARE * (right - left))
         axes.set_ylim(0.5 * (low + high) - half, 0.5 * (low + high) + half)
     axes.set_title(f"{paper} {plot.figure}. {plot.title}", fontsize="medium")
     axes.set_xlabel(plot.x_label)
@@ -120,24 +126,24 @@ def _write(plot: Plot, paper: str, folder: Path, together: Together, file_format
     if plot.image is None:
         axes.grid(alpha=0.3)
     labels = axes.get_legend_handles_labels()[1]
-    columns = 5 if max(map(len, labels), default=0) < LONG_LABEL else 3
+    columns = 5 if max(map(len, labels), default=0) < LONG_LABEL_CHARACTERS else 3
     figure.legend(loc="outside lower center", ncols=max(min(len(labels), columns), 1), fontsize="small")
     sink = io.BytesIO()
     metadata = {"Date": None} if file_format == "svg" else {"Software": "cwcli"}
     figure.savefig(sink, format=file_format, dpi=110, metadata=metadata)
-    data = _reduced(sink.getvalue()) if file_format == "png" else sink.getvalue()
+    data = _reduce_png_palette(sink.getvalue()) if file_format == "png" else sink.getvalue()
     path = folder / f"{plot.figure.replace(' ', '-')}.{file_format}"
     write_file(path, memoryview(data), force=force, together=together)
     return str(path)
 
 
-def _reduced(png: bytes) -> bytes:
-    """The image with a palette; Pillow comes with matplotlib."""
+def _reduce_png_palette(png: bytes) -> bytes:
+    """Reduce the colours of a PNG to a palette; Pillow comes with matplotlib."""
     import io
 
     from PIL import Image
 
     sink = io.BytesIO()
     with Image.open(io.BytesIO(png)) as image:
-        image.convert("RGB").quantize(PALETTE).save(sink, format="png", optimize=True)
+        image.convert("RGB").quantize(N_PALETTE_COLOURS).save(sink, format="png", optimize=True)
     return sink.getvalue()

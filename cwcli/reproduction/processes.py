@@ -1,4 +1,4 @@
-"""The processes of a study: an interrupted one leaves none behind."""
+"""A pool of processes for a study, which leaves none behind when it is interrupted."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def processes(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool; where the block is left by an error or an interruption, what still runs is ended."""
+def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Open a pool of processes, which are ended if the block is left by an error or an interruption."""
     pool = ProcessPoolExecutor(jobs)
     try:
         yield pool

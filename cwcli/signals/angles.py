@@ -40,7 +40,7 @@ def wrap_angle(angle_rad: FloatArray | float) -> FloatArray | float:
     return float(wrapped) if wrapped.ndim == 0 else wrapped
 
 
-def unwrap(angle_rad: FloatArray) -> FloatArray:
+def unwrap_angles(angle_rad: FloatArray) -> FloatArray:
     """Make a sequence of angles continuous along its last axis; NaN entries stay NaN and are stepped over.
 
     Args:

@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, constant_strings
-from cwcli.signals.leaf_fields import bits_of
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, Ragged, Strings, repeat_string
+from cwcli.signals.leaf_fields import numbers_to_bit_flags
 from cwcli.signals.quality import BoolArray
-from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, joined_events
+from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, join_road_events
 
-EVENT_FLAGS = (
+EVENT_FLAG_NAMES = (
     "eventHazardLights",
     "eventStopLineViolated",
     "eventABSactivated",
@@ -37,78 +37,81 @@ EVENT_FLAGS = (
     "eventAirBagDeployment",
 )
 """The names of the 13 flags of VehicleEventFlags (SAE J2735), from the highest bit to the lowest."""
-N_FLAGS = len(EVENT_FLAGS)
+N_EVENT_FLAGS = len(EVENT_FLAG_NAMES)
 """The number of event flags (13)."""
-HARD_BRAKING_NAME = "eventHardBraking"
+HARD_BRAKING_FLAG_NAME = "eventHardBraking"
 """The name of the flag with which a sender reports that it brakes with more than 0.4 g (SAE J2735)."""
-HARD_BRAKING_FLAG = 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(HARD_BRAKING_NAME))
+HARD_BRAKING_BIT = 1 << (N_EVENT_FLAGS - 1 - EVENT_FLAG_NAMES.index(HARD_BRAKING_FLAG_NAME))
 """The bit of the hard-braking flag in the 13 flags."""
 
-CODED = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
+CODED_FLAGS_PATHS = ("partII.partII-Value.events", "partII.partII-Value.VehicleSafetyExtensions.events")
 """The paths at which a JSON BSM has all flags in one text or number, directly or as `value`."""
-NAMED = ("payload.data.partII.value.events", "partII.value.events", "partII.partII-Value.events")
+NAMED_FLAGS_PATHS = ("payload.data.partII.value.events", "partII.value.events", "partII.partII-Value.events")
 """The paths below which a JSON message has each flag as a field of its own."""
-_EXTENSIONS = "part_ii.vehicle_safety_extensions."
+_ROS_EXTENSIONS_PREFIX = "part_ii.vehicle_safety_extensions."
 """The path prefix of the vehicle safety extensions in a ROS BSM."""
-ROS = _EXTENSIONS + "events.vehicle_event_flag"
+ROS_FLAGS_PATH = _ROS_EXTENSIONS_PREFIX + "events.vehicle_event_flag"
 """The path of the flags in a ROS BSM."""
-ROS_PRESENCE = _EXTENSIONS + "presence_vector"
+ROS_PRESENCE_PATH = _ROS_EXTENSIONS_PREFIX + "presence_vector"
 """The path of the bits that say which extensions a ROS BSM has."""
-HAS_EVENTS = 1
+EVENTS_PRESENT_BIT = 1
 """The bit of the presence field that says that the extension has event flags."""
-ROS_BITS = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAGS) if k}
+FLAG_NAMES_BY_ROS_BIT = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAG_NAMES) if k}
 """The flag name for each constant of the ROS message: EVENT_STOP_LINE_VIOLATION is 1, EVENT_HARD_BRAKING 64."""
-UNREAD = -1
+UNREADABLE_FLAGS = -1
 """The result for a text that holds no flags; no combination of flags is negative."""
-_BITS, _OCTETS = re.compile(r"[01]{13,}"), re.compile(r"[0-9A-Fa-f]{4}")
+_BIT_TEXT_PATTERN, _HEX_TEXT_PATTERN = re.compile(r"[01]{13,}"), re.compile(r"[0-9A-Fa-f]{4}")
 """The form of flags as a text of 13 or more bits and of two octets in hexadecimal."""
 
 
-def json_fields(prefixes: tuple[str, ...]) -> tuple[str, ...]:
+def json_event_flag_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
     """Return the paths of every leaf in which a JSON BSM behind one of the prefixes can have its event flags."""
-    return (*_coded_paths(prefixes), *(f"{place}.{flag}" for place in NAMED for flag in EVENT_FLAGS))
+    return (
+        *_coded_flags_paths(prefixes),
+        *(f"{place}.{flag}" for place in NAMED_FLAGS_PATHS for flag in EVENT_FLAG_NAMES),
+    )
 
 
-def json_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
+def read_json_event_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[Int64Array, BoolArray]:
     """Return the 13 flags of each message (n,) as bits, 0 where there are none, and which messages (n,) can't be
     read."""
     n = len(columns)
     found, is_unread = np.zeros(n, np.int64), np.zeros(n, np.bool_)
-    for path in _coded_paths(prefixes):
-        flags, is_odd = _coded(columns.fields.get(path), n)
+    for path in _coded_flags_paths(prefixes):
+        flags, is_odd = _decode_coded_flags(columns.fields.get(path), n)
         found, is_unread = found | flags, is_unread | is_odd
-    for place in NAMED:
-        for k, flag in enumerate(EVENT_FLAGS):
-            is_set, is_odd = _is_set(columns.fields.get(f"{place}.{flag}"), n)
-            found, is_unread = found | is_set.astype(np.int64) << (N_FLAGS - 1 - k), is_unread | is_odd
+    for place in NAMED_FLAGS_PATHS:
+        for k, flag in enumerate(EVENT_FLAG_NAMES):
+            is_set, is_odd = _read_single_flag(columns.fields.get(f"{place}.{flag}"), n)
+            found, is_unread = found | is_set.astype(np.int64) << (N_EVENT_FLAGS - 1 - k), is_unread | is_odd
     return found, is_unread
 
 
-def ros_fields() -> tuple[str, ...]:
+def ros_event_flag_paths() -> tuple[str, ...]:
     """Return the paths of the leaves that hold the event flags of a ROS BSM."""
-    return (ROS, ROS_PRESENCE)
+    return (ROS_FLAGS_PATH, ROS_PRESENCE_PATH)
 
 
-def ros_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def read_ros_event_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """Return the 13 flags of each message (n,) of a ROS channel as bits, and which messages (n,) can't be read.
 
     A message is unread that has flags, and does not tell of each of its extensions whether it has some.
     """
     n = len(columns)
     found = np.zeros(n, np.int64)
-    rows, values = _elements(columns.fields.get(ROS), n)
-    has_rows, has = _elements(columns.fields.get(ROS_PRESENCE), n)
+    rows, values = _finite_elements_with_rows(columns.fields.get(ROS_FLAGS_PATH), n)
+    has_rows, has = _finite_elements_with_rows(columns.fields.get(ROS_PRESENCE_PATH), n)
     is_told = np.bincount(rows, minlength=n) == np.bincount(has_rows, minlength=n)
     is_unread = np.zeros(n, np.bool_)
     is_unread[rows[(values != 0.0) & ~is_told[rows]]] = True
     rows, values, has = rows[is_told[rows]], values[is_told[rows]], has[is_told[has_rows]]
-    told = np.where(bits_of(has) & HAS_EVENTS, bits_of(values), 0)
-    for bit, flag in ROS_BITS.items():
-        np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_FLAGS - 1 - EVENT_FLAGS.index(flag)))
+    told = np.where(numbers_to_bit_flags(has) & EVENTS_PRESENT_BIT, numbers_to_bit_flags(values), 0)
+    for bit, flag in FLAG_NAMES_BY_ROS_BIT.items():
+        np.bitwise_or.at(found, rows[(told & bit) != 0], 1 << (N_EVENT_FLAGS - 1 - EVENT_FLAG_NAMES.index(flag)))
     return found, is_unread
 
 
-def flag_events(
+def events_from_flag_bits(
     codes: Int64Array,
     station: Strings,
     stamp_ns: Int64Array,
@@ -118,25 +121,25 @@ def flag_events(
 ) -> RoadEvents:
     """Return one event for each set flag of each message; it is valid at its stamp only. All arguments have n rows."""
     of_flags = []
-    for k, name in enumerate(EVENT_FLAGS):
-        rows = np.flatnonzero(codes & (1 << (N_FLAGS - 1 - k)))
+    for k, name in enumerate(EVENT_FLAG_NAMES):
+        rows = np.flatnonzero(codes & (1 << (N_EVENT_FLAGS - 1 - k)))
         if len(rows):
-            kind = constant_strings(HARD_BRAKING if name == HARD_BRAKING_NAME else name, len(rows))
+            kind = repeat_string(HARD_BRAKING_KIND if name == HARD_BRAKING_FLAG_NAME else name, len(rows))
             nothing = np.full(len(rows), np.nan)
             times = stamp_ns[rows], log_time_ns[rows], stamp_ns[rows]
             place = latitude_deg[rows], longitude_deg[rows]
-            of_flags.append(RoadEvents(station.rows(rows), kind, *times, nothing, nothing, *place, nothing))
-    return joined_events(of_flags)
+            of_flags.append(RoadEvents(station.select_rows(rows), kind, *times, nothing, nothing, *place, nothing))
+    return join_road_events(of_flags)
 
 
-def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
+def format_flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
     """Return notes on how many messages of how many stations flag hard braking, and how many flags can't be read.
 
     Args:
         events: Flags of BSMs; events of DENMs are ignored here.
         is_unread: Which messages have flags that can't be read.
     """
-    names = np.array([*(name == HARD_BRAKING for name in events.kind.values), False])
+    names = np.array([*(name == HARD_BRAKING_KIND for name in events.kind.values), False])
     rows = np.flatnonzero(names[events.kind.codes] & np.isnan(events.cause))
     notes = []
     if len(rows):
@@ -148,55 +151,55 @@ def flag_notes(events: RoadEvents, is_unread: BoolArray) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _coded_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(prefix + place + end for prefix in prefixes for place in CODED for end in ("", ".value"))
+def _coded_flags_paths(prefixes: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(prefix + place + end for prefix in prefixes for place in CODED_FLAGS_PATHS for end in ("", ".value"))
 
 
-def _coded(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
+def _decode_coded_flags(field: Field | None, n: int) -> tuple[Int64Array, BoolArray]:
     """Return flags (n,) from a field of 13-bit numbers or texts, and which rows (n,) hold neither."""
     if isinstance(field, Strings):
-        flags = np.array([*(_from_text(text) for text in field.values), 0], np.int64)[field.codes]
-        return np.maximum(flags, 0), flags == UNREAD
-    found, is_unread = np.zeros(n, np.int64), _no_numbers(field, n)
-    rows, values = _elements(field, n)
-    is_code = (values >= 0) & (values < 1 << N_FLAGS) & (values == np.floor(values))
-    if _dtype(field) == np.bool_:
+        flags = np.array([*(_flag_bits_from_text(text) for text in field.values), 0], np.int64)[field.codes]
+        return np.maximum(flags, 0), flags == UNREADABLE_FLAGS
+    found, is_unread = np.zeros(n, np.int64), _has_non_numeric_value(field, n)
+    rows, values = _finite_elements_with_rows(field, n)
+    is_code = (values >= 0) & (values < 1 << N_EVENT_FLAGS) & (values == np.floor(values))
+    if _value_dtype(field) == np.bool_:
         is_code[:] = False
-    elif _dtype(field) != np.int64:
+    elif _value_dtype(field) != np.int64:
         is_code &= values != 1.0  # a truth value beside what is absent is the same
     np.bitwise_or.at(found, rows[is_code], values[is_code].astype(np.int64))
     is_unread[rows[~is_code]] = True
     return found, is_unread
 
 
-def _from_text(text: str) -> int:
-    if _BITS.fullmatch(text):
-        return int(text[:N_FLAGS], 2)
-    if _OCTETS.fullmatch(text):
-        return int(text, 16) >> (16 - N_FLAGS)
-    return UNREAD
+def _flag_bits_from_text(text: str) -> int:
+    if _BIT_TEXT_PATTERN.fullmatch(text):
+        return int(text[:N_EVENT_FLAGS], 2)
+    if _HEX_TEXT_PATTERN.fullmatch(text):
+        return int(text, 16) >> (16 - N_EVENT_FLAGS)
+    return UNREADABLE_FLAGS
 
 
-def _is_set(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
+def _read_single_flag(field: Field | None, n: int) -> tuple[BoolArray, BoolArray]:
     if isinstance(field, Strings):
         words = [text.lower() for text in field.values]
         is_true = np.array([*(word == "true" for word in words), False])
         is_odd = np.array([*(word not in ("true", "false") for word in words), False])
         return is_true[field.codes], is_odd[field.codes]
     found = np.zeros(n, np.bool_)
-    rows, values = _elements(field, n)
+    rows, values = _finite_elements_with_rows(field, n)
     found[rows[values != 0.0]] = True
-    return found, _no_numbers(field, n)
+    return found, _has_non_numeric_value(field, n)
 
 
-def _dtype(field: Field | None) -> np.dtype[Any] | None:
+def _value_dtype(field: Field | None) -> np.dtype[Any] | None:
     """Return the type of a field's numbers, or None where it holds none."""
     if isinstance(field, Ragged):
         return field.values.dtype
     return field.dtype if isinstance(field, np.ndarray) else None
 
 
-def _no_numbers(field: Field | None, n: int) -> BoolArray:
+def _has_non_numeric_value(field: Field | None, n: int) -> BoolArray:
     """Return which messages (n,) hold a null or a text among numbers; outside lists these look like absent values."""
     found = np.zeros(n, np.bool_)
     if isinstance(field, Ragged):
@@ -206,7 +209,7 @@ def _no_numbers(field: Field | None, n: int) -> BoolArray:
     return found
 
 
-def _elements(field: Field | None, n: int) -> tuple[Int64Array, FloatArray]:
+def _finite_elements_with_rows(field: Field | None, n: int) -> tuple[Int64Array, FloatArray]:
     """Return the row and the value of each finite number of a field, whatever their number per message."""
     rows = np.arange(n, dtype=np.int64)
     values = np.zeros(0)

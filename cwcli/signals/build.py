@@ -6,18 +6,18 @@ from collections.abc import Sequence
 
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.mapped import build_mapped
+from cwcli.signals.builders.mapped import build_mapped_signal
 from cwcli.signals.canonical import Signal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns
-from cwcli.signals.inputs import input_for
-from cwcli.signals.mapping import MAPPED, FieldMapping
+from cwcli.signals.inputs import find_input_for_role
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
-from cwcli.signals.v2x_codec import OTHER_STATION
+from cwcli.signals.v2x_codec import OTHER_STATION_REASON
 
 
-def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
+def leaf_fields_for_role(role: Role, schema_name: str, message_encoding: str) -> tuple[str, ...]:
     """Return the leaf fields that a role needs of a schema.
 
     Args:
@@ -29,11 +29,11 @@ def fields_for(role: Role, schema_name: str, message_encoding: str) -> tuple[str
         Dotted leaf paths. A JSON list holds every spelling that cwcli knows: a file has only some of them. () for
         cameras, for roles that the stages read themselves and for schemas that can't fill the role.
     """
-    entry = input_for(role, schema_name)
+    entry = find_input_for_role(role, schema_name)
     return entry.fields.get(message_encoding, ()) if entry else ()
 
 
-def build(
+def build_signal(
     role: Role,
     columns: Columns,
     clock: Clock = "stamp",
@@ -50,7 +50,7 @@ def build(
 
     Args:
         role: The role that the channel is bound to.
-        columns: The channel, with at least the fields of `fields_for` that the file has.
+        columns: The channel, with at least the fields of `leaf_fields_for_role` that the file has.
         clock: Take a row's time from its message (`stamp`) or from the log (`log`).
         ego_station: Station whose V2X messages are the ego's own. They are left out of REMOTE.
         is_override: The user named the channel for this role.
@@ -64,16 +64,18 @@ def build(
         ValueError: The schema can't fill the role, or the role has no canonical signal (a bug of the caller).
         UsageError: A mapping, or a DBC file, does not fit the messages.
     """
-    entry = input_for(role, columns.schema_name if mapping is None else MAPPED[role].schema)
+    entry = find_input_for_role(
+        role, columns.schema_name if mapping is None else MAPPED_QUANTITIES_BY_ROLE[role].schema
+    )
     reading = Reading(role, clock, ego_station, is_override)
     if mapping is not None and entry is not None and entry.build is not None:
-        return build_mapped(columns, reading, mapping, parts, build=entry.build)
+        return build_mapped_signal(columns, reading, mapping, parts, build=entry.build)
     if entry is None or entry.build is None:
         raise ValueError(f"{columns.topic}: no builder for {columns.schema_name} as {role}")
     return entry.build(columns, reading)
 
 
-def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> None:
+def require_usable_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> None:
     """Raise when a channel that the command needs has no row left.
 
     Args:
@@ -93,5 +95,5 @@ def require_rows(quality: Quality, *, where: str = "", is_cut: bool = False) -> 
         raise DataError(f"none of its {quality.read} messages can be used as {quality.role} ({reasons})", where=prefix)
     nothing = "there is none between --start and --end" if is_cut else "the channel is empty"
     reasons = ", ".join(f"{count} {reason}" for reason, count in quality.set_aside.items()) or nothing
-    hint = "name the ego's station with --ego-station ID" if OTHER_STATION in quality.set_aside else ""
+    hint = "name the ego's station with --ego-station ID" if OTHER_STATION_REASON in quality.set_aside else ""
     raise MissingSignalError(f"the channel has no message for {quality.role} ({reasons})", where=prefix, hint=hint)

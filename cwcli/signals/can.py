@@ -15,38 +15,40 @@ import numpy.typing as npt
 
 from cwcli.errors import UsageError, install_hint
 from cwcli.signals.columns import Columns, FloatArray, Ragged
-from cwcli.signals.leaf_fields import numbers
-from cwcli.signals.mapping import MAPPED, UNITS, FieldMapping, Term
+from cwcli.signals.leaf_fields import read_numbers
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, UNIT_FACTORS_BY_KIND, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
 
-MOST_BYTES = 64
+MAX_FRAME_BYTES = 64
 """The largest number of data bytes in a frame (CAN FD)."""
 Octets = npt.NDArray[np.uint8]
-OTHER_FRAME = "frame of another message"
+OTHER_MESSAGE_REASON = "frame of another message"
 """The reason for setting aside a frame of another message."""
-TOO_SHORT = "frame shorter than in the DBC file"
+FRAME_TOO_SHORT_REASON = "frame shorter than in the DBC file"
 """The reason for rejecting a frame that is shorter than its message."""
-NOT_AVAILABLE = "signal not available"
+NOT_AVAILABLE_REASON = "signal not available"
 """The reason for rejecting a frame whose signal says that it has no value."""
-OUT_OF_RANGE = "value out of the DBC's range"
+OUT_OF_RANGE_REASON = "value out of the DBC's range"
 """The reason for rejecting a value outside the range of the DBC file."""
-NO_VALUE = re.compile(r"\b(sna|n/?a|not available|invalid|error|init|initiali[sz]ing|unknown|reserved)\b", re.I)
+NO_VALUE_NAME_PATTERN = re.compile(
+    r"\b(sna|n/?a|not available|invalid|error|init|initiali[sz]ing|unknown|reserved)\b", re.I
+)
 """The pattern of value names in DBC files that mean that there is no value."""
-SPELLED = {
+UNIT_NAMES_BY_DBC_SPELLING = {
     **{"km/h": "kmh", "kph": "kmh", "kmph": "kmh", "m/s": "mps", "mi/h": "mph", "knot": "knots", "kn": "knots"},
     **{"°": "deg", "degree": "deg", "degrees": "deg", "rad/s": "radps", "deg/s": "degps", "°/s": "degps"},
     **{"degree/s": "degps", "deg/sec": "degps", "m/s2": "mps2", "m/s^2": "mps2", "m/s²": "mps2", "m/s/s": "mps2"},
 }
 """The unit names of mappings, by their spelling in DBC files."""
 
-MOST_BITS = 64
+MAX_SIGNAL_BITS = 64
 """The largest number of bits of a signal that is read."""
-FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
+FLOAT_TYPES_BY_BITS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
 """The unsigned and the floating-point type of a real number, by its number of bits."""
 
 
 @dataclass(frozen=True)
-class Decoded:
+class DecodedFrames:
     """The decoded frames of one CAN message.
 
     Attributes:
@@ -62,7 +64,7 @@ class Decoded:
     notes: tuple[str, ...]
 
 
-def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapping]:
+def decode_can_signals(columns: Columns, mapping: FieldMapping) -> tuple[DecodedFrames, FieldMapping]:
     """Decode the CAN signals that a mapping names, and add the DBC files' units to the mapping.
 
     Raises:
@@ -71,23 +73,27 @@ def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapp
     """
     names = {term.path.partition(".")[0] for term in mapping.terms}
     if len(names) > 1:
-        raise _wrong(columns, mapping, f"{' and '.join(sorted(names))} are different CAN messages: one --map for each")
-    message = _message(columns, mapping, names.pop())
-    signals = [_signal(columns, mapping, message, term) for term in mapping.terms]
-    taken = [*signals, *(_selector(message, signal) for signal in signals if signal.multiplexer_ids)]
+        raise _mapping_error(
+            columns, mapping, f"{' and '.join(sorted(names))} are different CAN messages: one --map for each"
+        )
+    message = _find_dbc_message(columns, mapping, names.pop())
+    signals = [_find_dbc_signal(columns, mapping, message, term) for term in mapping.terms]
+    taken = [*signals, *(_find_multiplexer_signal(message, signal) for signal in signals if signal.multiplexer_ids)]
     for signal in taken:
-        if signal.length > MOST_BITS or (signal.is_float and signal.length not in FLOATS):
-            raise _wrong(columns, mapping, f"the signal {signal.name} has {signal.length} bits, which is not read")
-    identifier, is_extended = numbers(columns, "id"), numbers(columns, "is_extended")
+        if signal.length > MAX_SIGNAL_BITS or (signal.is_float and signal.length not in FLOAT_TYPES_BY_BITS):
+            raise _mapping_error(
+                columns, mapping, f"the signal {signal.name} has {signal.length} bits, which is not read"
+            )
+    identifier, is_extended = read_numbers(columns, "id"), read_numbers(columns, "is_extended")
     is_it = (identifier == message.frame_id) & ((is_extended == 1) == message.is_extended_frame)
-    is_it &= ~(numbers(columns, "is_rtr") == 1) & ~(numbers(columns, "is_error") == 1)
-    octets, n_octets = _octets(columns)
-    needed = _bytes_needed(taken)
+    is_it &= ~(read_numbers(columns, "is_rtr") == 1) & ~(read_numbers(columns, "is_error") == 1)
+    octets, n_octets = _frame_bytes_and_lengths(columns)
+    needed = _count_bytes_needed(taken)
     octets = np.pad(octets, ((0, 0), (0, max(needed - octets.shape[1], 0))))
     is_whole = n_octets >= needed
-    rejected = {TOO_SHORT: int(np.count_nonzero(is_it & ~is_whole))}
+    rejected = {FRAME_TOO_SHORT_REASON: int(np.count_nonzero(is_it & ~is_whole))}
     rows = np.flatnonzero(is_it & is_whole)
-    values, is_present, faults = _values(octets[rows], message, signals)
+    values, is_present, faults = _physical_values(octets[rows], message, signals)
     for reason, is_bad in faults.items():
         rejected[reason] = int(np.count_nonzero(is_bad & is_present))
         is_present &= ~is_bad
@@ -104,23 +110,23 @@ def decoded(columns: Columns, mapping: FieldMapping) -> tuple[Decoded, FieldMapp
         sequence=columns.sequence[kept],
         fields=fields,
     )
-    terms, notes = _with_units(columns, mapping, signals)
-    aside = {OTHER_FRAME: others} if others else {}
+    terms, notes = _terms_with_dbc_units(columns, mapping, signals)
+    aside = {OTHER_MESSAGE_REASON: others} if others else {}
     counts = {reason: n for reason, n in rejected.items() if n}
-    return Decoded(made, aside, counts, notes), replace(mapping, terms=terms)
+    return DecodedFrames(made, aside, counts, notes), replace(mapping, terms=terms)
 
 
-def _message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
+def _find_dbc_message(columns: Columns, mapping: FieldMapping, name: str) -> Any:
     if not mapping.files:
-        raise _wrong(columns, mapping, "CAN frames need the file that describes them", "--dbc FILE")
+        raise _mapping_error(columns, mapping, "CAN frames need the file that describes them", "--dbc FILE")
     known: list[str] = []
     for file in mapping.files:
-        for message in _database(file).messages:
+        for message in _load_dbc_file(file).messages:
             if message.name == name:
                 return message
             known.append(message.name)
     where = ", ".join(mapping.files)
-    raise _wrong(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
+    raise _mapping_error(columns, mapping, f"{where} has no message {name}", f"messages: {', '.join(known[:20])}")
 
 
 def list_signals(files: Sequence[str]) -> list[str]:
@@ -132,12 +138,12 @@ def list_signals(files: Sequence[str]) -> list[str]:
     return [
         f"{message.name}.{signal.name}"
         for file in files
-        for message in _database(file).messages
+        for message in _load_dbc_file(file).messages
         for signal in message.signals
     ]
 
 
-def _database(file: str) -> Any:
+def _load_dbc_file(file: str) -> Any:
     from cwcli.input import read_file
 
     try:
@@ -159,33 +165,35 @@ def _database(file: str) -> Any:
         raise UsageError(f"the DBC file can't be read: {first}", where=file) from error
 
 
-def _signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -> Any:
+def _find_dbc_signal(columns: Columns, mapping: FieldMapping, message: Any, term: Term) -> Any:
     name = term.path.partition(".")[2]
     for signal in message.signals:
         if signal.name == name:
             return signal
     known = ", ".join(signal.name for signal in message.signals)
-    raise _wrong(columns, mapping, f"the message {message.name} has no signal {name or '(none)'}", f"signals: {known}")
+    raise _mapping_error(
+        columns, mapping, f"the message {message.name} has no signal {name or '(none)'}", f"signals: {known}"
+    )
 
 
-def _octets(columns: Columns) -> tuple[Octets, FloatArray]:
+def _frame_bytes_and_lengths(columns: Columns) -> tuple[Octets, FloatArray]:
     """Return the data of each frame (n, k), and how many of its bytes are valid (n,)."""
     field = columns.fields.get("data")
     n = len(columns)
-    length = numbers(columns, "dlc", "len")
+    length = read_numbers(columns, "dlc", "len")
     if isinstance(field, np.ndarray) and field.ndim == 2:
         return field.astype(np.uint8), np.where(np.isnan(length), field.shape[1], np.minimum(length, field.shape[1]))
-    out = np.zeros((n, MOST_BYTES), np.uint8)
+    out = np.zeros((n, MAX_FRAME_BYTES), np.uint8)
     if not isinstance(field, Ragged):
         return out, np.zeros(n)
-    counts = np.minimum(np.diff(field.offsets), MOST_BYTES)
+    counts = np.minimum(np.diff(field.offsets), MAX_FRAME_BYTES)
     inside = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     source = np.repeat(field.offsets[:-1], counts) + inside
     out[np.repeat(np.arange(n), counts), inside] = field.values[source].astype(np.uint8)
     return out, np.where(np.isnan(length), counts, np.minimum(length, counts))
 
 
-def _bits(signal: Any) -> list[int]:
+def _bit_positions(signal: Any) -> list[int]:
     """Return the positions of a signal's bits, most significant first: 8 * byte + bit, the bit counted from the least
     significant."""
     if signal.byte_order == "little_endian":
@@ -197,18 +205,18 @@ def _bits(signal: Any) -> list[int]:
     return bits
 
 
-def _bytes_needed(signals: Sequence[Any]) -> int:
-    return max(max(_bits(signal)) for signal in signals) // 8 + 1
+def _count_bytes_needed(signals: Sequence[Any]) -> int:
+    return max(max(_bit_positions(signal)) for signal in signals) // 8 + 1
 
 
-def _raw(octets: Octets, signal: Any) -> Any:
+def _raw_values(octets: Octets, signal: Any) -> Any:
     """Return the raw numbers of a signal, (n,)."""
-    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bits(signal)].astype(np.uint64)
+    bits = np.unpackbits(octets, axis=1, bitorder="little")[:, _bit_positions(signal)].astype(np.uint64)
     raw = np.zeros(len(octets), np.uint64)
     for column in bits.T:
         raw = (raw << np.uint64(1)) | column
     if signal.is_float:
-        width, real = FLOATS[signal.length]
+        width, real = FLOAT_TYPES_BY_BITS[signal.length]
         return raw.astype(width).view(real)
     if not signal.is_signed:
         return raw
@@ -216,7 +224,7 @@ def _raw(octets: Octets, signal: Any) -> Any:
     return (raw << shift).view(np.int64) >> np.int64(64 - signal.length)
 
 
-def _selector(message: Any, signal: Any) -> Any:
+def _find_multiplexer_signal(message: Any, signal: Any) -> Any:
     """Return the signal that says whether a multiplexed one is in a frame."""
     selector = next(each for each in message.signals if each.name == signal.multiplexer_signal)
     if selector.multiplexer_ids:
@@ -224,7 +232,7 @@ def _selector(message: Any, signal: Any) -> Any:
     return selector
 
 
-def _values(
+def _physical_values(
     octets: Octets, message: Any, signals: Sequence[Any]
 ) -> tuple[list[FloatArray], BoolArray, dict[str, BoolArray]]:
     """Return the physical values, which frames hold these signals, and which frames say that there is no value."""
@@ -232,38 +240,46 @@ def _values(
     is_present, is_none, is_beyond = np.ones(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     values = []
     for signal in signals:
-        raw = _raw(octets, signal)
+        raw = _raw_values(octets, signal)
         if signal.multiplexer_ids:
-            is_present &= np.isin(_raw(octets, _selector(message, signal)), signal.multiplexer_ids)
+            is_present &= np.isin(
+                _raw_values(octets, _find_multiplexer_signal(message, signal)), signal.multiplexer_ids
+            )
         choices = {code: str(name).replace("_", " ") for code, name in (signal.choices or {}).items()}
-        is_none |= np.isin(raw.astype(np.float64), [code for code, name in choices.items() if NO_VALUE.search(name)])
+        is_none |= np.isin(
+            raw.astype(np.float64), [code for code, name in choices.items() if NO_VALUE_NAME_PATTERN.search(name)]
+        )
         physical = raw.astype(np.float64) * float(signal.scale) + float(signal.offset)
         low, high = signal.minimum, signal.maximum
         if low is not None and high is not None and float(low) < float(high):
             slack = 0.5 * abs(float(signal.scale))
             is_beyond |= ~((physical >= float(low) - slack) & (physical <= float(high) + slack))
         values.append(physical)
-    return values, is_present, {NOT_AVAILABLE: is_none, OUT_OF_RANGE: is_beyond & ~is_none}
+    return values, is_present, {NOT_AVAILABLE_REASON: is_none, OUT_OF_RANGE_REASON: is_beyond & ~is_none}
 
 
-def _with_units(
+def _terms_with_dbc_units(
     columns: Columns, mapping: FieldMapping, signals: Sequence[Any]
 ) -> tuple[tuple[Term, ...], tuple[str, ...]]:
     """Return the terms, with the DBC file's unit where the user has given none, and notes about it."""
     terms, notes = [], []
-    for term, signal, kind in zip(mapping.terms, signals, MAPPED[mapping.role].fields.values(), strict=False):
+    for term, signal, kind in zip(
+        mapping.terms, signals, MAPPED_QUANTITIES_BY_ROLE[mapping.role].fields.values(), strict=False
+    ):
         unit = (signal.unit or "").strip()
-        name = SPELLED.get(unit.lower(), unit.lower())
+        name = UNIT_NAMES_BY_DBC_SPELLING.get(unit.lower(), unit.lower())
         if term.has_scale or not unit:
             terms.append(term)
             continue
-        if name not in UNITS[kind]:
+        if name not in UNIT_FACTORS_BY_KIND[kind]:
             what = f"the unit of {term.path} is {unit!r}, which is none of {kind}"
-            raise _wrong(columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNITS[kind])}")
-        terms.append(replace(term, factor=term.factor * UNITS[kind][name]))
+            raise _mapping_error(
+                columns, mapping, what, f"give one: {term.path}* and one of {', '.join(UNIT_FACTORS_BY_KIND[kind])}"
+            )
+        terms.append(replace(term, factor=term.factor * UNIT_FACTORS_BY_KIND[kind][name]))
         notes.append(f"{term.path} is in {unit}, as the DBC file says")
     return tuple(terms), tuple(notes)
 
 
-def _wrong(columns: Columns, mapping: FieldMapping, what: str, hint: str = "") -> UsageError:
+def _mapping_error(columns: Columns, mapping: FieldMapping, what: str, hint: str = "") -> UsageError:
     return UsageError(f"--map {mapping.role}={mapping.text}: {what}", where=columns.topic, hint=hint)

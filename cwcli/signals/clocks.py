@@ -1,7 +1,7 @@
 """Clocks: from the stamps that messages carry to one increasing time per row, with every repair counted.
 
 Before any channel is looked at, the few messages of the log that were logged far from all others (a clock that was not
-set yet, a broken record) are taken out: `usual_log_times`.
+set yet, a broken record) are taken out: `log_time_span_without_strays`.
 
 The rules, in order, for the rows of one sender (docs/signals.md has the table):
 
@@ -35,34 +35,34 @@ Clock = Literal["stamp", "log"]
 MAX_CLOCK_STEP_S = 30.0
 """The largest change of (stamp - log time) between neighbours that counts as a delay, in seconds; a larger one is a
 clock fault. Recorders stall for seconds and receivers step from GPS time to UTC by 18 s; both stay below."""
-OTHER_CLOCK_S = 1.0
+MIN_OTHER_CLOCK_OFFSET_S = 1.0
 """The difference of stamps and log times, in seconds, from which they count as two clocks: no system is so slow. Chosen
 by hand."""
-PAUSES_APART = 10
+MIN_STRAY_PAUSE_RATIO = 10
 """The ratio (1) to the longest pause within the rest of the log by which a stray lies apart, and at least by
 `MAX_CLOCK_STEP_S`; chosen by hand, so that rarely logged messages are no strays."""
-ROWS_PER_STRAY = 100
+MIN_MESSAGES_PER_STRAY = 100
 """The number of messages for each stray that is allowed at either end of a log (one in a short log); chosen by hand."""
 MIN_STAMP_NS = 1
 """The smallest valid stamp, in ns since 1970; 0 means that it is not set."""
 MAX_STAMP_NS = 9_200_000_000 * NS_PER_S
 """The largest valid stamp, in ns since 1970: in the year 2261, before a signed 64-bit number overflows."""
 
-LOG_TIME_APART = "log time far from the rest of the log"
+STRAY_LOG_TIME_REASON = "log time far from the rest of the log"
 """The reason for rejecting a message that was logged far from the rest of the log."""
-LOG_TIME_OUT = "log time before 1970 or after 2261"
+INVALID_LOG_TIME_REASON = "log time before 1970 or after 2261"
 """The reason for rejecting a message whose log time is no time."""
-NO_STAMP = "no stamp, log time used"
+NO_STAMP_REASON = "no stamp, log time used"
 """The reason for a repair: a message without a stamp takes its log time."""
-CLOCK_JUMP = "stamp jumps, moved back by log time"
+CLOCK_JUMP_REASON = "stamp jumps, moved back by log time"
 """The reason for a repair: a stretch whose clock jumped is moved back."""
-REPEATED_SPACED = "repeated stamp, spaced by log time"
+REPEATED_STAMP_SPACED_REASON = "repeated stamp, spaced by log time"
 """The reason for a repair: messages that repeat a stamp are spaced by their log times."""
-OUT_OF_ORDER = "out of order, sorted"
+OUT_OF_ORDER_REASON = "out of order, sorted"
 """The reason for a repair: a message that arrived late is sorted by its stamp."""
-DUPLICATE = "duplicate message"
+DUPLICATE_REASON = "duplicate message"
 """The reason for rejecting a message that repeats another one's stamp and values."""
-REPEATED_REJECTED = "repeated stamp with other values"
+REPEATED_STAMP_REASON = "repeated stamp with other values"
 """The reason for rejecting a message that shares a stamp and can't be placed in time."""
 
 
@@ -79,7 +79,7 @@ class Timeline:
     stamp_ns: Int64Array
 
 
-def settle(
+def build_timeline(
     ledger: RowLedger,
     stamp_ns: Int64Array,
     has_stamp: BoolArray,
@@ -104,26 +104,30 @@ def settle(
         The rows that remain, sorted by time (by time, then file order, over all senders).
     """
     log_ns = ledger.columns.log_time_ns
-    ledger.reject((log_ns < 0) | (log_ns > MAX_STAMP_NS), LOG_TIME_OUT)
+    ledger.reject((log_ns < 0) | (log_ns > MAX_STAMP_NS), INVALID_LOG_TIME_REASON)
     time_ns = log_ns.copy() if clock == "log" else np.where(has_stamp, stamp_ns, 0).astype(np.int64)
     has_time = np.ones(len(log_ns), dtype=np.bool_) if clock == "log" else has_stamp
-    table = _value_table(values, len(log_ns))
-    parts = [_settle_sender(ledger, rows, time_ns, has_time, table, max_step_s) for rows in _by_sender(ledger, sender)]
+    table = _stack_value_columns(values, len(log_ns))
+    parts = [
+        _repair_times_of_sender(ledger, rows, time_ns, has_time, table, max_step_s)
+        for rows in _split_rows_by_sender(ledger, sender)
+    ]
     rows = np.concatenate(parts) if parts else np.zeros(0, dtype=np.intp)
     rows = rows[np.lexsort((rows, time_ns[rows]))]
     stamps = time_ns[rows]
     ledger.quality.used = len(rows)
     if len(rows):
         ledger.quality.delay_s = float(np.median(log_ns[rows] - stamps)) * S_PER_NS
-        ledger.quality.gaps = find_gaps(stamps)
+        ledger.quality.gaps = find_stamp_gaps(stamps)
     return Timeline(rows=rows, stamp_ns=stamps)
 
 
-def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
+def log_time_span_without_strays(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
     """Return the first and last log time (ns) of a log without its strays.
 
-    A stray is a message before or after all others, alone or with a few more, and far away: see `PAUSES_APART` and
-    `ROWS_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
+    A stray is a message before or after all others, alone or with a few more, and far away: see
+    `MIN_STRAY_PAUSE_RATIO` and
+    `MIN_MESSAGES_PER_STRAY`. Its log time is no time of the drive, so step 2 would move a good stamp onto a bad clock.
 
     Args:
         log_time_ns: The log times of each channel, in order; read as the unsigned numbers that a log holds.
@@ -135,17 +139,17 @@ def usual_log_times(log_time_ns: Sequence[Int64Array]) -> tuple[int, int]:
     n = len(times)
     if not n:
         return 0, 0
-    most = min(max(1, n // ROWS_PER_STRAY), (n - 1) // 2)
+    most = min(max(1, n // MIN_MESSAGES_PER_STRAY), (n - 1) // 2)
     pause_ns = np.diff(times)
     within_ns = int(pause_ns[most : n - 1 - most].max(initial=0))
-    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), PAUSES_APART * within_ns)
+    is_apart = pause_ns > max(round(MAX_CLOCK_STEP_S * NS_PER_S), MIN_STRAY_PAUSE_RATIO * within_ns)
     before, after = np.flatnonzero(is_apart[:most]), np.flatnonzero(is_apart[n - 1 - most :])
     first = int(before[-1]) + 1 if len(before) else 0
     last = n - 1 - most + int(after[0]) if len(after) else n - 1
     return int(times[first]), int(times[last])
 
 
-def find_gaps(
+def find_stamp_gaps(
     stamp_ns: Int64Array | npt.NDArray[np.uint64],
     *,
     start_ns: int | None = None,
@@ -175,7 +179,9 @@ def find_gaps(
     return tuple(gap for gap in (before, *gaps, after) if gap.duration_s > min_gap_s)
 
 
-def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S) -> tuple[str, ...]:
+def format_clock_disagreements(
+    qualities: Sequence[Quality], *, tolerance_s: float = MAX_CLOCK_STEP_S
+) -> tuple[str, ...]:
     """Return a line for each channel whose stamps count from another epoch than the others' (a time since boot, not
     UTC).
 
@@ -197,7 +203,7 @@ def disagreeing_clocks(qualities: Sequence[Quality], *, tolerance_s: float = MAX
     )
 
 
-def repair_jumps(
+def repair_clock_jumps(
     stamp_ns: Int64Array, log_time_ns: Int64Array, *, max_step_s: float = MAX_CLOCK_STEP_S
 ) -> tuple[Int64Array, BoolArray]:
     """Move stretches whose clock has jumped back onto the clock that most rows keep.
@@ -234,7 +240,7 @@ def repair_jumps(
     return repaired_ns, moved
 
 
-def _settle_sender(
+def _repair_times_of_sender(
     ledger: RowLedger,
     rows: npt.NDArray[np.intp],
     time_ns: Int64Array,
@@ -251,15 +257,15 @@ def _settle_sender(
     if abs(delay_ns) > max_step_s * NS_PER_S and 2 * np.count_nonzero(given) <= len(given):
         delay_ns = 0  # a few stamps of another epoch say nothing about the rest
     stamp_ns = np.where(given, stamp_ns, log_ns - delay_ns)
-    ledger.repair_rows(rows[~given], NO_STAMP)
+    ledger.count_repaired_rows(rows[~given], NO_STAMP_REASON)
 
-    stamp_ns, moved = repair_jumps(stamp_ns, log_ns, max_step_s=max_step_s)
-    ledger.repair_rows(rows[moved], CLOCK_JUMP)
+    stamp_ns, moved = repair_clock_jumps(stamp_ns, log_ns, max_step_s=max_step_s)
+    ledger.count_repaired_rows(rows[moved], CLOCK_JUMP_REASON)
 
     repeats = np.flatnonzero(np.diff(stamp_ns) == 0) + 1
     is_duplicate = np.zeros(len(rows), dtype=np.bool_)
-    is_duplicate[repeats] = _same_rows(table[rows[repeats]], table[rows[repeats - 1]])
-    ledger.reject_rows(rows[is_duplicate], DUPLICATE)
+    is_duplicate[repeats] = _equal_rows_mask(table[rows[repeats]], table[rows[repeats - 1]])
+    ledger.reject_rows(rows[is_duplicate], DUPLICATE_REASON)
     rows, stamp_ns, log_ns = rows[~is_duplicate], stamp_ns[~is_duplicate], log_ns[~is_duplicate]
 
     is_repeat = np.concatenate([[False], np.diff(stamp_ns) == 0]) if len(rows) else np.zeros(0, dtype=np.bool_)
@@ -268,11 +274,11 @@ def _settle_sender(
         spaced_ns = stamp_ns[first] + (log_ns - log_ns[first])
         is_spaced = is_repeat & (spaced_ns > stamp_ns[first])
         stamp_ns = np.where(is_spaced, spaced_ns, stamp_ns)
-        ledger.repair_rows(rows[is_spaced], REPEATED_SPACED)
+        ledger.count_repaired_rows(rows[is_spaced], REPEATED_STAMP_SPACED_REASON)
 
     if len(rows):
         latest_ns = np.maximum.accumulate(stamp_ns)
-        ledger.repair_rows(rows[stamp_ns < latest_ns], OUT_OF_ORDER)
+        ledger.count_repaired_rows(rows[stamp_ns < latest_ns], OUT_OF_ORDER_REASON)
     order = np.argsort(stamp_ns, kind="stable")
     rows, stamp_ns = rows[order], stamp_ns[order]
     time_ns[rows] = stamp_ns
@@ -280,15 +286,15 @@ def _settle_sender(
     is_repeat = np.concatenate([[False], np.diff(stamp_ns) == 0]) if len(rows) else np.zeros(0, dtype=np.bool_)
     if is_repeat.any():
         first = np.maximum.accumulate(np.where(is_repeat, 0, np.arange(len(rows))))
-        is_same = is_repeat & _same_rows(table[rows], table[rows[first]])
-        ledger.reject_rows(rows[is_same], DUPLICATE)
-        ledger.reject_rows(rows[is_repeat & ~is_same], REPEATED_REJECTED)
+        is_same = is_repeat & _equal_rows_mask(table[rows], table[rows[first]])
+        ledger.reject_rows(rows[is_same], DUPLICATE_REASON)
+        ledger.reject_rows(rows[is_repeat & ~is_same], REPEATED_STAMP_REASON)
         rows = rows[~is_repeat]
     return rows
 
 
-def _by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> list[npt.NDArray[np.intp]]:
-    rows = ledger.rows
+def _split_rows_by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> list[npt.NDArray[np.intp]]:
+    rows = ledger.kept_rows
     if not len(rows):
         return []
     if sender is None:
@@ -299,11 +305,12 @@ def _by_sender(ledger: RowLedger, sender: npt.NDArray[np.integer] | None) -> lis
     return np.split(grouped, edges)
 
 
-def knowable_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
+def earliest_known_times_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
     """Return when rows could have been known, on the clock of their stamps, in ns, (n,).
 
     That is their log time, but not before their stamp nor before what came earlier was known. Where the least
-    difference of log time and stamp so far is above `OTHER_CLOCK_S`, these are two clocks, and it is taken off: what
+    difference of log time and stamp so far is above `MIN_OTHER_CLOCK_OFFSET_S`, these are two clocks, and it is taken
+    off: what
     was always late by as much does not show. It is the least so far, because a moment may not depend on what comes
     later.
 
@@ -312,11 +319,11 @@ def knowable_ns(stamp_ns: Int64Array, log_time_ns: Int64Array) -> Int64Array:
     """
     known_ns = np.maximum.accumulate(log_time_ns)
     least_ns = np.minimum.accumulate(known_ns - stamp_ns)
-    apart_ns = np.where(np.abs(least_ns) > OTHER_CLOCK_S * NS_PER_S, least_ns, 0)
+    apart_ns = np.where(np.abs(least_ns) > MIN_OTHER_CLOCK_OFFSET_S * NS_PER_S, least_ns, 0)
     return np.asarray(np.maximum.accumulate(np.maximum(known_ns - apart_ns, stamp_ns)))
 
 
-def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
+def _stack_value_columns(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
     """Return the values side by side, shape (n, k)."""
     if not values:
         return np.zeros((n_rows, 0))
@@ -324,7 +331,7 @@ def _value_table(values: Sequence[FloatArray], n_rows: int) -> FloatArray:
     return np.concatenate(columns, axis=1).astype(np.float64)
 
 
-def _same_rows(a: FloatArray, b: FloatArray) -> BoolArray:
+def _equal_rows_mask(a: FloatArray, b: FloatArray) -> BoolArray:
     same: BoolArray = np.all((a == b) | (np.isnan(a) & np.isnan(b)), axis=1)
     return same
 

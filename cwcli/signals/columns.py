@@ -49,7 +49,7 @@ class Strings:
     def __len__(self) -> int:
         return len(self.codes)
 
-    def rows(self, rows: npt.NDArray[np.intp]) -> Strings:
+    def select_rows(self, rows: npt.NDArray[np.intp]) -> Strings:
         """The given rows, in the given order."""
         return Strings(self.codes[rows], self.values)
 
@@ -60,12 +60,12 @@ class Strings:
         return self if len(index) == len(self.values) else Strings(code_of[self.codes], tuple(index))
 
 
-def constant_strings(value: str, n: int) -> Strings:
+def repeat_string(value: str, n: int) -> Strings:
     """Return `n` rows of one string."""
     return Strings(np.zeros(n, np.int32), (value,))
 
 
-def strings_from(rows: Iterable[str]) -> Strings:
+def encode_strings(rows: Iterable[str]) -> Strings:
     """Dictionary-code n strings in order of first appearance; an empty one is absent (code -1)."""
     index: dict[str, int] = {}
     codes = np.fromiter((index.setdefault(row, len(index)) if row else -1 for row in rows), np.int32)
@@ -105,17 +105,17 @@ class Columns:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
-    def logged_within(self, start_ns: int | None, end_ns: int | None) -> Columns:
+    def slice_by_log_time(self, start_ns: int | None, end_ns: int | None) -> Columns:
         """The messages logged in [start_ns, end_ns)."""
         if start_ns is None and end_ns is None:
             return self
         first = 0 if start_ns is None else int(np.searchsorted(self.log_time_ns, start_ns))
         last = len(self) if end_ns is None else int(np.searchsorted(self.log_time_ns, end_ns))
-        return self.between(first, max(first, last))
+        return self.slice_rows(first, max(first, last))
 
-    def between(self, first: int, last: int) -> Columns:
+    def slice_rows(self, first: int, last: int) -> Columns:
         """The rows `first` to `last`, without the latter."""
-        fields: dict[str, Any] = {name: column_rows(values, first, last) for name, values in self.fields.items()}
+        fields: dict[str, Any] = {name: slice_column(values, first, last) for name, values in self.fields.items()}
         return replace(
             self,
             log_time_ns=self.log_time_ns[first:last],
@@ -144,7 +144,7 @@ class Repeated:
 OutputField = Field | Repeated
 
 
-def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
+def slice_column(column: OutputField, start: int, stop: int) -> OutputField:
     """Return rows `start` to `stop` of a column; the bulk of the data is viewed, not copied."""
     if isinstance(column, Strings):
         return Strings(column.codes[start:stop], column.values)
@@ -155,15 +155,15 @@ def column_rows(column: OutputField, start: int, stop: int) -> OutputField:
         offsets = column.offsets[start : stop + 1]
         first, last = int(offsets[0]), int(offsets[-1])
         return Repeated(
-            offsets - first, {path: column_rows(inner, first, last) for path, inner in column.fields.items()}
+            offsets - first, {path: slice_column(inner, first, last) for path, inner in column.fields.items()}
         )
     return column[start:stop]
 
 
-def column_at(column: Field, rows: npt.NDArray[np.intp]) -> Field:
+def select_column_rows(column: Field, rows: npt.NDArray[np.intp]) -> Field:
     """The given rows of a column, in the given order."""
     if isinstance(column, Strings):
-        return column.rows(rows)
+        return column.select_rows(rows)
     if isinstance(column, Ragged):
         lengths = np.diff(column.offsets)[rows]
         offsets = np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64)
@@ -204,4 +204,4 @@ class StreamedChannel(OutputChannel):
             with spans that move forward; a span may begin with rows of the one before.
     """
 
-    rows: Callable[[int, int], Mapping[str, OutputField]] = field(kw_only=True)
+    make_rows: Callable[[int, int], Mapping[str, OutputField]] = field(kw_only=True)

@@ -6,7 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
-from cwcli.registry import named
+from cwcli.registry import import_target
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal, Signal
@@ -14,13 +14,13 @@ from cwcli.signals.columns import Columns, Strings
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 
-KINDS: dict[Role, tuple[type[Signal], ...]] = {
-    role: tuple(named(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals
+SIGNAL_TYPES_BY_ROLE: dict[Role, tuple[type[Signal], ...]] = {
+    role: tuple(import_target(f"cwcli.signals.{place}") for place in role.signals) for role in Role if role.signals
 }
 """The signal classes that can fill a role."""
 
 
-def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
+def check_builder_result(built: object, columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
     """Check a builder's result against its channel, and return it.
 
     Raises:
@@ -30,7 +30,7 @@ def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Sign
     if not (isinstance(built, tuple) and len(built) == 2 and isinstance(built[1], Quality)):
         raise TypeError("it is no (signal, Quality)")
     signal, quality = built
-    kinds = KINDS.get(reading.role, ())
+    kinds = SIGNAL_TYPES_BY_ROLE.get(reading.role, ())
     if not isinstance(signal, kinds):
         names = " or ".join(kind.__name__ for kind in kinds)
         raise TypeError(f"{type(signal).__name__} for {reading.role}, not {names or 'a role of its own'}")
@@ -39,11 +39,11 @@ def check_built(built: object, columns: Columns, reading: Reading) -> tuple[Sign
     if not quality.read == n_read == n_known:
         raise ValueError(f"{n_read} messages, {quality.read} of them read, {n_known} used, rejected or set aside")
     if not isinstance(signal, CameraInfoSignal):
-        _check_rows(signal, quality)
+        _check_signal_rows(signal, quality)
     return signal, quality
 
 
-def _check_rows(signal: object, quality: Quality) -> None:
+def _check_signal_rows(signal: object, quality: Quality) -> None:
     stamp_ns = getattr(signal, "stamp_ns")  # noqa: B009 - each signal but the camera's has stamps
     n = len(stamp_ns)
     if stamp_ns.dtype != np.int64 or (np.diff(stamp_ns) < 0).any():

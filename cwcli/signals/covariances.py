@@ -12,17 +12,17 @@ SIGMAS_PER_95_PERCENT = 1.959964
 SIGMAS_PER_95_PERCENT_ELLIPSE = 2.447747
 """Radius that holds 95 % of a two-dimensional normal distribution: sqrt(5.9915), chi-square with 2 degrees."""
 
-LEAST_VARIANCE = 1e-18
+MIN_VARIANCE = 1e-18
 """The least variance that a measurement can have, in the square of its SI unit (a nanometre's); chosen by hand."""
-UNUSABLE_COVARIANCE = "covariance unusable, left out"
+UNUSABLE_COVARIANCE_REASON = "covariance unusable, left out"
 """The reason for leaving out a covariance that is not positive definite, or a variance that is invalid."""
 
 
-def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
+def usable_variances_or_nan(ledger: RowLedger, variance: FloatArray) -> FloatArray:
     """Replace variances that mean "not given" or are invalid by NaN; invalid ones are counted as repairs.
 
     Zero means "not filled in" in ROS messages, -1 "not measured" (`sensor_msgs/Imu`). Another negative one, an
-    infinite one or one below `LEAST_VARIANCE` is a fault: counted as a repair.
+    infinite one or one below `MIN_VARIANCE` is a fault: counted as a repair.
 
     Args:
         ledger: The channel's ledger.
@@ -32,13 +32,13 @@ def given_variances(ledger: RowLedger, variance: FloatArray) -> FloatArray:
         The same shape: positive and finite, or NaN.
     """
     table = variance[:, None] if variance.ndim == 1 else variance
-    is_given = np.isfinite(table) & (table >= LEAST_VARIANCE)
-    is_wrong = np.isinf(table) | (table < LEAST_VARIANCE) & (table != 0.0) & (table != -1.0)
-    ledger.repair(is_wrong.any(axis=1), UNUSABLE_COVARIANCE)
+    is_given = np.isfinite(table) & (table >= MIN_VARIANCE)
+    is_wrong = np.isinf(table) | (table < MIN_VARIANCE) & (table != 0.0) & (table != -1.0)
+    ledger.count_repaired(is_wrong.any(axis=1), UNUSABLE_COVARIANCE_REASON)
     return np.where(is_given, table, np.nan).reshape(variance.shape)
 
 
-def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
+def usable_plane_covariance_or_nan(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy: FloatArray) -> FloatArray:
     """Return plane covariances (n, 3), NaN where not given or not positive definite; the latter are counted.
 
     Args:
@@ -49,9 +49,9 @@ def given_plane_covariance(ledger: RowLedger, xx: FloatArray, xy: FloatArray, yy
     is_absent = np.isnan(covariance).any(axis=1) | ((xx == 0.0) & (yy == 0.0)) | (xx == -1.0)
     with np.errstate(invalid="ignore", over="ignore"):
         is_definite = (
-            (xx >= LEAST_VARIANCE) & (yy >= LEAST_VARIANCE) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
+            (xx >= MIN_VARIANCE) & (yy >= MIN_VARIANCE) & (xx * yy > xy * xy) & np.isfinite(covariance).all(axis=1)
         )
-    ledger.repair(~is_absent & ~is_definite, UNUSABLE_COVARIANCE)
+    ledger.count_repaired(~is_absent & ~is_definite, UNUSABLE_COVARIANCE_REASON)
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
 
 
@@ -62,12 +62,14 @@ def is_positive_definite(covariance: FloatArray) -> BoolArray:
         covariance: Shape (n, k, k), symmetric.
     """
     is_finite = np.asarray(np.isfinite(covariance).all(axis=(1, 2)), np.bool_)
-    if is_finite.all() and _has_factor(covariance):
+    if is_finite.all() and _has_cholesky_factor(covariance):
         return is_finite
-    return np.array([bool(is_finite[k]) and _has_factor(covariance[k]) for k in range(len(covariance))], np.bool_)
+    return np.array(
+        [bool(is_finite[k]) and _has_cholesky_factor(covariance[k]) for k in range(len(covariance))], np.bool_
+    )
 
 
-def _has_factor(covariance: FloatArray) -> bool:
+def _has_cholesky_factor(covariance: FloatArray) -> bool:
     try:
         np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
@@ -75,7 +77,7 @@ def _has_factor(covariance: FloatArray) -> bool:
     return True
 
 
-def turned(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
+def rotate_plane_covariance(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Rotate plane covariances into axes that are turned counter-clockwise by an angle.
 
     Args:

@@ -7,18 +7,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, strings_from
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, encode_strings
 from cwcli.signals.etsi import ELEMENTS
-from cwcli.signals.leaf_fields import numbers
-from cwcli.signals.perceived import nobody
+from cwcli.signals.leaf_fields import read_numbers
+from cwcli.signals.perceived import unknown_senders
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.road_events import HARD_BRAKING, RoadEvents
+from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
-from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, nothing_told
-from cwcli.signals.v2x_elements import STATION_ID, Element, decode, decode_whole
-from cwcli.signals.v2x_time import ITS_MS_MAX, NO_TIME, stamp_from_timestamp_its
+from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
+from cwcli.signals.v2x_elements import STATION_ID_ELEMENT, Element, decode_element, decode_whole_codes
+from cwcli.signals.v2x_time import MAX_TIMESTAMP_ITS_MS, NO_TIME_REASON, stamp_from_timestamp_its
 
-CAUSES: dict[int, str] = {
+CAUSE_TEXTS_BY_CODE: dict[int, str] = {
     1: "traffic condition",
     2: "accident",
     3: "roadworks",
@@ -45,106 +45,106 @@ CAUSES: dict[int, str] = {
     99: "dangerous situation",
 }
 """The text of each cause, by CauseCodeType (TS 102 894-2)."""
-DANGEROUS_SITUATION = 99
+DANGEROUS_SITUATION_CODE = 99
 """The cause code of a dangerous situation (TS 102 894-2)."""
-EMERGENCY_BRAKING = (1, 5)
+EMERGENCY_BRAKING_SUB_CAUSES = (1, 5)
 """The sub-causes of a dangerous situation that mean hard braking: electronic brake lights on, automatic emergency brake
 engaged."""
-USUAL_VALIDITY_S = 600.0
+DEFAULT_VALIDITY_S = 600.0
 """The validity of a DENM that gives none, in seconds (EN 302 637-3)."""
-RELEVANCE_M: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
+RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
 """The distance in metres within which a DENM matters, by RelevanceDistance; code 7 is over 10 km."""
-OVER_10_KM = 7
+OVER_10_KM_CODE = 7
 """The code of RelevanceDistance for more than 10 km."""
 
-_MANAGEMENT = "denm.management."
+_MANAGEMENT_PREFIX = "denm.management."
 """The path prefix of the management container in the ROS message."""
-_POSITION = _MANAGEMENT + "event_position."
+_POSITION_PREFIX = _MANAGEMENT_PREFIX + "event_position."
 """The path prefix of the event's position in the ROS message."""
-_EVENT = "denm.situation.event_type."
+_EVENT_TYPE_PREFIX = "denm.situation.event_type."
 """The path prefix of the event's type in the ROS message."""
-PATHS: dict[str, str] = {
+ROS_PATHS: dict[str, str] = {
     "station": "header.station_id.value",
-    "action_station": _MANAGEMENT + "action_id.originating_station_id.value",
-    "action_number": _MANAGEMENT + "action_id.sequence_number.value",
-    "cause": _EVENT + "cause_code.value",
-    "sub_cause": _EVENT + "sub_cause_code.value",
+    "action_station": _MANAGEMENT_PREFIX + "action_id.originating_station_id.value",
+    "action_number": _MANAGEMENT_PREFIX + "action_id.sequence_number.value",
+    "cause": _EVENT_TYPE_PREFIX + "cause_code.value",
+    "sub_cause": _EVENT_TYPE_PREFIX + "sub_cause_code.value",
     "has_situation": "denm.situation_is_present",
-    "reference_time_ms": _MANAGEMENT + "reference_time.value",
-    "termination": _MANAGEMENT + "termination.value",
-    "has_termination": _MANAGEMENT + "termination_is_present",
-    "latitude_deg": _POSITION + "latitude.value",
-    "longitude_deg": _POSITION + "longitude.value",
-    "relevance": _MANAGEMENT + "relevance_distance.value",
-    "has_relevance": _MANAGEMENT + "relevance_distance_is_present",
-    "validity_s": _MANAGEMENT + "validity_duration.value",
+    "reference_time_ms": _MANAGEMENT_PREFIX + "reference_time.value",
+    "termination": _MANAGEMENT_PREFIX + "termination.value",
+    "has_termination": _MANAGEMENT_PREFIX + "termination_is_present",
+    "latitude_deg": _POSITION_PREFIX + "latitude.value",
+    "longitude_deg": _POSITION_PREFIX + "longitude.value",
+    "relevance": _MANAGEMENT_PREFIX + "relevance_distance.value",
+    "has_relevance": _MANAGEMENT_PREFIX + "relevance_distance_is_present",
+    "validity_s": _MANAGEMENT_PREFIX + "validity_duration.value",
 }
 """The leaf fields of the ROS message, by quantity."""
-CODES: dict[str, Element] = {
-    "station": STATION_ID,
-    "action_station": STATION_ID,
+CODE_ELEMENTS: dict[str, Element] = {
+    "station": STATION_ID_ELEMENT,
+    "action_station": STATION_ID_ELEMENT,
     "action_number": Element("SequenceNumber", 1.0, 1, 0, 65_535),
     "cause": Element("CauseCodeType", 1.0, 1, 0, 255),
     "sub_cause": Element("SubCauseCodeType", 1.0, 1, 0, 255),
     "termination": Element("Termination", 1.0, 1, 0, 1),
-    "relevance": Element("RelevanceDistance", 1.0, 1, 0, OVER_10_KM),
+    "relevance": Element("RelevanceDistance", 1.0, 1, 0, OVER_10_KM_CODE),
     "validity_s": Element("ValidityDuration", 1.0, 1, 0, 86_400),
-    "reference_time_ms": Element("TimestampIts", 1.0, 1, 0, ITS_MS_MAX - 1),
+    "reference_time_ms": Element("TimestampIts", 1.0, 1, 0, MAX_TIMESTAMP_ITS_MS - 1),
 }
 """The data elements of the codes that must be whole numbers."""
 
 
 def ros_fields() -> tuple[str, ...]:
     """Return the paths of every leaf of the ROS message that is read."""
-    return tuple(PATHS.values())
+    return tuple(ROS_PATHS.values())
 
 
-def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the events of a ROS channel; invalid codes are counted where the channel is decoded."""
-    return events_of(_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
+    return events_from_codes(_read_codes(columns), columns.log_time_ns), np.zeros(len(columns), np.bool_)
 
 
-def _codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
+def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
     """Return the codes of the ROS fields, NaN where absent or not in the standard; the ledger counts the latter."""
-    raw = {name: numbers(columns, path) for name, path in PATHS.items()}
+    raw = {name: read_numbers(columns, path) for name, path in ROS_PATHS.items()}
     for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
         for name in names:
             raw[name] = np.where(raw[flag] == 0, np.nan, raw[name])
     raw["relevance"] = np.where(raw["has_relevance"] == 0, np.nan, raw["relevance"])
-    for name, element in CODES.items():
-        raw[name] = decode_whole(element, raw[name], ledger)
+    for name, element in CODE_ELEMENTS.items():
+        raw[name] = decode_whole_codes(element, raw[name], ledger)
     return raw
 
 
-def events_of(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
+def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> RoadEvents:
     """Build events from the codes of n messages, NaN where a component is absent."""
     stamp_ns, has_time = stamp_from_timestamp_its(raw["reference_time_ms"], log_time_ns)
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
-    validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], USUAL_VALIDITY_S)
+    validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
     validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
     relevance_m = np.full(len(stamp_ns), np.nan)
-    for code, distance_m in RELEVANCE_M.items():
+    for code, distance_m in RELEVANCE_DISTANCE_M_BY_CODE.items():
         relevance_m[raw["relevance"] == code] = distance_m
-    relevance_m[raw["relevance"] == OVER_10_KM] = np.inf
-    kinds = [kind_of(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
+    relevance_m[raw["relevance"] == OVER_10_KM_CODE] = np.inf
+    kinds = [cause_text(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
     station = [str(int(code)) if np.isfinite(code) else "unknown" for code in raw["station"].tolist()]
     return RoadEvents(
-        station=strings_from(station),
-        kind=strings_from(kinds),
+        station=encode_strings(station),
+        kind=encode_strings(kinds),
         stamp_ns=stamp_ns,
         log_time_ns=log_time_ns,
-        until_ns=_until_the_next(
+        until_ns=_validity_ends_ns(
             stamp_ns + (np.clip(validity_s, 0.0, 86_400.0) * NS_PER_S).astype(np.int64), raw, log_time_ns
         ),
         cause=raw["cause"],
         sub_cause=raw["sub_cause"],
-        latitude_deg=decode(ELEMENTS["latitude_deg"], raw["latitude_deg"]),
-        longitude_deg=decode(ELEMENTS["longitude_deg"], raw["longitude_deg"]),
+        latitude_deg=decode_element(ELEMENTS["latitude_deg"], raw["latitude_deg"]),
+        longitude_deg=decode_element(ELEMENTS["longitude_deg"], raw["longitude_deg"]),
         relevance_m=relevance_m,
     )
 
 
-def _until_the_next(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Int64Array:
+def _validity_ends_ns(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Int64Array:
     """Return until when each DENM is valid, in ns (n,): at most until the next DENM of the same action was received."""
     ends_ns = until_ns.copy()
     next_ns: dict[tuple[float, float], int] = {}
@@ -156,16 +156,16 @@ def _until_the_next(until_ns: Int64Array, raw: dict[str, FloatArray], log_time_n
     return ends_ns
 
 
-def kind_of(cause: float, sub_cause: float) -> str:
+def cause_text(cause: float, sub_cause: float) -> str:
     """Return the text of a DENM's cause."""
     if not np.isfinite(cause):
         return "without a cause"
-    if cause == DANGEROUS_SITUATION and sub_cause in EMERGENCY_BRAKING:
-        return HARD_BRAKING
-    return CAUSES.get(int(cause), f"cause {int(cause)}")
+    if cause == DANGEROUS_SITUATION_CODE and sub_cause in EMERGENCY_BRAKING_SUB_CAUSES:
+        return HARD_BRAKING_KIND
+    return CAUSE_TEXTS_BY_CODE.get(int(cause), f"cause {int(cause)}")
 
 
-def told(events: RoadEvents) -> str:
+def format_notice(events: RoadEvents) -> str:
     """Format a notice such as `3 DENMs of 2 stations: 2 stationary vehicle, 1 roadworks`; "" without events."""
     if not len(events):
         return ""
@@ -175,17 +175,17 @@ def told(events: RoadEvents) -> str:
     return f"{len(events)} DENMs of {len(np.unique(events.station.codes))} stations: {said}"
 
 
-def _set_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
-    raw = _codes(columns, ledger)
+def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
+    raw = _read_codes(columns, ledger)
     for name in ("latitude_deg", "longitude_deg"):
-        decode(ELEMENTS[name], raw[name], ledger)
-    ledger.repair(np.isnan(raw["reference_time_ms"]), NO_TIME)
-    said = told(events_of(raw, columns.log_time_ns))
+        decode_element(ELEMENTS[name], raw[name], ledger)
+    ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
+    said = format_notice(events_from_codes(raw, columns.log_time_ns))
     if said:
-        ledger.note(said)
+        ledger.add_note(said)
     ledger.set_aside(np.ones(len(columns), np.bool_), "DENM (a road event)")
-    return nothing_told(len(columns))
+    return empty_remote_rows(len(columns))
 
 
-ROS_DENM = V2xCodec(nobody, _set_aside, events=ros_events)
+ROS_DENM = V2xCodec(unknown_senders, _set_all_messages_aside, events=read_ros_events)
 """The codec of a ROS channel of DENMs."""

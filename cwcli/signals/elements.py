@@ -6,17 +6,17 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged
-from cwcli.signals.leaf_fields import find
+from cwcli.signals.leaf_fields import find_field
 from cwcli.signals.quality import RowLedger
 
-LENGTHS_DIFFER = "its elements do not all have the same fields"
+UNEQUAL_LENGTHS_REASON = "its elements do not all have the same fields"
 """The reason for rejecting a message whose elements do not all have the required fields."""
 
 
-def ragged(columns: Columns, *paths: str) -> Ragged | None:
+def find_ragged_field(columns: Columns, *paths: str) -> Ragged | None:
     """Return the first of these fields that is there, as `Ragged`; None when there is none, or when it holds
     strings."""
-    field = find(columns, *paths)
+    field = find_field(columns, *paths)
     if field is None or isinstance(field, Ragged):
         return field
     if not isinstance(field, np.ndarray):
@@ -36,7 +36,7 @@ class Elements:
     def __init__(self, columns: Columns, ledger: RowLedger, *required: str) -> None:
         """Count the elements; `required` are the leaves that every one has, the first one counts them."""
         self._columns = columns
-        leaves = [ragged(columns, path) for path in required]
+        leaves = [find_ragged_field(columns, path) for path in required]
         counts = [
             np.zeros(len(columns), np.int64) if leaf is None else np.diff(leaf.offsets).astype(np.int64)
             for leaf in leaves
@@ -44,21 +44,21 @@ class Elements:
         differs = np.zeros(len(columns), np.bool_)
         for other in counts[1:]:
             differs |= other != counts[0]
-        ledger.reject(differs, LENGTHS_DIFFER)
+        ledger.reject(differs, UNEQUAL_LENGTHS_REASON)
         self.counts: Int64Array = np.where(differs, 0, counts[0]).astype(np.int64)
         self.offsets: Int64Array = np.concatenate([[0], np.cumsum(self.counts)]).astype(np.int64)
 
     def __len__(self) -> int:
         return int(self.offsets[-1])
 
-    def numbers(self, *paths: str, width: int = 1) -> FloatArray:
+    def read_numbers(self, *paths: str, width: int = 1) -> FloatArray:
         """Read a leaf, shape (n,), or (n, width) where each element holds `width` values.
 
         NaN in the messages in which it is there more or less often than it should be: then its values can't be given to
         elements.
         """
         out = np.full((len(self), width), np.nan)
-        leaf = ragged(self._columns, *paths)
+        leaf = find_ragged_field(self._columns, *paths)
         if leaf is not None:
             lengths = np.diff(leaf.offsets)
             fits = lengths == self.counts * width
@@ -66,14 +66,14 @@ class Elements:
             out[np.repeat(fits, self.counts)] = theirs.astype(np.float64).reshape(-1, width)
         return out[:, 0] if width == 1 else out
 
-    def sums(self, values: FloatArray) -> FloatArray:
+    def sum_per_message(self, values: FloatArray) -> FloatArray:
         """Return the sum of `values` (n,) over the elements of each message, shape (s,); it tells repeated messages
         apart."""
         owner = np.repeat(np.arange(len(self.counts)), self.counts)
         return np.bincount(owner, weights=values, minlength=len(self.counts)).astype(np.float64)
 
 
-def taken(offsets: Int64Array, rows: npt.NDArray[np.intp]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
+def take_sequences(offsets: Int64Array, rows: npt.NDArray[np.intp]) -> tuple[Int64Array, npt.NDArray[np.intp]]:
     """Return the new offsets of the sequences `rows`, placed one after the other, and the indices of their elements."""
     counts = np.diff(offsets)[rows]
     new = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -19,13 +19,15 @@ from enum import Enum
 
 from cwcli.errors import UsageError
 
-MAX_LENGTH = 500
+MAX_CONDITION_CHARACTERS = 500
 """The largest number of characters of a condition; chosen by hand."""
-MAX_STEPS = 64
+MAX_CONDITION_STEPS = 64
 """The largest number of path steps of a condition; chosen by hand."""
-EXAMPLES = "for example data==true, level>=2, objects[0].ttc<1.5 or status[name=='fcw'].values[key==state].value==warn"
+CONDITION_EXAMPLES_HINT = (
+    "for example data==true, level>=2, objects[0].ttc<1.5 or status[name=='fcw'].values[key==state].value==warn"
+)
 """The hint with examples that every syntax error shows."""
-COMPARE: dict[str, Callable[[float, float], bool]] = {
+COMPARISONS_BY_SIGN: dict[str, Callable[[float, float], bool]] = {
     "<=": operator.le,
     ">=": operator.ge,
     "==": operator.eq,
@@ -34,14 +36,14 @@ COMPARE: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
 }
 """The comparison function, by its sign."""
-_TOKEN = re.compile(
+_TOKEN_PATTERN = re.compile(
     r"""\s*(?:(?P<sign><=|>=|==|!=|<|>)|(?P<mark>[.\[\]])|(?P<name>[A-Za-z_]\w*)"""
     r"""|(?P<index>-?\d{1,9}(?=\s*\]))|(?P<bad>\S))"""
 )
 """The pattern of the next token of a path."""
-_VALUE = re.compile(r"""\s*(?:"(?P<double>[^"]*)"|'(?P<single>[^']*)'|(?P<word>[^\s\]\["'<>=!]+))\s*""")
+_VALUE_PATTERN = re.compile(r"""\s*(?:"(?P<double>[^"]*)"|'(?P<single>[^']*)'|(?P<word>[^\s\]\["'<>=!]+))\s*""")
 """The pattern of the value behind a comparison sign."""
-_NUMBER = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
+_NUMBER_PATTERN = re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?")
 """The pattern of a number."""
 
 Value = float | bool | str
@@ -64,17 +66,17 @@ class Condition:
     text: str
 
     @property
-    def plain_path(self) -> str:
+    def dotted_path(self) -> str:
         """The dotted path of a field outside of lists; "" for another one."""
-        return ".".join(each for each in self.path if isinstance(each, str)) if self.is_plain else ""
+        return ".".join(each for each in self.path if isinstance(each, str)) if self.is_outside_lists else ""
 
     @property
-    def is_plain(self) -> bool:
+    def is_outside_lists(self) -> bool:
         """Whether no list is on the way."""
         return all(isinstance(each, str) for each in self.path)
 
 
-class Missing(Enum):
+class MissingValue(Enum):
     """What is found instead of a value.
 
     FIELD: no such field. ELEMENT: a list has no such element, so the message says nothing of it.
@@ -90,16 +92,19 @@ def parse_condition(text: str) -> Condition:
     Raises:
         UsageError: It is none; the message says where and what was expected.
     """
-    if len(text) > MAX_LENGTH:
-        raise UsageError(f"a condition of {len(text)} characters is longer than {MAX_LENGTH}", hint=EXAMPLES)
+    if len(text) > MAX_CONDITION_CHARACTERS:
+        raise UsageError(
+            f"a condition of {len(text)} characters is longer than {MAX_CONDITION_CHARACTERS}",
+            hint=CONDITION_EXAMPLES_HINT,
+        )
     parser = _Parser(text)
-    condition = parser.condition()
+    condition = parser.parse_condition()
     if parser.at < len(text.rstrip()):
-        raise parser.error("the end")
+        raise parser.syntax_error("the end")
     return condition
 
 
-def value_at(message: object, path: tuple[str | int | Condition, ...]) -> object:
+def value_at_path(message: object, path: tuple[str | int | Condition, ...]) -> object:
     """Return the value at a path of a message: a dictionary, list, number, truth value, text or None.
 
     Returns:
@@ -109,51 +114,51 @@ def value_at(message: object, path: tuple[str | int | Condition, ...]) -> object
     for step in path:
         if isinstance(step, str):
             if not isinstance(at, dict) or step not in at:
-                return Missing.FIELD
+                return MissingValue.FIELD
             at = at[step]
         elif not isinstance(at, list):
-            return Missing.FIELD
+            return MissingValue.FIELD
         elif isinstance(step, int):
             if not -len(at) <= step < len(at):
-                return Missing.ELEMENT
+                return MissingValue.ELEMENT
             at = at[step]
         else:
-            chosen = [holds(value_at(each, step.path), step) for each in at]
+            chosen = [meets_condition(value_at_path(each, step.path), step) for each in at]
             if True not in chosen:
-                return Missing.ELEMENT
+                return MissingValue.ELEMENT
             at = at[chosen.index(True)]
     return at
 
 
-def holds(value: object, condition: Condition) -> bool | None:
+def meets_condition(value: object, condition: Condition) -> bool | None:
     """Return whether a value meets a condition; None where the two can't be compared.
 
     A value that is absent or not a number (NaN) meets none. Texts that spell a number are compared as numbers where the
     condition has one; `true` is true, a number that is not 0, and the text `true` in any case.
     """
     asked = condition.value
-    if value is None or isinstance(value, Missing) or (isinstance(value, float) and math.isnan(value)):
+    if value is None or isinstance(value, MissingValue) or (isinstance(value, float) and math.isnan(value)):
         return False
     if isinstance(asked, bool):
-        truth = _truth(value)
+        truth = _truth_value_or_none(value)
         return None if truth is None else (truth == asked) == (condition.sign == "==")
     if isinstance(asked, str):
         return (value == asked) == (condition.sign == "==") if isinstance(value, str) else None
-    return _against_number(value, condition.sign, asked)
+    return _compare_with_number(value, condition.sign, asked)
 
 
-def _against_number(value: object, sign: str, asked: float) -> bool | None:
+def _compare_with_number(value: object, sign: str, asked: float) -> bool | None:
     if isinstance(value, str):
         spelled = value.strip()
-        if not _NUMBER.fullmatch(spelled):
+        if not _NUMBER_PATTERN.fullmatch(spelled):
             return sign == "!=" if sign in ("==", "!=") else None
         value = float(spelled)
     if not isinstance(value, int | float):  # a list, or an object
         return None
-    return COMPARE[sign](value, asked)
+    return COMPARISONS_BY_SIGN[sign](value, asked)
 
 
-def _truth(value: object) -> bool | None:
+def _truth_value_or_none(value: object) -> bool | None:
     if isinstance(value, bool):
         return value
     if isinstance(value, int | float):
@@ -169,83 +174,84 @@ class _Parser:
         self.at = 0
         self.n_steps = 0
 
-    def condition(self) -> Condition:
+    def parse_condition(self) -> Condition:
         begin = self.at
-        path: list[str | int | Condition] = [self._name()]
+        path: list[str | int | Condition] = [self._parse_field_name()]
         while True:
-            kind, token = self._peek()
+            kind, token = self._peek_token()
             if kind == "sign":
                 break
             if token == ".":
-                self._next()
-                path.append(self._name())
+                self._take_token()
+                path.append(self._parse_field_name())
             elif token == "[":
-                self._next()
-                path.append(self._choice())
+                self._take_token()
+                path.append(self._parse_index_or_condition())
             else:
-                raise self.error(f"`.`, `[` or one of {' '.join(COMPARE)}")
+                raise self.syntax_error(f"`.`, `[` or one of {' '.join(COMPARISONS_BY_SIGN)}")
             self.n_steps += 1
-            if self.n_steps > MAX_STEPS:
-                raise UsageError(f"the condition has more than {MAX_STEPS} steps: {self.text[:40]}...")
-        _, sign = self._next()
-        value = self._value(sign)
+            if self.n_steps > MAX_CONDITION_STEPS:
+                raise UsageError(f"the condition has more than {MAX_CONDITION_STEPS} steps: {self.text[:40]}...")
+        _, sign = self._take_token()
+        value = self._parse_value(sign)
         return Condition(tuple(path), sign, value, self.text[begin : self.at].strip())
 
-    def _choice(self) -> int | Condition:
-        kind, token = self._peek()
+    def _parse_index_or_condition(self) -> int | Condition:
+        kind, token = self._peek_token()
         if kind == "index":
-            self._next()
+            self._take_token()
             chosen: int | Condition = int(token)
         else:
-            chosen = self.condition()
-        if self._peek()[1] != "]":
-            raise self.error("`]`")
-        self._next()
+            chosen = self.parse_condition()
+        if self._peek_token()[1] != "]":
+            raise self.syntax_error("`]`")
+        self._take_token()
         return chosen
 
-    def _name(self) -> str:
-        kind, token = self._peek()
+    def _parse_field_name(self) -> str:
+        kind, token = self._peek_token()
         if kind != "name":
-            raise self.error("the name of a field")
-        self._next()
+            raise self.syntax_error("the name of a field")
+        self._take_token()
         return token
 
-    def _value(self, sign: str) -> Value:
-        match = _VALUE.match(self.text, self.at)
+    def _parse_value(self, sign: str) -> Value:
+        match = _VALUE_PATTERN.match(self.text, self.at)
         if match is None:
-            raise self.error("a number, true, false or a text")
+            raise self.syntax_error("a number, true, false or a text")
         start, self.at = self.at, match.end()
         word = match["word"]
         value: Value
         if word is None:
             value = match["double"] if match["double"] is not None else match["single"]
-        elif _NUMBER.fullmatch(word):
+        elif _NUMBER_PATTERN.fullmatch(word):
             value = float(word)
         else:
             value = {"true": True, "false": False}.get(word.lower(), word)
         if (not math.isfinite(value)) if isinstance(value, float) else (sign not in ("==", "!=")):
             self.at = start
-            raise self.error(f"a number behind `{sign}`")
+            raise self.syntax_error(f"a number behind `{sign}`")
         return value
 
-    def _peek(self) -> tuple[str, str]:
-        match = _TOKEN.match(self.text, self.at)
+    def _peek_token(self) -> tuple[str, str]:
+        match = _TOKEN_PATTERN.match(self.text, self.at)
         if match is None or match.lastgroup is None:
             return "end", ""
         return match.lastgroup, match[match.lastgroup]
 
-    def _next(self) -> tuple[str, str]:
-        match = _TOKEN.match(self.text, self.at)
+    def _take_token(self) -> tuple[str, str]:
+        match = _TOKEN_PATTERN.match(self.text, self.at)
         assert match is not None and match.lastgroup is not None
         self.at = match.end()
         return match.lastgroup, match[match.lastgroup]
 
-    def error(self, expected: str) -> UsageError:
+    def syntax_error(self, expected: str) -> UsageError:
         rest = self.text[self.at :]
         start = self.at + len(rest) - len(rest.lstrip())
         found = self.text[start : start + 20].strip()
         what = f"found `{found}`" if found else "it ends"
         shown = self.text.strip()
         return UsageError(
-            f"can't read the condition `{shown}`: expected {expected} at character {start + 1}, {what}", hint=EXAMPLES
+            f"can't read the condition `{shown}`: expected {expected} at character {start + 1}, {what}",
+            hint=CONDITION_EXAMPLES_HINT,
         )

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 import numpy as np
 
 from cwcli.signals.canonical import TimedSignal
-from cwcli.signals.clocks import find_gaps
+from cwcli.signals.clocks import find_stamp_gaps
 from cwcli.signals.units import NS_PER_S
 
 MAX_GAP_NOTES = 5
 """The largest number of channels that are listed; the rest are counted."""
 
 
-def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
+def format_gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> list[str]:
     """Return one line for each signal with gaps, a late start and an early end included: their number, and the longest
     one.
 
@@ -24,7 +24,7 @@ def gap_notes(signals: Iterable[TimedSignal], start_ns: int, end_ns: int) -> lis
     """
     notes = []
     for signal in signals:
-        gaps = find_gaps(np.sort(signal.stamp_ns), start_ns=start_ns, end_ns=end_ns)
+        gaps = find_stamp_gaps(np.sort(signal.stamp_ns), start_ns=start_ns, end_ns=end_ns)
         if not gaps:
             continue
         longest = max(gaps, key=lambda gap: gap.duration_s)

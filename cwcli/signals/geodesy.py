@@ -43,7 +43,7 @@ class LocalMap:
         return f"LocalMap({self.origin_lat_deg!r}, {self.origin_lon_deg!r}, {self.origin_alt_m!r})"
 
     @cached_property
-    def _transformer(self) -> Transformer:
+    def _proj_transformer(self) -> Transformer:
         from pyproj import Transformer
 
         return Transformer.from_pipeline(
@@ -65,7 +65,9 @@ class LocalMap:
             x (east), y (north), z (up), each of shape (n,), metres. NaN where latitude or longitude is not finite.
         """
         has_alt = np.isfinite(alt_m)
-        x_m, y_m, z_m = self._apply(lon_deg, lat_deg, np.where(has_alt, alt_m, self.origin_alt_m), inverse=False)
+        x_m, y_m, z_m = self._transform_points(
+            lon_deg, lat_deg, np.where(has_alt, alt_m, self.origin_alt_m), inverse=False
+        )
         return x_m, y_m, np.where(has_alt, z_m, np.nan)
 
     def wgs84_from_map(
@@ -80,21 +82,21 @@ class LocalMap:
             Latitude (degrees), longitude (degrees), altitude (metres), each of shape (n,).
         """
         has_z = np.isfinite(z_m)
-        lon_deg, lat_deg, alt_m = self._apply(x_m, y_m, np.where(has_z, z_m, 0.0), inverse=True)
+        lon_deg, lat_deg, alt_m = self._transform_points(x_m, y_m, np.where(has_z, z_m, 0.0), inverse=True)
         return lat_deg, lon_deg, np.where(has_z, alt_m, np.nan)
 
-    def _apply(
+    def _transform_points(
         self, a: FloatArray, b: FloatArray, c: FloatArray, *, inverse: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         a, b, c = (np.array(values, dtype=np.float64) for values in np.broadcast_arrays(a, b, c))
         is_finite = np.isfinite(a) & np.isfinite(b)
         direction = "INVERSE" if inverse else "FORWARD"
-        result = self._transformer.transform(a, b, c, direction=direction)
+        result = self._proj_transformer.transform(a, b, c, direction=direction)
         first, second, third = (np.where(is_finite, values, np.nan) for values in result)
         return first, second, third
 
 
-def parse_origin(text: str) -> tuple[float, float, float]:
+def parse_truth_origin(text: str) -> tuple[float, float, float]:
     """Parse `LAT,LON,ALT` in degrees and metres.
 
     Raises:

@@ -1,6 +1,7 @@
 """The time of a receiver: GPS week and time of week, or a calendar date in UTC, as nanoseconds since 1970.
 
-GPS time has no leap seconds: it runs ahead of UTC by one more second after each of `LEAP_SECONDS` (18 s since 2017).
+GPS time has no leap seconds: it runs ahead of UTC by one more second after each of `LEAP_SECOND_INSTANTS_UNIX_S` (18 s
+since 2017).
 """
 
 from __future__ import annotations
@@ -12,16 +13,16 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.units import NS_PER_MS, NS_PER_S
 
-GPS_EPOCH_S = 315_964_800
+GPS_EPOCH_UNIX_S = 315_964_800
 """The start of GPS time, 1980-01-06T00:00:00Z, in seconds since 1970."""
-WEEK_S = 604_800
+SECONDS_PER_WEEK = 604_800
 """The length of a week, in seconds."""
-WEEKS_A_ROUND = 1024
+WEEKS_PER_ROLLOVER = 1024
 """The number of weeks after which a ten-bit week number starts again (19.6 years)."""
-MAX_CLOCK_ERROR_S = 86_400
+MAX_RECORDER_CLOCK_ERROR_S = 86_400
 """The largest error of the recorder's clock, in seconds, with which it still resolves the week number's rollover;
 chosen by hand."""
-LEAP_SECONDS: Int64Array = np.array(
+LEAP_SECOND_INSTANTS_UNIX_S: Int64Array = np.array(
     [
         *("1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01"),
         *("1992-07-01", "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01"),
@@ -30,11 +31,11 @@ LEAP_SECONDS: Int64Array = np.array(
     dtype="M8[s]",
 ).astype(np.int64)
 """The instants from which UTC is one more second behind GPS time, in seconds since 1970 (IERS Bulletin C)."""
-ROLLED_OVER = "GPS week rolled over, moved by 1024 weeks"
+WEEK_ROLLOVER_REASON = "GPS week rolled over, moved by 1024 weeks"
 """The reason for a repair: a stamp is moved by whole rollovers of the week number."""
 
 
-def utc_of_weeks(
+def utc_ns_from_gps_weeks(
     ledger: RowLedger, week: FloatArray, time_of_week_ms: FloatArray, is_wanted: BoolArray
 ) -> tuple[Int64Array, BoolArray]:
     """Return UTC (ns) of GPS weeks and times of week, with the week number's rollover undone.
@@ -49,23 +50,23 @@ def utc_of_weeks(
         Nanoseconds since 1970 and whether they are a time, both (n,).
     """
     is_time: BoolArray = is_wanted & (week >= 0) & (week < 1 << 13)
-    is_time &= (time_of_week_ms >= 0) & (time_of_week_ms < WEEK_S * 1000)
+    is_time &= (time_of_week_ms >= 0) & (time_of_week_ms < SECONDS_PER_WEEK * 1000)
     whole = np.where(is_time, week, 0.0).astype(np.int64)
     in_week_ns = np.round(np.where(is_time, time_of_week_ms, 0.0) * NS_PER_MS).astype(np.int64)
     # before the leap seconds: those of a week 1024 too early are fewer
-    gps_ns = unrolled(ledger, (GPS_EPOCH_S + WEEK_S * whole) * NS_PER_S + in_week_ns, is_time)
-    return utc_of_gps(gps_ns), is_time
+    gps_ns = undo_week_rollover(ledger, (GPS_EPOCH_UNIX_S + SECONDS_PER_WEEK * whole) * NS_PER_S + in_week_ns, is_time)
+    return utc_ns_from_gps_ns(gps_ns), is_time
 
 
-def utc_of_gps(gps_ns: Int64Array) -> Int64Array:
+def utc_ns_from_gps_ns(gps_ns: Int64Array) -> Int64Array:
     """Return UTC of GPS time, (n,), both in nanoseconds since 1970."""
     # the n-th leap second has passed once GPS time, n seconds ahead, is beyond it
-    passed_ns = (LEAP_SECONDS + np.arange(1, len(LEAP_SECONDS) + 1)) * NS_PER_S
+    passed_ns = (LEAP_SECOND_INSTANTS_UNIX_S + np.arange(1, len(LEAP_SECOND_INSTANTS_UNIX_S) + 1)) * NS_PER_S
     utc_ns: Int64Array = gps_ns - np.searchsorted(passed_ns, gps_ns, side="right") * NS_PER_S
     return utc_ns
 
 
-def utc_of_date(
+def utc_ns_from_date(
     year: FloatArray, month: FloatArray, day: FloatArray, seconds_of_day: FloatArray, nano: FloatArray
 ) -> tuple[Int64Array, BoolArray]:
     """Return UTC (ns) of a calendar date, whole seconds of the day, and a fraction that may be negative.
@@ -89,15 +90,17 @@ def utc_of_date(
     return stamp_ns, is_time & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
 
 
-def unrolled(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArray) -> Int64Array:
+def undo_week_rollover(ledger: RowLedger, stamp_ns: Int64Array, is_time: BoolArray) -> Int64Array:
     """Return the stamps (n,) in ns, moved by whole rollovers of the GPS week towards the log time; moved ones are
     counted.
 
     A stamp is moved only where the log time then agrees: a recorder whose clock was never set is no reference.
     """
-    round_ns = WEEKS_A_ROUND * WEEK_S * NS_PER_S
+    round_ns = WEEKS_PER_ROLLOVER * SECONDS_PER_WEEK * NS_PER_S
     behind_ns = ledger.columns.log_time_ns - stamp_ns
     n_rounds = np.round(behind_ns / round_ns).astype(np.int64)
-    is_moved = is_time & (n_rounds != 0) & (np.abs(behind_ns - n_rounds * round_ns) < MAX_CLOCK_ERROR_S * NS_PER_S)
-    ledger.repair(is_moved, ROLLED_OVER)
+    is_moved = (
+        is_time & (n_rounds != 0) & (np.abs(behind_ns - n_rounds * round_ns) < MAX_RECORDER_CLOCK_ERROR_S * NS_PER_S)
+    )
+    ledger.count_repaired(is_moved, WEEK_ROLLOVER_REASON)
     return np.where(is_moved, stamp_ns + n_rounds * round_ns, stamp_ns)

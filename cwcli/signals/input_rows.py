@@ -7,9 +7,14 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from cwcli.registry import named
+from cwcli.registry import import_target
 from cwcli.signals.builders.base import Build, Fields, Reading
-from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP, HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.stamp_fields import (
+    CDR_FOXGLOVE_STAMP_FIELDS,
+    HEADER_STAMP_FIELDS,
+    JSON_STAMP_FIELDS,
+    PROTOBUF_STAMP_FIELDS,
+)
 
 if TYPE_CHECKING:
     from cwcli.signals.canonical import Signal
@@ -17,87 +22,101 @@ if TYPE_CHECKING:
     from cwcli.signals.quality import Quality
 
 # How far back an input stands among those of its role, see `Input.rank`: 0 is a sensor's own message in a common form.
-SUMMARY, RECEIVER, SENTENCE, FUSED, OWN_V2X, ODOMETRY = 1, 2, 3, 4, 5, 6
+RECEIVER_SUMMARY_RANK, RECEIVER_RANK, NMEA_SENTENCE_RANK, FUSED_INS_RANK, OWN_V2X_RANK, ODOMETRY_RANK = 1, 2, 3, 4, 5, 6
 """The ranks of inputs for one role (see `Input.rank`): a receiver's summary message, its own messages, NMEA, its fusion
 with an IMU, the ego's V2X messages, an odometry. Rank 0 is a sensor's own message in a common form."""
 
-CAN_SCHEMAS = frozenset({"can_msgs/Frame", "ros2_socketcan_msgs/FdFrame"})
+CAN_FRAME_SCHEMAS = frozenset({"can_msgs/Frame", "ros2_socketcan_msgs/FdFrame"})
 """The schemas of CAN frames; a DBC file says what they mean, and the user which role they fill."""
-CAN_FIELDS = (*HEADER_STAMP, *JSON_STAMPS, "id", "is_rtr", "is_error", "is_extended", "dlc", "len", "data")
+CAN_FRAME_FIELDS = (
+    *HEADER_STAMP_FIELDS,
+    *JSON_STAMP_FIELDS,
+    "id",
+    "is_rtr",
+    "is_error",
+    "is_extended",
+    "dlc",
+    "len",
+    "data",
+)
 """The leaf fields of CAN frames."""
 
-TARGET_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
+TARGET_TOPIC_WORDS = frozenset({"target", "targets", "object", "objects", "obstacle", "obstacles"})
 """The words in a topic's name that mean other road users."""
-GIVEN_WORDS = frozenset({"initialpose", "initialpose3d", "goal", "checkpoint", "checkpoints", "waypoint"})
+COMMANDED_POSE_TOPIC_WORDS = frozenset(
+    {"initialpose", "initialpose3d", "goal", "checkpoint", "checkpoints", "waypoint"}
+)
 """The words in a topic's name that mean a pose that was commanded and not measured."""
-GNSS_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
+GNSS_TOPIC_WORDS = frozenset({"gps", "gnss", "ins", "navsat", "ublox", "novatel", "septentrio", "enu", "map"})
 """The words in a topic's name that mean a receiver, whose twist is a velocity over ground."""
 
 
-def in_signals(name: str) -> Any:
+def load_from_signals(name: str) -> Any:
     """Import and return `module.name` of this package."""
-    return named(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
+    return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
-def builder(name: str) -> Build:
+def lazy_builder(name: str) -> Build:
     """Return the builder `module.name`, imported when a channel is built, because binding (`cwcli info`) needs no
     NumPy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = in_signals(f"builders.{name}")(columns, reading)
+        made: tuple[Signal, Quality] = load_from_signals(f"builders.{name}")(columns, reading)
         return made
 
     return build
 
 
-def v2x_builder(maker: str, codec: str) -> Build:
+def lazy_v2x_builder(maker: str, codec: str) -> Build:
     """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = in_signals(f"builders.v2x.{maker}")(in_signals(codec))(columns, reading)
+        made: tuple[Signal, Quality] = load_from_signals(f"builders.v2x.{maker}")(load_from_signals(codec))(
+            columns, reading
+        )
         return made
 
     return build
 
 
-class LaterFields(Mapping[str, tuple[str, ...]]):
+class LazyFields(Mapping[str, tuple[str, ...]]):
     """Leaf fields that are looked up in a codec's tables when they are first needed."""
 
     def __init__(self, find: Callable[[], Fields]) -> None:
         self._find = find
 
     @cached_property
-    def _found(self) -> Fields:
+    def _loaded_fields(self) -> Fields:
         return self._find()
 
     def __getitem__(self, encoding: str) -> tuple[str, ...]:
-        return self._found[encoding]
+        return self._loaded_fields[encoding]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
+        return iter(self._loaded_fields)
 
     def __len__(self) -> int:
-        return len(self._found)
+        return len(self._loaded_fields)
 
 
 def is_gnss_topic(topic: str) -> bool:
     """Return whether a topic's twist is taken for a velocity over ground before its frame_id is known."""
-    return not GNSS_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
+    return not GNSS_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
-def is_measured_topic(topic: str) -> bool:
+def is_measured_pose_topic(topic: str) -> bool:
     """Return whether a topic's pose is measured, and not a commanded or wanted one."""
-    return GIVEN_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
+    return COMMANDED_POSE_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
-def is_vehicle_topic(topic: str) -> bool:
+def is_body_twist_topic(topic: str) -> bool:
     """Return whether a topic's twist is taken for a body twist before its frame_id is known."""
     return not is_gnss_topic(topic)
 
 
 def is_target_topic(topic: str) -> bool:
     """Return whether a truth topic is about other road users."""
-    return not TARGET_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
+    return not TARGET_TOPIC_WORDS.isdisjoint(re.split(r"[/_]+", topic.lower()))
 
 
 def is_ego_topic(topic: str) -> bool:
@@ -105,24 +124,24 @@ def is_ego_topic(topic: str) -> bool:
     return not is_target_topic(topic)
 
 
-def ros(*leaves: str) -> Fields:
+def ros_leaf_fields(*leaves: str) -> Fields:
     """Return the leaf fields of a ROS message with a header, by encoding: CDR, and JSON with the same names."""
-    leaf_names = (*HEADER_STAMP, "header.frame_id", *leaves)
-    return {"cdr": leaf_names, "json": (*leaf_names, *JSON_STAMPS)}
+    leaf_names = (*HEADER_STAMP_FIELDS, "header.frame_id", *leaves)
+    return {"cdr": leaf_names, "json": (*leaf_names, *JSON_STAMP_FIELDS)}
 
 
-def foxglove(*leaves: str) -> Fields:
+def foxglove_leaf_fields(*leaves: str) -> Fields:
     """Return the leaf fields of a foxglove message, by encoding: protobuf, JSON and CDR (`foxglove_msgs`)."""
     return {
-        "protobuf": (*PROTOBUF_STAMP, "frame_id", *leaves),
-        "json": (*JSON_STAMPS, "frame_id", *leaves),
-        "cdr": (*CDR_FOXGLOVE_STAMP, "frame_id", *leaves),
+        "protobuf": (*PROTOBUF_STAMP_FIELDS, "frame_id", *leaves),
+        "json": (*JSON_STAMP_FIELDS, "frame_id", *leaves),
+        "cdr": (*CDR_FOXGLOVE_STAMP_FIELDS, "frame_id", *leaves),
     }
 
 
-def xyz(path: str) -> tuple[str, ...]:
+def xyz_leaf_paths(path: str) -> tuple[str, ...]:
     return tuple(f"{path}.{axis}" for axis in "xyz")
 
 
-def quaternion(path: str) -> tuple[str, ...]:
+def quaternion_leaf_paths(path: str) -> tuple[str, ...]:
     return tuple(f"{path}.{axis}" for axis in "xyzw")

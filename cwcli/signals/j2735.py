@@ -14,14 +14,14 @@ import numpy as np
 
 from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, strings_from
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, encode_strings
 from cwcli.signals.covariances import covariance_from_ellipse
-from cwcli.signals.leaf_fields import bits_of, is_one_of, numbers, texts
+from cwcli.signals.leaf_fields import is_accepted_text, numbers_to_bit_flags, read_numbers, read_texts
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import Element, decode, hold
-from cwcli.signals.v2x_time import or_log_time, stamp_from_dsecond
+from cwcli.signals.v2x_elements import Element, decode_element, validate_decoded
+from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
 
 ELEMENTS: dict[str, Element] = {
     "latitude_deg": Element("Latitude", 1e-7, 1, -900_000_000, 900_000_000, (900_000_001,)),
@@ -41,12 +41,12 @@ ELEMENTS: dict[str, Element] = {
 """The data element of each coded quantity of a BSM (SAE J2735)."""
 MIN_SEMI_AXIS_M = 0.05
 """The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
-REVERSE_GEARS = 3
+REVERSE_GEARS_CODE = 3
 """The code of TransmissionState for reverse gears."""
-COUNT_MODULUS = 128
+MESSAGE_COUNT_MODULUS = 128
 """The number of values of a sender's message count (DE_MsgCount)."""
 
-JSON_PREFIXES = (
+JSON_BSM_PREFIXES = (
     "",
     "BasicSafetyMessage.",
     "value.BasicSafetyMessage.",
@@ -56,7 +56,7 @@ JSON_PREFIXES = (
     "payload.data.MessageFrame.value.BasicSafetyMessage.",
 )
 """The path prefixes behind which a JSON message can have a BSM."""
-JSON_RAW: dict[str, str] = {
+JSON_RAW_PATHS: dict[str, str] = {
     "station": "coreData.id",
     "count": "coreData.msgCnt",
     "dsecond_ms": "coreData.secMark",
@@ -76,7 +76,7 @@ JSON_RAW: dict[str, str] = {
     "length_m": "coreData.size.length",
 }
 """The leaf fields of a JSON BSM with the standard's names and codes, by quantity."""
-JSON_ODE: dict[str, str] = JSON_RAW | {
+JSON_ODE_PATHS: dict[str, str] = JSON_RAW_PATHS | {
     "latitude_deg": "coreData.position.latitude",
     "longitude_deg": "coreData.position.longitude",
     "altitude_m": "coreData.position.elevation",
@@ -85,14 +85,14 @@ JSON_ODE: dict[str, str] = JSON_RAW | {
     "yaw_rate_degps": "coreData.accelSet.accelYaw",
 }
 """The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
-REVERSE_LEAVES = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
+REVERSE_GEAR_OBJECT_PATHS = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
 """The leaf fields of an enumeration written as an object (`{"reverseGears": ""}`), as in JSON made from XER."""
-ODE_SOURCE = "metadata.bsmSource"
+ODE_SOURCE_PATH = "metadata.bsmSource"
 """The leaf field in which the ODE says who sent a BSM."""
-OWN_SOURCE = "ev"
+ODE_OWN_SOURCE = "ev"
 """The text of that field for the recording vehicle, in lower case."""
 
-ROS: dict[str, str] = {
+ROS_PATHS: dict[str, str] = {
     "station": "core_data.id",
     "count": "core_data.msg_count",
     "dsecond_ms": "core_data.sec_mark",
@@ -112,7 +112,7 @@ ROS: dict[str, str] = {
     "length_m": "core_data.size.vehicle_length",
 }
 """The leaf fields of `j2735_v2x_msgs/BSM` and `carma_v2x_msgs/BSM`, by quantity."""
-CARMA_PRESENCE: dict[str, tuple[str, int]] = {
+CARMA_PRESENCE_BITS: dict[str, tuple[str, int]] = {
     "dsecond_ms": ("core_data.presence_vector", 1),
     "latitude_deg": ("core_data.presence_vector", 2),
     "longitude_deg": ("core_data.presence_vector", 4),
@@ -129,88 +129,104 @@ CARMA_PRESENCE: dict[str, tuple[str, int]] = {
     "length_m": ("core_data.size.presence_vector", 2),
 }
 """The presence field of `carma_v2x_msgs`, and the bit that is set when the value is there, by quantity."""
-M_PER_ODE_SIZE = 0.01
+M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
-PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
+EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
 """The quantities that give place and time of an event flag."""
 
 
-def json_fields() -> tuple[str, ...]:
+def json_bsm_leaf_fields() -> tuple[str, ...]:
     """Return the paths of every leaf in which a JSON BSM can have its data."""
-    leaves = (*JSON_RAW.values(), *JSON_ODE.values(), *REVERSE_LEAVES)
-    core = dict.fromkeys(prefix + leaf for prefix in JSON_PREFIXES for leaf in leaves)
-    return (ODE_SOURCE, *core, *bsm_flags.json_fields(JSON_PREFIXES))
+    leaves = (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
+    core = dict.fromkeys(prefix + leaf for prefix in JSON_BSM_PREFIXES for leaf in leaves)
+    return (ODE_SOURCE_PATH, *core, *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES))
 
 
-def identify_json(columns: Columns) -> Senders:
+def identify_json_senders(columns: Columns) -> Senders:
     """Return the senders of a JSON channel; the ODE says which messages the ego sent (`bsmSource` EV)."""
-    return _senders(columns, *(prefix + JSON_RAW["station"] for prefix in JSON_PREFIXES))
+    return _make_senders(columns, *(prefix + JSON_RAW_PATHS["station"] for prefix in JSON_BSM_PREFIXES))
 
 
-def identify_ros(columns: Columns) -> Senders:
+def identify_ros_senders(columns: Columns) -> Senders:
     """Return the senders of a ROS channel; an id is four octets in hexadecimal."""
-    return _senders(columns, ROS["station"])
+    return _make_senders(columns, ROS_PATHS["station"])
 
 
-def decode_json(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_json_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a JSON channel, in codes or in units, as its field names tell (`lat`, or `position.latitude`)."""
-    for prefix in JSON_PREFIXES:
-        if prefix + JSON_ODE["latitude_deg"] in columns.fields:
-            return _from_ode(columns, ledger, prefix)
-        if prefix + JSON_RAW["latitude_deg"] in columns.fields:
-            return _from_raw(columns, ledger, {name: prefix + leaf for name, leaf in JSON_RAW.items()}, prefix)
-    return _from_raw(columns, ledger, JSON_RAW, "")
+    for prefix in JSON_BSM_PREFIXES:
+        if prefix + JSON_ODE_PATHS["latitude_deg"] in columns.fields:
+            return _decode_ode_units(columns, ledger, prefix)
+        if prefix + JSON_RAW_PATHS["latitude_deg"] in columns.fields:
+            return _decode_raw_codes(
+                columns, ledger, {name: prefix + leaf for name, leaf in JSON_RAW_PATHS.items()}, prefix
+            )
+    return _decode_raw_codes(columns, ledger, JSON_RAW_PATHS, "")
 
 
-def decode_ros(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_ros_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `j2735_v2x_msgs/BSM` channel (raw integers)."""
-    return _from_raw(columns, ledger, ROS, "")
+    return _decode_raw_codes(columns, ledger, ROS_PATHS, "")
 
 
-def decode_carma(columns: Columns, ledger: RowLedger) -> RemoteRows:
+def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
     """Decode a `carma_v2x_msgs/BSM` channel: degrees, metres, m/s, degrees/s, J2735's signs, and presence flags."""
-    return _rows(columns, ledger, _held(_carma_values(columns), ledger), ROS, "")
+    return _make_remote_rows(
+        columns, ledger, _validate_decoded_values(_read_carma_values(columns), ledger), ROS_PATHS, ""
+    )
 
 
-def _carma_values(columns: Columns) -> dict[str, FloatArray]:
+def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     """Read the values that the presence flags say are there."""
-    value = {name: numbers(columns, ROS[name]) for name in (*ELEMENTS, "dsecond_ms")}
-    for name, (path, bit) in CARMA_PRESENCE.items():
-        flags = numbers(columns, path)
-        is_there = (bits_of(flags) & bit) != 0
+    value = {name: read_numbers(columns, ROS_PATHS[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    for name, (path, bit) in CARMA_PRESENCE_BITS.items():
+        flags = read_numbers(columns, path)
+        is_there = (numbers_to_bit_flags(flags) & bit) != 0
         value[name] = np.where(is_there, value[name], np.nan)
     return value
 
 
-def json_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_json_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a JSON channel with place and time, and which messages' flags can't be read."""
-    paths = JSON_RAW
-    for prefix in JSON_PREFIXES:
-        for each in (JSON_RAW, JSON_ODE):
+    paths = JSON_RAW_PATHS
+    for prefix in JSON_BSM_PREFIXES:
+        for each in (JSON_RAW_PATHS, JSON_ODE_PATHS):
             if prefix + each["latitude_deg"] in columns.fields:
                 paths = {name: prefix + leaf for name, leaf in each.items()}
-    value = {name: numbers(columns, paths[name]) for name in PLACE_AND_TIME}
-    if paths["latitude_deg"].endswith(JSON_RAW["latitude_deg"]):
-        value = _decoded_place(value)
-    return _flag_events(columns, bsm_flags.json_flags(columns, JSON_PREFIXES), identify_json(columns).station, value)
+    value = {name: read_numbers(columns, paths[name]) for name in EVENT_PLACE_AND_TIME}
+    if paths["latitude_deg"].endswith(JSON_RAW_PATHS["latitude_deg"]):
+        value = _decode_event_place(value)
+    return _make_flag_events(
+        columns,
+        bsm_flags.read_json_event_flags(columns, JSON_BSM_PREFIXES),
+        identify_json_senders(columns).station,
+        value,
+    )
 
 
-def ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_ros_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `j2735_v2x_msgs/BSM` channel."""
-    value = _decoded_place({name: numbers(columns, ROS[name]) for name in PLACE_AND_TIME})
-    return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, value)
+    value = _decode_event_place({name: read_numbers(columns, ROS_PATHS[name]) for name in EVENT_PLACE_AND_TIME})
+    return _make_flag_events(
+        columns, bsm_flags.read_ros_event_flags(columns), identify_ros_senders(columns).station, value
+    )
 
 
-def carma_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
+def read_carma_flag_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
     """Read the event flags of a `carma_v2x_msgs/BSM` channel."""
-    return _flag_events(columns, bsm_flags.ros_flags(columns), identify_ros(columns).station, _carma_values(columns))
+    return _make_flag_events(
+        columns,
+        bsm_flags.read_ros_event_flags(columns),
+        identify_ros_senders(columns).station,
+        _read_carma_values(columns),
+    )
 
 
-def _decoded_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
-    return {name: decode(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
+def _decode_event_place(value: dict[str, FloatArray]) -> dict[str, FloatArray]:
+    return {name: decode_element(ELEMENTS[name], raw) if name in ELEMENTS else raw for name, raw in value.items()}
 
 
-def _flag_events(
+def _make_flag_events(
     columns: Columns, flags: tuple[Int64Array, BoolArray], station: Strings, value: dict[str, FloatArray]
 ) -> tuple[RoadEvents, BoolArray]:
     """Build one event for each flag, at its message's time (log time where it has none) and place (degrees)."""
@@ -218,47 +234,52 @@ def _flag_events(
     stamp_ns = np.where(has_time, stamp_ns, columns.log_time_ns)
     place = value["latitude_deg"], value["longitude_deg"]
     codes, is_unread = flags
-    return bsm_flags.flag_events(codes, station, stamp_ns, columns.log_time_ns, *place), is_unread
+    return bsm_flags.events_from_flag_bits(codes, station, stamp_ns, columns.log_time_ns, *place), is_unread
 
 
-def _from_ode(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
+def _decode_ode_units(columns: Columns, ledger: RowLedger, prefix: str) -> RemoteRows:
     """Decode the ODE's units: degrees, metres, m/s, m/s^2, degrees/s, size in cm; null where unavailable."""
-    paths = {name: prefix + leaf for name, leaf in JSON_ODE.items()}
-    value = {name: numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
+    paths = {name: prefix + leaf for name, leaf in JSON_ODE_PATHS.items()}
+    value = {name: read_numbers(columns, paths[name]) for name in (*ELEMENTS, "dsecond_ms")}
     for name in ("width_m", "length_m"):
-        value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE, np.nan)
-    return _rows(columns, ledger, _held(value, ledger), paths, prefix)
+        value[name] = np.where(value[name] > 0, value[name] * M_PER_ODE_SIZE_STEP, np.nan)
+    return _make_remote_rows(columns, ledger, _validate_decoded_values(value, ledger), paths, prefix)
 
 
-def _from_raw(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
-    value = {name: decode(element, numbers(columns, paths[name]), ledger) for name, element in ELEMENTS.items()}
-    value["dsecond_ms"] = numbers(columns, paths["dsecond_ms"])
-    return _rows(columns, ledger, value, paths, prefix)
+def _decode_raw_codes(columns: Columns, ledger: RowLedger, paths: dict[str, str], prefix: str) -> RemoteRows:
+    value = {
+        name: decode_element(element, read_numbers(columns, paths[name]), ledger) for name, element in ELEMENTS.items()
+    }
+    value["dsecond_ms"] = read_numbers(columns, paths["dsecond_ms"])
+    return _make_remote_rows(columns, ledger, value, paths, prefix)
 
 
-def _held(value: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
+def _validate_decoded_values(value: dict[str, FloatArray], ledger: RowLedger) -> dict[str, FloatArray]:
     """Return decoded values with cwcli's signs; those outside the standard's range become NaN and are counted."""
-    return {name: hold(ELEMENTS[name], array, ledger) if name in ELEMENTS else array for name, array in value.items()}
+    return {
+        name: validate_decoded(ELEMENTS[name], array, ledger) if name in ELEMENTS else array
+        for name, array in value.items()
+    }
 
 
-def _rows(
+def _make_remote_rows(
     columns: Columns, ledger: RowLedger, value: dict[str, FloatArray], paths: dict[str, str], prefix: str
 ) -> RemoteRows:
     """Build the canonical rows from values in degrees and metres with cwcli's signs."""
     n_rows = len(columns)
     nothing = np.full(n_rows, np.nan)
-    count = numbers(columns, paths["count"])
+    count = read_numbers(columns, paths["count"])
     stamp_ns, has_time = stamp_from_dsecond(value["dsecond_ms"], columns.log_time_ns)
-    yaw_unfilled = _yaw_unfilled(value, _stations(columns, paths["station"])) & ledger.keep
+    yaw_unfilled = _is_unfilled_yaw_rate(value, _read_stations(columns, paths["station"])) & ledger.keep
     if yaw_unfilled.any():
-        ledger.note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
+        ledger.add_note(f"{np.count_nonzero(yaw_unfilled)} messages have a yaw rate of 0 that is taken as not measured")
     speed_mps = value["speed_mps"]
     return RemoteRows(
-        stamp_ns=or_log_time(ledger, stamp_ns, has_time),
+        stamp_ns=message_time_or_log_time(ledger, stamp_ns, has_time),
         latitude_deg=value["latitude_deg"],
         longitude_deg=value["longitude_deg"],
         altitude_m=value["altitude_m"],
-        speed_mps=np.where(_is_reverse(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
+        speed_mps=np.where(_is_reverse_gear(columns, paths["transmission"], prefix), -speed_mps, speed_mps),
         heading_rad=heading_from_compass_deg(value["heading_compass_deg"]),
         accel_mps2=value["accel_mps2"],
         lateral_accel_mps2=value["lateral_accel_mps2"],
@@ -274,23 +295,23 @@ def _rows(
         heading_sigma_rad=nothing,
         accel_sigma_mps2=nothing,
         yaw_rate_sigma_radps=nothing,
-        message_count=np.where((count >= 0) & (count < COUNT_MODULUS), count, np.nan),
+        message_count=np.where((count >= 0) & (count < MESSAGE_COUNT_MODULUS), count, np.nan),
     )
 
 
-def _senders(columns: Columns, *paths: str) -> Senders:
+def _make_senders(columns: Columns, *paths: str) -> Senders:
     return Senders(
-        station=_stations(columns, *paths),
-        is_own=is_one_of(texts(columns, ODE_SOURCE), len(columns), OWN_SOURCE),
+        station=_read_stations(columns, *paths),
+        is_own=is_accepted_text(read_texts(columns, ODE_SOURCE_PATH), len(columns), ODE_OWN_SOURCE),
         is_roadside=np.zeros(len(columns), dtype=np.bool_),
     )
 
 
-def _stations(columns: Columns, *paths: str) -> Strings:
-    return texts(columns, *paths) or strings_from([""] * len(columns))
+def _read_stations(columns: Columns, *paths: str) -> Strings:
+    return read_texts(columns, *paths) or encode_strings([""] * len(columns))
 
 
-def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
+def _is_unfilled_yaw_rate(value: dict[str, FloatArray], station: Strings) -> BoolArray:
     """Return where a yaw rate of 0 means that it is not measured.
 
     J2735 has no code for an unavailable yaw rate, and senders without a gyroscope send 0: a station that never sends
@@ -305,16 +326,16 @@ def _yaw_unfilled(value: dict[str, FloatArray], station: Strings) -> BoolArray:
     return unfilled
 
 
-def _is_reverse(columns: Columns, path: str, prefix: str) -> BoolArray:
+def _is_reverse_gear(columns: Columns, path: str, prefix: str) -> BoolArray:
     """Return where the gear is reverse: as a name, as the number 3, or as an object with that name."""
-    is_named = is_one_of(texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS))
-    as_object = texts(columns, *(prefix + leaf for leaf in REVERSE_LEAVES))
+    is_named = is_accepted_text(read_texts(columns, path), len(columns), "reversegears", str(REVERSE_GEARS_CODE))
+    as_object = read_texts(columns, *(prefix + leaf for leaf in REVERSE_GEAR_OBJECT_PATHS))
     return is_named if as_object is None else is_named | (as_object.codes >= 0)
 
 
-JSON_BSM = V2xCodec(identify_json, decode_json, events=json_events)
+JSON_BSM = V2xCodec(identify_json_senders, decode_json_bsm, events=read_json_flag_events)
 """The codec of JSON channels of BSMs."""
-ROS_BSM = V2xCodec(identify_ros, decode_ros, events=ros_events)
+ROS_BSM = V2xCodec(identify_ros_senders, decode_ros_bsm, events=read_ros_flag_events)
 """The codec of `j2735_v2x_msgs/BSM` channels."""
-CARMA_BSM = V2xCodec(identify_ros, decode_carma, events=carma_events)
+CARMA_BSM = V2xCodec(identify_ros_senders, decode_carma_bsm, events=read_carma_flag_events)
 """The codec of `carma_v2x_msgs/BSM` channels."""

@@ -14,13 +14,13 @@ import numpy as np
 
 from cwcli.errors import DataError
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, strings_from
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, encode_strings
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-_SECONDS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
+_SECONDS_PATHS = ("header.stamp.sec", "header.stamp.secs", "timestamp.seconds", "timestamp.sec", "stamp.sec")
 """The leaf fields that can hold the seconds of a message's time, in order of preference."""
-_NANOSECONDS = (
+_NANOSECONDS_PATHS = (
     "header.stamp.nanosec",
     "header.stamp.nsecs",
     "header.stamp.nsec",
@@ -31,11 +31,11 @@ _NANOSECONDS = (
 )
 """The leaf fields that can hold the nanoseconds of a message's time, in order of preference."""
 
-LARGEST_WHOLE = 2.0**53
+MAX_EXACT_INTEGER = 2.0**53
 """The number up to which a double holds every whole number."""
 
 
-def find(columns: Columns, *paths: str) -> Field | None:
+def find_field(columns: Columns, *paths: str) -> Field | None:
     """Return the first of these fields that the columns hold, or None."""
     for path in paths:
         field = columns.fields.get(path)
@@ -44,7 +44,7 @@ def find(columns: Columns, *paths: str) -> Field | None:
     return None
 
 
-def numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray:
+def read_numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray:
     """Read a field as numbers (n,): the first of `paths` that is there, NaN where absent or not a number.
 
     Strings that spell numbers are read as such (JSON written from XER does that).
@@ -52,18 +52,18 @@ def numbers(columns: Columns, *paths: str, required: bool = False) -> FloatArray
     Raises:
         DataError: It is required, and not there as numbers.
     """
-    field = find(columns, *paths)
+    field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
         return field.astype(np.float64)
     if required:
-        raise unusable(columns, paths[0])
+        raise unusable_field_error(columns, paths[0])
     if isinstance(field, Strings):
-        spelled = np.array([_parse_number(text) for text in field.values] + [np.nan])
-        return spelled[field.codes]
+        parsed_values = np.array([_parse_number_or_nan(text) for text in field.values] + [np.nan])
+        return parsed_values[field.codes]
     return np.full(len(columns), np.nan)
 
 
-def whole_numbers(columns: Columns, *paths: str, required: bool = False) -> tuple[Int64Array, BoolArray]:
+def read_integers(columns: Columns, *paths: str, required: bool = False) -> tuple[Int64Array, BoolArray]:
     """Read a field as int64, exactly where it is an integer column.
 
     Returns:
@@ -72,21 +72,21 @@ def whole_numbers(columns: Columns, *paths: str, required: bool = False) -> tupl
     Raises:
         DataError: It is required, and not there as numbers.
     """
-    field = find(columns, *paths)
+    field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1 and np.issubdtype(field.dtype, np.integer):
         largest = np.iinfo(np.int64).max
         beyond = field.view(np.int64) < 0 if field.dtype == np.uint64 else np.zeros(len(field), np.bool_)
         return np.where(beyond, largest, field.astype(np.int64)), ~beyond
-    values = numbers(columns, *paths, required=required)
+    values = read_numbers(columns, *paths, required=required)
     is_valid = np.isfinite(values) & (np.abs(values) < 9e18)
     return np.where(is_valid, values, 0.0).astype(np.int64), is_valid
 
 
 @overload
-def texts(columns: Columns, *paths: str, required: Literal[True]) -> Strings: ...
+def read_texts(columns: Columns, *paths: str, required: Literal[True]) -> Strings: ...
 @overload
-def texts(columns: Columns, *paths: str, required: Literal[False] = False) -> Strings | None: ...
-def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | None:
+def read_texts(columns: Columns, *paths: str, required: Literal[False] = False) -> Strings | None: ...
+def read_texts(columns: Columns, *paths: str, required: bool = False) -> Strings | None:
     """Read a field as n strings, None when there is none; numbers become integers, byte sequences hexadecimal.
 
     Args:
@@ -97,44 +97,44 @@ def texts(columns: Columns, *paths: str, required: bool = False) -> Strings | No
     Raises:
         DataError: It is required, and not there as strings.
     """
-    field = find(columns, *paths)
+    field = find_field(columns, *paths)
     if isinstance(field, Strings):
         return field
     if required:
-        raise unusable(columns, paths[0])
+        raise unusable_field_error(columns, paths[0])
     if field is None:
         return None
     if isinstance(field, Ragged):
-        octets, is_octet = _octets(field.values)
+        octets, is_octet = _numbers_to_octets(field.values)
         spans = list(pairwise(field.offsets.tolist()))
-        return strings_from(octets[i:j].hex() if is_octet[i:j].all() else "" for i, j in spans)
+        return encode_strings(octets[i:j].hex() if is_octet[i:j].all() else "" for i, j in spans)
     if field.ndim == 2:
-        data, good = _octets(field.ravel())
+        data, good = _numbers_to_octets(field.ravel())
         width = field.shape[1]
         rows = ((k * width, (k + 1) * width) for k in range(len(field)))
-        return strings_from(data[i:j].hex() if good[i:j].all() else "" for i, j in rows)
-    return spelled(field.astype(np.float64))
+        return encode_strings(data[i:j].hex() if good[i:j].all() else "" for i, j in rows)
+    return format_numbers(field.astype(np.float64))
 
 
-def bits_of(values: FloatArray) -> Int64Array:
+def numbers_to_bit_flags(values: FloatArray) -> Int64Array:
     """Return numbers (n,) as bit flags; a number that is not whole, negative or too large has none set."""
-    is_whole = (values >= 0.0) & (values < LARGEST_WHOLE) & (values == np.floor(values))
+    is_whole = (values >= 0.0) & (values < MAX_EXACT_INTEGER) & (values == np.floor(values))
     return np.where(is_whole, values, 0.0).astype(np.int64)
 
 
-def spelled(values: FloatArray) -> Strings:
+def format_numbers(values: FloatArray) -> Strings:
     """Format numbers (n,) as texts, whole ones as integers; absent where not finite. Different numbers get different
     texts."""
     distinct, codes = np.unique(values, return_inverse=True)
-    is_whole = (distinct == np.floor(distinct)) & (np.abs(distinct) < LARGEST_WHOLE)
+    is_whole = (distinct == np.floor(distinct)) & (np.abs(distinct) < MAX_EXACT_INTEGER)
     each = zip(distinct.tolist(), is_whole.tolist(), strict=True)
-    words = strings_from(
+    words = encode_strings(
         [str(int(value)) if whole else repr(value) if isfinite(value) else "" for value, whole in each]
     )
     return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
 
 
-def _octets(values: NumericArray) -> tuple[bytes, BoolArray]:
+def _numbers_to_octets(values: NumericArray) -> tuple[bytes, BoolArray]:
     """Return numbers (n,) as octets, and which of them (n,) are valid octets."""
     if values.dtype.itemsize == 1:
         return values.tobytes(), np.ones(len(values), np.bool_)
@@ -143,7 +143,7 @@ def _octets(values: NumericArray) -> tuple[bytes, BoolArray]:
     return np.where(is_octet, numbers, 0.0).astype(np.uint8).tobytes(), is_octet
 
 
-def unusable(columns: Columns, name: str) -> DataError:
+def unusable_field_error(columns: Columns, name: str) -> DataError:
     """Return the error for a channel of cwcli's that lacks a field or has another in its place: another version wrote
     it."""
     return DataError(
@@ -153,7 +153,7 @@ def unusable(columns: Columns, name: str) -> DataError:
     )
 
 
-def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
+def is_accepted_text(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
     """Return where a string field has one of the accepted values (lower case, compared without case), shape (n,)."""
     if field is None:
         return np.zeros(n_rows, dtype=np.bool_)
@@ -162,7 +162,7 @@ def is_one_of(field: Strings | None, n_rows: int, *accepted: str) -> BoolArray:
     return result
 
 
-def matrix(columns: Columns, path: str, width: int | None = None, *, required: bool = False) -> FloatArray:
+def read_matrix(columns: Columns, path: str, width: int | None = None, *, required: bool = False) -> FloatArray:
     """Read a repeated numeric field as shape (n, width); rows of another length are NaN.
 
     Args:
@@ -174,7 +174,7 @@ def matrix(columns: Columns, path: str, width: int | None = None, *, required: b
     Raises:
         DataError: It is required, and a row has it not.
     """
-    field = find(columns, path)
+    field = find_field(columns, path)
     n = len(columns)
     if isinstance(field, np.ndarray) and field.ndim == 2 and width in (None, field.shape[1]):
         return np.asarray(field, np.float64)
@@ -185,14 +185,14 @@ def matrix(columns: Columns, path: str, width: int | None = None, *, required: b
     if isinstance(field, Ragged) and len(rows) == n:
         return np.asarray(field.values, np.float64).reshape(n, width)
     if required:
-        raise unusable(columns, path)
+        raise unusable_field_error(columns, path)
     out = np.full((n, width), np.nan)
     if isinstance(field, Ragged):
         out[rows] = field.values[field.offsets[rows, None] + np.arange(width)]
     return out
 
 
-def row_of(field: Field | None, row: int) -> FloatArray:
+def numbers_of_row(field: Field | None, row: int) -> FloatArray:
     """Return the numbers of a repeated numeric field in one message, empty when there are none."""
     if row < 0 or field is None or isinstance(field, Strings):
         return np.zeros(0)
@@ -201,22 +201,22 @@ def row_of(field: Field | None, row: int) -> FloatArray:
     return np.atleast_1d(field[row].astype(np.float64))
 
 
-def vector(columns: Columns, path: str, names: tuple[str, ...] = ("x", "y", "z")) -> FloatArray:
+def read_vector(columns: Columns, path: str, names: tuple[str, ...] = ("x", "y", "z")) -> FloatArray:
     """Read the fields `path.x`, `path.y`, `path.z` side by side, shape (n, 3)."""
-    return np.stack([numbers(columns, f"{path}.{name}") for name in names], axis=1)
+    return np.stack([read_numbers(columns, f"{path}.{name}") for name in names], axis=1)
 
 
-def frame_id(columns: Columns, *paths: str) -> str:
+def read_frame_id(columns: Columns, *paths: str) -> str:
     """Read the frame that the first row with one names, "" when there is none. A leading slash (ROS 1, tf) is
     removed."""
-    field = find(columns, *(paths or ("header.frame_id", "frame_id")))
+    field = find_field(columns, *(paths or ("header.frame_id", "frame_id")))
     if not isinstance(field, Strings):
         return ""
     named = field.codes[field.codes >= 0]
     return field.values[int(named[0])].lstrip("/") if len(named) else ""
 
 
-def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def read_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """Read the messages' own time (`header.stamp`, `timestamp`).
 
     Returns:
@@ -225,9 +225,9 @@ def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """
     text = columns.fields.get("timestamp")
     if isinstance(text, Strings):
-        return iso_times(text)
-    seconds, has_seconds = whole_numbers(columns, *_SECONDS)
-    nanoseconds, _ = whole_numbers(columns, *_NANOSECONDS)
+        return parse_iso_times(text)
+    seconds, has_seconds = read_integers(columns, *_SECONDS_PATHS)
+    nanoseconds, _ = read_integers(columns, *_NANOSECONDS_PATHS)
     max_s = MAX_STAMP_NS // NS_PER_S
     in_range = has_seconds & (np.abs(seconds) < max_s) & (np.abs(nanoseconds) < MAX_STAMP_NS)
     in_range &= (seconds == 0) | ((nanoseconds >= 0) & (nanoseconds <= NS_PER_S))
@@ -235,25 +235,25 @@ def stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     return stamp_ns, in_range & (stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS)
 
 
-def iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
+def parse_iso_times(field: Strings) -> tuple[Int64Array, BoolArray]:
     """Parse ISO 8601 times in UTC (`2018-05-01T16:04:10.894Z`, or ending in `[UTC]` or `+00:00`) into ns since 1970.
 
     Returns:
         Times and whether they could be read, both of shape (n,).
     """
-    parsed = np.array([_parse_iso(text) for text in field.values] + [0], dtype=np.int64)
+    parsed = np.array([_parse_iso_time_ns(text) for text in field.values] + [0], dtype=np.int64)
     stamp_ns = parsed[field.codes]
     return stamp_ns, stamp_ns >= MIN_STAMP_NS
 
 
-def _parse_number(text: str) -> float:
+def _parse_number_or_nan(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         return float("nan")
 
 
-def _parse_iso(text: str) -> int:
+def _parse_iso_time_ns(text: str) -> int:
     body = text.strip().removesuffix("[UTC]").removesuffix("Z").removesuffix("+00:00")
     try:
         stamp = np.datetime64(body, "ns")

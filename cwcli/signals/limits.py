@@ -27,13 +27,15 @@ MAX_ANGLE_RAD = 1e6
 MAX_SIZE_M = 1e3
 """Length, width, and distance of the axle from the middle of a road user."""
 
-NOT_FINITE = "value not a number"
+NOT_FINITE_REASON = "value not a number"
 """The reason for rejecting a value that is not a number."""
-OUT_OF_RANGE = "value out of range"
+OUT_OF_RANGE_REASON = "value out of range"
 """The reason for rejecting a value beyond its limit."""
 
 
-def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unless: BoolArray | None = None) -> None:
+def reject_rows_beyond_limit(
+    ledger: RowLedger, values: FloatArray, limit: float, *, unless: BoolArray | None = None
+) -> None:
     """Reject the rows with a value that is not finite or beyond the limit.
 
     Args:
@@ -44,11 +46,11 @@ def reject_unusable(ledger: RowLedger, values: FloatArray, limit: float, *, unle
     """
     table = values[:, None] if values.ndim == 1 else values
     is_asked: BoolArray = np.ones(len(values), dtype=np.bool_) if unless is None else ~unless
-    ledger.reject(is_asked & ~np.isfinite(table).all(axis=1), NOT_FINITE)
-    ledger.reject(is_asked & (np.abs(table) > limit).any(axis=1), OUT_OF_RANGE)
+    ledger.reject(is_asked & ~np.isfinite(table).all(axis=1), NOT_FINITE_REASON)
+    ledger.reject(is_asked & (np.abs(table) > limit).any(axis=1), OUT_OF_RANGE_REASON)
 
 
-def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:
+def nan_beyond_limit(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> FloatArray:
     """Return the values (n,), NaN where not finite or beyond the limit; those beyond it are counted as repairs.
 
     Args:
@@ -59,5 +61,5 @@ def within(ledger: RowLedger, values: FloatArray, limit: float, name: str) -> Fl
     """
     with np.errstate(invalid="ignore"):
         is_beyond = np.isfinite(values) & (np.abs(values) > limit)
-    ledger.repair(is_beyond, f"{name} out of range, left out")
+    ledger.count_repaired(is_beyond, f"{name} out of range, left out")
     return np.where(np.isfinite(values) & ~is_beyond, values, np.nan)

@@ -9,22 +9,22 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.signals.clocks import MAX_STAMP_NS
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
-from cwcli.signals.leaf_fields import find, numbers, stamps
-from cwcli.signals.mapping import MAPPED, FieldMapping, Term
+from cwcli.signals.leaf_fields import find_field, read_numbers, read_stamps
+from cwcli.signals.mapping import MAPPED_QUANTITIES_BY_ROLE, FieldMapping, Term
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.resample import resample
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
-PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
+SECONDS_AND_NANOSECONDS_NAMES = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"))
 """The names that seconds and nanoseconds of a time have in different encodings."""
-MOST_STEPS = 2.5
+MAX_INTERPOLATED_STEPS = 2.5
 """The largest gap that is interpolated, in usual steps of the channel: one message may be missing."""
-SUBSECONDS = ("header.stamp.sec", "header.stamp.nanosec")
+HEADER_STAMP_PATHS = ("header.stamp.sec", "header.stamp.nanosec")
 """The paths of seconds and nanoseconds in a ROS header."""
 
 
-def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
+def apply_mapping(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
     """Convert a channel to the message that `mapping` makes of it.
 
     Args:
@@ -37,32 +37,37 @@ def mapped(columns: Columns, mapping: FieldMapping) -> tuple[Columns, bool]:
     Raises:
         UsageError: A field is not there, or holds no numbers.
     """
-    quantities = MAPPED[mapping.role]
-    values = mapped_values(columns, mapping)
+    quantities = MAPPED_QUANTITIES_BY_ROLE[mapping.role]
+    values = read_mapped_values(columns, mapping)
     fields: dict[str, Field] = dict(values)
     if mapping.role == Role.EGO_HEADING:
         half = 0.5 * values["yaw"]
         with np.errstate(invalid="ignore"):
             fields = {"quaternion.z": np.sin(half), "quaternion.w": np.cos(half)}
         fields |= {f"quaternion.{axis}": 0.0 * half for axis in "xy"}
-    stamp_ns, has_stamp = _stamps(columns, mapping)
+    stamp_ns, has_stamp = _read_mapped_stamps(columns, mapping)
     is_stamped = bool(has_stamp.any()) or bool(mapping.stamp)
     if is_stamped:
         whole, rest = np.divmod(np.where(has_stamp, stamp_ns, 0), NS_PER_S)
-        fields |= dict(zip(SUBSECONDS, (whole, rest), strict=True))
+        fields |= dict(zip(HEADER_STAMP_PATHS, (whole, rest), strict=True))
     return replace(columns, schema_name=quantities.schema, fields=fields), is_stamped
 
 
-def mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, FloatArray]:
+def read_mapped_values(columns: Columns, mapping: FieldMapping) -> dict[str, FloatArray]:
     """Read the quantities that a mapping names of its channel, by field, (n,) each.
 
     Raises:
         UsageError: A field is not there, or holds no numbers.
     """
-    return {name: _values(columns, mapping, term) for name, term in zip(mapping.names, mapping.terms, strict=True)}
+    return {
+        name: _read_term_values(columns, mapping, term)
+        for name, term in zip(mapping.target_field_names, mapping.terms, strict=True)
+    }
 
 
-def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapping) -> tuple[Columns, str]:
+def add_quantities_of_channel(
+    made: Columns, is_stamped: bool, columns: Columns, part: FieldMapping
+) -> tuple[Columns, str]:
     """Add the quantities of another channel at the columns' times; return the columns and a note.
 
     Interpolated between two messages of it that are next to each other, or have one missing between them; NaN
@@ -71,17 +76,17 @@ def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapp
     Raises:
         UsageError: A field is not there, or holds no numbers.
     """
-    values = mapped_values(columns, part)
-    stamp_ns, has_stamp = _stamps(columns, part)
-    own_ns, own_has = stamps(made)
+    values = read_mapped_values(columns, part)
+    stamp_ns, has_stamp = _read_mapped_stamps(columns, part)
+    own_ns, own_has = read_stamps(made)
     is_by_stamp = is_stamped and bool(has_stamp.any())
     their_ns = np.where(has_stamp, stamp_ns, columns.log_time_ns) if is_by_stamp else columns.log_time_ns
     at_ns = np.where(own_has, own_ns, made.log_time_ns) if is_by_stamp else made.log_time_ns
     order = np.argsort(their_ns, kind="stable")
     steps_s = np.diff(their_ns[order]) / NS_PER_S
-    gap_s = MOST_STEPS * float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else 0.0
+    gap_s = MAX_INTERPOLATED_STEPS * float(np.median(steps_s[steps_s > 0.0])) if (steps_s > 0.0).any() else 0.0
     fields: dict[str, Field] = dict(made.fields)
-    kinds = MAPPED[part.role].fields
+    kinds = MAPPED_QUANTITIES_BY_ROLE[part.role].fields
     for name, each in values.items():
         turn = np.pi / 180.0 if kinds[name] == "place" else 1.0  # a longitude goes on from 180 to -180 degrees
         at = resample(their_ns[order], turn * each[order], at_ns, max_gap_s=gap_s, is_angle=kinds[name] == "place")
@@ -91,26 +96,26 @@ def with_part(made: Columns, is_stamped: bool, columns: Columns, part: FieldMapp
     return replace(made, fields=fields), note
 
 
-def _values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:
+def _read_term_values(columns: Columns, mapping: FieldMapping, term: Term) -> FloatArray:
     """Read one quantity, (n,); NaN where the message has none."""
     field = columns.fields.get(term.path)
     if len(columns) and (field is None or (isinstance(field, Strings) and term.index is not None)):
-        raise _no_numbers(columns, mapping, term)
+        raise _no_numbers_error(columns, mapping, term)
     if isinstance(field, Ragged) or (isinstance(field, np.ndarray) and field.ndim == 2):
         if term.index is None:
-            raise _no_numbers(columns, mapping, term)
-        values = _element(field, term.index)
+            raise _no_numbers_error(columns, mapping, term)
+        values = _element_of_each_sequence(field, term.index)
     elif term.index is not None and len(columns):
-        raise _no_numbers(columns, mapping, term)
+        raise _no_numbers_error(columns, mapping, term)
     else:
-        values = numbers(columns, term.path)
+        values = read_numbers(columns, term.path)
     if len(values) and not np.isfinite(values).any():
-        raise _no_numbers(columns, mapping, term)
+        raise _no_numbers_error(columns, mapping, term)
     with np.errstate(over="ignore", invalid="ignore"):
         return term.factor * values + term.offset
 
 
-def _element(field: Ragged | NumericArray, index: int) -> FloatArray:
+def _element_of_each_sequence(field: Ragged | NumericArray, index: int) -> FloatArray:
     """Return an element of each sequence, NaN where the sequence is shorter."""
     if not isinstance(field, Ragged):
         n, width = field.shape
@@ -121,14 +126,14 @@ def _element(field: Ragged | NumericArray, index: int) -> FloatArray:
     return out
 
 
-def _stamps(columns: Columns, mapping: FieldMapping) -> tuple[Int64Array, BoolArray]:
+def _read_mapped_stamps(columns: Columns, mapping: FieldMapping) -> tuple[Int64Array, BoolArray]:
     if not mapping.stamp:
-        return stamps(columns)
-    for whole, rest in PAIRS:
-        if find(columns, f"{mapping.stamp}.{whole}") is not None:
+        return read_stamps(columns)
+    for whole, rest in SECONDS_AND_NANOSECONDS_NAMES:
+        if find_field(columns, f"{mapping.stamp}.{whole}") is not None:
             names = (f"{mapping.stamp}.{whole}", f"{mapping.stamp}.{rest}")
-            own = {name: columns.fields.get(path) for name, path in zip(SUBSECONDS, names, strict=True)}
-            return stamps(replace(columns, fields={name: each for name, each in own.items() if each is not None}))
+            own = {name: columns.fields.get(path) for name, path in zip(HEADER_STAMP_PATHS, names, strict=True)}
+            return read_stamps(replace(columns, fields={name: each for name, each in own.items() if each is not None}))
     field = columns.fields.get(mapping.stamp)
     if not isinstance(field, np.ndarray) or field.ndim != 1:
         if len(columns):
@@ -141,7 +146,7 @@ def _stamps(columns: Columns, mapping: FieldMapping) -> tuple[Int64Array, BoolAr
     return np.round(np.where(in_range, counted, 0.0) * mapping.stamp_unit_ns).astype(np.int64), in_range
 
 
-def _no_numbers(columns: Columns, mapping: FieldMapping, term: Term) -> UsageError:
+def _no_numbers_error(columns: Columns, mapping: FieldMapping, term: Term) -> UsageError:
     place = term.path if term.index is None else f"{term.path}[{term.index}]"
     return UsageError(
         f"--map {mapping.role}={mapping.text}: {columns.schema_name or 'the message'} has no number in {place}",

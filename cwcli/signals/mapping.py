@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 
 from cwcli.errors import UsageError, names_hint
 from cwcli.signals.role import Role
-from cwcli.signals.stamp_fields import HEADER_STAMP, JSON_STAMPS, PROTOBUF_STAMP
+from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
 from cwcli.signals.units import MPS_PER_KMH, STANDARD_GRAVITY_MPS2
 
-UNITS: dict[str, dict[str, float]] = {
+UNIT_FACTORS_BY_KIND: dict[str, dict[str, float]] = {
     "speed": {"mps": 1.0, "kmh": MPS_PER_KMH, "mph": 0.44704, "knots": 1852.0 / 3600.0, "mmps": 1e-3, "cmps": 1e-2},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "mrad": 1e-3},
     "turn rate": {"radps": 1.0, "degps": math.pi / 180.0},
@@ -34,14 +34,14 @@ UNITS: dict[str, dict[str, float]] = {
     "height": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
 }
 """The factor of each unit to cwcli's unit (m/s, rad, rad/s, m/s^2, degrees, m), by kind of quantity."""
-NEXT = "|"
+MAPPING_SEPARATOR = "|"
 """The character between two mappings of a role."""
-TIME_UNITS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
+NS_PER_TIME_UNIT = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 """The nanoseconds of each unit of time."""
 
 
 @dataclass(frozen=True)
-class Quantities:
+class MappedQuantities:
     """The message and the quantities that a mapping of a role gives.
 
     Attributes:
@@ -55,19 +55,19 @@ class Quantities:
     n_needed: int = 1
 
 
-MAPPED: dict[str, Quantities] = {
-    Role.EGO_POSITION: Quantities(
+MAPPED_QUANTITIES_BY_ROLE: dict[str, MappedQuantities] = {
+    Role.EGO_POSITION: MappedQuantities(
         "sensor_msgs/NavSatFix", {"latitude": "place", "longitude": "place", "altitude": "height"}, 2
     ),
-    Role.EGO_VELOCITY: Quantities(
+    Role.EGO_VELOCITY: MappedQuantities(
         "geometry_msgs/TwistStamped", {"twist.linear.x": "speed", "twist.linear.y": "speed"}, 2
     ),
-    Role.EGO_SPEED: Quantities(
+    Role.EGO_SPEED: MappedQuantities(
         "autoware_vehicle_msgs/VelocityReport", {"longitudinal_velocity": "speed", "heading_rate": "turn rate"}
     ),
-    Role.EGO_HEADING: Quantities("geometry_msgs/QuaternionStamped", {"yaw": "angle"}),
-    Role.EGO_STEER: Quantities("autoware_vehicle_msgs/SteeringReport", {"steering_tire_angle": "angle"}),
-    Role.IMU: Quantities(
+    Role.EGO_HEADING: MappedQuantities("geometry_msgs/QuaternionStamped", {"yaw": "angle"}),
+    Role.EGO_STEER: MappedQuantities("autoware_vehicle_msgs/SteeringReport", {"steering_tire_angle": "angle"}),
+    Role.IMU: MappedQuantities(
         "sensor_msgs/Imu",
         {f"linear_acceleration.{axis}": "acceleration" for axis in "xyz"}
         | {f"angular_velocity.{axis}": "turn rate" for axis in "xyz"},
@@ -75,23 +75,23 @@ MAPPED: dict[str, Quantities] = {
     ),
 }
 """The quantities that can be mapped, by role."""
-_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
+_NUMBER_PATTERN = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?"
 """The pattern of a number without a sign."""
-_NAME = r"[A-Za-z_]\w*"
+_NAME_PATTERN = r"[A-Za-z_]\w*"
 """The pattern of a field's name."""
-_PATH = rf"{_NAME}(?:\.{_NAME})*"
+_PATH_PATTERN = rf"{_NAME_PATTERN}(?:\.{_NAME_PATTERN})*"
 """The pattern of a dotted path."""
 # compiled when they are first used: binding imports this at every start
-_TERM = (
-    rf"(?P<sign>-?)(?P<path>{_PATH})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER}|{_NAME}))*)"
-    rf"(?P<offset>[+-]{_NUMBER})?(?P<unit>(?<=[\d.]){_NAME})?"
+_TERM_PATTERN = (
+    rf"(?P<sign>-?)(?P<path>{_PATH_PATTERN})(?:\[(?P<index>\d{{1,4}})\])?(?P<scales>(?:[*/](?:{_NUMBER_PATTERN}|{_NAME_PATTERN}))*)"
+    rf"(?P<offset>[+-]{_NUMBER_PATTERN})?(?P<unit>(?<=[\d.]){_NAME_PATTERN})?"
 )
 """The pattern of one quantity: sign, path, index, scales, offset and unit."""
-_STAMP = rf"(?P<path>{_PATH})(?:\*(?P<unit>s|ms|us|ns))?"
+_STAMP_PATTERN = rf"(?P<path>{_PATH_PATTERN})(?:\*(?P<unit>s|ms|us|ns))?"
 """The pattern of the time's field and its unit."""
-_SCALE = rf"([*/])({_NUMBER}|{_NAME})"
+_SCALE_PATTERN = rf"([*/])({_NUMBER_PATTERN}|{_NAME_PATTERN})"
 """The pattern of one scale: a sign, and a number or unit."""
-_STAMPED = (*HEADER_STAMP, *PROTOBUF_STAMP, *JSON_STAMPS)
+_USUAL_STAMP_FIELDS = (*HEADER_STAMP_FIELDS, *PROTOBUF_STAMP_FIELDS, *JSON_STAMP_FIELDS)
 """The leaf fields of a message's usual time."""
 
 
@@ -139,24 +139,24 @@ class FieldMapping:
     parts: tuple[FieldMapping, ...] = ()
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def target_field_names(self) -> tuple[str, ...]:
         """Return the fields of the message that the terms become."""
-        return tuple(MAPPED[self.role].fields)[self.first : self.first + len(self.terms)]
+        return tuple(MAPPED_QUANTITIES_BY_ROLE[self.role].fields)[self.first : self.first + len(self.terms)]
 
     @property
-    def n_given(self) -> int:
+    def count_given_quantities(self) -> int:
         """Return how many of the role's quantities the mapping and its parts give."""
         return len(self.terms) + sum(len(part.terms) for part in self.parts)
 
     @property
-    def fields(self) -> tuple[str, ...]:
+    def leaf_fields(self) -> tuple[str, ...]:
         """Return the leaf fields to load."""
         times = ("sec", "nanosec", "secs", "nsecs", "nsec")
-        own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _STAMPED
+        own = (self.stamp, *(f"{self.stamp}.{name}" for name in times)) if self.stamp else _USUAL_STAMP_FIELDS
         return (*own, *(term.path for term in self.terms))
 
 
-def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
+def merge_mapping_options(options: Sequence[str], files: Sequence[str], name_of_option: str = "--map") -> list[str]:
     """Return the `ROLE=/topic:field` of each role, followed by the files that describe CAN messages.
 
     Several options of one role become one, with a | between them.
@@ -167,34 +167,38 @@ def with_files(options: Sequence[str], files: Sequence[str], name_of_option: str
     texts: dict[str, list[str]] = {}
     for option in options:
         role, separator, text = option.partition("=")
-        if not separator or not is_mapping(text):
+        if not separator or not is_field_mapping(text):
             raise UsageError(
-                f"{name_of_option} {option}: expected ROLE=/topic:field", hint=f"roles: {', '.join(MAPPED)}"
+                f"{name_of_option} {option}: expected ROLE=/topic:field",
+                hint=f"roles: {', '.join(MAPPED_QUANTITIES_BY_ROLE)}",
             )
-        texts.setdefault(role, []).extend(";".join((one.strip(), *files)) for one in text.split(NEXT))
-    joined = {role: NEXT.join(each) for role, each in texts.items()}
+        texts.setdefault(role, []).extend(";".join((one.strip(), *files)) for one in text.split(MAPPING_SEPARATOR))
+    joined = {role: MAPPING_SEPARATOR.join(each) for role, each in texts.items()}
     for role, text in joined.items():
-        parse_mappings(role, text)
+        parse_field_mappings(role, text)
     return [f"{role}={text}" for role, text in joined.items()]
 
 
-def is_mapping(text: str) -> bool:
+def is_field_mapping(text: str) -> bool:
     """Return whether the text behind a role names fields as well."""
     return ":" in text
 
 
-def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
+def parse_field_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     """Parse the text behind a role's `=`: each source, with its parts.
 
     Raises:
         UsageError: It is malformed, has too few or too many quantities, or a unit that does not measure them.
     """
-    quantities = MAPPED.get(role)
+    quantities = MAPPED_QUANTITIES_BY_ROLE.get(role)
     if quantities is None:
-        raise UsageError(f"--map {role}: its fields can't be mapped", hint=names_hint(role, MAPPED, "roles that can"))
+        raise UsageError(
+            f"--map {role}: its fields can't be mapped",
+            hint=names_hint(role, MAPPED_QUANTITIES_BY_ROLE, "roles that can"),
+        )
     sources: list[FieldMapping] = []
-    for one in text.split(NEXT):
-        n_before = sources[-1].n_given if sources else quantities.n_needed
+    for one in text.split(MAPPING_SEPARATOR):
+        n_before = sources[-1].count_given_quantities if sources else quantities.n_needed
         n_left_out = len(found.group(1)) if (found := re.search(r":\s*(,+)", one)) else 0
         if n_left_out and (not sources or n_left_out != n_before):
             raise UsageError(
@@ -202,15 +206,15 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
                 hint=f"the {n_left_out} before it must be given in an earlier mapping",
             )
         if n_before < quantities.n_needed or n_left_out:
-            part = _one(role, one.strip(), quantities, n_before)
+            part = _parse_channel_mapping(role, one.strip(), quantities, n_before)
             sources[-1] = replace(sources[-1], parts=(*sources[-1].parts, part))
         else:
-            sources.append(_one(role, one.strip(), quantities, 0))
+            sources.append(_parse_channel_mapping(role, one.strip(), quantities, 0))
     for source in sources:
-        if source.n_given < quantities.n_needed:
+        if source.count_given_quantities < quantities.n_needed:
             wanted = ", ".join(quantities.fields)
             raise UsageError(
-                f"--map {role}={source.text}: {source.n_given} fields for {wanted}",
+                f"--map {role}={source.text}: {source.count_given_quantities} fields for {wanted}",
                 hint="separate them by commas, or give --map once more for those of another channel",
             )
     topics = [source.topic for source in sources]
@@ -220,53 +224,55 @@ def parse_mappings(role: str, text: str) -> tuple[FieldMapping, ...]:
     return tuple(sources)
 
 
-def _one(role: str, text: str, quantities: Quantities, first: int) -> FieldMapping:
+def _parse_channel_mapping(role: str, text: str, quantities: MappedQuantities, first: int) -> FieldMapping:
     """Parse the mapping of one channel, whose terms are the role's quantities from `first` on."""
     rest, *files = text.split(";")
     topic, _, rest = rest.partition(":")
     said, at, stamp_text = rest.partition("@")
-    stamp = re.fullmatch(_STAMP, stamp_text)
+    stamp = re.fullmatch(_STAMP_PATTERN, stamp_text)
     if not topic or (at and not stamp):
-        raise _malformed(role, text, stamp_text or topic)
+        raise _malformed_mapping_error(role, text, stamp_text or topic)
     given, kinds = said.strip().lstrip(",").split(","), tuple(quantities.fields.values())[first:]
     if len(given) > len(kinds):
         wanted = ", ".join(tuple(quantities.fields)[first:])
         raise UsageError(f"--map {role}={text}: {len(given)} fields for {wanted}", hint="separate them by commas")
-    terms = tuple(_term(role, text, part.strip(), kind) for part, kind in zip(given, kinds, strict=False))
-    unit = TIME_UNITS[stamp["unit"]] if stamp and stamp["unit"] else TIME_UNITS["s"]
+    terms = tuple(_parse_term(role, text, part.strip(), kind) for part, kind in zip(given, kinds, strict=False))
+    unit = NS_PER_TIME_UNIT[stamp["unit"]] if stamp and stamp["unit"] else NS_PER_TIME_UNIT["s"]
     return FieldMapping(
         role, topic, terms, stamp["path"] if stamp else "", unit, tuple(filter(None, files)), text, first
     )
 
 
-def _term(role: str, text: str, part: str, kind: str) -> Term:
-    found = re.fullmatch(_TERM, part)
+def _parse_term(role: str, text: str, part: str, kind: str) -> Term:
+    found = re.fullmatch(_TERM_PATTERN, part)
     if found is None or (found["unit"] and not found["offset"]):
-        raise _malformed(role, text, part)
+        raise _malformed_mapping_error(role, text, part)
     factor = -1.0 if found["sign"] else 1.0
-    for sign, word in re.findall(_SCALE, found["scales"]):
-        value = _value(role, text, word, kind)
+    for sign, word in re.findall(_SCALE_PATTERN, found["scales"]):
+        value = _parse_number_or_unit(role, text, word, kind)
         if value == 0.0:
-            raise _malformed(role, text, part)
+            raise _malformed_mapping_error(role, text, part)
         factor = factor * value if sign == "*" else factor / value
-    offset = float(found["offset"] or 0.0) * (_value(role, text, found["unit"], kind) if found["unit"] else 1.0)
+    offset = float(found["offset"] or 0.0) * (
+        _parse_number_or_unit(role, text, found["unit"], kind) if found["unit"] else 1.0
+    )
     if not (math.isfinite(factor) and math.isfinite(offset)):
-        raise _malformed(role, text, part)
+        raise _malformed_mapping_error(role, text, part)
     index = None if found["index"] is None else int(found["index"])
     return Term(found["path"], index, factor, offset, bool(found["scales"]))
 
 
-def _value(role: str, text: str, word: str, kind: str) -> float:
+def _parse_number_or_unit(role: str, text: str, word: str, kind: str) -> float:
     """Return a number, or the factor of a unit of this kind."""
     if word[0].isdigit() or word[0] == ".":
         return float(word)
-    if word not in UNITS[kind]:
-        known = ", ".join(UNITS[kind])
+    if word not in UNIT_FACTORS_BY_KIND[kind]:
+        known = ", ".join(UNIT_FACTORS_BY_KIND[kind])
         raise UsageError(f"--map {role}={text}: {word} is no unit of {kind}", hint=f"units: {known}, or a number")
-    return UNITS[kind][word]
+    return UNIT_FACTORS_BY_KIND[kind][word]
 
 
-def _malformed(role: str, text: str, part: str) -> UsageError:
+def _malformed_mapping_error(role: str, text: str, part: str) -> UsageError:
     return UsageError(
         f"--map {role}={text}: {part!r} can't be read",
         hint="for example --map ego_speed=/topic:field.path*0.2778, with -field, /3.6, *kmh, +1.5 or @stamp",

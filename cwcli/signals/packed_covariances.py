@@ -17,29 +17,29 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.precision import to_digits, to_step
+from cwcli.signals.precision import round_to_binary_digits, round_to_binary_step
 
 Float32Array = npt.NDArray[np.float32]
-SIGMA_DIGITS = 9
+SIGMA_BINARY_DIGITS = 9
 """The number of binary digits of a sigma: a relative step of 0.2 %. Chosen by hand."""
 CORRELATION_BITS = 9
 """The number of binary digits of a correlation: a step of 2^-9. Chosen by hand."""
 FINE_CORRELATION_BITS = 20
 """The largest number of binary digits of a correlation in a matrix that is close to singular. Chosen by hand."""
-LEAST_OWN_SHARE = 2.0**-3
+MIN_OWN_VARIANCE_SHARE = 2.0**-3
 """The share (1) of a state's variance that is not explained by the others, below which finer steps are used. Chosen by
 hand."""
-STEP_OF_EIGENVALUE = 2.0**-5
+MAX_STEP_PER_EIGENVALUE = 2.0**-5
 """The largest step of a correlation as a share (1) of the matrix's least eigenvalue. Chosen by hand."""
-SHRINKING = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
+CORRELATION_SHRINK_SHARES = (2.0**-18, 2.0**-14, 2.0**-10, 2.0**-7)
 """The shares (1) by which correlations are shrunk, one after the other, until the matrix is positive definite. Chosen
 by hand."""
-BLOCK_ROWS = 2048  # of doubles that fit the processor's cache
+ROWS_PER_BLOCK = 2048  # of doubles that fit the processor's cache
 """The number of covariances that are packed at once, so that their doubles fit the processor's cache."""
 
 
 @lru_cache(maxsize=8)
-def _upper(k: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _upper_triangle_indices(k: int) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
     rows, columns = np.triu_indices(k, 1)
     return rows.astype(np.intp), columns.astype(np.intp)
 
@@ -62,20 +62,20 @@ class PackedCovariances:
         return cls(np.empty((n, k), np.float32), np.empty((n, k * (k - 1) // 2), np.float32))
 
     @classmethod
-    def of(cls, covariance: FloatArray) -> Self:
+    def from_dense(cls, covariance: FloatArray) -> Self:
         """Pack covariances (n, k, k) to the precision above; one that is not positive definite becomes NaN."""
         n, k, _ = covariance.shape
         out = cls.empty(n, k)
-        for first in range(0, n, BLOCK_ROWS):
-            rows = slice(first, first + BLOCK_ROWS)
-            out.sigma[rows], out.correlation[rows] = _packed(covariance[rows])
+        for first in range(0, n, ROWS_PER_BLOCK):
+            rows = slice(first, first + ROWS_PER_BLOCK)
+            out.sigma[rows], out.correlation[rows] = _pack_block(covariance[rows])
         return out
 
-    def put(self, rows: npt.NDArray[np.intp], packed: PackedCovariances) -> None:
+    def fill_rows(self, rows: npt.NDArray[np.intp], packed: PackedCovariances) -> None:
         """Fill some rows with packed covariances."""
         self.sigma[rows], self.correlation[rows] = packed.sigma, packed.correlation
 
-    def rows(self, rows: Any) -> PackedCovariances:
+    def select_rows(self, rows: Any) -> PackedCovariances:
         """Return the given rows, as packed as before."""
         return PackedCovariances(self.sigma[rows], self.correlation[rows])
 
@@ -94,38 +94,38 @@ class PackedCovariances:
     def __getitem__(self, key: Any) -> FloatArray:
         rows, *inside = key if isinstance(key, tuple) else (key,)
         if isinstance(rows, int | np.integer):
-            dense = self.rows([rows]).dense()[0]
+            dense = self.select_rows([rows]).to_dense()[0]
             return np.asarray(dense[tuple(inside)]) if inside else dense
         if len(inside) == 2 and all(isinstance(each, int | np.integer) for each in inside):
-            return self.element(int(inside[0]), int(inside[1]))[rows]
-        dense = self.rows(rows).dense()
+            return self.element_of_each(int(inside[0]), int(inside[1]))[rows]
+        dense = self.select_rows(rows).to_dense()
         return np.asarray(dense[(slice(None), *inside)]) if inside else dense
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
-        return np.asarray(self.dense(), dtype)
+        return np.asarray(self.to_dense(), dtype)
 
-    def element(self, a: int, b: int) -> FloatArray:
+    def element_of_each(self, a: int, b: int) -> FloatArray:
         """Return one element of each covariance, shape (n,)."""
         k = self.sigma.shape[1]
         a, b = sorted((a % k, b % k))
         product = self.sigma[:, a].astype(np.float64) * self.sigma[:, b]
         return product if a == b else product * self.correlation[:, a * k - a * (a + 1) // 2 + b - a - 1]
 
-    def dense(self) -> FloatArray:
+    def to_dense(self) -> FloatArray:
         """Return the covariances as an array (n, k, k)."""
-        return _dense(self.sigma, self.correlation)
+        return _covariance_matrices(self.sigma, self.correlation)
 
 
 Covariances = FloatArray | PackedCovariances
 """Covariances of n states as an array (n, k, k), or packed."""
 
 
-def packed(covariance: Covariances) -> PackedCovariances:
+def pack_covariances(covariance: Covariances) -> PackedCovariances:
     """Return the covariances, packed if they are not yet."""
-    return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.of(covariance)
+    return covariance if isinstance(covariance, PackedCovariances) else PackedCovariances.from_dense(covariance)
 
 
-def variances(covariance: Covariances, states: Sequence[int]) -> FloatArray:
+def variances_of_states(covariance: Covariances, states: Sequence[int]) -> FloatArray:
     """Return the variances of some states, shape (n, states)."""
     chosen = list(states)
     if isinstance(covariance, PackedCovariances):
@@ -133,9 +133,9 @@ def variances(covariance: Covariances, states: Sequence[int]) -> FloatArray:
     return covariance[:, chosen, chosen]
 
 
-def _dense(sigma: Float32Array | FloatArray, correlation: Float32Array | FloatArray) -> FloatArray:
+def _covariance_matrices(sigma: Float32Array | FloatArray, correlation: Float32Array | FloatArray) -> FloatArray:
     n, k = sigma.shape
-    rows, columns = _upper(k)
+    rows, columns = _upper_triangle_indices(k)
     wide = sigma.astype(np.float64)
     out = np.empty((n, k, k))
     mixed = correlation * wide[:, rows] * wide[:, columns]
@@ -145,49 +145,52 @@ def _dense(sigma: Float32Array | FloatArray, correlation: Float32Array | FloatAr
     return out
 
 
-def _packed(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _pack_block(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sigmas and correlations of a few covariances."""
     k = covariance.shape[1]
-    above = _upper(k)
+    above = _upper_triangle_indices(k)
     diagonal = np.arange(k)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         exact = np.sqrt(covariance[:, diagonal, diagonal])
         full = covariance[:, above[0], above[1]] / (exact[:, above[0]] * exact[:, above[1]])
     is_finite = np.isfinite(exact).all(axis=1) & (exact > 0.0).all(axis=1) & np.isfinite(full).all(axis=1)
-    sigma, correlation = to_digits(exact, SIGMA_DIGITS), to_step(full, CORRELATION_BITS)
-    close = np.flatnonzero(is_finite & ~(_own_shares(correlation, k) >= LEAST_OWN_SHARE))
+    sigma, correlation = (
+        round_to_binary_digits(exact, SIGMA_BINARY_DIGITS),
+        round_to_binary_step(full, CORRELATION_BITS),
+    )
+    close = np.flatnonzero(is_finite & ~(_min_own_variance_shares(correlation, k) >= MIN_OWN_VARIANCE_SHARE))
     if len(close):
-        is_finite[close] &= _own_shares(full[close], k) > 0.0
-        correlation[close] = to_step(full[close], _bits(full[close], k)[:, None])
-        for share in (0.0, *SHRINKING):
-            close = close[is_finite[close] & ~(_own_shares(correlation[close], k) > 0.0)]
+        is_finite[close] &= _min_own_variance_shares(full[close], k) > 0.0
+        correlation[close] = round_to_binary_step(full[close], _correlation_bits(full[close], k)[:, None])
+        for share in (0.0, *CORRELATION_SHRINK_SHARES):
+            close = close[is_finite[close] & ~(_min_own_variance_shares(correlation[close], k) > 0.0)]
             if not len(close):
                 break
-            correlation[close] = to_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
+            correlation[close] = round_to_binary_step(full[close] * (1.0 - share), FINE_CORRELATION_BITS)
     sigma[~is_finite] = correlation[~is_finite] = np.nan
     return sigma, correlation
 
 
-def _bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
+def _correlation_bits(correlation: FloatArray, k: int) -> npt.NDArray[np.intp]:
     """Return the number of binary digits of each matrix's step, at least the usual one; all must be finite."""
-    least = np.linalg.eigvalsh(_dense(np.ones((len(correlation), k)), correlation))[:, 0]
-    step = np.clip(STEP_OF_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
+    least = np.linalg.eigvalsh(_covariance_matrices(np.ones((len(correlation), k)), correlation))[:, 0]
+    step = np.clip(MAX_STEP_PER_EIGENVALUE * least, 2.0**-FINE_CORRELATION_BITS, 2.0**-CORRELATION_BITS)
     return np.asarray(np.ceil(-np.log2(step)), np.intp)
 
 
-def _own_shares(correlation: FloatArray, k: int) -> FloatArray:
+def _min_own_variance_shares(correlation: FloatArray, k: int) -> FloatArray:
     """Return the least share of a state's variance that the states before it do not explain, (n,); NaN: not
     definite."""
-    matrices = _dense(np.ones((len(correlation), k)), correlation)
+    matrices = _covariance_matrices(np.ones((len(correlation), k)), correlation)
     matrices[~np.isfinite(correlation).all(axis=1)] = np.eye(k)
     try:
         factors = np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
-        return np.array([_own_share(matrix) for matrix in matrices])
+        return np.array([_min_own_variance_share(matrix) for matrix in matrices])
     return np.asarray(np.einsum("nkk->nk", factors).min(axis=1) ** 2)
 
 
-def _own_share(matrix: FloatArray) -> float:
+def _min_own_variance_share(matrix: FloatArray) -> float:
     try:
         return float(np.diagonal(np.linalg.cholesky(matrix)).min() ** 2)
     except np.linalg.LinAlgError:

@@ -12,25 +12,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, strings_from
-from cwcli.signals.elements import ragged
-from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, encode_strings
+from cwcli.signals.elements import find_ragged_field
+from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
-from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, nothing_told
-from cwcli.signals.v2x_elements import Element, decode_whole, station_ids
+from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
+from cwcli.signals.v2x_elements import Element, decode_whole_codes, read_station_ids
 
-EQUATOR_M = 6_378_137.0
+WGS84_EQUATOR_RADIUS_M = 6_378_137.0
 """The radius of the WGS84 ellipsoid at the equator, in metres."""
-FLATTENING = 1.0 / 298.257223563
+WGS84_FLATTENING = 1.0 / 298.257223563
 """The flattening (1) of the WGS84 ellipsoid."""
-NO_NUMBER = "object without an id"
+NO_OBJECT_ID_REASON = "object without an id"
 """The reason for setting aside an object without an id."""
-OBJECT_ID = Element("ObjectId", 1.0, 1, 0, 65_535)
+OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
 
-def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
+def columns_per_object(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
     """Return columns with one row for each object.
 
     Args:
@@ -49,18 +49,18 @@ def object_columns(columns: Columns, rows: Int64Array, made: dict[str, Field]) -
     )
 
 
-def counted(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
+def count_objects(columns: Columns, path: str) -> tuple[Int64Array, Int64Array]:
     """Count the objects of each message (n,) by a leaf that every object has, and return the message of each object
     (m,)."""
-    leaf = ragged(columns, path)
+    leaf = find_ragged_field(columns, path)
     counts = np.zeros(len(columns), np.int64) if leaf is None else np.diff(leaf.offsets).astype(np.int64)
     return counts, np.repeat(np.arange(len(columns), dtype=np.int64), counts)
 
 
-def of_objects(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
+def read_object_leaf(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
     """Read a leaf of the objects, (m,); NaN in the messages where it is there more or less often than the objects
     (n,)."""
-    leaf = ragged(columns, path)
+    leaf = find_ragged_field(columns, path)
     out = np.full(int(counts.sum()), np.nan)
     if leaf is not None:
         lengths = np.diff(leaf.offsets)
@@ -69,31 +69,34 @@ def of_objects(columns: Columns, path: str, counts: Int64Array) -> FloatArray:
     return out
 
 
-def identify(columns: Columns) -> Senders:
+def identify_objects(columns: Columns) -> Senders:
     """Return the senders of objects: each is named after its sender and its number, columns `station` and `object`."""
     n = len(columns)
-    sender = station_ids(columns, "station")
-    number = decode_whole(OBJECT_ID, numbers(columns, "object"))
+    sender = read_station_ids(columns, "station")
+    number = decode_whole_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"))
     names = (*sender.values, "unknown")
     told = [
         f"{names[code]}:{int(k)}" if np.isfinite(k) else ""
         for code, k in zip(sender.codes.tolist(), number.tolist(), strict=True)
     ]
-    return Senders(strings_from(told), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    return Senders(encode_strings(told), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 
-def object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec:
+def make_object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec:
     """Return the codec of objects, one a row; objects without an id are set aside, because they can't be tracked."""
 
     def decode_numbered(columns: Columns, ledger: RowLedger) -> RemoteRows:
-        station_ids(columns, "station", ledger=ledger)
-        ledger.set_aside(~np.isfinite(decode_whole(OBJECT_ID, numbers(columns, "object"), ledger)), NO_NUMBER)
+        read_station_ids(columns, "station", ledger=ledger)
+        ledger.set_aside(
+            ~np.isfinite(decode_whole_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"), ledger)),
+            NO_OBJECT_ID_REASON,
+        )
         return decode(columns, ledger)
 
-    return V2xCodec(identify, decode_numbered)
+    return V2xCodec(identify_objects, decode_numbered)
 
 
-def shifted(
+def shift_wgs84_positions(
     latitude_deg: FloatArray, longitude_deg: FloatArray, east_m: FloatArray, north_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return latitude and longitude (deg) of points (n,) that lie some way off others, in the tangent plane there.
@@ -102,10 +105,10 @@ def shifted(
     3 km, below 75 degrees of latitude.
     """
     latitude = np.deg2rad(latitude_deg)
-    e2 = FLATTENING * (2.0 - FLATTENING)
+    e2 = WGS84_FLATTENING * (2.0 - WGS84_FLATTENING)
     w = 1.0 - e2 * np.sin(latitude) ** 2
-    across_m = EQUATOR_M / np.sqrt(w)  # N, of the prime vertical
-    along_m = EQUATOR_M * (1.0 - e2) / w**1.5  # M, of the meridian
+    across_m = WGS84_EQUATOR_RADIUS_M / np.sqrt(w)  # N, of the prime vertical
+    along_m = WGS84_EQUATOR_RADIUS_M * (1.0 - e2) / w**1.5  # M, of the meridian
     with np.errstate(divide="ignore", invalid="ignore"):
         d_north = north_m / along_m - east_m**2 * np.tan(latitude) / (2.0 * along_m * across_m)
         d_east = east_m / (across_m * np.cos(latitude)) * (1.0 + north_m * np.tan(latitude) / along_m)
@@ -114,7 +117,7 @@ def shifted(
     return latitude_deg + np.rad2deg(d_north), np.where(is_beyond, (longitude + 180.0) % 360.0 - 180.0, longitude)
 
 
-def sum_of(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
+def add_position_covariances(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
     """Add the covariances (n, 3) of reference position and offset; NaN where the offset's is not given.
 
     A sender whose own position has no covariance counts with that of the offset alone.
@@ -122,7 +125,7 @@ def sum_of(sender_m2: FloatArray, own_m2: FloatArray) -> FloatArray:
     return own_m2 + np.where(np.isnan(sender_m2), 0.0, sender_m2)
 
 
-def object_rows(
+def make_object_rows(
     ledger: RowLedger, stamp_ns: Int64Array, delta_time_ms: FloatArray, **quantities: FloatArray
 ) -> RemoteRows:
     """Build the rows of objects (m,); what is not given is NaN.
@@ -133,18 +136,18 @@ def object_rows(
         delta_time_ms: Shape (m,): from there to the objects' own.
         quantities: Fields of `RemoteQuantities`.
     """
-    ledger.repair(np.isnan(delta_time_ms), "no measurement time, message time used")
+    ledger.count_repaired(np.isnan(delta_time_ms), "no measurement time, message time used")
     own_ns = stamp_ns + np.rint(np.nan_to_num(delta_time_ms) * NS_PER_MS).astype(np.int64)
-    return replace(nothing_told(len(stamp_ns), **quantities), stamp_ns=own_ns)
+    return replace(empty_remote_rows(len(stamp_ns), **quantities), stamp_ns=own_ns)
 
 
-def nobody(columns: Columns) -> Senders:
+def unknown_senders(columns: Columns) -> Senders:
     """Return unknown senders, for messages that do not describe their senders."""
     n = len(columns)
-    return Senders(strings_from([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    return Senders(encode_strings([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 
-def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
+def make_objects_only_codec(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
     """Return the codec of a channel whose messages describe only other objects.
 
     Args:
@@ -154,6 +157,6 @@ def messages_of(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:
 
     def set_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
         ledger.set_aside(np.ones(len(columns), np.bool_), f"{name} (objects counted separately)")
-        return nothing_told(len(columns))
+        return empty_remote_rows(len(columns))
 
-    return V2xCodec(nobody, set_messages_aside, find)
+    return V2xCodec(unknown_senders, set_messages_aside, find)

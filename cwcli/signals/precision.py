@@ -11,23 +11,23 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 
-MAX_ROUNDED = 2.0**38
+MAX_ROUNDED_MAGNITUDE = 2.0**38
 """The magnitude from which numbers are not rounded, because a double has no digit to spare there."""
 
 
-def to_step(values: FloatArray, bits: int | npt.NDArray[np.intp]) -> FloatArray:
+def round_to_binary_step(values: FloatArray, bits: int | npt.NDArray[np.intp]) -> FloatArray:
     """Return the nearest multiples of 2^-bits, with one number of bits or one per value; non-finite values stay."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.where(np.abs(values) < MAX_ROUNDED, np.rint(values * 2.0**bits) * 2.0**-bits, values)
+        return np.where(np.abs(values) < MAX_ROUNDED_MAGNITUDE, np.rint(values * 2.0**bits) * 2.0**-bits, values)
 
 
-def to_digits(values: FloatArray, bits: int) -> FloatArray:
+def round_to_binary_digits(values: FloatArray, bits: int) -> FloatArray:
     """Return the nearest numbers with so many binary digits: off by a share of 2^-bits at most."""
     share, exponent = np.frexp(values)
     return np.ldexp(np.rint(share * 2.0**bits) * 2.0**-bits, exponent)
 
 
-def plane_to_digits(covariance: FloatArray, bits: int) -> FloatArray:
+def round_plane_covariance(covariance: FloatArray, bits: int) -> FloatArray:
     """Round plane covariances (..., 3), xx xy yy, to so many binary digits: variances up, the mixed term towards zero.
 
     So xx yy > xy^2 stays true, and no ellipse becomes smaller. A variance grows by a share of 2^(1 - bits) at most.

@@ -48,7 +48,7 @@ class Quality:
         first_fault_ns: Reason (of `rejected` and `repaired`) -> log time of the first message concerned.
         notes: One line each, for the user.
         delay_s: Median of log time minus stamp over the used rows, NaN when there are none.
-        gaps: Stretches without used rows, see `signals.clocks.find_gaps`.
+        gaps: Stretches without used rows, see `signals.clocks.find_stamp_gaps`.
         objects: The counts of the objects in its messages; None where they hold none.
     """
 
@@ -75,7 +75,7 @@ class Quality:
         """The number of rejections and repairs together."""
         return sum(self.rejected.values()) + sum(self.repaired.values())
 
-    def and_of(self, other: Quality) -> Quality:
+    def combine_with(self, other: Quality) -> Quality:
         """Return these counts and others of the same channel added up."""
 
         def add_counts(one: dict[str, int], two: dict[str, int]) -> dict[str, int]:
@@ -92,7 +92,7 @@ class Quality:
             first_fault_ns={**other.first_fault_ns, **self.first_fault_ns},
         )
 
-    def rejected_unbuilt(self, reason: str, log_time_ns: Int64Array) -> None:
+    def count_rejected_before_build(self, reason: str, log_time_ns: Int64Array) -> None:
         """Count messages (by their log times, in order) that were left out before the signal was built."""
         if len(log_time_ns):
             self.read += len(log_time_ns)
@@ -114,7 +114,7 @@ class RowLedger:
             self.quality.rejected["undecodable"] = columns.n_undecodable
 
     @property
-    def rows(self) -> npt.NDArray[np.intp]:
+    def kept_rows(self) -> npt.NDArray[np.intp]:
         """The indices of the rows that are still kept, in file order."""
         return np.flatnonzero(self.keep)
 
@@ -124,16 +124,16 @@ class RowLedger:
 
     def reject_rows(self, rows: npt.NDArray[np.intp], reason: str) -> None:
         """Leave out these rows (indices of kept rows)."""
-        self._book(self.quality.rejected, rows, reason)
+        self._count_rows(self.quality.rejected, rows, reason)
         self.keep[rows] = False
 
-    def repair(self, is_repaired: BoolArray, reason: str) -> None:
+    def count_repaired(self, is_repaired: BoolArray, reason: str) -> None:
         """Count the kept rows where `is_repaired` (shape (n,)) holds."""
-        self.repair_rows(np.flatnonzero(self.keep & is_repaired), reason)
+        self.count_repaired_rows(np.flatnonzero(self.keep & is_repaired), reason)
 
-    def repair_rows(self, rows: npt.NDArray[np.intp], reason: str) -> None:
+    def count_repaired_rows(self, rows: npt.NDArray[np.intp], reason: str) -> None:
         """Count these rows (indices of kept rows) as repaired."""
-        self._book(self.quality.repaired, rows, reason)
+        self._count_rows(self.quality.repaired, rows, reason)
 
     def set_aside(self, is_other: BoolArray, reason: str) -> None:
         """Leave out sound rows that belong to another role."""
@@ -142,12 +142,12 @@ class RowLedger:
             self.quality.set_aside[reason] = self.quality.set_aside.get(reason, 0) + len(rows)
         self.keep[rows] = False
 
-    def note(self, text: str) -> None:
+    def add_note(self, text: str) -> None:
         """Add a note to the user about the whole channel."""
         self.quality.notes.append(text)
 
     @contextmanager
-    def part(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
+    def part_ledger(self, rows: npt.NDArray[np.intp], columns: Columns) -> Iterator[RowLedger]:
         """Give a ledger of some rows, with columns of their own; afterwards its counts are added here."""
         inner = RowLedger(columns, self.quality.role)
         inner.keep = self.keep[rows]
@@ -164,7 +164,7 @@ class RowLedger:
             self.quality.first_fault_ns[reason] = min(first_ns, self.quality.first_fault_ns.get(reason, first_ns))
         self.quality.notes += inner.quality.notes
 
-    def _book(self, counts: dict[str, int], rows: npt.NDArray[np.intp], reason: str) -> None:
+    def _count_rows(self, counts: dict[str, int], rows: npt.NDArray[np.intp], reason: str) -> None:
         if not len(rows):
             return
         counts[reason] = counts.get(reason, 0) + len(rows)

@@ -10,13 +10,13 @@ import numpy.typing as npt
 
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.columns import Strings
-from cwcli.signals.road_events import joined_events
+from cwcli.signals.road_events import join_road_events
 
-_OF_WHOLE = {"source", "station", "frame_id", "is_exact", "is_perceived", "events"}
+_FIELDS_NOT_PER_ROW = {"source", "station", "frame_id", "is_exact", "is_perceived", "events"}
 """The fields of a `RemoteSignal` that are not one value per row."""
 
 
-def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
+def join_remote_signals(signals: Sequence[RemoteSignal]) -> RemoteSignal:
     """Join signals into one in stamp order; a station received on two channels is one vehicle."""
     if len(signals) == 1:
         return signals[0]
@@ -29,13 +29,13 @@ def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(s, name) for s in signals])[order]
         for name in RemoteSignal.__dataclass_fields__
-        if name not in _OF_WHOLE and getattr(signals[0], name) is not None
+        if name not in _FIELDS_NOT_PER_ROW and getattr(signals[0], name) is not None
     }
     if any(s.is_perceived is not None for s in signals):
-        columns["is_perceived"] = np.concatenate([perceived_rows(s) for s in signals])[order]
+        columns["is_perceived"] = np.concatenate([perceived_rows_mask(s) for s in signals])[order]
     events = [s.events for s in signals if s.events is not None]
     return RemoteSignal(
-        events=joined_events(events) if events else None,
+        events=join_road_events(events) if events else None,
         source=", ".join(dict.fromkeys(s.source for s in signals)),
         station=Strings(codes[order], tuple(names)),
         frame_id=signals[0].frame_id,
@@ -44,21 +44,21 @@ def joined_remotes(signals: Sequence[RemoteSignal]) -> RemoteSignal:
     )
 
 
-def perceived_rows(signal: RemoteSignal) -> npt.NDArray[np.bool_]:
+def perceived_rows_mask(signal: RemoteSignal) -> npt.NDArray[np.bool_]:
     """Return which rows describe objects that others perceived, shape (n,)."""
     return np.zeros(len(signal.stamp_ns), np.bool_) if signal.is_perceived is None else signal.is_perceived
 
 
-def taken_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal:
+def select_remote_rows(signal: RemoteSignal, rows: npt.NDArray[np.intp]) -> RemoteSignal:
     """Return some rows of a signal, in the given order."""
     columns: dict[str, Any] = {
         name: None if getattr(signal, name) is None else getattr(signal, name)[rows]
         for name in RemoteSignal.__dataclass_fields__
-        if name not in _OF_WHOLE - {"is_perceived"}
+        if name not in _FIELDS_NOT_PER_ROW - {"is_perceived"}
     }
     return RemoteSignal(
         source=signal.source,
-        station=signal.station.rows(rows),
+        station=signal.station.select_rows(rows),
         events=signal.events,
         frame_id=signal.frame_id,
         is_exact=signal.is_exact,

@@ -14,7 +14,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 Method = Literal["linear", "previous", "nearest"]
-MAX_AGE_S = 0.5
+MAX_NEIGHBOUR_DISTANCE_S = 0.5
 """The largest distance in time to either neighbour, in seconds, across which a value is interpolated. Chosen by hand;
 not fitted."""
 
@@ -60,17 +60,17 @@ def resample(
     after = np.searchsorted(stamps, at_ns, side="right")
     before = after - 1
     if method == "previous":
-        index, distance_ns = _clip(before, stamps), at_ns - stamps[_clip(before, stamps)]
+        index, distance_ns = _clip_indices(before, stamps), at_ns - stamps[_clip_indices(before, stamps)]
         result = np.where((before >= 0) & (distance_ns <= max_gap_ns), samples[index], np.nan)
     elif method == "nearest":
-        index = _nearest(stamps, at_ns, before)
+        index = _nearest_sample_indices(stamps, at_ns, before)
         result = np.where(np.abs(at_ns - stamps[index]) <= max_gap_ns, samples[index], np.nan)
     else:
-        result = _linear(stamps, samples, at_ns, before, max_gap_ns, is_angle=is_angle)
+        result = _interpolate_linearly(stamps, samples, at_ns, before, max_gap_ns, is_angle=is_angle)
     return wrap_angle(result) if is_angle else result
 
 
-def _linear(
+def _interpolate_linearly(
     stamps: Int64Array,
     samples: FloatArray,
     at_ns: Int64Array,
@@ -79,7 +79,7 @@ def _linear(
     *,
     is_angle: bool,
 ) -> FloatArray:
-    left, right = _clip(before, stamps), _clip(before + 1, stamps)
+    left, right = _clip_indices(before, stamps), _clip_indices(before + 1, stamps)
     gap_ns = stamps[right] - stamps[left]
     since_ns = at_ns - stamps[left]
     is_exact = (before >= 0) & (since_ns == 0)
@@ -94,12 +94,14 @@ def _linear(
     return np.where(is_exact, samples[left], np.where(is_between, between, np.nan))
 
 
-def _nearest(stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    left, right = _clip(before, stamps), _clip(before + 1, stamps)
+def _nearest_sample_indices(
+    stamps: Int64Array, at_ns: Int64Array, before: npt.NDArray[np.intp]
+) -> npt.NDArray[np.intp]:
+    left, right = _clip_indices(before, stamps), _clip_indices(before + 1, stamps)
     return np.where(np.abs(stamps[right] - at_ns) < np.abs(at_ns - stamps[left]), right, left)
 
 
-def _clip(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
+def _clip_indices(index: npt.NDArray[np.intp], stamps: Int64Array) -> npt.NDArray[np.intp]:
     return np.clip(index, 0, len(stamps) - 1)
 
 
@@ -110,7 +112,7 @@ class Series:
     stamp_ns: Int64Array
     values: FloatArray
 
-    def at(self, stamp_ns: int) -> float:
+    def value_at_time(self, stamp_ns: int) -> float:
         """Return the value at a time, linear between two samples that are both near; NaN elsewhere."""
         if not len(self.stamp_ns):
             return float("nan")
@@ -120,7 +122,7 @@ class Series:
         if i == 0 or i == len(self.stamp_ns):
             return float("nan")
         before, after = int(self.stamp_ns[i - 1]), int(self.stamp_ns[i])
-        if max(stamp_ns - before, after - stamp_ns) > MAX_AGE_S * NS_PER_S:
+        if max(stamp_ns - before, after - stamp_ns) > MAX_NEIGHBOUR_DISTANCE_S * NS_PER_S:
             return float("nan")
         part = (stamp_ns - before) / (after - before)
         return float((1.0 - part) * self.values[i - 1] + part * self.values[i])

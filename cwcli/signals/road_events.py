@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, strings_from
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, encode_strings
 from cwcli.signals.units import NS_PER_S
 
-HARD_BRAKING = "hard braking"
+HARD_BRAKING_KIND = "hard braking"
 """The kind of an event whose sender reports that it brakes hard; warning rules use it."""
-BELIEVED_NS = 5 * NS_PER_S
+MAX_HARD_BRAKING_AGE_NS = 5 * NS_PER_S
 """The time after its stamp for which a report of hard braking is believed, in ns. Chosen: at 0.4 g a car loses 20 m/s
 within 5 s, and one that brakes on reports it again; a DENM's usual validity (600 s) is meant for obstacles."""
 
@@ -48,39 +48,39 @@ class RoadEvents:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
+    def select_rows(self, rows: npt.NDArray[np.intp]) -> RoadEvents:
         """Return some of the events, in the given order."""
         made: dict[str, Any] = {}
         for name in (entry.name for entry in fields(self)):
             each = getattr(self, name)
-            made[name] = each.rows(rows) if isinstance(each, Strings) else each[rows]
+            made[name] = each.select_rows(rows) if isinstance(each, Strings) else each[rows]
         return RoadEvents(**made)
 
 
-def no_events() -> RoadEvents:
+def empty_road_events() -> RoadEvents:
     """Return a table without events."""
     times, nothing = np.zeros(0, np.int64), np.zeros(0)
-    return RoadEvents(strings_from([]), strings_from([]), times, times, times, *(nothing,) * 5)
+    return RoadEvents(encode_strings([]), encode_strings([]), times, times, times, *(nothing,) * 5)
 
 
-def joined_events(parts: Sequence[RoadEvents]) -> RoadEvents:
+def join_road_events(parts: Sequence[RoadEvents]) -> RoadEvents:
     """Join several tables into one, by stamp."""
     if not parts:
-        return no_events()
+        return empty_road_events()
     made: dict[str, Any] = {}
     for name in (entry.name for entry in fields(RoadEvents)):
         values = [getattr(part, name) for part in parts]
-        made[name] = _texts(values) if isinstance(values[0], Strings) else np.concatenate(values)
+        made[name] = _join_strings(values) if isinstance(values[0], Strings) else np.concatenate(values)
     whole = RoadEvents(**made)
-    return whole.rows(np.argsort(whole.stamp_ns, kind="stable"))
+    return whole.select_rows(np.argsort(whole.stamp_ns, kind="stable"))
 
 
-def _texts(parts: Sequence[Strings]) -> Strings:
+def _join_strings(parts: Sequence[Strings]) -> Strings:
     named = [((*part.values, ""), part.codes.tolist()) for part in parts]
-    return strings_from([values[code] for values, codes in named for code in codes])
+    return encode_strings([values[code] for values, codes in named for code in codes])
 
 
-def says_hard_braking(
+def hard_braking_states_mask(
     events: RoadEvents, station: str, stamp_ns: Int64Array, log_time_ns: Int64Array
 ) -> npt.NDArray[np.bool_] | None:
     """Return at which states (m,) a station had reported that it brakes hard, as far as was known; None where it never
@@ -91,16 +91,16 @@ def says_hard_braking(
         station: The station's id.
         stamp_ns, log_time_ns: Shape (m,): of its states, and when each was known.
     """
-    if station not in events.station.values or HARD_BRAKING not in events.kind.values:
+    if station not in events.station.values or HARD_BRAKING_KIND not in events.kind.values:
         return None
     is_own = events.station.codes == events.station.values.index(station)
-    rows = np.flatnonzero(is_own & (events.kind.codes == events.kind.values.index(HARD_BRAKING)))
+    rows = np.flatnonzero(is_own & (events.kind.codes == events.kind.values.index(HARD_BRAKING_KIND)))
     if not len(rows):
         return None
     says = np.zeros(len(stamp_ns), np.bool_)
     for row in rows:
         begin_ns = events.stamp_ns[row]
-        until_ns = min(events.until_ns[row], begin_ns + BELIEVED_NS)
+        until_ns = min(events.until_ns[row], begin_ns + MAX_HARD_BRAKING_AGE_NS)
         if np.isfinite(events.cause[row]) and until_ns <= begin_ns:
             continue  # a DENM that takes another back
         first, last = np.searchsorted(stamp_ns, [begin_ns, until_ns + 1])

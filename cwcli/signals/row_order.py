@@ -12,7 +12,7 @@ from cwcli.signals.columns import Int64Array, Strings
 Rows = npt.NDArray[np.intp]
 
 
-def rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
+def iter_rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
     """Yield each id and the indices of its rows, in order of first appearance."""
     if not len(ids):
         return
@@ -22,14 +22,14 @@ def rows_by_id(ids: Strings) -> Iterator[tuple[str, Rows]]:
         yield ids.values[code], rows
 
 
-def rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
+def sort_rows_by_stamp(stamp_ns: Int64Array, rows: Rows | None = None) -> Rows:
     """Return all rows, or those given, in the order of their stamps, only the first of each stamp."""
     chosen = np.arange(len(stamp_ns)) if rows is None else rows
     ordered = chosen[np.argsort(stamp_ns[chosen], kind="stable")]
     return ordered[np.concatenate(([True], np.diff(stamp_ns[ordered]) > 0))] if len(ordered) else ordered
 
 
-def tracks_of(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, Rows]]:
+def iter_track_rows(ids: Strings, stamp_ns: Int64Array) -> Iterator[tuple[str, Rows]]:
     """Yield each id and the indices of its rows, in the order of their stamps, only the first of each stamp."""
-    for name, rows in rows_by_id(ids):
-        yield name, rows_by_stamp(stamp_ns, rows)
+    for name, rows in iter_rows_by_id(ids):
+        yield name, sort_rows_by_stamp(stamp_ns, rows)

@@ -1,9 +1,9 @@
 """The names of the leaf fields that hold a message's time."""
 
-HEADER_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+HEADER_STAMP_FIELDS = ("header.stamp.sec", "header.stamp.nanosec")
 """The leaf fields of a ROS 2 header's time; those of JSON and ROS 1 bridges (`secs`, `nsecs`, `nsec`) are in
-`JSON_STAMPS`."""
-JSON_STAMPS = (
+`JSON_STAMP_FIELDS`."""
+JSON_STAMP_FIELDS = (
     "header.stamp.secs",
     "header.stamp.nsecs",
     "header.stamp.nsec",
@@ -13,7 +13,7 @@ JSON_STAMPS = (
     "timestamp.nanosec",
 )
 """The further leaf fields of a time in JSON messages."""
-PROTOBUF_STAMP = ("timestamp.seconds", "timestamp.nanos")
+PROTOBUF_STAMP_FIELDS = ("timestamp.seconds", "timestamp.nanos")
 """The leaf fields of a time in foxglove's protobuf messages."""
-CDR_FOXGLOVE_STAMP = ("timestamp.sec", "timestamp.nanosec")
+CDR_FOXGLOVE_STAMP_FIELDS = ("timestamp.sec", "timestamp.nanosec")
 """The leaf fields of a time in `foxglove_msgs`."""

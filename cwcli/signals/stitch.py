@@ -23,41 +23,41 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-MAX_PAUSE_S = 3.0
+MAX_ID_CHANGE_PAUSE_S = 3.0
 """The longest pause between the last message of an id and the first of the next, in seconds: messages come ten times a
 second, and a station may be silent while it changes its id. Chosen by hand."""
-MOST_DISTANCE = 18.5
+MAX_SQUARED_DISTANCE = 18.5
 """The largest squared distance of a pair, in its own sigmas: the 0.999 quantile of chi-square with four degrees of
 freedom (east, north, speed, heading)."""
-LEAST_ODDS = 13.8
+MIN_SQUARED_DISTANCE_MARGIN = 13.8
 """The amount by which the squared distances of every other pairing must be greater: a likelihood ratio of 1000."""
-POSITION_SIGMA_M = 1.5
+DEFAULT_POSITION_SIGMA_M = 1.5
 """The error (one sigma) of a position whose message gives none, in metres: that of receivers with correction signals.
 Chosen by hand."""
-SPEED_SIGMA_MPS, HEADING_SIGMA_RAD = 0.5, np.deg2rad(3.0)
+REPORTED_SPEED_SIGMA_MPS, REPORTED_HEADING_SIGMA_RAD = 0.5, np.deg2rad(3.0)
 """The errors (one sigma) of a reported speed in m/s and heading in rad. Chosen by hand; not fitted."""
-MANOEUVRE_MPS2 = 2.0
+UNKNOWN_ACCEL_SIGMA_MPS2 = 2.0
 """The sigma of an acceleration that the message does not give, along and across, in m/s^2. Chosen by hand; not
 fitted."""
-ACCEL_SIGMA_MPS2, JERK_MPS3 = 0.5, 1.5
+KNOWN_ACCEL_SIGMA_MPS2, JERK_SIGMA_MPS3 = 0.5, 1.5
 """The sigma of an acceleration that the message gives, with its delay, in m/s^2, and of its change, in m/s^3. Chosen by
 hand; not fitted."""
-LEAST_TURNING_MPS = 1.0
+MIN_SPEED_FOR_HEADING_MPS = 1.0
 """The speed in m/s below which a heading says little, because senders freeze it at standstill. Chosen by hand."""
-SAME_SIZE_M = 0.2
+MAX_SIZE_DIFFERENCE_M = 0.2
 """The largest difference of lengths or widths of one vehicle, in metres. Chosen by hand; not fitted."""
-NEVER = 1e9
+IMPOSSIBLE_PAIR_COST = 1e9
 """The finite cost of an impossible pair, which the solver needs."""
-RIVAL = MOST_DISTANCE + LEAST_ODDS
+MAX_RIVAL_SQUARED_DISTANCE = MAX_SQUARED_DISTANCE + MIN_SQUARED_DISTANCE_MARGIN
 """The squared distance beyond which a pair can't be followed, nor make another pairing doubtful."""
-BLOCK_PAIRS = 1 << 17
+PAIRS_PER_BLOCK = 1 << 17
 """The number of pairs that are compared at once; they take about 30 MB."""
-MOST_PAIRS = 1_000_000_000
+MAX_PAIRS = 1_000_000_000
 """The largest number of pairs that are compared; more would take minutes. Chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Stitched:
+class StitchedSignal:
     """A signal in which the changed ids of one vehicle are joined.
 
     Attributes:
@@ -72,7 +72,7 @@ class Stitched:
 
 
 @dataclass(frozen=True)
-class _Ends:
+class _EndMessages:
     """One message of each id, its first or its last; every array has a row for each id."""
 
     stamp_ns: Int64Array
@@ -86,9 +86,9 @@ class _Ends:
     length_m: FloatArray
     width_m: FloatArray
 
-    def at(self, rows: npt.NDArray[np.intp]) -> _Ends:
+    def select_rows(self, rows: npt.NDArray[np.intp]) -> _EndMessages:
         """Return some of the rows, in this order."""
-        return _Ends(*(getattr(self, each.name)[rows] for each in fields(self)))
+        return _EndMessages(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class _Candidates:
     distance: FloatArray
 
 
-def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
+def join_changed_ids(signal: RemoteSignal, local_map: LocalMap | None) -> StitchedSignal:
     """Join the ids of vehicles that changed theirs.
 
     Args:
@@ -113,7 +113,7 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
         local_map: The map for WGS84 positions; None where the signal is Cartesian.
 
     Raises:
-        UsageError: There are more than `MOST_PAIRS`.
+        UsageError: There are more than `MAX_PAIRS`.
     """
     used, station_of = np.unique(signal.station.codes, return_inverse=True)
     names = [signal.station.values[code] for code in used]
@@ -122,8 +122,10 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
     codes = station_of[order]
     first = order[np.searchsorted(codes, np.arange(n))]
     last = order[np.searchsorted(codes, np.arange(n), side="right") - 1]
-    found = _candidates(_ends(signal, last, local_map), _ends(signal, first, local_map))
-    follower, n_undecided = _decided(found, n)
+    found = _find_candidate_pairs(
+        _read_end_messages(signal, last, local_map), _read_end_messages(signal, first, local_map)
+    )
+    follower, n_undecided = _choose_followers(found, n)
     root = np.arange(n, dtype=np.int32)
     ended = np.flatnonzero(follower >= 0)
     for k in ended[np.argsort(signal.stamp_ns[last[ended]], kind="stable")]:
@@ -131,10 +133,10 @@ def stitch(signal: RemoteSignal, local_map: LocalMap | None) -> Stitched:
     kept, codes_of = np.unique(root, return_inverse=True)
     station = Strings(codes_of.astype(np.int32)[station_of], tuple(names[k] for k in kept))
     joined = tuple((names[k], names[follower[k]]) for k in ended)
-    return Stitched(replace(signal, station=station), joined, n_undecided)
+    return StitchedSignal(replace(signal, station=station), joined, n_undecided)
 
 
-def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> _Ends:
+def _read_end_messages(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) -> _EndMessages:
     if local_map is not None:
         altitude_m = np.nan_to_num(signal.altitude_m[rows], nan=0.0)
         x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg[rows], signal.longitude_deg[rows], altitude_m)
@@ -143,8 +145,10 @@ def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) ->
         assert signal.y_m is not None
         x_m, y_m = signal.x_m[rows], signal.y_m[rows]
     said_m2 = signal.position_covariance_m2[rows]
-    variance_m2 = np.where(np.isfinite(said_m2).all(axis=1), 0.5 * (said_m2[:, 0] + said_m2[:, 2]), POSITION_SIGMA_M**2)
-    return _Ends(
+    variance_m2 = np.where(
+        np.isfinite(said_m2).all(axis=1), 0.5 * (said_m2[:, 0] + said_m2[:, 2]), DEFAULT_POSITION_SIGMA_M**2
+    )
+    return _EndMessages(
         signal.stamp_ns[rows],
         x_m,
         y_m,
@@ -158,44 +162,45 @@ def _ends(signal: RemoteSignal, rows: Int64Array, local_map: LocalMap | None) ->
     )
 
 
-def _candidates(last: _Ends, first: _Ends) -> _Candidates:
+def _find_candidate_pairs(last: _EndMessages, first: _EndMessages) -> _Candidates:
     """Find all pairs whose pause and motion fit; only ids that begin soon enough after an end are compared.
 
     Raises:
-        UsageError: There are more than `MOST_PAIRS` of those.
+        UsageError: There are more than `MAX_PAIRS` of those.
     """
     by_time = np.argsort(first.stamp_ns, kind="stable")
     stamps = first.stamp_ns[by_time]
     begin = np.searchsorted(stamps, last.stamp_ns, side="right")
-    n_after = np.searchsorted(stamps, last.stamp_ns + round(MAX_PAUSE_S * NS_PER_S), side="right") - begin
-    if (n_pairs := int(n_after.sum())) > MOST_PAIRS:
+    n_after = np.searchsorted(stamps, last.stamp_ns + round(MAX_ID_CHANGE_PAUSE_S * NS_PER_S), side="right") - begin
+    if (n_pairs := int(n_after.sum())) > MAX_PAIRS:
         raise UsageError(
-            f"{len(stamps)} ids are too many to be joined: {n_pairs} pairs are less than {MAX_PAUSE_S:g} s apart",
+            f"{len(stamps)} ids are too many to be joined: {n_pairs} pairs are less than {MAX_ID_CHANGE_PAUSE_S:g} s "
+            "apart",
             hint="take less of the log: --start, --end",
         )
     parts = []
-    for some in _blocks(n_after):
+    for some in _iter_pair_blocks(n_after):
         counts = n_after[some]
         within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         ended = np.repeat(np.arange(some.start, some.stop), counts)
         began = by_time[np.repeat(begin[some], counts) + within]
-        distance = _distances(last.at(ended), first.at(began))
-        kept = distance <= RIVAL
+        distance = _squared_pair_distances(last.select_rows(ended), first.select_rows(began))
+        kept = distance <= MAX_RIVAL_SQUARED_DISTANCE
         parts.append((ended[kept], began[kept], distance[kept]))
     return _Candidates(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
-def _blocks(counts: Int64Array) -> Iterator[slice]:
-    """Yield slices of consecutive ids with about `BLOCK_PAIRS` pairs together, at least one id each."""
+def _iter_pair_blocks(counts: Int64Array) -> Iterator[slice]:
+    """Yield slices of consecutive ids with about `PAIRS_PER_BLOCK` pairs together, at least one id each."""
     ends, start = np.cumsum(counts), 0
     while start < len(counts):
         before = ends[start - 1] if start else 0
-        stop = max(int(np.searchsorted(ends, before + BLOCK_PAIRS, side="right")), start + 1)
+        stop = max(int(np.searchsorted(ends, before + PAIRS_PER_BLOCK, side="right")), start + 1)
         yield slice(start, stop)
         start = stop
 
 
-def _distances(last: _Ends, first: _Ends) -> FloatArray:
+def _squared_pair_distances(last: _EndMessages, first: _EndMessages) -> FloatArray:
     """Return the squared distance between where each id would be and the one that begins, (pairs,); inf for no pair.
 
     The motion during the pause is that of the last message, with its acceleration and yaw rate. Without a speed or a
@@ -212,25 +217,27 @@ def _distances(last: _Ends, first: _Ends) -> FloatArray:
     along = east * np.cos(heading) + north * np.sin(heading) - mean_speed * pause_s
     across = north * np.cos(heading) - east * np.sin(heading)
     said_m2 = last.variance_m2 + first.variance_m2
-    speed_change, along_m = _manoeuvre(last.accel_mps2, pause_s)
-    turning, across_m = _manoeuvre(last.yaw_rate_radps, pause_s)
-    speed_variance = 2.0 * SPEED_SIGMA_MPS**2 + speed_change**2
-    heading_variance = 2.0 * HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), LEAST_TURNING_MPS)) ** 2
-    across_m = np.hypot(across_m, mean_speed * pause_s * HEADING_SIGMA_RAD)
+    speed_change, along_m = _manoeuvre_sigmas(last.accel_mps2, pause_s)
+    turning, across_m = _manoeuvre_sigmas(last.yaw_rate_radps, pause_s)
+    speed_variance = 2.0 * REPORTED_SPEED_SIGMA_MPS**2 + speed_change**2
+    heading_variance = (
+        2.0 * REPORTED_HEADING_SIGMA_RAD**2 + (turning / np.maximum(np.abs(mean_speed), MIN_SPEED_FOR_HEADING_MPS)) ** 2
+    )
+    across_m = np.hypot(across_m, mean_speed * pause_s * REPORTED_HEADING_SIGMA_RAD)
     heading_error = wrap_angle(first.heading_rad - last.heading_rad - turned)
-    is_slow = np.minimum(np.abs(mean_speed), np.abs(first.speed_mps)) < LEAST_TURNING_MPS
+    is_slow = np.minimum(np.abs(mean_speed), np.abs(first.speed_mps)) < MIN_SPEED_FOR_HEADING_MPS
     squared = (
         along**2 / (said_m2 + along_m**2)
         + across**2 / (said_m2 + across_m**2)
         + (first.speed_mps - speed) ** 2 / speed_variance
         + np.where(is_slow, 0.0, heading_error**2 / heading_variance)
     )
-    can_follow = (pause_s > 0.0) & (pause_s <= MAX_PAUSE_S) & np.isfinite(squared)
-    can_follow &= _is_same(last.length_m, first.length_m) & _is_same(last.width_m, first.width_m)
+    can_follow = (pause_s > 0.0) & (pause_s <= MAX_ID_CHANGE_PAUSE_S) & np.isfinite(squared)
+    can_follow &= _is_same_size(last.length_m, first.length_m) & _is_same_size(last.width_m, first.width_m)
     return np.where(can_follow, squared, np.inf)
 
 
-def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _manoeuvre_sigmas(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the sigmas of speed and position that a manoeuvre during the pause causes, along or across, (pairs,) each.
 
     Args:
@@ -238,51 +245,51 @@ def _manoeuvre(known: FloatArray, pause_s: FloatArray) -> tuple[FloatArray, Floa
         pause_s: Shape (pairs,).
     """
     is_known = np.isfinite(known)
-    accel = np.where(is_known, ACCEL_SIGMA_MPS2, MANOEUVRE_MPS2)
-    jerk = np.where(is_known, JERK_MPS3, 0.0)
+    accel = np.where(is_known, KNOWN_ACCEL_SIGMA_MPS2, UNKNOWN_ACCEL_SIGMA_MPS2)
+    jerk = np.where(is_known, JERK_SIGMA_MPS3, 0.0)
     pause = np.maximum(pause_s, 0.0)
     return np.hypot(accel * pause, 0.5 * jerk * pause**2), np.hypot(0.5 * accel * pause**2, jerk * pause**3 / 6.0)
 
 
-def _is_same(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
+def _is_same_size(one_m: FloatArray, other_m: FloatArray) -> BoolArray:
     """Return where both sizes agree, or one is not given."""
-    differs: BoolArray = np.abs(one_m - other_m) > SAME_SIZE_M
+    differs: BoolArray = np.abs(one_m - other_m) > MAX_SIZE_DIFFERENCE_M
     return ~differs
 
 
-def _decided(found: _Candidates, n: int) -> tuple[Int64Array, int]:
+def _choose_followers(found: _Candidates, n: int) -> tuple[Int64Array, int]:
     """Return the follower of each of n ids, -1 without one, and how many have a candidate but no clear one.
 
     The likeliest pairing of all that ended with all that began, where to be alone costs what can't rival a candidate. A
     pair counts where the likeliest pairing without it is less likely by the stated margin.
     """
     follower = np.full(n, -1, np.int64)
-    is_good = found.distance <= MOST_DISTANCE
+    is_good = found.distance <= MAX_SQUARED_DISTANCE
     has_ended, has_begun = np.zeros((2, n), np.bool_)
     has_ended[found.ended[is_good]] = has_begun[found.began[is_good]] = True
     counts = has_ended[found.ended] & has_begun[found.began]
     ended, began, distance = found.ended[counts], found.began[counts], found.distance[counts]
     is_alone = (np.bincount(ended, minlength=n)[ended] == 1) & (np.bincount(began, minlength=n)[began] == 1)
-    is_clear = is_alone & (distance <= MOST_DISTANCE)  # to be alone costs as much more as it takes
+    is_clear = is_alone & (distance <= MAX_SQUARED_DISTANCE)  # to be alone costs as much more as it takes
     follower[ended[is_clear]] = began[is_clear]
     ended, began, distance = ended[~is_alone], began[~is_alone], distance[~is_alone]
-    for pairs in _groups(ended, began, n):
+    for pairs in _connected_pair_groups(ended, began, n):
         rows, row = np.unique(ended[pairs], return_inverse=True)
         columns, column = np.unique(began[pairs], return_inverse=True)
         cost = np.full((len(rows), len(columns)), np.inf)
         cost[row, column] = distance[pairs]
-        best, total = _pairing(cost)
+        best, total = _cheapest_pairing(cost)
         for k in np.flatnonzero(best >= 0):
-            if cost[k, best[k]] > MOST_DISTANCE:
+            if cost[k, best[k]] > MAX_SQUARED_DISTANCE:
                 continue
             without = cost.copy()
             without[k, best[k]] = np.inf
-            if _pairing(without)[1] - total >= LEAST_ODDS:
+            if _cheapest_pairing(without)[1] - total >= MIN_SQUARED_DISTANCE_MARGIN:
                 follower[rows[k]] = columns[best[k]]
     return follower, int(np.count_nonzero(has_ended)) - int(np.count_nonzero(follower >= 0))
 
 
-def _groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
+def _connected_pair_groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np.intp]]:
     """Return the connected groups of pairs: those that share an end or a beginning."""
     label = np.arange(2 * n)  # of each end, and behind them of each beginning
     one, other = ended, began + n
@@ -299,11 +306,11 @@ def _groups(ended: Int64Array, began: Int64Array, n: int) -> list[npt.NDArray[np
     return [each for each in np.split(order, np.flatnonzero(np.diff(group[order])) + 1) if len(each)]
 
 
-def _pairing(cost: FloatArray) -> tuple[Int64Array, float]:
+def _cheapest_pairing(cost: FloatArray) -> tuple[Int64Array, float]:
     """Return the cheapest pairing, as the column of each row or -1, and its cost."""
     n_rows, n_columns = cost.shape
-    whole = np.full((n_rows, n_columns + n_rows), RIVAL)
-    whole[:, :n_columns] = np.minimum(cost, NEVER)
+    whole = np.full((n_rows, n_columns + n_rows), MAX_RIVAL_SQUARED_DISTANCE)
+    whole[:, :n_columns] = np.minimum(cost, IMPOSSIBLE_PAIR_COST)
     total, column, _ = lap.lapjv(whole, extend_cost=True)
     best = np.where(column < n_columns, column, -1)
     return best.astype(np.int64), float(total)

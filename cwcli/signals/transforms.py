@@ -11,11 +11,11 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.limits import MAX_POSITION_M
 
-BODY_FRAMES = ("base_footprint", "base_link")
+BODY_FRAME_NAMES = ("base_footprint", "base_link")
 """The names of the vehicle's frame, preferred first: on the road below it (REP-105), else that of the body."""
-MAX_DEPTH = 100
+MAX_TREE_DEPTH = 100
 """The largest number of ancestors that are followed in a tree of frames; chosen by hand against loops."""
-AHEAD = 0.5
+MIN_AHEAD_COSINE = 0.5
 """The least cosine (1) between the axes of camera and vehicle of a camera that looks ahead: 60 degrees. Chosen by
 hand."""
 
@@ -35,7 +35,7 @@ class Transform:
     translation_m: tuple[float, float, float]
     rotation: tuple[float, float, float, float]
 
-    def matrix(self) -> FloatArray:
+    def parent_from_child_matrix(self) -> FloatArray:
         """Return parent from child, shape (4, 4). NaN if the quaternion has no direction, or the place is not on
         Earth."""
         x, y, z, w = self.rotation
@@ -53,14 +53,14 @@ class Transform:
         return made
 
 
-def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+def find_body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
     """Find the vehicle's frame for a frame: its name and (4, 4) body from frame; None where no path connects them.
 
     `base_footprint` is taken where the tree has it, whether above or below `base_link`.
     """
-    up = _to_root(tree, frame)
-    for body in BODY_FRAMES:
-        down = _to_root(tree, body)
+    up = _transforms_to_ancestors(tree, frame)
+    for body in BODY_FRAME_NAMES:
+        down = _transforms_to_ancestors(tree, body)
         common = next((name for name in up if name in down), None)
         if common is None or (body not in tree and body not in up):
             continue
@@ -70,28 +70,28 @@ def body_from_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, Flo
     return None
 
 
-def carried_by_body(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
+def find_carrying_body_frame(tree: Mapping[str, Transform], frame: str) -> tuple[str, FloatArray] | None:
     """Find the vehicle's frame among a frame's ancestors: its name and (4, 4) body from frame; None where there is
     none.
 
     `base_link` itself does not count: many drivers stamp it on every message.
     """
-    up = _to_root(tree, frame)
-    for body in BODY_FRAMES if frame not in BODY_FRAMES else ():
+    up = _transforms_to_ancestors(tree, frame)
+    for body in BODY_FRAME_NAMES if frame not in BODY_FRAME_NAMES else ():
         if body in up and np.isfinite(up[body]).all():
             return body, up[body]
     return None
 
 
-def _to_root(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
+def _transforms_to_ancestors(tree: Mapping[str, Transform], frame: str) -> dict[str, FloatArray]:
     """Return (4, 4) ancestor from frame for each ancestor, by name, the frame itself first."""
     made = {frame: np.eye(4)}
     at = frame
-    while at in tree and len(made) < MAX_DEPTH:
+    while at in tree and len(made) < MAX_TREE_DEPTH:
         above = tree[at].parent
         if above in made:
             break
-        made[above] = tree[at].matrix() @ made[at]
+        made[above] = tree[at].parent_from_child_matrix() @ made[at]
         at = above
     return made
 
@@ -113,16 +113,16 @@ class CameraPose:
     roll_rad: float
 
 
-def camera_pose(body_from_camera: FloatArray) -> CameraPose | None:
+def camera_pose_from_matrix(body_from_camera: FloatArray) -> CameraPose | None:
     """Return a camera's pose from (4, 4) body from camera; None if it does not look ahead.
 
     The camera's frame is an optical one (z ahead, x to the right, y down) or has the body's axes (x ahead, y to the
     left, z up). Which one it is shows in where its z and x axes point, whatever its name says.
     """
     rotation = body_from_camera[:3, :3]
-    if rotation[0, 2] > AHEAD and rotation[0, 2] > rotation[0, 0]:
+    if rotation[0, 2] > MIN_AHEAD_COSINE and rotation[0, 2] > rotation[0, 0]:
         forward, left, up = rotation[:, 2], -rotation[:, 0], -rotation[:, 1]
-    elif rotation[0, 0] > AHEAD:
+    elif rotation[0, 0] > MIN_AHEAD_COSINE:
         forward, left, up = rotation[:, 0], rotation[:, 1], rotation[:, 2]
     else:
         return None

@@ -11,9 +11,9 @@ import numpy as np
 from cwcli.signals.canonical import RemoteQuantities
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.road_events import RoadEvents, no_events
+from cwcli.signals.road_events import RoadEvents, empty_road_events
 
-OTHER_STATION = "sent by another station"
+OTHER_STATION_REASON = "sent by another station"
 """The reason for setting aside a message that another station than the ego sent."""
 
 
@@ -43,7 +43,7 @@ class RemoteRows(RemoteQuantities):
     stamp_ns: Int64Array
 
 
-def nothing_told(n: int, **told: FloatArray) -> RemoteRows:
+def empty_remote_rows(n: int, **told: FloatArray) -> RemoteRows:
     """Return rows (n,) in which only the given quantities are known and all stamps are 0."""
     nothing: dict[str, FloatArray] = {entry.name: np.full(n, np.nan) for entry in fields(RemoteQuantities)}
     nothing["position_covariance_m2"] = np.full((n, 3), np.nan)
@@ -65,7 +65,7 @@ class V2xCodec:
     decode: Callable[[Columns, RowLedger], RemoteRows]
     objects: Callable[[Columns], Objects] = lambda columns: ()
     events: Callable[[Columns], tuple[RoadEvents, BoolArray]] = lambda columns: (
-        no_events(),
+        empty_road_events(),
         np.zeros(len(columns), np.bool_),
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.columns import Columns, FloatArray, Strings
-from cwcli.signals.leaf_fields import find, numbers, spelled, texts
+from cwcli.signals.leaf_fields import find_field, format_numbers, read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
 
 
@@ -34,11 +34,11 @@ class Element:
     out_of_range: tuple[int, ...] = ()
 
 
-STATION_ID = Element("StationID", 1.0, 1, 0, 0xFFFF_FFFF)
+STATION_ID_ELEMENT = Element("StationID", 1.0, 1, 0, 0xFFFF_FFFF)
 """The data element of ETSI's station id (TS 102 894-2)."""
 
 
-def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def decode_element(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Convert codes to values.
 
     Args:
@@ -52,31 +52,33 @@ def decode(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -
     is_special = np.isin(raw, element.unavailable + element.out_of_range)
     in_range = (raw >= element.low) & (raw <= element.high) & ~is_special
     if ledger is not None:
-        ledger.repair(~np.isnan(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out")
+        ledger.count_repaired(
+            ~np.isnan(raw) & ~in_range & ~is_special, f"{element.element} outside its range, left out"
+        )
     return np.where(in_range, element.sign * element.unit * raw, np.nan)
 
 
-def hold(element: Element, told: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def validate_decoded(element: Element, decoded_values: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Validate values (n,) that are already in units: apply the standard's sign, and leave out what no code could
     express."""
     with np.errstate(over="ignore"):
-        code = np.rint(told / element.unit)
-    decoded = decode(element, code, ledger)
-    return np.where(np.isfinite(decoded), element.sign * told, np.nan)
+        code = np.rint(decoded_values / element.unit)
+    decoded = decode_element(element, code, ledger)
+    return np.where(np.isfinite(decoded), element.sign * decoded_values, np.nan)
 
 
-def decode_whole(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
+def decode_whole_codes(element: Element, raw: FloatArray, ledger: RowLedger | None = None) -> FloatArray:
     """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))
-    return decode(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
+    return decode_element(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
 
 
-def station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:
+def read_station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:
     """Read ETSI's station ids (n,) from the first of the fields that is there.
 
     A number that is none of the standard's is no id, which the ledger counts.
     """
-    field = find(columns, *paths)
+    field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
-        return spelled(decode_whole(STATION_ID, numbers(columns, *paths), ledger))
-    return texts(columns, *paths) or Strings(np.full(len(columns), -1, np.int32), ())
+        return format_numbers(decode_whole_codes(STATION_ID_ELEMENT, read_numbers(columns, *paths), ledger))
+    return read_texts(columns, *paths) or Strings(np.full(len(columns), -1, np.int32), ())

@@ -17,21 +17,21 @@ ITS_EPOCH_UNIX_S = 1_072_915_200
 LEAP_SECONDS_SINCE_2004_UNIX_S = (1_136_073_600, 1_230_768_000, 1_341_100_800, 1_435_708_800, 1_483_228_800)
 """The first instants after each leap second, in seconds since 1970: 2006-01-01, 2009-01-01, 2012-07-01, 2015-07-01,
 2017-01-01 (IERS Bulletin C)."""
-ITS_MODULUS_MS = 65_536
+GENERATION_TIME_MODULUS_MS = 65_536
 """The period after which a generationDeltaTime repeats, in ms (EN 302 637-2)."""
-ITS_MS_MAX = 1 << 42
+MAX_TIMESTAMP_ITS_MS = 1 << 42
 """The number of values of a TimestampIts, in ms (TS 102 894-2)."""
 MS_PER_MINUTE = 60_000
 """The milliseconds in a minute."""
-LAST_DSECOND_MS = 60_999
+MAX_DSECOND_MS = 60_999
 """The largest valid DE_DSecond, in ms: 60,000 to 60,999 is a leap second, 61,000 to 65,534 reserved, 65,535 unavailable
 (SAE J2735)."""
-MAX_DISAGREEMENT_S = 5.0
+MAX_CLOCK_DISAGREEMENT_S = 5.0
 """The largest difference between message time and log time that is believed, in seconds. Chosen by hand; not fitted."""
 
-NO_TIME = "no message time, log time used"
+NO_TIME_REASON = "no message time, log time used"
 """The reason for a repair: a message without a time takes its log time."""
-DISAGREES = "message clock disagrees with log time, log time used"
+CLOCK_DISAGREES_REASON = "message clock disagrees with log time, log time used"
 """The reason for a repair: a message whose clock disagrees with the log time takes its log time."""
 
 
@@ -48,10 +48,10 @@ def stamp_from_dsecond(dsecond_ms: FloatArray, log_time_ns: Int64Array) -> tuple
     Returns:
         Times in ns and whether there is one, both of shape (n,).
     """
-    has_time = (dsecond_ms >= 0) & (dsecond_ms <= LAST_DSECOND_MS)
+    has_time = (dsecond_ms >= 0) & (dsecond_ms <= MAX_DSECOND_MS)
     log_ms = log_time_ns // NS_PER_MS
     ahead_ms = np.where(has_time, dsecond_ms, 0).astype(np.int64) - log_ms % MS_PER_MINUTE
-    return (log_ms + _nearest_turn(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
+    return (log_ms + _wrap_to_half_modulus(ahead_ms, MS_PER_MINUTE)) * NS_PER_MS, has_time
 
 
 def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
@@ -64,11 +64,11 @@ def stamp_from_generation_delta_time(delta_ms: FloatArray, log_time_ns: Int64Arr
     Returns:
         Times in ns and whether there is one, both of shape (n,).
     """
-    has_time = (delta_ms >= 0) & (delta_ms < ITS_MODULUS_MS)
+    has_time = (delta_ms >= 0) & (delta_ms < GENERATION_TIME_MODULUS_MS)
     log_ms = log_time_ns // NS_PER_MS
     its_ms = its_ms_from_unix_ns(log_time_ns)
-    ahead_ms = np.where(has_time, delta_ms, 0).astype(np.int64) - its_ms % ITS_MODULUS_MS
-    return (log_ms + _nearest_turn(ahead_ms, ITS_MODULUS_MS)) * NS_PER_MS, has_time
+    ahead_ms = np.where(has_time, delta_ms, 0).astype(np.int64) - its_ms % GENERATION_TIME_MODULUS_MS
+    return (log_ms + _wrap_to_half_modulus(ahead_ms, GENERATION_TIME_MODULUS_MS)) * NS_PER_MS, has_time
 
 
 def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tuple[Int64Array, BoolArray]:
@@ -81,7 +81,7 @@ def stamp_from_timestamp_its(its_ms: FloatArray, log_time_ns: Int64Array) -> tup
     Returns:
         Times in ns and whether there is one, both of shape (n,).
     """
-    has_time = (its_ms >= 0) & (its_ms < ITS_MS_MAX)
+    has_time = (its_ms >= 0) & (its_ms < MAX_TIMESTAMP_ITS_MS)
     ahead_ms = np.where(has_time, its_ms, 0).astype(np.int64) - its_ms_from_unix_ns(log_time_ns)
     return (log_time_ns // NS_PER_MS + ahead_ms) * NS_PER_MS, has_time
 
@@ -92,20 +92,20 @@ def its_ms_from_unix_ns(unix_ns: Int64Array) -> Int64Array:
     return (unix_ns - ITS_EPOCH_UNIX_S * NS_PER_S) // NS_PER_MS + 1000 * leap_s.astype(np.int64)
 
 
-def or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
+def message_time_or_log_time(ledger: RowLedger, stamp_ns: Int64Array, has_time: BoolArray) -> Int64Array:
     """Return the message times (n,) in ns where they can be used, else the log times, which are counted.
 
-    A message clock that is more than `MAX_DISAGREEMENT_S` from the log time is not used: the age that it would say is
-    beyond what a V2X link has, and beyond what the wrapped time can tell.
+    A message clock that is more than `MAX_CLOCK_DISAGREEMENT_S` from the log time is not used: the age that it would
+    say is beyond what a V2X link has, and beyond what the wrapped time can tell.
     """
     log_ns = ledger.columns.log_time_ns
-    disagrees = has_time & (np.abs(stamp_ns - log_ns) > MAX_DISAGREEMENT_S * NS_PER_S)
-    ledger.repair(~has_time, NO_TIME)
-    ledger.repair(disagrees, DISAGREES)
+    disagrees = has_time & (np.abs(stamp_ns - log_ns) > MAX_CLOCK_DISAGREEMENT_S * NS_PER_S)
+    ledger.count_repaired(~has_time, NO_TIME_REASON)
+    ledger.count_repaired(disagrees, CLOCK_DISAGREES_REASON)
     return np.where(has_time & ~disagrees, stamp_ns, log_ns)
 
 
-def _nearest_turn(difference_ms: Int64Array, modulus_ms: int) -> Int64Array:
+def _wrap_to_half_modulus(difference_ms: Int64Array, modulus_ms: int) -> Int64Array:
     """Add whole turns so that the difference lies in [-modulus / 2, modulus / 2)."""
     half = modulus_ms // 2
     return (difference_ms + half) % modulus_ms - half

@@ -19,12 +19,12 @@ from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
 from cwcli.simulation.sensors import SensorData
 
-BODY_FRAME = "base_link"
+BODY_FRAME_ID = "base_link"
 """Value of `frame_id` in all headers: the vehicle's body frame of REP-105."""
-CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+CDR_LITTLE_ENDIAN_HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header of little-endian CDR, the first four bytes of a message."""
 
-_HEADER = """
+_HEADER_DEFINITION = """
 ================================================================================
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
@@ -36,7 +36,7 @@ int32 sec
 uint32 nanosec
 """
 """Definition of `std_msgs/Header`, as the MCAP schema of a message that uses it appends it."""
-_QUATERNION = """
+_QUATERNION_DEFINITION = """
 ================================================================================
 MSG: geometry_msgs/Quaternion
 float64 x
@@ -46,7 +46,7 @@ float64 w
 """
 """Definition of `geometry_msgs/Quaternion`, as the MCAP schema of a message that uses it appends it."""
 
-DEFINITIONS = {
+ROS_MESSAGE_DEFINITIONS = {
     "sensor_msgs/msg/NavSatFix": """uint8 COVARIANCE_TYPE_UNKNOWN=0
 uint8 COVARIANCE_TYPE_APPROXIMATED=1
 uint8 COVARIANCE_TYPE_DIAGONAL_KNOWN=2
@@ -59,7 +59,7 @@ float64 altitude
 float64[9] position_covariance
 uint8 position_covariance_type
 """
-    + _HEADER
+    + _HEADER_DEFINITION
     + """
 ================================================================================
 MSG: sensor_msgs/NavSatStatus
@@ -77,14 +77,14 @@ uint16 service
     "geometry_msgs/msg/QuaternionStamped": """std_msgs/Header header
 geometry_msgs/Quaternion quaternion
 """
-    + _HEADER
-    + _QUATERNION,
+    + _HEADER_DEFINITION
+    + _QUATERNION_DEFINITION,
     "autoware_vehicle_msgs/msg/VelocityReport": """std_msgs/Header header
 float32 longitudinal_velocity
 float32 lateral_velocity
 float32 heading_rate
 """
-    + _HEADER,
+    + _HEADER_DEFINITION,
     "sensor_msgs/msg/Imu": """std_msgs/Header header
 geometry_msgs/Quaternion orientation
 float64[9] orientation_covariance
@@ -93,8 +93,8 @@ float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance
 """
-    + _HEADER
-    + _QUATERNION
+    + _HEADER_DEFINITION
+    + _QUATERNION_DEFINITION
     + """
 ================================================================================
 MSG: geometry_msgs/Vector3
@@ -105,7 +105,7 @@ float64 z
 }
 """ROS 2 message definitions by schema name, from common_interfaces and autoware_msgs without their comments."""
 
-_LAYOUTS = {
+_MEMBER_LAYOUTS = {
     "sensor_msgs/msg/NavSatFix": (
         ("status", "<i1", 1),
         ("service", "<u2", 1),
@@ -127,76 +127,76 @@ _LAYOUTS = {
 """Members of each message after the header: name, NumPy type and count; neighbours of one type are joined."""
 
 
-def navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
+def encode_navsat_fixes(data: SensorData, local_map: LocalMap) -> list[bytes]:
     """Encode `gnss` measurements as `sensor_msgs/msg/NavSatFix`; steps of 1e-9 deg and 0.1 mm."""
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(*data.values.T)
-    records = _records("sensor_msgs/msg/NavSatFix", data.stamp_ns)
+    records = _make_cdr_records("sensor_msgs/msg/NavSatFix", data.stamp_ns)
     records["status"] = 2  # GBAS fix: differential corrections
     records["service"] = 1  # GPS
     records["position"] = np.column_stack([lat_deg.round(9), lon_deg.round(9), alt_m.round(4)])
     records["covariance"][:, [0, 4, 8]] = data.sigma**2
     records["covariance_type"] = 2  # diagonal known
-    return _messages(records)
+    return _split_records_into_messages(records)
 
 
-def headings(data: SensorData) -> list[bytes]:
+def encode_gnss_headings(data: SensorData) -> list[bytes]:
     """Encode headings of a GNSS as `geometry_msgs/msg/QuaternionStamped` (map from body); steps of 1e-12."""
-    records = _records("geometry_msgs/msg/QuaternionStamped", data.stamp_ns)
+    records = _make_cdr_records("geometry_msgs/msg/QuaternionStamped", data.stamp_ns)
     half = data.values[:, 0] / 2
     records["quaternion"][:, 2] = np.sin(half).round(12)
     records["quaternion"][:, 3] = np.cos(half).round(12)
-    return _messages(records)
+    return _split_records_into_messages(records)
 
 
-def velocity_reports(data: SensorData) -> list[bytes]:
+def encode_velocity_reports(data: SensorData) -> list[bytes]:
     """Encode `speed` measurements as `autoware_vehicle_msgs/msg/VelocityReport`; its yaw rate is NaN."""
-    records = _records("autoware_vehicle_msgs/msg/VelocityReport", data.stamp_ns)
+    records = _make_cdr_records("autoware_vehicle_msgs/msg/VelocityReport", data.stamp_ns)
     records["velocity"][:, 0] = data.values[:, 0].round(6)
     records["velocity"][:, 2] = np.nan
-    return _messages(records)
+    return _split_records_into_messages(records)
 
 
-def imu_messages(data: SensorData) -> list[bytes]:
+def encode_imu_messages(data: SensorData) -> list[bytes]:
     """Encode `imu` measurements as `sensor_msgs/msg/Imu` without orientation; steps of 1e-9."""
-    records = _records("sensor_msgs/msg/Imu", data.stamp_ns)
+    records = _make_cdr_records("sensor_msgs/msg/Imu", data.stamp_ns)
     records["orientation"][:, 3] = 1.0
     records["orientation_covariance"][:, 0] = -1.0  # REP-145: no orientation
     records["accel"] = data.values[:, :3].round(9)
     records["accel_covariance"][:, [0, 4, 8]] = data.sigma[:3] ** 2
     records["gyro"] = data.values[:, 3:].round(9)
     records["gyro_covariance"][:, [0, 4, 8]] = data.sigma[3:] ** 2
-    return _messages(records)
+    return _split_records_into_messages(records)
 
 
-def _records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype[np.void]]:
+def _make_cdr_records(schema_name: str, stamp_ns: Int64Array) -> np.ndarray[Any, np.dtype[np.void]]:
     """Make zeroed records of one message type, shape (n,), with the CDR and the ROS header filled in.
 
     CDR aligns each member to its size, counted from the end of the 4-byte encapsulation header.
     """
-    frame = BODY_FRAME.encode() + b"\0"
-    names, formats, offsets = ["cdr"], [f"V{len(CDR_LITTLE_ENDIAN)}"], [0]
+    frame = BODY_FRAME_ID.encode() + b"\0"
+    names, formats, offsets = ["cdr"], [f"V{len(CDR_LITTLE_ENDIAN_HEADER)}"], [0]
     position = 0
     members = (("sec", "<i4", 1), ("nanosec", "<u4", 1), ("frame_length", "<u4", 1), ("frame", f"V{len(frame)}", 1))
-    for name, code, count in (*members, *_LAYOUTS[schema_name]):
+    for name, code, count in (*members, *_MEMBER_LAYOUTS[schema_name]):
         size = np.dtype(code).itemsize
         alignment = 1 if code.startswith("V") else size
         position += -position % alignment
         names.append(name)
         formats.append(code if count == 1 else f"({count},){code}")
-        offsets.append(len(CDR_LITTLE_ENDIAN) + position)
+        offsets.append(len(CDR_LITTLE_ENDIAN_HEADER) + position)
         position += size * count
     layout = np.dtype(
-        {"names": names, "formats": formats, "offsets": offsets, "itemsize": len(CDR_LITTLE_ENDIAN) + position}
+        {"names": names, "formats": formats, "offsets": offsets, "itemsize": len(CDR_LITTLE_ENDIAN_HEADER) + position}
     )
     records = np.zeros(len(stamp_ns), layout)
-    records["cdr"] = np.void(CDR_LITTLE_ENDIAN)
+    records["cdr"] = np.void(CDR_LITTLE_ENDIAN_HEADER)
     records["sec"], records["nanosec"] = np.divmod(stamp_ns, NS_PER_S)
     records["frame_length"] = len(frame)
     records["frame"] = np.void(frame)
     return records
 
 
-def _messages(records: np.ndarray[Any, np.dtype[np.void]]) -> list[bytes]:
+def _split_records_into_messages(records: np.ndarray[Any, np.dtype[np.void]]) -> list[bytes]:
     """Split records (n,) into the bytes of n messages."""
     size = records.dtype.itemsize
     data = records.tobytes()

@@ -16,13 +16,19 @@ from cwcli.output import write_file
 from cwcli.signals.columns import Field, FloatArray, Int64Array, OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.vehicle_state import STATE_NAMES
-from cwcli.simulate.cdr import DEFINITIONS, headings, imu_messages, navsat_fixes, velocity_reports
-from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, bsm_json, ode_json
+from cwcli.simulate.cdr import (
+    ROS_MESSAGE_DEFINITIONS,
+    encode_gnss_headings,
+    encode_imu_messages,
+    encode_navsat_fixes,
+    encode_velocity_reports,
+)
+from cwcli.simulate.v2x import BSM_SCHEMA, ODE_SCHEMA, encode_bsm_json, encode_ode_json
 from cwcli.simulation.catalogue import scenario_text
-from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, Scenario, ScenarioVehicle, load_scenario
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, Scenario, ScenarioVehicle, load_scenario
 from cwcli.simulation.spec import TOP_KEYS
-from cwcli.simulation.streams import to_ns
+from cwcli.simulation.streams import seconds_to_ns
 
 SENSOR_TOPICS = {
     "gnss": ("/gps/fix", "sensor_msgs/msg/NavSatFix"),
@@ -33,15 +39,15 @@ SENSOR_TOPICS = {
 """Topic and schema of each sensor of a scenario."""
 V2X_TOPICS = {"bsm-json": ("/v2x/bsm", BSM_SCHEMA), "ode-json": ("/v2x/ode_bsm", ODE_SCHEMA)}
 """Topic and JSON schema of each V2X format."""
-TRUTH_TOPIC = "/truth/ego"
+EGO_TRUTH_TOPIC = "/truth/ego"
 """Topic of the ego's true states."""
-OTHERS_TOPIC = "/simulation/vehicles"
+OTHER_VEHICLES_TOPIC = "/simulation/vehicles"
 """Topic of the other vehicles' true states. It is not under `/truth`, so that the ego's truth stays the log's only
 truth channel."""
 
-METADATA = "cwcli.scenario"
+METADATA_NAME = "cwcli.scenario"
 """Name of the metadata record with the scenario."""
-SAMPLES = ("straight", "curve", "rear-end", "intersection")
+SAMPLE_SCENARIOS = ("straight", "curve", "rear-end", "intersection")
 """Scenarios whose logs are stored in `sample_logs/`, each with its own seed."""
 
 
@@ -55,11 +61,13 @@ class WrittenChannel:
     n_lost: int
 
 
-def write_log(drive: SimulatedDrive, target: str | Path, *, force: bool = False) -> tuple[WrittenChannel, ...]:
+def write_simulated_log(
+    drive: SimulatedDrive, target: str | Path, *, force: bool = False
+) -> tuple[WrittenChannel, ...]:
     """Write a simulated drive as an MCAP log; the same drive gives the same bytes.
 
     Args:
-        drive: See `cwcli.simulation.drive.simulate`.
+        drive: See `cwcli.simulation.drive.simulate_scenario`.
         target: File, or `-` for standard output.
         force: Overwrite a file that exists.
 
@@ -73,15 +81,15 @@ def write_log(drive: SimulatedDrive, target: str | Path, *, force: bool = False)
     local_map = LocalMap(*(scenario.origin[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")))
     with LogWriter(target, force=force) as log:
         written = [
-            *_write_sensors(log, drive, local_map),
-            *_write_v2x(log, drive, local_map),
-            *_write_truth(log, scenario, local_map),
+            *_write_sensor_channels(log, drive, local_map),
+            *_write_v2x_channel(log, drive, local_map),
+            *_write_truth_channels(log, scenario, local_map),
         ]
-        log.add_metadata(METADATA, scenario_record(drive))
+        log.add_metadata(METADATA_NAME, scenario_metadata(drive))
     return tuple(written)
 
 
-def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
+def scenario_metadata(drive: SimulatedDrive) -> dict[str, str]:
     """The content of the metadata record `cwcli.scenario`: enough to make the log again.
 
     `scenario` is the file's content after overrides, `resolved` the same with every default filled in, both JSON.
@@ -107,13 +115,13 @@ def scenario_record(drive: SimulatedDrive) -> dict[str, str]:
         "origin_latitude_deg": repr(scenario.origin["latitude_deg"]),
         "origin_longitude_deg": repr(scenario.origin["longitude_deg"]),
         "origin_altitude_m": repr(scenario.origin["altitude_m"]),
-        "stations": _json({name: vehicle.station_id for name, vehicle in scenario.vehicles.items()}),
-        "scenario": _json(scenario.document),
-        "resolved": _json(resolved),
+        "stations": _format_json({name: vehicle.station_id for name, vehicle in scenario.vehicles.items()}),
+        "scenario": _format_json(scenario.document),
+        "resolved": _format_json(resolved),
     }
 
 
-def regenerate_samples(target_dir: str | Path, *, force: bool = False) -> tuple[Path, ...]:
+def regenerate_sample_logs(target_dir: str | Path, *, force: bool = False) -> tuple[Path, ...]:
     """Make the logs of `sample_logs/` again: `<name>.mcap` and its scenario file `<name>.toml`.
 
     Raises:
@@ -121,38 +129,42 @@ def regenerate_samples(target_dir: str | Path, *, force: bool = False) -> tuple[
     """
     folder = Path(target_dir)
     paths = []
-    for name in SAMPLES:
+    for name in SAMPLE_SCENARIOS:
         path = folder / f"{name}.mcap"
-        write_log(simulate(load_scenario(name)), path, force=force)
+        write_simulated_log(simulate_scenario(load_scenario(name)), path, force=force)
         scenario_path = folder / f"{name}.toml"
         write_file(scenario_path, scenario_text(name).encode(), force=force)
         paths += [path, scenario_path]
     return tuple(paths)
 
 
-def _write_sensors(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
+def _write_sensor_channels(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
     """Write one channel per sensor of the host."""
     written = []
     for sensor, data in drive.sensors.items():
         topic, schema_name = SENSOR_TOPICS[sensor]
         if sensor == "gnss":
-            messages = navsat_fixes(data, local_map)
+            messages = encode_navsat_fixes(data, local_map)
         else:
-            encode = {"gnss_heading": headings, "speed": velocity_reports, "imu": imu_messages}[sensor]
+            encode = {
+                "gnss_heading": encode_gnss_headings,
+                "speed": encode_velocity_reports,
+                "imu": encode_imu_messages,
+            }[sensor]
             messages = encode(data)
-        schema_id = log.add_schema(schema_name, "ros2msg", DEFINITIONS[schema_name].encode())
+        schema_id = log.add_schema(schema_name, "ros2msg", ROS_MESSAGE_DEFINITIONS[schema_name].encode())
         log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)
         written.append(WrittenChannel(topic, schema_name, len(messages), data.n_lost))
     return written
 
 
-def _write_v2x(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
+def _write_v2x_channel(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> list[WrittenChannel]:
     """Write all vehicles' V2X messages to one topic, in the order of reception."""
     settings = drive.scenario.v2x
     if settings is None:
         return []
     topic, schema = V2X_TOPICS[settings["format"]]
-    encode = {"bsm-json": bsm_json, "ode-json": ode_json}[settings["format"]]
+    encode = {"bsm-json": encode_bsm_json, "ode-json": encode_ode_json}[settings["format"]]
     messages: list[bytes] = []
     log_times: list[Int64Array] = [np.zeros(0, np.int64)]
     for received in drive.v2x.values():
@@ -167,29 +179,31 @@ def _write_v2x(log: LogWriter, drive: SimulatedDrive, local_map: LocalMap) -> li
     return [WrittenChannel(topic, schema["title"], len(messages), n_lost)]
 
 
-def _write_truth(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> list[WrittenChannel]:
+def _write_truth_channels(log: LogWriter, scenario: Scenario, local_map: LocalMap) -> list[WrittenChannel]:
     """Write the true states of the ego and, on a topic of their own, of the others."""
     n = int(np.floor(scenario.duration_s * scenario.truth_rate_hz + 1e-9)) + 1
     time_s: FloatArray = np.arange(n, dtype=np.float64) / scenario.truth_rate_hz
-    others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != HOST}
-    groups = [(TRUTH_TOPIC, {HOST: scenario.vehicles[HOST]})] + ([(OTHERS_TOPIC, others)] if others else [])
+    others = {name: vehicle for name, vehicle in scenario.vehicles.items() if name != HOST_NAME}
+    groups = [(EGO_TRUTH_TOPIC, {HOST_NAME: scenario.vehicles[HOST_NAME]})] + (
+        [(OTHER_VEHICLES_TOPIC, others)] if others else []
+    )
     written = []
     for topic, vehicles in groups:
-        channel = _truth_channel(topic, vehicles, time_s, scenario.start_ns, local_map)
+        channel = _vehicle_truth_channel(topic, vehicles, time_s, scenario.start_ns, local_map)
         log.write_columns(channel)
         written.append(WrittenChannel(topic, channel.schema_name, len(channel), 0))
     return written
 
 
-def _truth_channel(
+def _vehicle_truth_channel(
     topic: str, vehicles: Mapping[str, ScenarioVehicle], time_s: FloatArray, start_ns: int, local_map: LocalMap
 ) -> OutputChannel:
     """The channel of true `cwcli.v1.VehicleState` of some vehicles, time by time; steps of 1e-9 (1e-11 deg)."""
     n_vehicles, n_times = len(vehicles), len(time_s)
-    states = np.stack([vehicle.motion.at(time_s) for vehicle in vehicles.values()], axis=1).reshape(-1, 8)
+    states = np.stack([vehicle.motion.states_at(time_s) for vehicle in vehicles.values()], axis=1).reshape(-1, 8)
     lat_deg, lon_deg, _ = local_map.wgs84_from_map(states[:, 0], states[:, 1], np.zeros(len(states)))
-    stamp_ns = np.repeat(start_ns + to_ns(time_s), n_vehicles)
-    ids = tuple("ego" if name == HOST else vehicle.station_id for name, vehicle in vehicles.items())
+    stamp_ns = np.repeat(start_ns + seconds_to_ns(time_s), n_vehicles)
+    ids = tuple("ego" if name == HOST_NAME else vehicle.station_id for name, vehicle in vehicles.items())
     fields: dict[str, Field] = {
         "stamp_ns": stamp_ns,
         "id": Strings(np.tile(np.arange(n_vehicles, dtype=np.int32), n_times), ids),
@@ -202,6 +216,6 @@ def _truth_channel(
     return OutputChannel(topic, "cwcli.v1.VehicleState", stamp_ns, fields)
 
 
-def _json(value: Any) -> str:
+def _format_json(value: Any) -> str:
     """Format a value as JSON; times become text."""
     return json.dumps(value, default=str)

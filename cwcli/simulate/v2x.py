@@ -78,30 +78,30 @@ _UNAVAILABLE_BRAKES = {
 """Brake status of SAE J2735 whose parts are all unavailable."""
 _UNAVAILABLE_ANGLE = 127
 """Steering wheel angle of SAE J2735 that stands for unavailable, steps of 1.5 deg."""
-_UNAVAILABLE_VERTICAL = -127
+_UNAVAILABLE_VERTICAL_ACCEL = -127
 """Vertical acceleration of SAE J2735 that stands for unavailable, steps of 0.02 g."""
 
 
-def bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
+def encode_bsm_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
     """Encode messages as SAE J2735 BasicSafetyMessage with raw integers.
 
     Steps are 1e-7 deg, 0.1 m, 0.02 m/s, 0.0125 deg, 0.01 m/s^2 and 0.01 deg/s.
 
     Yaw rate and lateral acceleration are positive to the right. A negative speed (noise at rest) is sent as 0.
     """
-    return [_compact({"coreData": core}) for core in _core_data(data, local_map)]
+    return [_format_compact_json({"coreData": core}) for core in _bsm_core_data(data, local_map)]
 
 
-def ode_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
+def encode_ode_json(data: ReceivedMessages, local_map: LocalMap) -> list[bytes]:
     """Encode messages as records of the USDOT Operational Data Environment, in deg, m, m/s, m/s^2 and deg/s.
 
     The values are rounded to the same steps as the raw integers.
     """
-    rows = zip(_core_data(data, local_map), data.stamp_ns.tolist(), data.log_time_ns.tolist(), strict=True)
-    return [_compact(_ode_record(core, stamp, log_time)) for core, stamp, log_time in rows]
+    rows = zip(_bsm_core_data(data, local_map), data.stamp_ns.tolist(), data.log_time_ns.tolist(), strict=True)
+    return [_format_compact_json(_ode_record_from_core_data(core, stamp, log_time)) for core, stamp, log_time in rows]
 
 
-def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, Any]]:
+def _bsm_core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, Any]]:
     """The part `coreData` of each message, with raw integers."""
     x_m, y_m, speed, heading, accel, yaw_rate = data.state.T
     lat_deg, lon_deg, alt_m = local_map.wgs84_from_map(x_m, y_m, np.zeros(len(x_m)))
@@ -109,14 +109,14 @@ def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, An
     columns = {
         "msgCnt": data.count % 128,
         "secMark": data.stamp_ns // NS_PER_MS % 60_000,
-        "lat": _steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
-        "long": _steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
-        "elev": _steps(alt_m, 0.1, -4095, 61439),
-        "speed": _steps(speed, 0.02, 0, 8190),
-        "heading": _steps(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
-        "accel": _steps(accel, 0.01, -2000, 2000),
-        "lateral": _steps(-data.lateral_accel_mps2, 0.01, -2000, 2000),
-        "yaw": _steps(-np.degrees(yaw_rate), 0.01, -32767, 32767),
+        "lat": _round_to_steps(lat_deg, 1e-7, -900_000_000, 900_000_000),
+        "long": _round_to_steps(lon_deg, 1e-7, -1_799_999_999, 1_800_000_000),
+        "elev": _round_to_steps(alt_m, 0.1, -4095, 61439),
+        "speed": _round_to_steps(speed, 0.02, 0, 8190),
+        "heading": _round_to_steps(compass_deg_from_heading(heading), 0.0125, 0, 28800) % 28800,
+        "accel": _round_to_steps(accel, 0.01, -2000, 2000),
+        "lateral": _round_to_steps(-data.lateral_accel_mps2, 0.01, -2000, 2000),
+        "yaw": _round_to_steps(-np.degrees(yaw_rate), 0.01, -32767, 32767),
     }
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     return [
@@ -132,7 +132,7 @@ def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, An
             "speed": speed_steps,
             "heading": course,
             "angle": _UNAVAILABLE_ANGLE,
-            "accelSet": {"long": longitudinal, "lat": lateral, "vert": _UNAVAILABLE_VERTICAL, "yaw": yaw},
+            "accelSet": {"long": longitudinal, "lat": lateral, "vert": _UNAVAILABLE_VERTICAL_ACCEL, "yaw": yaw},
             "brakes": _UNAVAILABLE_BRAKES,
             "size": {"width": round(data.width_m * 100), "length": round(data.length_m * 100)},
         }
@@ -140,7 +140,7 @@ def _core_data(data: ReceivedMessages, local_map: LocalMap) -> list[dict[str, An
     ]
 
 
-def _ode_record(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[str, Any]:
+def _ode_record_from_core_data(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[str, Any]:
     """The ODE record of one message, decoded from its raw integers."""
     accel, accuracy = core["accelSet"], core["accuracy"]
     return {
@@ -149,9 +149,9 @@ def _ode_record(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[s
             "recordType": "bsmTx",
             "payloadType": "us.dot.its.jpo.ode.model.OdeBsmPayload",
             "schemaVersion": 6,
-            "recordGeneratedAt": _iso_time(stamp_ns),
+            "recordGeneratedAt": _format_iso_time(stamp_ns),
             "recordGeneratedBy": "OBU",
-            "odeReceivedAt": _iso_time(log_time_ns),
+            "odeReceivedAt": _format_iso_time(log_time_ns),
             "sanitized": False,
         },
         "payload": {
@@ -185,17 +185,17 @@ def _ode_record(core: dict[str, Any], stamp_ns: int, log_time_ns: int) -> dict[s
     }
 
 
-def _steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
+def _round_to_steps(values: FloatArray, step: float, low: int, high: int) -> Int64Array:
     """Round values (n,) to whole numbers of steps, clipped to the field's range."""
     return np.clip(np.round(values / step), low, high).astype(np.int64)
 
 
-def _iso_time(time_ns: int) -> str:
+def _format_iso_time(time_ns: int) -> str:
     """Format a time in ns since 1970 as ISO 8601 with milliseconds."""
     instant = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(milliseconds=time_ns // NS_PER_MS)
     return instant.strftime("%Y-%m-%dT%H:%M:%S.") + f"{instant.microsecond // 1000:03d}Z"
 
 
-def _compact(value: dict[str, Any]) -> bytes:
+def _format_compact_json(value: dict[str, Any]) -> bytes:
     """Format a value as JSON without spaces, in bytes."""
     return json.dumps(value, separators=(",", ":")).encode()

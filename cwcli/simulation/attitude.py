@@ -12,14 +12,14 @@ from functools import cached_property
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 
-WAVELENGTHS_M = np.geomspace(80.0, 1200.0, 12)
+TERRAIN_WAVELENGTHS_M = np.geomspace(80.0, 1200.0, 12)
 """Wavelengths of the terrain's waves, shape (12,), m. Chosen by hand; not fitted."""
-BOUNCE_HZ = np.array([1.05, 1.32, 1.61, 1.93])
+BODY_PITCH_FREQUENCIES_HZ = np.array([1.05, 1.32, 1.61, 1.93])
 """Frequencies at which the body pitches on its springs, shape (4,), Hz: 1 to 2 Hz, as of passenger cars. Chosen by
 hand."""
-BOUNCE_SPEED_MPS = 2.0
+HALF_BOUNCE_SPEED_MPS = 2.0
 """Speed v0 at which the body pitches half as much as at full speed, m/s: the amplitude goes with v^2 / (v^2 + v0^2).
 Chosen by hand; not fitted."""
 
@@ -41,14 +41,14 @@ class Attitude:
     vehicle: str
 
     @cached_property
-    def _waves(self) -> tuple[FloatArray, FloatArray]:
+    def _terrain_waves(self) -> tuple[FloatArray, FloatArray]:
         """The wave vectors (k, 2), 1/m, and phases (k,), rad, of the terrain."""
-        rng = stream(0, self.vehicle, "terrain")
-        direction = 2.0 * np.pi * rng.random(len(WAVELENGTHS_M))
-        size = 2.0 * np.pi / WAVELENGTHS_M
+        rng = random_stream(0, self.vehicle, "terrain")
+        direction = 2.0 * np.pi * rng.random(len(TERRAIN_WAVELENGTHS_M))
+        size = 2.0 * np.pi / TERRAIN_WAVELENGTHS_M
         return np.column_stack([size * np.cos(direction), size * np.sin(direction)]), 2 * np.pi * rng.random(len(size))
 
-    def at(self, time_s: FloatArray, state: FloatArray) -> FloatArray:
+    def pitch_roll_and_pitch_rate_at(self, time_s: FloatArray, state: FloatArray) -> FloatArray:
         """Pitch, roll and pitch rate at the given times.
 
         Args:
@@ -63,7 +63,7 @@ class Attitude:
         speed, heading, accel, jerk = state[:, 2], state[:, 3], state[:, 4], state[:, 6]
         tilt = np.zeros((len(state), 3))
         if self.slope_deg:
-            waves, phase = self._waves
+            waves, phase = self._terrain_waves
             ahead = np.column_stack([np.cos(heading), np.sin(heading)]) @ waves.T
             left = np.column_stack([-np.sin(heading), np.cos(heading)]) @ waves.T
             # Each wave has the same part of the slope's variance, sigma^2 along any direction on average.
@@ -74,11 +74,18 @@ class Attitude:
             # Turning about the road's normal is no pitch rate; what is left is the road's bend, v h' (d2z) h.
             tilt[:, 2] += speed * (height * ahead**2 * np.sin(at)).sum(axis=1)
         if self.bounce_deg:
-            size = np.radians(self.bounce_deg) * np.sqrt(2.0 / len(BOUNCE_HZ))
-            angle = 2.0 * np.pi * (np.outer(time_s, BOUNCE_HZ) + np.arange(len(BOUNCE_HZ)) / len(BOUNCE_HZ))
-            full = speed**2 + BOUNCE_SPEED_MPS**2
-            moving, change = speed**2 / full, 2.0 * speed * accel * BOUNCE_SPEED_MPS**2 / full**2
-            wave, slope = np.sin(angle).sum(axis=1), np.cos(angle) @ (2.0 * np.pi * BOUNCE_HZ)
+            size = np.radians(self.bounce_deg) * np.sqrt(2.0 / len(BODY_PITCH_FREQUENCIES_HZ))
+            angle = (
+                2.0
+                * np.pi
+                * (
+                    np.outer(time_s, BODY_PITCH_FREQUENCIES_HZ)
+                    + np.arange(len(BODY_PITCH_FREQUENCIES_HZ)) / len(BODY_PITCH_FREQUENCIES_HZ)
+                )
+            )
+            full = speed**2 + HALF_BOUNCE_SPEED_MPS**2
+            moving, change = speed**2 / full, 2.0 * speed * accel * HALF_BOUNCE_SPEED_MPS**2 / full**2
+            wave, slope = np.sin(angle).sum(axis=1), np.cos(angle) @ (2.0 * np.pi * BODY_PITCH_FREQUENCIES_HZ)
             tilt[:, 0] += size * moving * wave
             tilt[:, 2] += size * (change * wave + moving * slope)
         squat = np.radians(self.squat_degpmps2)
@@ -87,5 +94,5 @@ class Attitude:
         return tilt
 
 
-LEVEL = Attitude(0.0, 0.0, 0.0, "")
+LEVEL_ATTITUDE = Attitude(0.0, 0.0, 0.0, "")
 """The attitude of a vehicle that is never tilted."""

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from importlib.resources import files
 
-SUFFIX = ".toml"
+SCENARIO_FILE_SUFFIX = ".toml"
 """File name ending of scenario files."""
 
 
 def scenario_names() -> tuple[str, ...]:
     """Names of the scenarios that come with cwcli."""
     folder = files("cwcli.simulation") / "scenarios"
-    return tuple(sorted(entry.name.removesuffix(SUFFIX) for entry in folder.iterdir() if entry.name.endswith(SUFFIX)))
+    return tuple(
+        sorted(
+            entry.name.removesuffix(SCENARIO_FILE_SUFFIX)
+            for entry in folder.iterdir()
+            if entry.name.endswith(SCENARIO_FILE_SUFFIX)
+        )
+    )
 
 
 def scenario_text(name: str) -> str:
     """The text of a scenario file that comes with cwcli."""
-    return (files("cwcli.simulation") / "scenarios" / f"{name}{SUFFIX}").read_text(encoding="utf-8")
+    return (files("cwcli.simulation") / "scenarios" / f"{name}{SCENARIO_FILE_SUFFIX}").read_text(encoding="utf-8")

@@ -10,11 +10,11 @@ from types import MappingProxyType
 import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.simulation.scenario import HOST, Scenario
-from cwcli.simulation.sensors import SensorData, measure
-from cwcli.simulation.streams import to_ns
-from cwcli.simulation.truth import STEP_S
-from cwcli.simulation.v2x_link import ReceivedMessages, receive
+from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.sensors import SensorData, simulate_sensor_messages
+from cwcli.simulation.streams import seconds_to_ns
+from cwcli.simulation.truth import TRUTH_GRID_STEP_S
+from cwcli.simulation.v2x_link import ReceivedMessages, simulate_received_messages
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,27 @@ class SimulatedDrive:
     @cached_property
     def truth_stamp_ns(self) -> Int64Array:
         """Stamps of the truth, shape (m,): a grid of 1 ms over the run, ns since 1970."""
-        return self.scenario.start_ns + to_ns(self._grid_s)
+        return self.scenario.start_ns + seconds_to_ns(self._truth_time_s)
 
     @cached_property
-    def truth(self) -> Mapping[str, FloatArray]:
+    def true_states_by_vehicle(self) -> Mapping[str, FloatArray]:
         """True states (m, 8) by vehicle name.
 
         Columns are those of `vehicle_state.STATE_NAMES`, in the `map` frame, with the heading not wrapped.
         """
         vehicles = self.scenario.vehicles.items()
-        return MappingProxyType({name: vehicle.motion.at(self._grid_s) for name, vehicle in vehicles})
+        return MappingProxyType({name: vehicle.motion.states_at(self._truth_time_s) for name, vehicle in vehicles})
 
     @property
-    def _grid_s(self) -> FloatArray:
+    def _truth_time_s(self) -> FloatArray:
         """The times of the truth, shape (m,), seconds of the run."""
-        return np.arange(int(np.floor(self.scenario.duration_s / STEP_S + 1e-9)) + 1, dtype=np.float64) * STEP_S
+        return (
+            np.arange(int(np.floor(self.scenario.duration_s / TRUTH_GRID_STEP_S + 1e-9)) + 1, dtype=np.float64)
+            * TRUTH_GRID_STEP_S
+        )
 
 
-def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
+def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     """Simulate a scenario once.
 
     Args:
@@ -62,16 +65,16 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     """
     chosen = scenario.seed if seed is None else seed
     end_s = scenario.duration_s
-    host = scenario.vehicles[HOST]
+    host = scenario.vehicles[HOST_NAME]
     sensors = {
-        name: measure(
+        name: simulate_sensor_messages(
             name,
             host.motion,
             settings,
             start_ns=scenario.start_ns,
             end_s=end_s,
             seed=chosen,
-            vehicle=HOST,
+            vehicle=HOST_NAME,
             attitude=host.attitude,
         )
         for name, settings in scenario.sensors.items()
@@ -79,8 +82,8 @@ def simulate(scenario: Scenario, seed: int | None = None) -> SimulatedDrive:
     received = {}
     if scenario.v2x is not None:
         for name, vehicle in scenario.vehicles.items():
-            if name != HOST and vehicle.has_v2x:
-                received[name] = receive(
+            if name != HOST_NAME and vehicle.has_v2x:
+                received[name] = simulate_received_messages(
                     name,
                     vehicle.motion,
                     scenario.v2x,

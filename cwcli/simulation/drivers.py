@@ -30,7 +30,9 @@ class TargetLineDriver:
     unrest_s: float = 0.7
     look_ahead_s: float = 0.15
 
-    def correction_1pm(self, speed_mps: FloatArray, offset_m: FloatArray, course_rad: FloatArray) -> FloatArray:
+    def correcting_curvature_1pm(
+        self, speed_mps: FloatArray, offset_m: FloatArray, course_rad: FloatArray
+    ) -> FloatArray:
         """Curvature that leads back to the target line, shape (n,), 1/m, from offset and course relative to it."""
         return -(
             (self.stiffness_radps / speed_mps) ** 2 * offset_m
@@ -56,13 +58,13 @@ class SwayingDriver:
     wander_s: tuple[float, ...] = (17.0, 7.3)
     wander_rad: tuple[float, ...] = (0.0, 1.0)
 
-    def wish_m(self, time_s: float) -> float:
+    def wanted_offset_m(self, time_s: float) -> float:
         """Offset from the lane's centre that the driver wants at a time, m."""
         parts = zip(self.wander_m, self.wander_s, self.wander_rad, strict=True)
         return sum(size * math.sin(2 * math.pi * time_s / period + phase) for size, period, phase in parts)
 
-    def correction_1pm(self, time_s: float, speed_mps: float, offset_m: float, course_rad: float) -> float:
+    def correcting_curvature_1pm(self, time_s: float, speed_mps: float, offset_m: float, course_rad: float) -> float:
         """Curvature that leads to the wanted offset at the point ahead, 1/m, from offset and course in the lane."""
         ahead_m = speed_mps * self.preview_s
-        missing_m = self.wish_m(time_s + self.preview_s) - offset_m - ahead_m * course_rad
+        missing_m = self.wanted_offset_m(time_s + self.preview_s) - offset_m - ahead_m * course_rad
         return 1.2 * missing_m / ahead_m**2

@@ -1,7 +1,8 @@
 """Simulated scenes before a lidar and a radar: truth, detections, clutter, missed detections. Plain arrays.
 
-Axes: x right, y forward as in xiang2019 figure 1 for the paper's scenes (`static_target`, `segment`), any plane frame
-for `crossing_targets`. The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
+Axes: x right, y forward as in xiang2019 figure 1 for the paper's scenes (`simulate_static_target`, `segment`), any
+plane frame
+for `simulate_crossing_targets`. The sensors stand at the origin. Azimuth is counter-clockwise from the x axis.
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ from cwcli.signals.units import NS_PER_S
 FloatArray = npt.NDArray[np.float64]
 Int64Array = npt.NDArray[np.int64]
 
-PAPER_RANGES_M = (1.10, 3.20, 4.90, 9.30, 15.20)
+PAPER_STATIC_RANGES_M = (1.10, 3.20, 4.90, 9.30, 15.20)
 """Ranges of the paper's static comparison, m; xiang2019, section 4.1."""
-PERIOD_S = 0.05
+PAPER_SAMPLE_PERIOD_S = 0.05
 """Sampling period in which lidar and radar alternate, s; xiang2019, section 4.2."""
 
 
@@ -61,12 +62,12 @@ class DualSensorScene:
     radar_scan_ns: Int64Array
 
 
-def lidar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
+def measure_positions_with_lidar(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
     """Noisy lidar positions (n, 2), m, of states (n, 4) (xiang2019 eq. 1)."""
     return state[:, :2] + noise.lidar_m * rng.standard_normal((len(state), 2))
 
 
-def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
+def measure_states_with_radar(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> FloatArray:
     """Noisy radar range, azimuth, range rate (n, 3) of states (n, 4) (xiang2019 eq. 2-4); ranges stay positive."""
     reach = np.hypot(state[:, 0], state[:, 1])
     rate = (state[:, :2] * state[:, 2:]).sum(axis=1) / np.maximum(reach, 1e-9)
@@ -78,43 +79,45 @@ def radar_of(state: FloatArray, noise: SensorNoise, rng: np.random.Generator) ->
     return out
 
 
-def watch(time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.random.Generator) -> DualSensorScene:
+def observe_single_target(
+    time_s: FloatArray, state: FloatArray, noise: SensorNoise, rng: np.random.Generator
+) -> DualSensorScene:
     """Observe one target at every time: with the lidar at the even samples, with the radar at the odd ones."""
     stamp = np.round(time_s * NS_PER_S).astype(np.int64)
     lidar, radar = slice(0, None, 2), slice(1, None, 2)
     return DualSensorScene(
         stamp, np.ones(len(stamp), np.int64), state,
-        stamp[lidar], lidar_of(state[lidar], noise, rng),
-        stamp[radar], radar_of(state[radar], noise, rng),
+        stamp[lidar], measure_positions_with_lidar(state[lidar], noise, rng),
+        stamp[radar], measure_states_with_radar(state[radar], noise, rng),
         stamp[lidar], stamp[radar],
     )  # fmt: skip
 
 
-def static_target(
-    range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
+def simulate_static_target(
+    range_m: float, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PAPER_SAMPLE_PERIOD_S
 ) -> DualSensorScene:
     """Simulate n observations of a target that stands straight ahead (xiang2019 figures 5 and 6)."""
     state = np.tile([0.0, range_m, 0.0, 0.0], (n, 1))
-    return watch(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
+    return observe_single_target(np.arange(n, dtype=np.float64) * period_s, state, noise, rng)
 
 
-def _line(t: FloatArray) -> FloatArray:
+def _line_path_positions(t: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on a straight line at the times (n,)."""
     return np.stack([2.0 + 0.1 * t, 4.0 + 1.5 * t], axis=1)
 
 
-def _arc(t: FloatArray) -> FloatArray:
+def _arc_path_positions(t: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on an arc at the times (n,)."""
     angle = 0.12 * t
     return np.stack([12.0 * np.sin(angle) - 4.0, 3.0 + 12.0 * (1.0 - np.cos(angle))], axis=1)
 
 
-def _weave(t: FloatArray) -> FloatArray:
+def _weave_path_positions(t: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on a weaving path at the times (n,)."""
     return np.stack([1.5 * np.sin(0.6 * t), 5.0 + 1.2 * t], axis=1)
 
 
-def _turn(t: FloatArray) -> FloatArray:
+def _turn_path_positions(t: FloatArray) -> FloatArray:
     """Positions (n, 2), m, on two lines joined by a turn at the times (n,)."""
     angle = np.clip(t - 4.0, 0.0, 5.0) * 0.3
     straight, beyond = np.minimum(t, 4.0), np.maximum(t - 9.0, 0.0)
@@ -123,28 +126,29 @@ def _turn(t: FloatArray) -> FloatArray:
     return np.stack([x, y], axis=1)
 
 
-SEGMENTS: dict[str, Callable[[FloatArray], FloatArray]] = {
-    "line": _line, "arc": _arc, "weave": _weave, "turn": _turn,
+TARGET_PATHS: dict[str, Callable[[FloatArray], FloatArray]] = {
+    "line": _line_path_positions, "arc": _arc_path_positions, "weave": _weave_path_positions,
+    "turn": _turn_path_positions,
 }  # fmt: skip
 """Paths of a target by name: time (n,) -> position (n, 2), m. Chosen by hand, because figure 7 of xiang2019 is not in
 the text: at walking pace within 25 m, as the paper's site and laser range finder allow."""
 
 
-def segment_truth(name: str, n: int, *, period_s: float = PERIOD_S) -> tuple[FloatArray, FloatArray]:
+def true_states_on_path(name: str, n: int, *, period_s: float = PAPER_SAMPLE_PERIOD_S) -> tuple[FloatArray, FloatArray]:
     """Times (n,) and true states (n, 4) on a named path; the velocity is the path's central difference."""
     t = np.arange(n, dtype=np.float64) * period_s
-    path, h = SEGMENTS[name], 1e-5
+    path, h = TARGET_PATHS[name], 1e-5
     return t, np.concatenate([path(t), (path(t + h) - path(t - h)) / (2.0 * h)], axis=1)
 
 
-def segment(
-    name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PERIOD_S
+def simulate_target_on_path(
+    name: str, n: int, noise: SensorNoise, rng: np.random.Generator, *, period_s: float = PAPER_SAMPLE_PERIOD_S
 ) -> DualSensorScene:
     """Simulate one target along a named path (xiang2019 figures 7 and 8, table 1)."""
-    return watch(*segment_truth(name, n, period_s=period_s), noise, rng)
+    return observe_single_target(*true_states_on_path(name, n, period_s=period_s), noise, rng)
 
 
-def crossing_targets(
+def simulate_crossing_targets(
     rng: np.random.Generator,
     *,
     n_targets: int = 5,
@@ -179,12 +183,14 @@ def crossing_targets(
         n_clutter = int(rng.poisson(clutter_per_scan))
         if use_radar:
             low, high = (0.0, -np.pi, -15.0), (reach, np.pi, 15.0)
-            found = np.concatenate([radar_of(seen, noise, rng), rng.uniform(low, high, (n_clutter, 3))])
+            found = np.concatenate(
+                [measure_states_with_radar(seen, noise, rng), rng.uniform(low, high, (n_clutter, 3))]
+            )
             radar.append(rng.permutation(found))
             radar_at.append(np.full(len(found), stamp[k]))
         else:
             clutter = rng.uniform(-half_width_m, half_width_m, (n_clutter, 2))
-            found = np.concatenate([lidar_of(seen, noise, rng), clutter])
+            found = np.concatenate([measure_positions_with_lidar(seen, noise, rng), clutter])
             lidar.append(rng.permutation(found))
             lidar_at.append(np.full(len(found), stamp[k]))
     is_radar = with_radar & (np.arange(n_scans) % 2 == 1)

@@ -7,22 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, Samples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.simulation.lane_drive import STEP_S, Road, Truth
-from cwcli.simulation.streams import stream, to_ns
+from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road
+from cwcli.simulation.streams import random_stream, seconds_to_ns
 
-SAMPLE_M = np.geomspace(6.0, 50.0, 16)
+BOUNDARY_SAMPLE_DISTANCES_M = np.geomspace(6.0, 50.0, 16)
 """Distances ahead at which the camera sees the boundaries, shape (16,), m. Chosen by hand; not fitted."""
-FOCAL_PX = 667.0
+FOCAL_LENGTH_PX = 667.0
 """Focal length that turns an error in pixels into one on the road, px: that of the paper's camera."""
 NEWTON_STEPS = 4
 """Number of Newton steps that find the station at a distance ahead. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class CameraNoise:
+class LaneSensorNoise:
     """The errors and rates of the simulated sensors.
 
     Attributes:
@@ -61,8 +61,8 @@ class SensedDrive:
     left_body: FloatArray
     right_body: FloatArray
     lanes: LaneSamples
-    speed: Samples
-    yaw_rate: Samples
+    speed: ScalarSamples
+    yaw_rate: ScalarSamples
 
     @property
     def stamp_ns(self) -> Int64Array:
@@ -70,15 +70,15 @@ class SensedDrive:
         return self.lanes.stamp_ns
 
 
-def sense_lane(
-    truth: Truth,
+def simulate_lane_sensors(
+    truth: LaneDriveTruth,
     run: int,
     road: Road,
     vehicle: Vehicle,
     *,
-    noise: CameraNoise | None = None,
+    noise: LaneSensorNoise | None = None,
     seed: int = 0,
-    preview_m: float = PREVIEW_M,
+    preview_m: float = DEFAULT_PREVIEW_M,
 ) -> SensedDrive:
     """Simulate the sensors over one run of a drive.
 
@@ -90,29 +90,32 @@ def sense_lane(
         seed: Seed of all noise.
         preview_m: Distance of the preview point ahead of the camera.
     """
-    noise = noise or CameraNoise()
+    noise = noise or LaneSensorNoise()
     names = ("lane", str(run))
-    index = _frame_index(truth, noise, stream(seed, *names, "jitter"))
+    index = _truth_rows_of_frames(truth, noise, random_stream(seed, *names, "jitter"))
     left, right = (
-        _seen(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0] for sign in (1.0, -1.0)
+        _line_in_body_frame(truth, run, index, road, vehicle, sign * 0.5 * road.lane_width_m, preview_m)[0]
+        for sign in (1.0, -1.0)
     )
-    fit = _fit_matrix()
-    error = noise.pixel_px * SAMPLE_M / FOCAL_PX
-    draws = stream(seed, *names, "pixels").standard_normal((2, len(index), len(SAMPLE_M)))
+    fit = _boundary_fit_matrix()
+    error = noise.pixel_px * BOUNDARY_SAMPLE_DISTANCES_M / FOCAL_LENGTH_PX
+    draws = random_stream(seed, *names, "pixels").standard_normal((2, len(index), len(BOUNDARY_SAMPLE_DISTANCES_M)))
     bodies = [(seen + draw * error) @ fit.T for seen, draw in zip((left, right), draws, strict=True)]
     time_s = truth.time_s[index]
     for start, end in noise.blind_s:
         for body in bodies:
             body[(time_s >= start) & (time_s < end)] = np.nan
     covariance = (fit * error**2) @ fit.T
-    stamp_ns = to_ns(time_s)
+    stamp_ns = seconds_to_ns(time_s)
     return SensedDrive(
         index=index,
         left_body=bodies[0],
         right_body=bodies[1],
-        lanes=lanes_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, preview_m),
-        speed=_scalar(truth, truth.speed_mps[:, run], noise.speed_hz, noise.speed_sigma_mps, 0.0, seed, (*names, "v")),
-        yaw_rate=_scalar(
+        lanes=lane_samples_from_boundaries(stamp_ns, bodies[0], bodies[1], covariance, preview_m),
+        speed=_sample_with_noise(
+            truth, truth.speed_mps[:, run], noise.speed_hz, noise.speed_sigma_mps, 0.0, seed, (*names, "v")
+        ),
+        yaw_rate=_sample_with_noise(
             truth,
             truth.yaw_rate_radps[:, run],
             noise.yaw_rate_hz,
@@ -124,7 +127,7 @@ def sense_lane(
     )
 
 
-def lanes_from_boundaries(
+def lane_samples_from_boundaries(
     stamp_ns: Int64Array, left_body: FloatArray, right_body: FloatArray, covariance: FloatArray, preview_m: float
 ) -> LaneSamples:
     """y_L, e_L, K_L at the preview point from both boundaries, as `cwcli.vision.ground` defines them.
@@ -151,24 +154,31 @@ def lanes_from_boundaries(
     )
 
 
-def true_preview(
-    truth: Truth, run: int, index: npt.NDArray[np.intp], road: Road, vehicle: Vehicle, preview_m: float = PREVIEW_M
+def true_lane_at_preview(
+    truth: LaneDriveTruth,
+    run: int,
+    index: npt.NDArray[np.intp],
+    road: Road,
+    vehicle: Vehicle,
+    preview_m: float = DEFAULT_PREVIEW_M,
 ) -> FloatArray:
     """Exact y_L, e_L and K_L of the lane's centre line, shape (n, 3)."""
-    _, y, slope, station = _seen(truth, run, index, road, vehicle, 0.0, preview_m)
-    return np.column_stack([-y, -slope, -road.curvature(station)])
+    _, y, slope, station = _line_in_body_frame(truth, run, index, road, vehicle, 0.0, preview_m)
+    return np.column_stack([-y, -slope, -road.curvature_at_1pm(station)])
 
 
-def _frame_index(truth: Truth, noise: CameraNoise, random: np.random.Generator) -> npt.NDArray[np.intp]:
+def _truth_rows_of_frames(
+    truth: LaneDriveTruth, noise: LaneSensorNoise, random: np.random.Generator
+) -> npt.NDArray[np.intp]:
     """Rows of the truth at which frames are taken, shape (n,), with their jitter."""
-    step = round(noise.frame_s / STEP_S)
+    step = round(noise.frame_s / INTEGRATION_STEP_S)
     index = np.arange(0, len(truth.time_s), step)
-    late = random.integers(0, round(noise.jitter_s / STEP_S) + 1, len(index))
+    late = random.integers(0, round(noise.jitter_s / INTEGRATION_STEP_S) + 1, len(index))
     return np.asarray(np.minimum(index + late, len(truth.time_s) - 1), dtype=np.intp)
 
 
-def _seen(
-    truth: Truth,
+def _line_in_body_frame(
+    truth: LaneDriveTruth,
     run: int,
     index: npt.NDArray[np.intp],
     road: Road,
@@ -182,12 +192,12 @@ def _seen(
         Lateral place at the sample distances, (n, 16); lateral place, direction and station at the preview point, (n,).
     """
     station = truth.station_m[index, run][:, None]
-    table, xs, ys, directions = road.table(float(station.max()) + 200.0)
+    table, xs, ys, directions = road.centre_line_table(float(station.max()) + 200.0)
     yaw = truth.yaw_rad[index, run][:, None]
     cos, sin = np.cos(yaw), np.sin(yaw)
     x0 = truth.x_m[index, run][:, None] + vehicle.camera_forward_m * cos
     y0 = truth.y_m[index, run][:, None] + vehicle.camera_forward_m * sin
-    wanted = np.concatenate([SAMPLE_M, [preview_m]])
+    wanted = np.concatenate([BOUNDARY_SAMPLE_DISTANCES_M, [preview_m]])
     s = station + wanted
     for _ in range(NEWTON_STEPS):
         direction = np.interp(s, table, directions)
@@ -199,17 +209,25 @@ def _seen(
     return left[:, :-1], left[:, -1], turned[:, -1], s[:, -1]
 
 
-def _fit_matrix() -> FloatArray:
+def _boundary_fit_matrix() -> FloatArray:
     """The matrix (3, 16) that fits y0, slope and curvature to a boundary, weighted by the inverse error of a pixel."""
-    design = np.column_stack([np.ones_like(SAMPLE_M), SAMPLE_M, 0.5 * SAMPLE_M**2])
-    weight = 1.0 / SAMPLE_M
+    design = np.column_stack(
+        [np.ones_like(BOUNDARY_SAMPLE_DISTANCES_M), BOUNDARY_SAMPLE_DISTANCES_M, 0.5 * BOUNDARY_SAMPLE_DISTANCES_M**2]
+    )
+    weight = 1.0 / BOUNDARY_SAMPLE_DISTANCES_M
     return np.asarray(np.linalg.pinv(design * weight[:, None]) * weight)
 
 
-def _scalar(
-    truth: Truth, values: FloatArray, rate_hz: float, sigma: float, bias: float, seed: int, names: tuple[str, ...]
-) -> Samples:
+def _sample_with_noise(
+    truth: LaneDriveTruth,
+    values: FloatArray,
+    rate_hz: float,
+    sigma: float,
+    bias: float,
+    seed: int,
+    names: tuple[str, ...],
+) -> ScalarSamples:
     """Sample a true value (k,) at a rate, with bias and noise."""
-    index = np.arange(0, len(truth.time_s), max(1, round(1.0 / (rate_hz * STEP_S))))
-    noisy = values[index] + bias + sigma * stream(seed, *names).standard_normal(len(index))
-    return Samples(to_ns(truth.time_s[index]), noisy, sigma)
+    index = np.arange(0, len(truth.time_s), max(1, round(1.0 / (rate_hz * INTEGRATION_STEP_S))))
+    noisy = values[index] + bias + sigma * random_stream(seed, *names).standard_normal(len(index))
+    return ScalarSamples(seconds_to_ns(truth.time_s[index]), noisy, sigma)

@@ -10,17 +10,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, lateral_rates, understeer_gradient
+from cwcli.dynamics.single_track import MIN_MODEL_SPEED_MPS, lateral_state_derivatives, understeer_gradient
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import TargetLineDriver
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 
-STEP_S = 0.01
+INTEGRATION_STEP_S = 0.01
 """Time step of the integration and of the truth, s. Chosen by hand; not fitted."""
-TABLE_M = 0.5
+CENTRE_LINE_STEP_M = 0.5
 """Distance of the points of the tabulated centre line, m. Chosen by hand; not fitted."""
-BEHIND_M = 50.0
+CENTRE_LINE_START_M = 50.0
 """Length of the tabulated centre line before the start, m. Chosen by hand; not fitted."""
 
 
@@ -37,24 +37,24 @@ class Road:
     curvature_1pm: FloatArray = field(default_factory=lambda: np.array([0.0]))
     lane_width_m: float = 3.6
 
-    def curvature(self, station_m: FloatArray) -> FloatArray:
+    def curvature_at_1pm(self, station_m: FloatArray) -> FloatArray:
         """Curvature of the lane's centre line at the given stations, 1/m, left positive."""
         return np.interp(station_m, self.station_m, self.curvature_1pm)
 
-    def table(self, length_m: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def centre_line_table(self, length_m: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Station, x, y (m) and direction (rad) of the centre line, (k,) each; station 0 is the origin, eastward."""
-        station = np.arange(-BEHIND_M, length_m + TABLE_M, TABLE_M)
-        middle = self.curvature(0.5 * (station[1:] + station[:-1]))
-        direction = np.concatenate([[0.0], np.cumsum(middle * TABLE_M)])
+        station = np.arange(-CENTRE_LINE_START_M, length_m + CENTRE_LINE_STEP_M, CENTRE_LINE_STEP_M)
+        middle = self.curvature_at_1pm(0.5 * (station[1:] + station[:-1]))
+        direction = np.concatenate([[0.0], np.cumsum(middle * CENTRE_LINE_STEP_M)])
         direction -= np.interp(0.0, station, direction)
         half = 0.5 * (direction[1:] + direction[:-1])
-        x = np.concatenate([[0.0], np.cumsum(np.cos(half) * TABLE_M)])
-        y = np.concatenate([[0.0], np.cumsum(np.sin(half) * TABLE_M)])
+        x = np.concatenate([[0.0], np.cumsum(np.cos(half) * CENTRE_LINE_STEP_M)])
+        y = np.concatenate([[0.0], np.cumsum(np.sin(half) * CENTRE_LINE_STEP_M)])
         return station, x - np.interp(0.0, station, x), y - np.interp(0.0, station, y), direction
 
 
 @dataclass(frozen=True)
-class Runs:
+class LaneRuns:
     """m drives on one road.
 
     Attributes:
@@ -73,7 +73,7 @@ class Runs:
 
 
 @dataclass(frozen=True)
-class Truth:
+class LaneDriveTruth:
     """The true motion of m runs at every step (10 ms), shapes (k,) and (k, m).
 
     Attributes:
@@ -102,9 +102,9 @@ class Truth:
     approach_mps: FloatArray
 
 
-def drive_lane(
-    road: Road, vehicle: Vehicle, runs: Runs, *, driver: TargetLineDriver | None = None, seed: int = 0
-) -> Truth:
+def simulate_lane_runs(
+    road: Road, vehicle: Vehicle, runs: LaneRuns, *, driver: TargetLineDriver | None = None, seed: int = 0
+) -> LaneDriveTruth:
     """Simulate all runs by Runge-Kutta steps of 10 ms; the driver's unrest is held over each.
 
     Args:
@@ -116,29 +116,29 @@ def drive_lane(
     """
     driver = driver or TargetLineDriver()
     m = len(runs.speed_mps)
-    n = round(runs.duration_s / STEP_S) + 1
-    time_s = np.arange(n, dtype=np.float64) * STEP_S
-    unrest = _unrest(driver, n, m, seed)
+    n = round(runs.duration_s / INTEGRATION_STEP_S) + 1
+    time_s = np.arange(n, dtype=np.float64) * INTEGRATION_STEP_S
+    unrest = _draw_driver_unrest_mps2(driver, n, m, seed)
     states = np.zeros((n, 6, m))  # v_y, gamma, delta, station, offset, heading in the lane
-    states[0] = _at_start(road, vehicle, runs)
+    states[0] = _steady_start_states(road, vehicle, runs)
     for i in range(n - 1):
         t, x, a = float(time_s[i]), states[i], unrest[i]
 
         def slope(dt: float, moved: FloatArray, t: float = t, a: FloatArray = a) -> FloatArray:
-            return _slope(t + dt, moved, a, road, vehicle, runs, driver)
+            return _state_derivative(t + dt, moved, a, road, vehicle, runs, driver)
 
         k1 = slope(0.0, x)
-        k2 = slope(STEP_S / 2, x + STEP_S / 2 * k1)
-        k3 = slope(STEP_S / 2, x + STEP_S / 2 * k2)
-        k4 = slope(STEP_S, x + STEP_S * k3)
-        states[i + 1] = x + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return _truth(time_s, states, road, vehicle, runs)
+        k2 = slope(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k1)
+        k3 = slope(INTEGRATION_STEP_S / 2, x + INTEGRATION_STEP_S / 2 * k2)
+        k4 = slope(INTEGRATION_STEP_S, x + INTEGRATION_STEP_S * k3)
+        states[i + 1] = x + INTEGRATION_STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return _build_lane_drive_truth(time_s, states, road, vehicle, runs)
 
 
-def _unrest(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
+def _draw_driver_unrest_mps2(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
     """Draw the unwanted lateral acceleration of m drivers at n steps, shape (n, m), m/s^2 (Gauss-Markov)."""
-    noise = stream(seed, "lane", "unrest").standard_normal((n, m))
-    keep = float(np.exp(-STEP_S / driver.unrest_s))
+    noise = random_stream(seed, "lane", "unrest").standard_normal((n, m))
+    keep = float(np.exp(-INTEGRATION_STEP_S / driver.unrest_s))
     values = np.empty((n, m))
     values[0] = noise[0]
     for i in range(1, n):
@@ -146,10 +146,10 @@ def _unrest(driver: TargetLineDriver, n: int, m: int, seed: int) -> FloatArray:
     return driver.unrest_mps2 * values
 
 
-def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
+def _steady_start_states(road: Road, vehicle: Vehicle, runs: LaneRuns) -> FloatArray:
     """The states (6, m) at the start: a car that follows the lane steadily."""
     v = runs.speed_mps
-    curvature = np.broadcast_to(road.curvature(np.zeros(1)), v.shape)
+    curvature = np.broadcast_to(road.curvature_at_1pm(np.zeros(1)), v.shape)
     slip = vehicle.mass_kg * vehicle.front_axle_m / (vehicle.rear_stiffness_nprad * vehicle.wheelbase_m)
     lateral = (vehicle.rear_axle_m - slip * v**2) * v * curvature
     steer = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * curvature
@@ -158,46 +158,48 @@ def _at_start(road: Road, vehicle: Vehicle, runs: Runs) -> FloatArray:
     return np.stack([lateral, v * curvature, steer, zero, zero, heading])
 
 
-def _slope(
-    t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: Runs, driver: TargetLineDriver
+def _state_derivative(
+    t: float, x: FloatArray, unrest: FloatArray, road: Road, vehicle: Vehicle, runs: LaneRuns, driver: TargetLineDriver
 ) -> FloatArray:
     """Time derivative (6, m) of the states x (6, m): v_y, yaw rate, steering angle, station, offset, heading."""
     lateral, yaw_rate, steer, station, offset, heading = x
     v = np.maximum(runs.speed_mps + runs.accel_mps2 * t, 0.0)
     ve = np.maximum(v, MIN_MODEL_SPEED_MPS)
-    target, rate = _target(t, runs)
+    target, rate = _target_line_offset_and_speed(t, runs)
     course = heading + lateral / ve
-    ahead = road.curvature(station + v * driver.look_ahead_s)
-    correct = driver.correction_1pm(ve, offset - target, course - rate / ve)
+    ahead = road.curvature_at_1pm(station + v * driver.look_ahead_s)
+    correct = driver.correcting_curvature_1pm(ve, offset - target, course - rate / ve)
     wanted = (vehicle.wheelbase_m + understeer_gradient(vehicle) * v**2) * (ahead + correct + unrest / ve**2)
-    along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature(station))
+    along = (v * np.cos(heading) - lateral * np.sin(heading)) / (1.0 - offset * road.curvature_at_1pm(station))
     return np.stack(
         [
-            *lateral_rates(vehicle, v, lateral, yaw_rate, steer),
+            *lateral_state_derivatives(vehicle, v, lateral, yaw_rate, steer),
             (wanted - steer) / driver.lag_s,
             along,
             v * np.sin(heading) + lateral * np.cos(heading),
-            yaw_rate - road.curvature(station) * along,
+            yaw_rate - road.curvature_at_1pm(station) * along,
         ]
     )
 
 
-def _target(t: float, runs: Runs) -> tuple[FloatArray, FloatArray]:
+def _target_line_offset_and_speed(t: float, runs: LaneRuns) -> tuple[FloatArray, FloatArray]:
     """Offset (m) and lateral speed (m/s) of the target line at a time, (m,) each; the speed is reached within 1 s."""
     since = np.maximum(t - runs.drift_start_s, 0.0)
     eased = np.minimum(since, 1.0)
     return runs.drift_mps * (0.5 * eased**2 + (since - eased)), runs.drift_mps * eased
 
 
-def _truth(time_s: FloatArray, states: FloatArray, road: Road, vehicle: Vehicle, runs: Runs) -> Truth:
+def _build_lane_drive_truth(
+    time_s: FloatArray, states: FloatArray, road: Road, vehicle: Vehicle, runs: LaneRuns
+) -> LaneDriveTruth:
     """Add positions and gaps to the boundaries to the states (k, 6, m) of all runs."""
     lateral, yaw_rate, steer, station, offset, heading = np.moveaxis(states, 1, 0)
     speed = np.maximum(runs.speed_mps + runs.accel_mps2 * time_s[:, None], 0.0)
-    table, x, y, direction = road.table(float(station.max()) + 100.0)
+    table, x, y, direction = road.centre_line_table(float(station.max()) + 100.0)
     along = np.interp(station, table, direction)
     at_front = offset + vehicle.front_axle_m * np.sin(heading)
     half = 0.5 * vehicle.width_m * np.cos(heading)
-    return Truth(
+    return LaneDriveTruth(
         time_s=time_s,
         lateral_speed_mps=lateral,
         yaw_rate_radps=yaw_rate,

@@ -19,29 +19,29 @@ from cwcli.errors import UsageError
 from cwcli.input import read_file
 from cwcli.simulation.attitude import Attitude
 from cwcli.simulation.catalogue import scenario_names, scenario_text
-from cwcli.simulation.profile import Profile, read_profile
+from cwcli.simulation.profile import MotionProfile, read_motion_profile
 from cwcli.simulation.spec import (
     ORIGIN_KEYS,
     SENSOR_KEYS,
     TOP_KEYS,
     V2X_KEYS,
     VEHICLE_KEYS,
-    bad_value,
-    read_table,
+    check_scenario_table,
+    scenario_value_error,
 )
-from cwcli.simulation.truth import TrueMotion, check_possible
+from cwcli.simulation.truth import TrueMotion, check_motion_is_drivable
 from cwcli.toml_text import parse_toml
 
-HOST = "host"
+HOST_NAME = "host"
 """Key of the ego vehicle among the vehicles of a scenario."""
-DEFAULT_START = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
+DEFAULT_START_TIME = datetime(2016, 10, 1, 8, 0, 0, tzinfo=UTC)
 """Time of a run's start if the scenario states none. Chosen by hand."""
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_UNIX_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 """Start of Unix time, from which stamps are counted."""
-_NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_VEHICLE_NAME_PATTERN = re.compile(r"[a-z0-9][a-z0-9_-]*")
 """Permitted names of vehicles."""
-_STATION_ID = re.compile(r"[0-9a-f]{8}")
+_STATION_ID_PATTERN = re.compile(r"[0-9a-f]{8}")
 """Permitted station ids: eight lower-case hexadecimal digits."""
 
 
@@ -60,7 +60,7 @@ class ScenarioVehicle:
 
     name: str
     station_id: str
-    profile: Profile
+    profile: MotionProfile
     motion: TrueMotion
     attitude: Attitude
     length_m: float
@@ -97,7 +97,7 @@ class Scenario:
     document: Mapping[str, Any]
 
 
-def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
+def read_scenario_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
     """Read a scenario file, without checking its content.
 
     Args:
@@ -120,7 +120,7 @@ def read_document(name_or_path: str | Path) -> tuple[str, dict[str, Any]]:
                 found=tuple(scenario_names()),
                 hint="name one of these, or a scenario file",
             )
-        source, text = path.name, _read_text(path)
+        source, text = path.name, _read_scenario_file(path)
     try:
         return source.removesuffix(".toml"), parse_toml(text)
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
@@ -133,13 +133,13 @@ def load_scenario(name_or_path: str | Path, overrides: tuple[str, ...] = ()) -> 
     Raises:
         UsageError: No such scenario, not TOML, a wrong override, or wrong content.
     """
-    name, document = read_document(name_or_path)
+    name, document = read_scenario_document(name_or_path)
     for text in overrides:
-        document = override(document, text)
+        document = apply_override(document, text)
     return parse_scenario(document, name=name)
 
 
-def override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
+def apply_override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
     """Return a copy of a scenario document with one value replaced.
 
     Args:
@@ -160,12 +160,12 @@ def override(document: Mapping[str, Any], text: str) -> dict[str, Any]:
         keys = ["vehicles", *keys]
     place: Any = changed
     for key in keys[:-1]:
-        place = _enter(place, key, text)
+        place = _child_table_or_list(place, key, text)
     last = keys[-1]
     if isinstance(place, list):
-        place[_index(place, last, text)] = _toml_value(value_text.strip())
+        place[_parse_list_index(place, last, text)] = _parse_toml_value(value_text.strip())
     elif isinstance(place, dict):
-        place[last] = _toml_value(value_text.strip())
+        place[last] = _parse_toml_value(value_text.strip())
     else:
         raise UsageError(f"--set {text!r}: {'.'.join(keys[:-1])} is a value, not a table")
     return changed
@@ -183,59 +183,62 @@ def parse_scenario(document: Mapping[str, Any], *, name: str) -> Scenario:
             profiles with a gap, too short segments, reverse driving, more acceleration than friction allows.
     """
     source = f"{name}.toml"
-    top = read_table(
+    top = check_scenario_table(
         document, TOP_KEYS, path="", source=source, others=("start_time", "origin", "vehicles", "sensors", "v2x")
     )
     sensor_tables = document.get("sensors", {})
     if not isinstance(sensor_tables, Mapping):
-        raise bad_value(source, "sensors", f"is {sensor_tables!r}", "a table")
+        raise scenario_value_error(source, "sensors", f"is {sensor_tables!r}", "a table")
     for sensor in sensor_tables:
         if sensor not in SENSOR_KEYS:
-            raise bad_value(source, f"sensors.{sensor}", "is unknown", ", ".join(SENSOR_KEYS))
+            raise scenario_value_error(source, f"sensors.{sensor}", "is unknown", ", ".join(SENSOR_KEYS))
     v2x = document.get("v2x")
     return Scenario(
         name=name,
-        start_ns=_start_ns(document.get("start_time", DEFAULT_START), source),
-        origin=MappingProxyType(read_table(document.get("origin", {}), ORIGIN_KEYS, path="origin", source=source)),
-        vehicles=MappingProxyType(_vehicles(document.get("vehicles"), top, source)),
+        start_ns=_read_start_ns(document.get("start_time", DEFAULT_START_TIME), source),
+        origin=MappingProxyType(
+            check_scenario_table(document.get("origin", {}), ORIGIN_KEYS, path="origin", source=source)
+        ),
+        vehicles=MappingProxyType(_read_vehicles(document.get("vehicles"), top, source)),
         sensors=MappingProxyType(
             {
                 sensor: MappingProxyType(
-                    read_table(table, SENSOR_KEYS[sensor], path=f"sensors.{sensor}", source=source)
+                    check_scenario_table(table, SENSOR_KEYS[sensor], path=f"sensors.{sensor}", source=source)
                 )
                 for sensor, table in sensor_tables.items()
             }
         ),
-        v2x=None if v2x is None else MappingProxyType(read_table(v2x, V2X_KEYS, path="v2x", source=source)),
+        v2x=None if v2x is None else MappingProxyType(check_scenario_table(v2x, V2X_KEYS, path="v2x", source=source)),
         document=document,
         **top,
     )
 
 
-def _vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
+def _read_vehicles(tables: Any, top: Mapping[str, Any], source: str) -> dict[str, ScenarioVehicle]:
     """Check the table of vehicles, and that station ids differ; the host comes first."""
-    if not isinstance(tables, Mapping) or HOST not in tables:
-        raise bad_value(source, f"vehicles.{HOST}", "is missing", "a table: the ego vehicle")
+    if not isinstance(tables, Mapping) or HOST_NAME not in tables:
+        raise scenario_value_error(source, f"vehicles.{HOST_NAME}", "is missing", "a table: the ego vehicle")
     vehicles = {
-        name: _vehicle(name, tables[name], top, source) for name in (HOST, *(key for key in tables if key != HOST))
+        name: _read_vehicle(name, tables[name], top, source)
+        for name in (HOST_NAME, *(key for key in tables if key != HOST_NAME))
     }
     owners: dict[str, str] = {}
     for vehicle in vehicles.values():
         other = owners.setdefault(vehicle.station_id, vehicle.name)
         if other != vehicle.name:
-            raise bad_value(
+            raise scenario_value_error(
                 source, f"vehicles.{vehicle.name}.station_id", f"is also that of {other}", "an id of its own"
             )
     return vehicles
 
 
-def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> ScenarioVehicle:
+def _read_vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> ScenarioVehicle:
     """Check the table of one vehicle and integrate its motion."""
     path = f"vehicles.{name}"
-    if not _NAME.fullmatch(name):
-        raise bad_value(source, path, "is no name", "lower-case letters, digits, - and _")
-    values = read_table(table, VEHICLE_KEYS, path=path, source=source, others=("longitudinal", "lateral"))
-    profile = read_profile(
+    if not _VEHICLE_NAME_PATTERN.fullmatch(name):
+        raise scenario_value_error(source, path, "is no name", "lower-case letters, digits, - and _")
+    values = check_scenario_table(table, VEHICLE_KEYS, path=path, source=source, others=("longitudinal", "lateral"))
+    profile = read_motion_profile(
         table.get("longitudinal"),
         table.get("lateral"),
         speed_mps=values["speed_mps"],
@@ -246,7 +249,7 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Scen
     motion = TrueMotion(
         profile, x_m=values["x_m"], y_m=values["y_m"], heading_rad=float(np.radians(values["heading_deg"]))
     )
-    check_possible(
+    check_motion_is_drivable(
         motion,
         end_s=top["duration_s"],
         friction=top["friction"],
@@ -255,29 +258,33 @@ def _vehicle(name: str, table: Any, top: Mapping[str, Any], source: str) -> Scen
         source=source,
     )
     station_id = values["station_id"] or f"{zlib.crc32(name.encode()):08x}"
-    if not _STATION_ID.fullmatch(station_id):
-        raise bad_value(source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits")
+    if not _STATION_ID_PATTERN.fullmatch(station_id):
+        raise scenario_value_error(
+            source, f"{path}.station_id", f"is {station_id!r}", "eight lower-case hexadecimal digits"
+        )
     attitude = Attitude(values["slope_deg"], values["bounce_deg"], values["squat_degpmps2"], name)
     return ScenarioVehicle(
         name, station_id, profile, motion, attitude, values["length_m"], values["width_m"], values["v2x"]
     )
 
 
-def _start_ns(value: Any, source: str) -> int:
+def _read_start_ns(value: Any, source: str) -> int:
     """The start time as ns since 1970; refuse what is no date and time with offset."""
     if isinstance(value, str):  # as JSON holds it
         with suppress(ValueError):
             value = datetime.fromisoformat(value)
     if not isinstance(value, datetime) or value.tzinfo is None:
-        raise bad_value(source, "start_time", f"is {value!r}", "a date and time with offset, e.g. 2016-10-01T08:00:00Z")
-    since = value - _EPOCH
+        raise scenario_value_error(
+            source, "start_time", f"is {value!r}", "a date and time with offset, e.g. 2016-10-01T08:00:00Z"
+        )
+    since = value - _UNIX_EPOCH
     nanoseconds = ((since.days * 86_400 + since.seconds) * 1_000_000 + since.microseconds) * 1_000
     if nanoseconds < 0:
-        raise bad_value(source, "start_time", f"is {value}", "1970 or later")
+        raise scenario_value_error(source, "start_time", f"is {value}", "1970 or later")
     return nanoseconds
 
 
-def _read_text(path: Path) -> str:
+def _read_scenario_file(path: Path) -> str:
     """Read a scenario file as text; refuse one that can't be read."""
     try:
         return read_file(path).decode()
@@ -285,23 +292,23 @@ def _read_text(path: Path) -> str:
         raise UsageError(f"can't be read: {error}", where=path.name) from error
 
 
-def _enter(place: Any, key: str, text: str) -> Any:
+def _child_table_or_list(place: Any, key: str, text: str) -> Any:
     """The entry of a list, or the table of a table (made if missing), under a key."""
     if isinstance(place, list):
-        return place[_index(place, key, text)]
+        return place[_parse_list_index(place, key, text)]
     if isinstance(place, dict):
         return place.setdefault(key, {})
     raise UsageError(f"--set {text!r}: {key} lies inside a value, not a table")
 
 
-def _index(place: list[Any], key: str, text: str) -> int:
+def _parse_list_index(place: list[Any], key: str, text: str) -> int:
     """Parse the index of a list's entry; refuse one outside the list."""
     if not key.isdecimal() or int(key) >= len(place):
         raise UsageError(f"--set {text!r}: {key} is no entry of the list; permitted: 0 to {len(place) - 1}")
     return int(key)
 
 
-def _toml_value(text: str) -> Any:
+def _parse_toml_value(text: str) -> Any:
     """Parse text as a TOML value; text that is no TOML stays text."""
     try:
         return parse_toml(f"value = {text}")["value"]

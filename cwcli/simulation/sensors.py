@@ -14,8 +14,8 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
-from cwcli.simulation.attitude import LEVEL, Attitude
-from cwcli.simulation.streams import schedule, stream
+from cwcli.simulation.attitude import LEVEL_ATTITUDE, Attitude
+from cwcli.simulation.streams import draw_message_schedule, random_stream
 from cwcli.simulation.truth import TrueMotion
 
 
@@ -40,16 +40,16 @@ class SensorData:
     n_lost: int
 
 
-SLOW_S = 20.0
+SLOW_ERROR_TIME_CONSTANT_S = 20.0
 """Time constant of a slow error of which only the sigma is given, s: that of multipath on a drive. Chosen by hand; not
 fitted."""
 
-Model = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
+SensorModel = Callable[[FloatArray, FloatArray, Mapping[str, Any]], tuple[FloatArray, FloatArray]]
 """A function of true states (n, 8), tilt (n, 3), and settings that returns noise-free values (n, k)
 and the sigma of their noise (k,)."""
 
 
-def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def model_gnss_position(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Position of the antenna: east, north, up (n, 3) in the map frame, m, and its sigma (3,)."""
     bias = np.array([settings["bias_east_m"], settings["bias_north_m"], 0.0])
     ahead, left = settings["ahead_m"] or 0.0, settings["left_m"] or 0.0
@@ -59,12 +59,14 @@ def gnss(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple
     return position + bias, np.full(3, settings["sigma_m"])
 
 
-def gnss_heading(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def model_gnss_heading(state: FloatArray, _: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Heading (n, 1), rad, counter-clockwise from east, not wrapped, and its sigma (1,)."""
     return state[:, 3:4] + np.radians(settings["bias_deg"]), np.radians([settings["sigma_deg"]])
 
 
-def speed(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def model_wheel_speed(
+    state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]
+) -> tuple[FloatArray, FloatArray]:
     """Wheel speed along the heading (n, 1), m/s, and its sigma (1,).
 
     Wheels that a lever arm l below the host's point turn with are slower than it by l times the pitch rate.
@@ -77,7 +79,7 @@ def speed(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> t
     return value + settings["bias_mps"], np.array([settings["sigma_mps"]])
 
 
-def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
+def model_imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tuple[FloatArray, FloatArray]:
     """Specific force (forward, left, up, m/s^2; g on up at rest) and angular rate (rad/s), (n, 6), and sigma (6,).
 
     A mount that is pitched nose down by p about the left axis reads f cos p - u sin p forward and f sin p + u cos p up,
@@ -106,7 +108,7 @@ def imu(state: FloatArray, tilt: FloatArray, settings: Mapping[str, Any]) -> tup
     return values, np.array([settings["accel_sigma_mps2"]] * 3 + [sigma_gyro] * 3)
 
 
-def gauss_markov(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -> FloatArray:
+def draw_gauss_markov_pairs(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -> FloatArray:
     """Draw two Gauss-Markov processes of unit sigma at times (n,), shape (n, 2); autocorrelation exp(-t / decay_s)."""
     keep = np.exp(-np.diff(time_s) / decay_s)
     drawn = rng.standard_normal((len(time_s), 2))
@@ -116,11 +118,16 @@ def gauss_markov(time_s: FloatArray, decay_s: float, rng: np.random.Generator) -
     return drawn
 
 
-SENSORS: Mapping[str, Model] = {"gnss": gnss, "gnss_heading": gnss_heading, "speed": speed, "imu": imu}
+SENSOR_MODELS: Mapping[str, SensorModel] = {
+    "gnss": model_gnss_position,
+    "gnss_heading": model_gnss_heading,
+    "speed": model_wheel_speed,
+    "imu": model_imu,
+}
 """The sensor models by the sensor's name in a scenario."""
 
 
-def measure(
+def simulate_sensor_messages(
     sensor: str,
     motion: TrueMotion,
     settings: Mapping[str, Any],
@@ -129,7 +136,7 @@ def measure(
     end_s: float,
     seed: int,
     vehicle: str,
-    attitude: Attitude = LEVEL,
+    attitude: Attitude = LEVEL_ATTITUDE,
 ) -> SensorData:
     """Simulate the messages of one sensor over the drive.
 
@@ -142,14 +149,16 @@ def measure(
         seed, vehicle: Seed and vehicle name, which select the random streams.
         attitude: Pitch and roll of the vehicle.
     """
-    plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
+    plan = draw_message_schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
     true_s = plan.time_s - settings["latency_s"]
-    state = motion.at(true_s)
-    exact, sigma = SENSORS[sensor](state, attitude.at(true_s, state), settings)
-    values = exact + sigma * stream(seed, vehicle, sensor, "noise").standard_normal(exact.shape)
+    state = motion.states_at(true_s)
+    exact, sigma = SENSOR_MODELS[sensor](state, attitude.pitch_roll_and_pitch_rate_at(true_s, state), settings)
+    values = exact + sigma * random_stream(seed, vehicle, sensor, "noise").standard_normal(exact.shape)
     if settings.get("slow_sigma_m"):
-        rng = stream(seed, vehicle, sensor, "slow")
-        values[:, :2] += settings["slow_sigma_m"] * gauss_markov(plan.time_s, settings["slow_time_s"] or SLOW_S, rng)
+        rng = random_stream(seed, vehicle, sensor, "slow")
+        values[:, :2] += settings["slow_sigma_m"] * draw_gauss_markov_pairs(
+            plan.time_s, settings["slow_time_s"] or SLOW_ERROR_TIME_CONSTANT_S, rng
+        )
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
     return SensorData(

@@ -12,13 +12,13 @@ from typing import Literal
 
 import numpy as np
 
-from cwcli.dynamics.matrix_exponential import discretise
-from cwcli.dynamics.samples import PREVIEW_M, LaneSamples, Samples
-from cwcli.dynamics.single_track import preview_matrices, steady_state
+from cwcli.dynamics.matrix_exponential import discretise_held_input
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples, ScalarSamples
+from cwcli.dynamics.single_track import preview_state_matrices, steady_turn_state
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
-from cwcli.simulation.streams import to_ns
+from cwcli.simulation.streams import seconds_to_ns
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ class LinearRun:
     state: FloatArray
     speed_mps: FloatArray
     lanes: LaneSamples
-    speed: Samples
-    steer: Samples
+    speed: ScalarSamples
+    steer: ScalarSamples
 
 
 def simulate_paper_run(
@@ -84,7 +84,7 @@ def simulate_paper_run(
     vehicle: Vehicle,
     *,
     start: Literal["turning", "straight"] = "turning",
-    preview_m: float = PREVIEW_M,
+    preview_m: float = DEFAULT_PREVIEW_M,
 ) -> LinearRun:
     """Drive the car of `run.load` on the linear model, exactly over each step.
 
@@ -95,7 +95,7 @@ def simulate_paper_run(
             gamma as its error. "straight": from v_y = gamma = 0, as the steering steps.
         preview_m: Distance of the preview point from the centre of gravity.
     """
-    car = vehicle.loaded(run.load)
+    car = vehicle.with_load(run.load)
     per_frame = round(run.frame_s / run.step_s)
     n = int(run.duration_s / run.frame_s + 1e-9) + 1
     speeds = np.minimum(
@@ -103,7 +103,7 @@ def simulate_paper_run(
     )
     state = np.zeros((n, 4))
     if start == "turning":
-        state[0, :2] = steady_state(car, run.start_kmh * MPS_PER_KMH, run.steer_rad)
+        state[0, :2] = steady_turn_state(car, run.start_kmh * MPS_PER_KMH, run.steer_rad)
     x = state[0].copy()
     inputs = np.array([run.steer_rad, run.curvature_1pm])
     phi = gamma = np.zeros(0)
@@ -112,12 +112,12 @@ def simulate_paper_run(
         middle = 0.5 * (speeds[i] + speeds[i + 1])
         if middle != speed:
             speed = middle
-            phi, gamma = discretise(*preview_matrices(car, float(speed), preview_m), run.step_s)
+            phi, gamma = discretise_held_input(*preview_state_matrices(car, float(speed), preview_m), run.step_s)
         x = phi @ x + gamma @ inputs
         if (i + 1) % per_frame == 0:
             state[(i + 1) // per_frame] = x
     time_s = np.arange(n, dtype=np.float64) * run.frame_s
-    stamp_ns = to_ns(time_s)
+    stamp_ns = seconds_to_ns(time_s)
     speed_mps = speeds[::per_frame].copy()
     constant = np.full(n, run.curvature_1pm)
     return LinearRun(
@@ -125,6 +125,6 @@ def simulate_paper_run(
         state=state,
         speed_mps=speed_mps,
         lanes=LaneSamples(stamp_ns, state[:, 2].copy(), state[:, 3].copy(), constant),
-        speed=Samples(stamp_ns, speed_mps),
-        steer=Samples(stamp_ns, np.full(n, run.steer_rad)),
+        speed=ScalarSamples(stamp_ns, speed_mps),
+        steer=ScalarSamples(stamp_ns, np.full(n, run.steer_rad)),
     )

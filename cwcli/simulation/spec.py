@@ -27,21 +27,21 @@ class NumberKey:
     unit: str
     doc: str
 
-    def check(self, value: Any, *, key: str, source: str) -> float:
+    def check_value(self, value: Any, *, key: str, source: str) -> float:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise bad_value(source, key, f"is {value!r}", f"a number, {self.permitted()}")
+            raise scenario_value_error(source, key, f"is {value!r}", f"a number, {self.permitted_text()}")
         if not math.isfinite(value) or not self.low <= value <= self.high:
-            raise bad_value(source, key, f"is {value!r}", self.permitted())
+            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
         return float(value)
 
-    def permitted(self) -> str:
+    def permitted_text(self) -> str:
         """Text for messages that says what is permitted."""
         return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
-class Integer:
+class IntegerKey:
     """A whole number inside a closed range."""
 
     default: Any
@@ -50,19 +50,19 @@ class Integer:
     doc: str
     unit: str = ""
 
-    def check(self, value: Any, *, key: str, source: str) -> int:
+    def check_value(self, value: Any, *, key: str, source: str) -> int:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if isinstance(value, bool) or not isinstance(value, int) or not self.low <= value <= self.high:
-            raise bad_value(source, key, f"is {value!r}", f"a whole number, {self.permitted()}")
+            raise scenario_value_error(source, key, f"is {value!r}", f"a whole number, {self.permitted_text()}")
         return value
 
-    def permitted(self) -> str:
+    def permitted_text(self) -> str:
         """Text for messages that says what is permitted."""
         return f"{self.low} to {self.high}"
 
 
 @dataclass(frozen=True)
-class Text:
+class TextKey:
     """A string, one of `choices` when they are given."""
 
     default: Any
@@ -70,68 +70,70 @@ class Text:
     choices: tuple[str, ...] = ()
     unit: str = ""
 
-    def check(self, value: Any, *, key: str, source: str) -> str:
+    def check_value(self, value: Any, *, key: str, source: str) -> str:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, str) or (self.choices and value not in self.choices):
-            raise bad_value(source, key, f"is {value!r}", self.permitted())
+            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
         return value
 
-    def permitted(self) -> str:
+    def permitted_text(self) -> str:
         """Text for messages that says what is permitted."""
         return ", ".join(f'"{choice}"' for choice in self.choices) or "text"
 
 
 @dataclass(frozen=True)
-class Flag:
+class FlagKey:
     """A truth value: true or false."""
 
     default: Any
     doc: str
     unit: str = ""
 
-    def check(self, value: Any, *, key: str, source: str) -> bool:
+    def check_value(self, value: Any, *, key: str, source: str) -> bool:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, bool):
-            raise bad_value(source, key, f"is {value!r}", self.permitted())
+            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
         return value
 
-    def permitted(self) -> str:
+    def permitted_text(self) -> str:
         """Text for messages that says what is permitted."""
         return "true, false"
 
 
 @dataclass(frozen=True)
-class Intervals:
+class IntervalsKey:
     """A list of [from, to] pairs in seconds of the run, each with from < to."""
 
     default: Any
     doc: str
     unit: str = "s"
 
-    def check(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
+    def check_value(self, value: Any, *, key: str, source: str) -> tuple[tuple[float, float], ...]:
         """Return the checked value of a key; refuse another type or a value outside the range."""
         if not isinstance(value, list | tuple):
-            raise bad_value(source, key, f"is {value!r}", self.permitted())
+            raise scenario_value_error(source, key, f"is {value!r}", self.permitted_text())
         pairs: list[tuple[float, float]] = []
         for index, pair in enumerate(value):
             is_pair = isinstance(pair, list | tuple) and len(pair) == 2
-            if not is_pair or not all(_is_number(edge) for edge in pair) or not 0 <= pair[0] < pair[1]:
-                raise bad_value(source, f"{key}.{index}", f"is {pair!r}", "[from, to] with 0 <= from < to, in s")
+            if not is_pair or not all(_is_finite_number(edge) for edge in pair) or not 0 <= pair[0] < pair[1]:
+                raise scenario_value_error(
+                    source, f"{key}.{index}", f"is {pair!r}", "[from, to] with 0 <= from < to, in s"
+                )
             pairs.append((float(pair[0]), float(pair[1])))
         return tuple(pairs)
 
-    def permitted(self) -> str:
+    def permitted_text(self) -> str:
         """Text for messages that says what is permitted."""
         return "[[from, to], ...]"
 
 
-Key = NumberKey | Integer | Text | Flag | Intervals
+Key = NumberKey | IntegerKey | TextKey | FlagKey | IntervalsKey
 Keys = Mapping[str, Key]
 
 TOP_KEYS: Keys = {
-    "description": Text("", "What happens, in a sentence."),
+    "description": TextKey("", "What happens, in a sentence."),
     "duration_s": NumberKey(REQUIRED, 0.1, 3600, "s", "Length of the run."),
-    "seed": Integer(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` overrides it."),
+    "seed": IntegerKey(1, 0, 2**63 - 1, "Seed of every random draw; `--seed` overrides it."),
     "friction": NumberKey(
         PEAK_FRICTION, 0.05, 1.5, "", "Road friction: no vehicle may need more than friction * 9.80665 m/s^2."
     ),
@@ -157,60 +159,62 @@ VEHICLE_KEYS: Keys = {
     "slope_deg": NumberKey(0, 0, 10, "deg", "Slope of the road that it drives on, in any direction, 1 sigma."),
     "bounce_deg": NumberKey(0, 0, 5, "deg", "Pitching of the body on its springs (1 to 2 Hz), 1 sigma."),
     "squat_degpmps2": NumberKey(0, 0, 2, "deg/(m/s^2)", "Pitch of the body per acceleration, nose up."),
-    "v2x": Flag(True, "Whether it sends V2X messages (the host's own are not in its log)."),
-    "station_id": Text("", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."),
+    "v2x": FlagKey(True, "Whether it sends V2X messages (the host's own are not in its log)."),
+    "station_id": TextKey(
+        "", "J2735 temporary id, eight hexadecimal digits; derived from the vehicle's name if empty."
+    ),
 }
 """Keys of a vehicle, which also holds the lists `longitudinal` and `lateral`."""
 
-_FROM = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
+_FROM_KEY = NumberKey(REQUIRED, 0, 3600, "s", "Start of the segment; the first is 0.")
 """The key `from_s` of segments."""
-_SMOOTH = Flag(
+_SMOOTH_KEY = FlagKey(
     False, "Whether the rate itself rises and falls (a cubic ramp): 1.5 times as long at the same largest rate."
 )
 """The key `smooth` of segments."""
-_TO = NumberKey(
+_TO_KEY = NumberKey(
     None, 0, 3600, "s", "End; if given it must be the next segment's start. Last one: the run's end or later."
 )
 """The key `to_s` of segments."""
 
 LONGITUDINAL_KEYS: Keys = {
-    "from_s": _FROM,
-    "to_s": _TO,
+    "from_s": _FROM_KEY,
+    "to_s": _TO_KEY,
     "accel_mps2": NumberKey(None, -15, 15, "m/s^2", "Acceleration to reach and hold."),
     "speed_mps": NumberKey(
         None, 0, 70, "m/s", "Or: the speed to reach and hold, in the shortest time that the limits allow."
     ),
     "limit_mps2": NumberKey(2, 0.01, 15, "m/s^2", "With speed_mps: largest acceleration or deceleration on the way."),
     "jerk_mps3": NumberKey(2, 0.01, 100, "m/s^3", "Largest rate at which the acceleration changes."),
-    "smooth": _SMOOTH,
+    "smooth": _SMOOTH_KEY,
 }
 """Keys of a segment of `longitudinal`."""
 
 LATERAL_KEYS: Keys = {
-    "from_s": _FROM,
-    "to_s": _TO,
+    "from_s": _FROM_KEY,
+    "to_s": _TO_KEY,
     "curvature_1pm": NumberKey(None, -1, 1, "1/m", "Path curvature to reach and hold; positive = left."),
     "curvature_rate_1pmps": NumberKey(
         0.01, 1e-5, 10, "1/m/s", "Largest rate at which the curvature changes (a clothoid if not smooth)."
     ),
     "yaw_rate_dps": NumberKey(None, -90, 90, "deg/s", "Or: the yaw rate to reach and hold; positive = left."),
     "yaw_accel_dps2": NumberKey(20, 0.01, 500, "deg/s^2", "Largest rate at which the yaw rate changes."),
-    "smooth": _SMOOTH,
+    "smooth": _SMOOTH_KEY,
 }
 """Keys of a segment of `lateral`."""
 
-_SENSOR_KEYS: Keys = {
+_COMMON_SENSOR_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 1000, "Hz", "Measurement rate."),
     "phase_s": NumberKey(0, 0, 10, "s", "Stamp of the first measurement."),
     "latency_s": NumberKey(0, -1, 5, "s", "Undeclared lag: the value stamped t is the truth at t - latency_s."),
     "delay_s": NumberKey(0.005, 0, 5, "s", "Declared transport: log time = stamp + delay_s + jitter."),
     "jitter_s": NumberKey(0, 0, 1, "s", "Further delay of each message, uniform between 0 and this."),
     "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
-    "outages": Intervals((), "Intervals in which nothing is sent."),
+    "outages": IntervalsKey((), "Intervals in which nothing is sent."),
 }
 """Keys that all sensors have."""
 
-_PLACE_KEYS: Keys = {
+_MOUNTING_PLACE_KEYS: Keys = {
     "ahead_m": NumberKey(None, -20, 20, "m", "Place of the sensor ahead of the host's point; 0 if not given."),
     "left_m": NumberKey(None, -5, 5, "m", "Place of the sensor to the left of the host's point; 0 if not given."),
 }
@@ -218,7 +222,7 @@ _PLACE_KEYS: Keys = {
 
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
-        **_SENSOR_KEYS,
+        **_COMMON_SENSOR_KEYS,
         "sigma_m": NumberKey(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
         "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
@@ -226,15 +230,15 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         "slow_time_s": NumberKey(
             None, 0.1, 3600, "s", "Time constant of the slow error; 20 s if only its sigma is given."
         ),
-        **_PLACE_KEYS,
+        **_MOUNTING_PLACE_KEYS,
     },
     "gnss_heading": {
-        **_SENSOR_KEYS,
+        **_COMMON_SENSOR_KEYS,
         "sigma_deg": NumberKey(1.0, 0, 180, "deg", "Noise, 1 sigma."),
         "bias_deg": NumberKey(0, -180, 180, "deg", "Constant error, counter-clockwise positive."),
     },
     "speed": {
-        **_SENSOR_KEYS,
+        **_COMMON_SENSOR_KEYS,
         "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
         "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
         "scale": NumberKey(None, 0.5, 2, "", "Ratio of the reading to the true speed; 1 if not given."),
@@ -243,14 +247,14 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         ),
     },
     "imu": {
-        **_SENSOR_KEYS,
+        **_COMMON_SENSOR_KEYS,
         "accel_sigma_mps2": NumberKey(0.049, 0, 10, "m/s^2", "Noise of each axis, 1 sigma (0.5 % of g)."),
         "accel_bias_mps2": NumberKey(0, -5, 5, "m/s^2", "Constant error of the forward axis."),
         "yaw_rate_sigma_dps": NumberKey(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),
         "yaw_rate_bias_dps": NumberKey(0, -20, 20, "deg/s", "Constant error of the up axis."),
         "mount_pitch_deg": NumberKey(0, -30, 30, "deg", "Mounting error: positive = nose down."),
         "pitch_rate_bias_dps": NumberKey(None, -20, 20, "deg/s", "Constant error of the left axis; 0 if not given."),
-        **_PLACE_KEYS,
+        **_MOUNTING_PLACE_KEYS,
     },
 }
 """Keys of each sensor; default noise is song2016's (docs/papers/song2016-scenarios.md)."""
@@ -267,14 +271,14 @@ V2X_KEYS: Keys = {
         0, 0, 1, "s", "Further delay of each message, uniform between 0 and this; may change the order."
     ),
     "drop_probability": NumberKey(0, 0, 1, "", "Chance that a message is lost."),
-    "outages": Intervals((), "Intervals (of generation time) in which every message is lost."),
-    "format": Text("bsm-json", "Encoding of the messages.", V2X_FORMATS),
+    "outages": IntervalsKey((), "Intervals (of generation time) in which every message is lost."),
+    "format": TextKey("bsm-json", "Encoding of the messages.", V2X_FORMATS),
     "position_sigma_m": NumberKey(0.15, 0, 100, "m", "Noise of the sent east and north position, each, 1 sigma."),
     "speed_sigma_mps": NumberKey(0.1, 0, 20, "m/s", "Noise of the sent speed."),
     "heading_sigma_deg": NumberKey(0.21, 0, 180, "deg", "Noise of the sent heading."),
     "accel_sigma_mps2": NumberKey(0.0265, 0, 10, "m/s^2", "Noise of the sent acceleration (0.27 % of g)."),
     "yaw_rate_sigma_dps": NumberKey(0.043, 0, 50, "deg/s", "Noise of the sent yaw rate."),
-    "sender": Text(
+    "sender": TextKey(
         None,
         "How a sender changes its motion before sending it: j2945 filters the acceleration (1 Hz) and holds the "
         "heading at standstill, as SAE J2945/1 asks; plain not at all.",
@@ -285,7 +289,9 @@ V2X_KEYS: Keys = {
 docs/papers/song2016-scenarios.md)."""
 
 
-def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[str, ...] = ()) -> dict[str, Any]:
+def check_scenario_table(
+    table: Any, keys: Keys, *, path: str, source: str, others: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """Check one table of a scenario against its keys.
 
     Args:
@@ -302,29 +308,29 @@ def read_table(table: Any, keys: Keys, *, path: str, source: str, others: tuple[
         UsageError: An unknown or missing key, a wrong type, a value outside its range.
     """
     if not isinstance(table, Mapping):
-        raise bad_value(source, path, f"is {table!r}", "a table")
+        raise scenario_value_error(source, path, f"is {table!r}", "a table")
     prefix = f"{path}." if path else ""
     for name in table:
         if name not in keys and name not in others:
-            raise bad_value(source, f"{prefix}{name}", "is unknown", ", ".join((*keys, *others)))
+            raise scenario_value_error(source, f"{prefix}{name}", "is unknown", ", ".join((*keys, *others)))
     values: dict[str, Any] = {}
     for name, key in keys.items():
         if name in table:
-            values[name] = key.check(table[name], key=f"{prefix}{name}", source=source)
+            values[name] = key.check_value(table[name], key=f"{prefix}{name}", source=source)
         elif key.default is REQUIRED:
-            raise bad_value(source, f"{prefix}{name}", "is missing", key.permitted())
+            raise scenario_value_error(source, f"{prefix}{name}", "is missing", key.permitted_text())
         elif key.default is None or isinstance(key.default, tuple):
             values[name] = key.default
         else:
-            values[name] = key.check(key.default, key=f"{prefix}{name}", source=source)
+            values[name] = key.check_value(key.default, key=f"{prefix}{name}", source=source)
     return values
 
 
-def bad_value(source: str, key: str, what: str, permitted: str) -> UsageError:
+def scenario_value_error(source: str, key: str, what: str, permitted: str) -> UsageError:
     """The one-line error for a value of a scenario file: file, key, what is wrong, what is permitted."""
     return UsageError(f"{key} {what}; permitted: {permitted}", where=source)
 
 
-def _is_number(value: Any) -> bool:
+def _is_finite_number(value: Any) -> bool:
     """Whether a value is a finite number and no truth value."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -13,7 +13,7 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import NS_PER_S
 
 
-def stream(seed: int, *names: str) -> np.random.Generator:
+def random_stream(seed: int, *names: str) -> np.random.Generator:
     """The random stream of one use, e.g. (seed, "host", "gnss", "noise").
 
     The streams of different names are independent, so that a further sensor, or losses on one, change no other draw.
@@ -23,7 +23,7 @@ def stream(seed: int, *names: str) -> np.random.Generator:
 
 
 @dataclass(frozen=True)
-class Schedule:
+class MessageSchedule:
     """The times of one source's messages, and which of them arrive.
 
     Attributes:
@@ -39,15 +39,17 @@ class Schedule:
     @property
     def stamp_ns(self) -> Int64Array:
         """The stamps of the messages, shape (n,), ns since the run's start."""
-        return to_ns(self.time_s)
+        return seconds_to_ns(self.time_s)
 
 
-def to_ns(time_s: FloatArray) -> Int64Array:
+def seconds_to_ns(time_s: FloatArray) -> Int64Array:
     """Round seconds to whole nanoseconds."""
     return np.round(np.asarray(time_s) * NS_PER_S).astype(np.int64)
 
 
-def schedule(settings: Mapping[str, Any], *, end_s: float, seed: int, names: tuple[str, ...]) -> Schedule:
+def draw_message_schedule(
+    settings: Mapping[str, Any], *, end_s: float, seed: int, names: tuple[str, ...]
+) -> MessageSchedule:
     """Draw the stamps, arrival times and losses of a source's messages.
 
     Args:
@@ -57,9 +59,9 @@ def schedule(settings: Mapping[str, Any], *, end_s: float, seed: int, names: tup
     """
     n = max(0, int(np.floor((end_s - settings["phase_s"]) * settings["rate_hz"] + 1e-9)) + 1)
     time_s = settings["phase_s"] + np.arange(n) / settings["rate_hz"]
-    jitter = settings["jitter_s"] * stream(seed, *names, "jitter").random(n)
-    is_heard = stream(seed, *names, "drop").random(n) >= settings["drop_probability"]
+    jitter = settings["jitter_s"] * random_stream(seed, *names, "jitter").random(n)
+    is_heard = random_stream(seed, *names, "drop").random(n) >= settings["drop_probability"]
     for start, end in settings["outages"]:
         is_heard &= ~((start <= time_s) & (time_s < end))
-    arrival_ns = to_ns(time_s) + to_ns(settings["delay_s"] + jitter)
-    return Schedule(time_s, arrival_ns, is_heard)
+    arrival_ns = seconds_to_ns(time_s) + seconds_to_ns(settings["delay_s"] + jitter)
+    return MessageSchedule(time_s, arrival_ns, is_heard)

@@ -15,40 +15,40 @@ from numpy.polynomial.polynomial import polyder, polymul, polyval
 
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
-from cwcli.simulation.profile import Profile
-from cwcli.simulation.spec import bad_value
+from cwcli.simulation.profile import MotionProfile
+from cwcli.simulation.spec import scenario_value_error
 
-STEP_S = 0.001
+TRUTH_GRID_STEP_S = 0.001
 """Time step of the grid on which the truth is returned, s. Chosen by hand; not fitted."""
-CELL_S = 0.01
+QUADRATURE_STEP_S = 0.01
 """Step of the quadrature of the position, s. Edges of the profile's pieces are steps too, so that the motion is smooth
 inside each step. Chosen by hand; not fitted."""
-BEFORE_S = 6.0
+TRUTH_BEFORE_RUN_S = 6.0
 """Time for which the truth goes on before the run at constant speed and turn, s: longer than the largest lag of a
 sensor."""
-AFTER_S = 10.0
+TRUTH_AFTER_RUN_S = 10.0
 """Time for which the truth goes on after the run at constant speed and turn, s: for sensors with a negative lag. Chosen
 by hand; not fitted."""
 
 
-_HALF_NODE = np.sqrt(0.6)
+_GAUSS_NODE_OFFSET = np.sqrt(0.6)
 """Distance of the outer nodes of three-point Gauss quadrature from the middle of [-1, 1]."""
-_GAUSS_NODES = 0.5 * np.array([1 - _HALF_NODE, 1.0, 1 + _HALF_NODE])
+_GAUSS_NODES = 0.5 * np.array([1 - _GAUSS_NODE_OFFSET, 1.0, 1 + _GAUSS_NODE_OFFSET])
 """Nodes of three-point Gauss quadrature on [0, 1], shape (3,)."""
 _GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 """Weights of three-point Gauss quadrature on [0, 1], shape (3,)."""
 
 
-N_SPEED = 5
+N_SPEED_COEFFICIENTS = 5
 """Number of coefficients of the speed: the integral of a smooth ramp of acceleration, which is cubic."""
-N_YAW_RATE = 8
+N_YAW_RATE_COEFFICIENTS = 8
 """Number of coefficients of the yaw rate: the product of a cubic curvature and a quartic speed is of degree 7."""
-_POWERS = np.arange(1, N_YAW_RATE + 1)
+_INTEGRAL_DIVISORS = np.arange(1, N_YAW_RATE_COEFFICIENTS + 1)
 """Divisors of the coefficients in the integral of a yaw rate, shape (8,)."""
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class _ProfilePolynomials:
     """The profile on the common edges of its pieces, as polynomials of the time since each edge.
 
     Attributes:
@@ -67,17 +67,17 @@ class _Pieces:
 class TrueMotion:
     """True states of one vehicle at any time from 6 s before the run to 10 s after it."""
 
-    def __init__(self, profile: Profile, *, x_m: float, y_m: float, heading_rad: float) -> None:
+    def __init__(self, profile: MotionProfile, *, x_m: float, y_m: float, heading_rad: float) -> None:
         """Integrate the profile from a start position (east, north) and heading (counter-clockwise from east)."""
-        self._pieces = _merge(profile, heading_rad)
-        steps_s = np.arange(-BEFORE_S, profile.end_s + AFTER_S, CELL_S, dtype=np.float64)
-        self._grid_s: FloatArray = np.union1d(steps_s, [*self._pieces.edge_s, profile.end_s + AFTER_S])
-        way_m = self._displacement(self._grid_s[:-1], np.diff(self._grid_s))
+        self._pieces = _merge_profile_pieces(profile, heading_rad)
+        steps_s = np.arange(-TRUTH_BEFORE_RUN_S, profile.end_s + TRUTH_AFTER_RUN_S, QUADRATURE_STEP_S, dtype=np.float64)
+        self._grid_s: FloatArray = np.union1d(steps_s, [*self._pieces.edge_s, profile.end_s + TRUTH_AFTER_RUN_S])
+        way_m = self._displacement_m(self._grid_s[:-1], np.diff(self._grid_s))
         track = np.zeros((len(self._grid_s), 2))
         np.cumsum(way_m, axis=0, out=track[1:])
         self._position = track - track[np.searchsorted(self._grid_s, 0.0)] + np.array([x_m, y_m])
 
-    def at(self, time_s: FloatArray) -> FloatArray:
+    def states_at(self, time_s: FloatArray) -> FloatArray:
         """The true states at the given times.
 
         Args:
@@ -94,45 +94,47 @@ class TrueMotion:
         if len(time) and not (self._grid_s[0] <= time.min() and time.max() <= self._grid_s[-1]):
             raise ValueError(f"truth is known from {self._grid_s[0]} to {self._grid_s[-1]} s only")
         cell = np.clip(np.searchsorted(self._grid_s, time, side="right") - 1, 0, len(self._grid_s) - 1)
-        rest = self._displacement(self._grid_s[cell], time - self._grid_s[cell])
-        return np.column_stack([self._position[cell] + rest, self._rates(time)])
+        rest = self._displacement_m(self._grid_s[cell], time - self._grid_s[cell])
+        return np.column_stack([self._position[cell] + rest, self._states_after_position(time)])
 
-    def _displacement(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
+    def _displacement_m(self, start_s: FloatArray, step_s: FloatArray) -> FloatArray:
         """The displacement (n, 2), m, from each start within each (short) step."""
         total = np.zeros((len(start_s), 2))
         for node, weight in zip(_GAUSS_NODES, _GAUSS_WEIGHTS, strict=True):
-            index, t = self._place(start_s + node * step_s)
-            way = weight * step_s * _evaluate(self._pieces.speed, index, t)
-            heading = self._heading(index, t)
+            index, t = self._piece_index_and_elapsed_s(start_s + node * step_s)
+            way = weight * step_s * _evaluate_polynomials(self._pieces.speed, index, t)
+            heading = self._heading_rad(index, t)
             total += np.column_stack([way * np.cos(heading), way * np.sin(heading)])
         return total
 
-    def _place(self, time_s: FloatArray) -> tuple[Int64Array, FloatArray]:
+    def _piece_index_and_elapsed_s(self, time_s: FloatArray) -> tuple[Int64Array, FloatArray]:
         """The index of the piece that applies at each time (n,), and the time since its edge (n,), s."""
         index = np.clip(np.searchsorted(self._pieces.edge_s, time_s, side="right") - 1, 0, None)
         return index, time_s - self._pieces.edge_s[index]
 
-    def _heading(self, index: Int64Array, t: FloatArray) -> FloatArray:
+    def _heading_rad(self, index: Int64Array, t: FloatArray) -> FloatArray:
         """The heading (n,), rad, at the times t since the edges of the pieces."""
-        return self._pieces.heading_rad[index] + t * _evaluate(self._pieces.yaw_rate / _POWERS, index, t)
+        return self._pieces.heading_rad[index] + t * _evaluate_polynomials(
+            self._pieces.yaw_rate / _INTEGRAL_DIVISORS, index, t
+        )
 
-    def _rates(self, time_s: FloatArray) -> FloatArray:
+    def _states_after_position(self, time_s: FloatArray) -> FloatArray:
         """The states (n, 6) from speed on, in closed form."""
         pieces = self._pieces
-        index, t = self._place(time_s)
+        index, t = self._piece_index_and_elapsed_s(time_s)
         return np.column_stack(
             [
-                _evaluate(pieces.speed, index, t),
-                self._heading(index, t),
-                _evaluate(_derivative(pieces.speed), index, t),
-                _evaluate(pieces.yaw_rate, index, t),
-                _evaluate(_derivative(_derivative(pieces.speed)), index, t),
-                _evaluate(_derivative(pieces.yaw_rate), index, t),
+                _evaluate_polynomials(pieces.speed, index, t),
+                self._heading_rad(index, t),
+                _evaluate_polynomials(_derivative_coefficients(pieces.speed), index, t),
+                _evaluate_polynomials(pieces.yaw_rate, index, t),
+                _evaluate_polynomials(_derivative_coefficients(_derivative_coefficients(pieces.speed)), index, t),
+                _evaluate_polynomials(_derivative_coefficients(pieces.yaw_rate), index, t),
             ]
         )
 
 
-def _evaluate(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> FloatArray:
+def _evaluate_polynomials(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> FloatArray:
     """Evaluate row `index` (n,) of the polynomials (ascending powers) at `t` (n,), by Horner's rule."""
     total = np.zeros(len(t))
     for column in coefficients.T[::-1]:
@@ -140,41 +142,41 @@ def _evaluate(coefficients: FloatArray, index: Int64Array, t: FloatArray) -> Flo
     return total
 
 
-def _derivative(coefficients: FloatArray) -> FloatArray:
+def _derivative_coefficients(coefficients: FloatArray) -> FloatArray:
     """The coefficients of the derivatives of polynomials (m, k), shape (m, k - 1)."""
     return coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
 
 
-def _merge(profile: Profile, heading_rad: float) -> _Pieces:
+def _merge_profile_pieces(profile: MotionProfile, heading_rad: float) -> _ProfilePolynomials:
     """Merge the profile's pieces on common edges, and add the time before and after the run."""
     starts = {piece.start_s for piece in profile.speed} | {piece.start_s for piece in profile.turn}
     inner = sorted(start for start in starts if 0 < start < profile.end_s)
-    edges = np.array([-BEFORE_S, 0.0, *inner, profile.end_s])
-    speed = np.zeros((len(edges), N_SPEED))
-    yaw_rate = np.zeros((len(edges), N_YAW_RATE))
+    edges = np.array([-TRUTH_BEFORE_RUN_S, 0.0, *inner, profile.end_s])
+    speed = np.zeros((len(edges), N_SPEED_COEFFICIENTS))
+    yaw_rate = np.zeros((len(edges), N_YAW_RATE_COEFFICIENTS))
     speed[0, 0] = profile.speed[0].coefficients[0]
     for i, edge in enumerate(edges[1:].tolist(), start=1):
         speed_piece, turn_piece = profile.speed_piece_at(edge), profile.turn_piece_at(edge)
-        v = _shifted(speed_piece.coefficients, edge - speed_piece.start_s)
-        turn = _shifted(turn_piece.coefficients, edge - turn_piece.start_s)
+        v = _shift_polynomial_origin(speed_piece.coefficients, edge - speed_piece.start_s)
+        turn = _shift_polynomial_origin(turn_piece.coefficients, edge - turn_piece.start_s)
         if edge == profile.end_s:  # after the run: constant speed and turn
             v, turn = v[:1], turn[:1]
         w = polymul(turn, v) if turn_piece.is_curvature else turn  # yaw rate = curvature * speed
         speed[i, : len(v)], yaw_rate[i, : len(w)] = v, w
     spans = np.diff(edges)
-    turned = spans * _evaluate(yaw_rate / _POWERS, np.arange(len(spans)), spans)
+    turned = spans * _evaluate_polynomials(yaw_rate / _INTEGRAL_DIVISORS, np.arange(len(spans)), spans)
     headings = heading_rad + np.concatenate([[0.0], np.cumsum(turned)])
-    return _Pieces(edges, speed, yaw_rate, headings)
+    return _ProfilePolynomials(edges, speed, yaw_rate, headings)
 
 
-def _shifted(coefficients: tuple[float, ...], shift: float) -> FloatArray:
+def _shift_polynomial_origin(coefficients: tuple[float, ...], shift: float) -> FloatArray:
     """Shift the origin of a polynomial's time by `shift` (Taylor's formula)."""
     return np.array(
         [polyval(shift, polyder(coefficients, k)) / factorial(k) for k in range(len(coefficients))], dtype=np.float64
     )
 
 
-def check_possible(
+def check_motion_is_drivable(
     motion: TrueMotion, *, end_s: float, friction: float, turning_radius_m: float, path: str, source: str
 ) -> None:
     """Refuse a motion that no car can make.
@@ -190,13 +192,13 @@ def check_possible(
         UsageError: More acceleration than friction allows, or a tighter turn than the vehicle can drive.
     """
     time_s = np.append(np.arange(0.0, end_s, 0.01), end_s)
-    state = motion.at(time_s)
+    state = motion.states_at(time_s)
     speed, accel, yaw_rate = state[:, 2], state[:, 4], state[:, 5]
     demand = np.hypot(accel, speed * yaw_rate)
     limit = friction * STANDARD_GRAVITY_MPS2
     worst = int(np.argmax(demand))
     if demand[worst] > limit:
-        raise bad_value(
+        raise scenario_value_error(
             source,
             path,
             f"needs {demand[worst]:.2f} m/s^2 of the tyres at {time_s[worst]:.2f} s",
@@ -205,7 +207,7 @@ def check_possible(
     too_tight = np.abs(yaw_rate) * turning_radius_m > np.abs(speed) + 1e-9
     if too_tight.any():
         first = int(np.argmax(too_tight))
-        raise bad_value(
+        raise scenario_value_error(
             source,
             path,
             f"turns at {np.degrees(yaw_rate[first]):.1f} deg/s with {speed[first]:.2f} m/s at {time_s[first]:.2f} s",
@@ -215,14 +217,14 @@ def check_possible(
 
 def closest_approach(a: TrueMotion, b: TrueMotion, end_s: float) -> tuple[float, float]:
     """Time (s of the run) and size (m) of the smallest distance between two vehicles' centres, on a grid of 1 ms."""
-    time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
-    distance = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T)
+    time_s = np.arange(0.0, end_s + TRUTH_GRID_STEP_S / 2, TRUTH_GRID_STEP_S)
+    distance = np.hypot(*(a.states_at(time_s)[:, :2] - b.states_at(time_s)[:, :2]).T)
     i = int(np.argmin(distance))
     return float(time_s[i]), float(distance[i])
 
 
-def first_time_below(a: TrueMotion, b: TrueMotion, end_s: float, distance_m: float) -> float:
+def first_time_nearer_than_s(a: TrueMotion, b: TrueMotion, end_s: float, distance_m: float) -> float:
     """First time (s of the run) at which two vehicles' centres are nearer than a distance; NaN if never."""
-    time_s = np.arange(0.0, end_s + STEP_S / 2, STEP_S)
-    is_below = np.hypot(*(a.at(time_s)[:, :2] - b.at(time_s)[:, :2]).T) < distance_m
+    time_s = np.arange(0.0, end_s + TRUTH_GRID_STEP_S / 2, TRUTH_GRID_STEP_S)
+    is_below = np.hypot(*(a.states_at(time_s)[:, :2] - b.states_at(time_s)[:, :2]).T) < distance_m
     return float(time_s[int(np.argmax(is_below))]) if is_below.any() else float("nan")

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.signals.bsm_sender import STEP_S, latched, low_passed
+from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_low_pass_filter, latch_heading_at_standstill
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
-from cwcli.simulation.streams import schedule, stream
+from cwcli.simulation.streams import draw_message_schedule, random_stream
 from cwcli.simulation.truth import TrueMotion
 
 
@@ -51,7 +51,7 @@ class ReceivedMessages:
     n_lost: int
 
 
-def receive(
+def simulate_received_messages(
     vehicle: str,
     motion: TrueMotion,
     settings: Mapping[str, Any],
@@ -73,7 +73,7 @@ def receive(
         start_ns: Time of the run's start.
         end_s: Length of the run.
     """
-    plan = schedule(settings, end_s=end_s, seed=seed, names=(vehicle, "v2x"))
+    plan = draw_message_schedule(settings, end_s=end_s, seed=seed, names=(vehicle, "v2x"))
     sigma = np.array(
         [
             settings["position_sigma_m"],
@@ -85,13 +85,13 @@ def receive(
         ]
     )
     true_s = plan.time_s - settings["latency_s"]
-    truth = motion.at(true_s)[:, :6]
+    truth = motion.states_at(true_s)[:, :6]
     is_j2945 = settings["sender"] == "j2945"
     if is_j2945:
-        truth[:, ACCEL] = _low_passed(motion, true_s)
-    sent = truth + sigma * stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
+        truth[:, ACCEL] = _sender_filtered_accel_mps2(motion, true_s)
+    sent = truth + sigma * random_stream(seed, vehicle, "v2x", "noise").standard_normal(truth.shape)
     if is_j2945:
-        sent[:, HEADING] = latched(sent[:, HEADING], sent[:, SPEED])
+        sent[:, HEADING] = latch_heading_at_standstill(sent[:, HEADING], sent[:, SPEED])
     order = np.argsort(plan.arrival_ns, kind="stable")
     order = order[plan.is_heard[order]]
     return ReceivedMessages(
@@ -109,9 +109,9 @@ def receive(
     )
 
 
-def _low_passed(motion: TrueMotion, at_s: FloatArray) -> FloatArray:
+def _sender_filtered_accel_mps2(motion: TrueMotion, at_s: FloatArray) -> FloatArray:
     """The acceleration after the sender's low-pass filter at times (n,), m/s^2; it filters from the run's start."""
     if not len(at_s):
         return np.zeros(0)
-    time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + STEP_S, STEP_S)
-    return np.asarray(np.interp(at_s, time_s, low_passed(motion.at(time_s)[:, ACCEL])))
+    time_s = np.arange(min(0.0, float(at_s.min())), float(at_s.max()) + FILTER_STEP_S, FILTER_STEP_S)
+    return np.asarray(np.interp(at_s, time_s, apply_low_pass_filter(motion.states_at(time_s)[:, ACCEL])))

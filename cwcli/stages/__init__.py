@@ -95,4 +95,4 @@ STAGES: dict[str, Stage] = {
 }
 """Name -> stage, in the order in which they run."""
 DEFAULT_STAGES = tuple(name for name, stage in STAGES.items() if stage.is_default)
-"""What `cwcli run` runs. Replaying warnings with a controller is no part of looking at a drive, for example."""
+"""The stages that `cwcli run` runs without `--stage`; replaying warnings with a controller, for example, is not one."""

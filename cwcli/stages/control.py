@@ -9,26 +9,26 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.binding import Bindings, bind
-from cwcli.channels.control_step import ReplayedSteps, write_replays
+from cwcli.channels.binding import Bindings, bind_roles
+from cwcli.channels.control_step import ReplayedSteps, write_replay_channels
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
 from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, replay_warning
-from cwcli.control.replayed import Replayed, control_table, record_of, series_table
+from cwcli.control.replayed import PublishedReplay, control_series_table, control_table, control_table_row
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.paths import PathRequest, plan_paths
-from cwcli.pipeline.records import map_of, run_records
-from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states, chosen_states
+from cwcli.pipeline.paths import PathRequest, plan_paths_from_states
+from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSummary, SummaryTable
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.signals.columns import OutputChannel
-from cwcli.signals.row_order import tracks_of
+from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import only_ego, vehicle_tracks
-from cwcli.warning.evaluate import check_config as check_rule
+from cwcli.stages.inputs.sources import read_bound_columns
+from cwcli.stages.inputs.vehicles import build_vehicle_tracks, require_single_ego
+from cwcli.warning.evaluate import check_warning_config as check_rule
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import DEFAULT_RULE, RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
@@ -44,7 +44,7 @@ MIN_SPAN_S = 0.1
 
 
 @dataclass(frozen=True)
-class ControlConfig(OfStates):
+class ControlConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
@@ -90,7 +90,7 @@ class ControlConfig(OfStates):
             UsageError: An unknown model or rule, or a setting out of range.
         """
         MODELS.require(self.model)
-        check_rule(self.warnings)
+        check_rule(self.warning_config)
         if not MIN_SPAN_S <= self.span.duration_s <= 600.0:
             raise UsageError(f"a duration of {self.span.duration_s:g} s is not between {MIN_SPAN_S:g} and 600")
         if not MIN_SPAN_S <= self.span.after_s <= 60.0:
@@ -102,7 +102,7 @@ class ControlConfig(OfStates):
         return self.predictor or DEFAULT_MODEL
 
     @property
-    def warnings(self) -> WarningConfig:
+    def warning_config(self) -> WarningConfig:
         """The rule that finds the warnings, and its thresholds."""
         usual = DEFAULT_RULE if self.predictor is None else PAPER_RULE
         return WarningConfig(rule=self.rule or usual, horizon_s=self.horizon_s, distance_m=self.distance_m)
@@ -121,77 +121,77 @@ def control(log: Log, config: ControlConfig) -> StageResult:
         MissingSignalError: The log lacks the states of the ego or of the other vehicles.
         DataError: The log holds the states of several egos.
     """
-    model, rule = config.model, config.warnings
+    model, rule = config.model, config.warning_config
     roles = (EGO_STATE.role, REMOTE_STATE.role)
-    bound = bind_states(log.channels, config, required=roles, where=log.name, command="control")
-    happened = bind(log.channels, config.topics, required=roles, where=log.name, command="control")
-    columns = read_bound(log, bound)
-    inputs: list[InputCount] = []
+    bound = bind_state_channels(log.channels, config, required=roles, where=log.name, command="control")
+    happened = bind_roles(log.channels, config.topics, required=roles, where=log.name, command="control")
+    columns = read_bound_columns(log, bound)
+    inputs: list[InputMessageCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
     for role in roles:
-        states, count = chosen_states(log, columns[role], role, config)
+        states, count = read_selected_states(log, columns[role], role, config)
         inputs.append(count)
         is_other = role == REMOTE_STATE.role
-        paths = plan_paths(states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, "exact"))
-        tracks[role] = vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
-    host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
-    events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events.records()
-    recorded = _recorded(log, happened, config)
-    replayed, notes = _replays(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
+        paths = plan_paths_from_states(states, role, PathRequest(model, rule.horizon_s, PATH_STEP_S, "exact"))
+        tracks[role] = build_vehicle_tracks(states, paths, with_onset=is_other and RULES[rule.rule].uses_onset)
+    host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
+    events = find_warnings(host, tracks[REMOTE_STATE.role], rule).events.rows_as_dicts()
+    recorded = _read_recorded_tracks(log, happened, config)
+    replayed, notes = _replay_warnings(host, tracks[REMOTE_STATE.role], recorded, events, config.span)
     if not events:
         notes.append(f"no warning arises (predictor {model}, rule {rule.rule}): nothing is braked")
-    summary = Summary(
+    summary = StageSummary(
         "control",
-        _sections(replayed, log.start_ns, model, rule.rule),
+        _summary_tables(replayed, log.start_ns, model, rule.rule),
         tuple(inputs),
         tuple(dict.fromkeys((*bound.notes, *happened.notes, *notes))),
     )
-    tables = (control_table(replayed, model, rule.rule), series_table(replayed))
+    tables = (control_table(replayed, model, rule.rule), control_series_table(replayed))
     channels: tuple[OutputChannel, ...] = ()
     if replayed:
-        local_map = map_of(run_records(log).get("estimate", {}))
+        local_map = map_from_record(read_run_records(log).get("estimate", {}))
         size_m = (host.length_m, host.width_m)
-        channels = write_replays(_published(replayed), host_size_m=size_m, local_map=local_map)
+        channels = write_replay_channels(_steps_not_published_before(replayed), host_size_m=size_m, local_map=local_map)
     return StageResult(
         "control",
         channels,
         {table.name: table for table in tables},
         summary,
-        run_record("control", log, config, summary),
+        build_run_record("control", log, config, summary),
     )
 
 
-def _recorded(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:
+def _read_recorded_tracks(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:
     """Vehicle -> how it really moved: its states in hindsight."""
     found: dict[str, RecordedTrack] = {}
-    for role, columns in read_bound(log, bound).items():
-        states, _ = chosen_states(log, columns, role, config)
+    for role, columns in read_bound_columns(log, bound).items():
+        states, _ = read_selected_states(log, columns, role, config)
         found |= {
             vehicle: RecordedTrack(states.stamp_ns[rows], states.state[rows])
-            for vehicle, rows in tracks_of(states.ids, states.stamp_ns)
+            for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns)
         }
     return found
 
 
-def _replays(
+def _replay_warnings(
     host: VehicleTrack,
     others: Sequence[VehicleTrack],
     recorded: Mapping[str, RecordedTrack],
     events: Sequence[Mapping[str, object]],
     span: ReplaySpan,
-) -> tuple[list[Replayed], list[str]]:
+) -> tuple[list[PublishedReplay], list[str]]:
     """One replay per event that no earlier replay covers, and what to say of the others."""
     by_id = {other.id: other for other in others}
-    replayed: list[Replayed] = []
+    replayed: list[PublishedReplay] = []
     n_covered, busy_until_ns = 0, -1
-    for event in sorted(events, key=_raised_ns):
-        warning_ns = _raised_ns(event)
+    for event in sorted(events, key=_warning_raised_ns):
+        warning_ns = _warning_raised_ns(event)
         if warning_ns <= busy_until_ns:
             n_covered += 1
             continue
         other = by_id[str(event["other_id"])]
         encounter = replay_warning(recorded[host.id], recorded[other.id], warning_ns, span)
-        one = Replayed(len(replayed) + 1, warning_ns, other.id, host.outline_m, other.outline_m, encounter)
+        one = PublishedReplay(len(replayed) + 1, warning_ns, other.id, host.outline_m, other.outline_m, encounter)
         replayed.append(one)
         busy_until_ns = one.stamp_ns(float(encounter.outcome.time_s[-1]))
     notes = []
@@ -210,43 +210,45 @@ def _replays(
     return replayed, notes
 
 
-def _raised_ns(event: Mapping[str, object]) -> int:
+def _warning_raised_ns(event: Mapping[str, object]) -> int:
     raised = event["raised_ns"]
     assert isinstance(raised, int | np.integer)
     return int(raised)
 
 
-def _published(replayed: Sequence[Replayed]) -> list[ReplayedSteps]:
+def _steps_not_published_before(replayed: Sequence[PublishedReplay]) -> list[ReplayedSteps]:
     """Of each replay the published steps that are later than all of the one before.
 
     The replays do not overlap in time but for the seconds before a warning, which only the first one tells.
     """
     last_ns, steps = -1, []
     for one in replayed:
-        rows = one.published_rows
-        rows = rows[one.stamps_ns[rows] > last_ns]
-        last_ns = int(one.stamps_ns[rows[-1]])
+        rows = one.published_step_indices
+        rows = rows[one.step_stamps_ns[rows] > last_ns]
+        last_ns = int(one.step_stamps_ns[rows[-1]])
         policies = range(len(POLICIES))
         steps.append(
             ReplayedSteps(
                 one.event_id,
                 one.other_id,
-                one.stamps_ns[rows],
-                tuple(one.states(policy)[rows] for policy in policies),
-                tuple(one.series(policy, rows) for policy in policies),
+                one.step_stamps_ns[rows],
+                tuple(one.host_states(policy)[rows] for policy in policies),
+                tuple(one.time_series_columns(policy, rows) for policy in policies),
             )
         )
     return steps
 
 
-def _sections(replayed: Sequence[Replayed], start_ns: int, predictor: str, rule: str) -> tuple[Section, ...]:
+def _summary_tables(
+    replayed: Sequence[PublishedReplay], start_ns: int, predictor: str, rule: str
+) -> tuple[SummaryTable, ...]:
     """The warnings, and what each policy makes of them."""
     warnings: list[tuple[Cell, ...]] = []
     outcomes: list[tuple[Cell, ...]] = []
     for one in replayed:
         encounter = one.encounter
         for policy, name in enumerate(POLICIES):
-            record = record_of(one, policy, predictor, rule)
+            record = control_table_row(one, policy, predictor, rule)
             if policy == 0:
                 at_s = (one.warning_ns - start_ns) / NS_PER_S
                 warnings.append(
@@ -278,11 +280,11 @@ def _sections(replayed: Sequence[Replayed], start_ns: int, predictor: str, rule:
         "stop [s]",
     )
     return (
-        Section(
+        SummaryTable(
             "warnings",
             f"Warnings (predictor {predictor}, rule {rule}; times from the log's start)",
             ("event", "vehicle", "at [s]", "distance [m]", "speed [m/s]"),
             tuple(warnings),
         ),
-        Section("control", "What would have come of them", columns, tuple(outcomes)),
+        SummaryTable("control", "What would have come of them", columns, tuple(outcomes)),
     )

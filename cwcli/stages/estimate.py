@@ -8,50 +8,63 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.ego_viewers import write_ego
+from cwcli.channels.ego_viewers import write_ego_channels
 from cwcli.channels.published import EGO_ONLINE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.rejected import rejected_table, write_rejected
+from cwcli.channels.rejected import rejected_table, write_rejected_measurements
 from cwcli.channels.road_event import road_event_tables, write_road_events
 from cwcli.channels.transforms import read_lever_arms
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.errors import UsageError
-from cwcli.estimation.calibration import Calibration, calibration_entry
+from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.estimation.config import EstimatorConfig, LeverArms
 from cwcli.estimation.from_signals import (
     EgoSignal,
-    ego_measurements,
-    near_positions,
-    output_grid,
-    placed_remotes,
+    drop_stretches_without_position,
+    ego_output_stamps_ns,
+    ego_signal_to_measurements,
+    merge_remotes_placed_in_map,
 )
-from cwcli.estimation.known import MESSAGES, SLACK_NS, THIS_LOG, Knowledge, known_ns, parameters_of
 from cwcli.estimation.measurements import Measurements
+from cwcli.estimation.online_availability import (
+    PARAMETERS_FROM_LOG,
+    PARAMETERS_FROM_MESSAGES,
+    STAMP_ROUNDING_SLACK_NS,
+    OnlineAvailability,
+    parameter_origin_text,
+    states_available_at_ns,
+)
 from cwcli.estimation.result import Track
-from cwcli.estimation.seen_ego import without_seen_ego
-from cwcli.estimation.seen_senders import without_seen_senders
-from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record, summarise, verdict_of
-from cwcli.estimation.track import estimate_both
+from cwcli.estimation.seen_ego import drop_ego_seen_by_others
+from cwcli.estimation.seen_senders import drop_senders_seen_by_others
+from cwcli.estimation.summary import (
+    TrackSummary,
+    build_estimate_table,
+    ego_verdict_sentence,
+    format_source_diagnostics_json,
+    summarise_track,
+)
+from cwcli.estimation.track import estimate_hindsight_and_online
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import map_entry
-from cwcli.pipeline.remote_states import remote_states
-from cwcli.pipeline.result import InputCount, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.records import map_to_record_entry
+from cwcli.pipeline.remote_states import estimate_remote_states
+from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
+from cwcli.pipeline.run_record import build_run_record
 from cwcli.signals.canonical import PoseSignal, PositionSignal, Signal, TimedSignal
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.gap_notes import gap_notes
-from cwcli.signals.geodesy import LocalMap, parse_origin
+from cwcli.signals.gap_notes import format_gap_notes
+from cwcli.signals.geodesy import LocalMap, parse_truth_origin
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.inputs.sources import SourceConfig, Sources, read_sources
-from cwcli.stages.summaries.estimate import knowledge_section, sections
+from cwcli.stages.inputs.sources import SensorSignals, SourceConfig, read_sensor_signals
+from cwcli.stages.summaries.estimate import estimate_tables, online_states_table
 
 EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
     "cwcli estimate drive.mcap --latency /gps/vel=300 -o estimated.mcap",
 )
-EGO_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
 MAX_BRIDGE_S = 60
 
 
@@ -83,13 +96,13 @@ class EstimateConfig:
             "Where the origin of a Cartesian truth channel lies, in degrees and metres.",
             metavar="LAT,LON,ALT",
             kind=str | None,
-            parse=parse_origin,
+            parse=parse_truth_origin,
         ),
     ] = None
 
 
 @dataclass(frozen=True)
-class Made:
+class EstimateEvidence:
     """What is compared with the truth.
 
     Attributes:
@@ -117,81 +130,91 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
         UsageError: An override that does not fit the log.
         DataError: No usable position.
     """
-    sources = read_sources(
+    sources = read_sensor_signals(
         log,
         config.sources,
         command="estimate",
         required=(Role.EGO_POSITION,),
-        optional=(*EGO_ROLES[1:], Role.REMOTE, Role.TRUTH),
+        optional=(*EGO_SENSOR_ROLES[1:], Role.REMOTE, Role.TRUTH),
     )
-    _check_latencies(config.estimator, log)
+    _check_latency_topics(config.estimator, log)
     if config.estimator.model != "cwcli" and (config.calibration is not None or config.estimator.lever_arms):
         option = "--lever-arm" if config.calibration is None else "--calibration"
         raise UsageError(f"{option} is not for --model {config.estimator.model}")
-    lever_arms, transforms, stands = _lever_arms(log, sources, config.estimator)
-    local_map = _local_map(sources)
-    measurements, apart = near_positions(_ego_measurements(sources, local_map), MAX_BRIDGE_S)
-    grid_ns = output_grid(measurements, config.rate_hz, MAX_BRIDGE_S)
+    lever_arms, transforms, stands = _read_lever_arms_if_used(log, sources, config.estimator)
+    local_map = _map_at_first_fix(sources)
+    measurements, apart = drop_stretches_without_position(_collect_ego_measurements(sources, local_map), MAX_BRIDGE_S)
+    grid_ns = ego_output_stamps_ns(measurements, config.rate_hz, MAX_BRIDGE_S)
     estimator = replace(config.estimator, calibration=config.calibration, lever_arms=lever_arms)
-    ego, online = estimate_both(measurements, estimator, grid_ns, blind=estimator.is_blind_online)
+    ego, online = estimate_hindsight_and_online(
+        measurements, estimator, grid_ns, blind=estimator.takes_no_online_parameter_from_log
+    )
     position = sources.by_role[Role.EGO_POSITION][0]
     heard = sources.by_role.get(Role.REMOTE, ())
-    signal, notes = placed_remotes(heard, position, local_map, is_stitched=config.stitch)
+    signal, notes = merge_remotes_placed_in_map(heard, position, local_map, is_stitched=config.stitch)
     size_m = position.size_m if isinstance(position, PoseSignal) else (None, None)
     if signal is not None:
-        signal, seen = without_seen_ego(signal, online, size_m, local_map)
-        signal, twice = without_seen_senders(signal, local_map)
+        signal, seen = drop_ego_seen_by_others(signal, online, size_m, local_map)
+        signal, twice = drop_senders_seen_by_others(signal, local_map)
         notes = (*notes, *seen, *twice)
-    remote = None if signal is None or not len(signal.stamp_ns) else remote_states(signal, local_map, estimator)
+    remote = (
+        None if signal is None or not len(signal.stamp_ns) else estimate_remote_states(signal, local_map, estimator)
+    )
     events = None if signal is None else signal.events
-    whole = VehicleStates.of_ego(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
-    hindsight = whole.as_published()
+    whole = VehicleStates.from_ego_states(ego.stamp_ns, ego.state, ego.covariance, size_m=size_m, flags=ego.flags)
+    hindsight = whole.round_to_published_precision()
     knowable = replace(
-        VehicleStates.of_ego(online.stamp_ns, online.state, online.covariance, size_m=size_m, flags=online.flags),
-        log_time_ns=_known_ns(measurements, online, estimator),
+        VehicleStates.from_ego_states(
+            online.stamp_ns, online.state, online.covariance, size_m=size_m, flags=online.flags
+        ),
+        log_time_ns=_online_known_since_ns(measurements, online, estimator),
     )
     channels = [
-        *write_ego(hindsight, local_map),
-        write_states(EGO_ONLINE, knowable, local_map),
-        *([write_rejected(ego.gated)] if len(ego.gated) else []),
+        *write_ego_channels(hindsight, local_map),
+        write_vehicle_states(EGO_ONLINE, knowable, local_map),
+        *([write_rejected_measurements(ego.gated)] if len(ego.gated) else []),
         *write_road_events(events, local_map),
     ]
     if remote is not None:
-        channels.append(write_states(REMOTE_STATE, remote.hindsight, local_map))
-        channels.append(write_states(REMOTE_ONLINE, remote.online, local_map))
+        channels.append(write_vehicle_states(REMOTE_STATE, remote.hindsight, local_map))
+        channels.append(write_vehicle_states(REMOTE_ONLINE, remote.online, local_map))
     judged = replace(ego, state=hindsight.state, covariance=np.asarray(hindsight.covariance))
-    tracks = {EGO_ID: summarise(ego), **(remote.tracks if remote else {})}
+    tracks = {EGO_ID: summarise_track(ego), **(remote.tracks if remote else {})}
     notified = road_event_tables(events, local_map)
-    parameters = parameters_of(estimator)
-    told = [Knowledge(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
+    parameters = parameter_origin_text(estimator)
+    told = [OnlineAvailability(EGO_ONLINE.topic, parameters, knowable.stamp_ns, knowable.log_time_ns)]
     if remote is not None:
-        of_remote = MESSAGES if estimator.is_blind_online else parameters  # a calibration says nothing of other cars
-        told.append(Knowledge(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns))
+        of_remote = (
+            PARAMETERS_FROM_MESSAGES if estimator.takes_no_online_parameter_from_log else parameters
+        )  # a calibration says nothing of other cars
+        told.append(
+            OnlineAvailability(REMOTE_ONLINE.topic, of_remote, remote.online.stamp_ns, remote.online.log_time_ns)
+        )
         if remote.n_overtaken:
             apart.append(
                 f"{remote.n_overtaken} messages came behind a newer one of their vehicle: not in its online states"
             )
-    summary = _summary(sources, (*stands, *apart, *notes), tracks, told, transforms)
+    summary = _build_summary(sources, (*stands, *apart, *notes), tracks, told, transforms)
     return StageResult(
         stage="estimate",
         channels=tuple(channels),
-        tables={**estimate_tables(tracks), "rejected": rejected_table(ego.gated), **notified},
+        tables={**build_estimate_table(tracks), "rejected": rejected_table(ego.gated), **notified},
         summary=summary,
-        metadata=run_record(
+        metadata=build_run_record(
             "estimate",
             log,
             replace(config, calibration=None),
             summary,
-            sources=source_record(tracks),
+            sources=format_source_diagnostics_json(tracks),
             online_parameters=parameters,
-            **map_entry(local_map),
-            **calibration_entry(config.calibration),
+            **map_to_record_entry(local_map),
+            **calibration_record_entry(config.calibration),
         ),
-        made=Made(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
+        evaluation_inputs=EstimateEvidence(sources.by_role.get(Role.TRUTH, ()), heard, measurements, judged, local_map),
     )
 
 
-def _local_map(sources: Sources) -> LocalMap | None:
+def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
     """The map frame: east-north-up at the first valid fix; None where the position is Cartesian from the start."""
     position = sources.by_role[Role.EGO_POSITION][0]
     if not isinstance(position, PositionSignal):
@@ -204,28 +227,28 @@ def _local_map(sources: Sources) -> LocalMap | None:
     )
 
 
-def _ego_measurements(sources: Sources, local_map: LocalMap | None) -> list[Measurements]:
+def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None) -> list[Measurements]:
     found: list[Measurements] = []
-    for role in EGO_ROLES:
+    for role in EGO_SENSOR_ROLES:
         for signal in sources.by_role.get(role, ()):
             assert isinstance(signal, EgoSignal)
-            found.extend(ego_measurements(signal, local_map))
+            found.extend(ego_signal_to_measurements(signal, local_map))
     return found
 
 
-def _lever_arms(
-    log: Log, sources: Sources, estimator: EstimatorConfig
-) -> tuple[LeverArms, tuple[InputCount, ...], tuple[str, ...]]:
+def _read_lever_arms_if_used(
+    log: Log, sources: SensorSignals, estimator: EstimatorConfig
+) -> tuple[LeverArms, tuple[InputMessageCount, ...], tuple[str, ...]]:
     """What `read_lever_arms` does; of the paper's filter nothing."""
     if estimator.model != "cwcli":
         return {}, (), ()
     known = {channel.topic for channel in log.channels}
-    topics = [s.source for role in EGO_ROLES for s in sources.by_role.get(role, ()) if s.source in known]
+    topics = [s.source for role in EGO_SENSOR_ROLES for s in sources.by_role.get(role, ()) if s.source in known]
     found, counts, notes = read_lever_arms(log, list(dict.fromkeys(topics)), estimator.lever_arms)
-    return found, tuple(InputCount.of_transforms(*each) for each in counts), notes
+    return found, tuple(InputMessageCount.from_transforms(*each) for each in counts), notes
 
 
-def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
+def _check_latency_topics(estimator: EstimatorConfig, log: Log) -> None:
     """Refuse a latency of a topic that the log does not have: it would be ignored.
 
     Raises:
@@ -239,43 +262,47 @@ def _check_latencies(estimator: EstimatorConfig, log: Log) -> None:
             raise UsageError(f"--latency {name}: the log has no topic {name}", where=log.name)
 
 
-def _known_ns(measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig) -> Int64Array:
+def _online_known_since_ns(
+    measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig
+) -> Int64Array:
     """When the ego's online states could have been known, (n,)."""
-    slack_ns = SLACK_NS
+    slack_ns = STAMP_ROUNDING_SLACK_NS
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
-    return known_ns(measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns)
+    return states_available_at_ns(
+        measurements, online.sources, online.stamp_ns, max_pause_s=MAX_BRIDGE_S, slack_ns=slack_ns
+    )
 
 
-def _summary(
-    sources: Sources,
+def _build_summary(
+    sources: SensorSignals,
     remarks: Sequence[str],
     tracks: Mapping[str, TrackSummary],
-    online: Sequence[Knowledge],
-    transforms: Sequence[InputCount],
-) -> Summary:
+    online: Sequence[OnlineAvailability],
+    transforms: Sequence[InputMessageCount],
+) -> StageSummary:
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
-    notes = [*sources.notes, *remarks, *gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
-    notes.extend(_remote_notes(tracks))
-    if online[0].parameters == THIS_LOG:
+    notes = [*sources.notes, *remarks, *format_gap_notes(signals, start_ns, end_ns), *tracks[EGO_ID].notes]
+    notes.extend(_shared_remote_notes(tracks))
+    if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(
             "the online states' noise and latencies are those of the whole log; with --calibration or --latency none "
             "they know nothing of what came later"
         )
-    notes.extend(note for each in online for note in each.notes)
-    return Summary(
+    notes.extend(note for each in online for note in each.late_state_notes)
+    return StageSummary(
         "estimate",
-        (*sections(tracks), knowledge_section(online)),
-        (*sources.counts(), *transforms),
+        (*estimate_tables(tracks), online_states_table(online)),
+        (*sources.input_message_counts(), *transforms),
         tuple(dict.fromkeys(notes)),
-        verdict_of(tracks[EGO_ID]),
-        tuple(each.sentence for each in tracks[EGO_ID].contradictions),
+        ego_verdict_sentence(tracks[EGO_ID]),
+        tuple(each.contradiction_sentence for each in tracks[EGO_ID].contradictions),
     )
 
 
-def _remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
+def _shared_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
     """The remote vehicles' notes; one that several share is told once."""
     stations: dict[str, list[str]] = {}
     for station, track in tracks.items():

@@ -13,32 +13,44 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.binding import bind
-from cwcli.channels.lanes import LaneFrames, write_lane_frames, write_lane_lines, write_lanes
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.lanes import LaneFrames, write_frames_with_lanes, write_lane_lines, write_lanes
 from cwcli.channels.render_topic import check_render_topic, check_topic_name
 from cwcli.errors import DataError, UsageError
-from cwcli.estimation.calibration import UNKNOWN, Calibration, calibration_entry
+from cwcli.estimation.calibration import UNKNOWN_CONSTANT, Calibration, calibration_record_entry
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
 from cwcli.option import Option
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import InputCount, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.signals.clocks import NO_STAMP
+from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.signals.clocks import NO_STAMP_REASON
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.camera import CameraSource, camera_frames, camera_source, mounting_source, usual_span
-from cwcli.stages.inputs.frame_motion import Motion, read_motion
-from cwcli.stages.summaries.lanes import lanes_section, lanes_table
+from cwcli.stages.inputs.camera import (
+    CameraSource,
+    find_camera_source,
+    find_mounting,
+    iter_camera_frames,
+    span_without_stray_frames,
+)
+from cwcli.stages.inputs.frame_motion import MotionSeries, read_motion
+from cwcli.stages.summaries.lanes import lanes_summary_table, lanes_table
 from cwcli.vision.camera import DEFAULT_FIELD_OF_VIEW_RAD, Camera, Mounting
-from cwcli.vision.fit_columns import FitRecorder
+from cwcli.vision.fit_columns import FitCollector
 from cwcli.vision.frames import DecodedFrame, decode_frames
-from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes
+from cwcli.vision.ground import (
+    LaneGeometry,
+    boundary_end_rows_px,
+    compute_lane_geometry,
+    repeat_pinhole_per_frame,
+    road_curves_in_image,
+)
 from cwcli.vision.method import GreyImage, LaneFrame, LaneSearch, Method
-from cwcli.vision.methods import DEFAULT_METHOD, check_method, chosen_method
-from cwcli.vision.mounting import MountingChoice, check_mounting
-from cwcli.vision.prepared_frame import PreparedFrame, prepare_with
-from cwcli.vision.rectify import Rectifier, rectified
+from cwcli.vision.methods import DEFAULT_METHOD, check_method_and_model, load_method
+from cwcli.vision.mounting import MountingChoice, check_mounting_ranges
+from cwcli.vision.prepared_frame import PreparedFrame, make_frame_preparer
+from cwcli.vision.rectify import Rectifier, rectified_camera
 
 EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --metrics lanes.parquet",
@@ -49,7 +61,7 @@ PREVIEW_M = 33.5
 """Distance of the paper's preview point."""
 MAX_PREVIEW_M = 1000.0
 FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
-COLOUR_EVERY_NS = 1_000_000_000
+COLOUR_INTERVAL_NS = 1_000_000_000
 """A frame in so long is decoded in colour, too: a colour picture costs twice as much as a grey one."""
 MAX_GAP_NS = 500_000_000
 """A longer gap between two frames starts a new search."""
@@ -109,10 +121,10 @@ class LanesConfig(Selection):
         Raises:
             UsageError: An unknown method, a setting out of range, or a render topic that is no topic's name.
         """
-        check_method(self.method, self.model)
+        check_method_and_model(self.method, self.model)
         if not 0.0 < self.preview_m <= MAX_PREVIEW_M:
             raise UsageError(f"--preview {self.preview_m:g} must be positive, and at most {MAX_PREVIEW_M:g} m")
-        check_mounting(self.mounting)
+        check_mounting_ranges(self.mounting)
         low_rad, high_rad = FIELD_OF_VIEW_RAD
         if self.field_of_view_rad is not None and not low_rad <= self.field_of_view_rad <= high_rad:
             degrees = f"{np.degrees(low_rad):.0f} and {np.degrees(high_rad):.0f} degrees"
@@ -135,45 +147,47 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
         DataError: No frame could be used.
         InputError: The frames are compressed video, and there is no decoder for it.
     """
-    method = chosen_method(config.method, config.model)
-    bound = bind(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
+    method = load_method(config.method, config.model)
+    bound = bind_roles(log.channels, config.topics, required=(Role.CAMERA,), where=log.name, command="lanes")
     topic = bound.by_role[Role.CAMERA][0].topic
     check_render_topic(log, config.render, topic)
-    choice, calibrated = _calibrated(config, topic)
-    mount = mounting_source(log, _frame_id(log, topic), choice)
+    choice, calibrated = _mounting_with_calibrated_pitch(config, topic)
+    mount = find_mounting(log, _camera_frame_id(log, topic), choice)
     config = replace(config, mounting=mount.mounting)
-    source = camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
-    motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else Motion()
+    source = find_camera_source(log, topic, config.topics, mount.mounting, config.field_of_view_rad)
+    motion = read_motion(log, config.topics, config.calibration) if method.uses_motion else MotionSeries()
     is_rectified = method.is_rectified and source.needs_rectifying()
-    run = _Run(method, config.seed, source, motion, is_rectified=is_rectified)
-    usual = usual_span(log, topic, config)
+    run = _LaneSearchRun(method, config.seed, source, motion, is_rectified=is_rectified)
+    usual = span_without_stray_frames(log, topic, config)
     images = decode_frames(
-        camera_frames(log, topic, config, usual, run.reject),
+        iter_camera_frames(log, topic, config, usual, run.count_rejected_frame),
         size_of=method.search_size,
-        prepare=prepare_with(method, Rectifier(source.camera) if is_rectified else None),
-        colour_every_ns=COLOUR_EVERY_NS if method.uses_colour else None,
+        prepare=make_frame_preparer(method, Rectifier(source.camera_for_size) if is_rectified else None),
+        colour_every_ns=COLOUR_INTERVAL_NS if method.uses_colour else None,
         where=f"{log.name}: {topic}",
     )
     for decoded in images:
-        if usual.holds(decoded.log_time_ns):
-            run.take(decoded)
+        if usual.includes_log_time(decoded.log_time_ns):
+            run.search_frame(decoded)
     if not run.n_used:
-        raise _nothing_usable(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
+        raise _no_usable_frame_error(f"{log.name}: {topic}", {**run.rejected, **log.faults.undecodable.get(topic, {})})
     log.begin_sha256()  # for the record of the run
-    frames = run.frames(config, is_pitch_known=mount.is_pitch_known)
+    frames = run.collect_lane_frames(config, is_pitch_known=mount.is_pitch_known)
     channels: list[OutputChannel] = [write_lanes(frames), write_lane_lines(frames)]
     if config.render is not None:
 
         def in_colour(prepare: Callable[[DecodedFrame], object]) -> Iterator[DecodedFrame]:
-            frames_of_topic = camera_frames(log, topic, config, usual)
+            frames_of_topic = iter_camera_frames(log, topic, config, usual)
             return decode_frames(frames_of_topic, size_of=None, prepare=prepare, where=f"{log.name}: {topic}")
 
-        channels.append(write_lane_frames(frames, config.render, frame_id=_frame_id(log, topic), images=in_colour))
-    repaired = {NO_STAMP: run.n_without_stamp} if run.n_without_stamp else {}
-    count = InputCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)
-    summary = Summary(
+        channels.append(
+            write_frames_with_lanes(frames, config.render, frame_id=_camera_frame_id(log, topic), images=in_colour)
+        )
+    repaired = {NO_STAMP_REASON: run.n_without_stamp} if run.n_without_stamp else {}
+    count = InputMessageCount(topic, Role.CAMERA.value, run.n_read, run.n_used, dict(run.rejected), repaired)
+    summary = StageSummary(
         title=f"lanes ({config.method})",
-        sections=(lanes_section(frames, n_searches=run.n_searches, search_s=run.search_s),),
+        sections=(lanes_summary_table(frames, n_searches=run.n_searches, search_s=run.search_s),),
         inputs=(count, *source.counts, *mount.counts, *motion.counts),
         notes=(
             *bound.notes,
@@ -181,55 +195,63 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
             *calibrated,
             *mount.notes,
             *motion.notes,
-            *_notes_of(source, is_rectified),
+            *_note_on_rectification(source, is_rectified),
             *run.notes,
         ),
     )
     table: Table = lanes_table(frames)
-    known = calibration_entry(config.calibration)
-    record = run_record("lanes", log, replace(config, calibration=None), summary, **known)
+    known = calibration_record_entry(config.calibration)
+    record = build_run_record("lanes", log, replace(config, calibration=None), summary, **known)
     return StageResult("lanes", tuple(channels), {"lanes": table}, summary, record)
 
 
-def _calibrated(config: LanesConfig, topic: str) -> tuple[MountingChoice | Mounting, tuple[str, ...]]:
+def _mounting_with_calibrated_pitch(
+    config: LanesConfig, topic: str
+) -> tuple[MountingChoice | Mounting, tuple[str, ...]]:
     """The user's choice, with the calibration's pitch where that is left open, and a note on it."""
-    known = UNKNOWN if config.calibration is None else config.calibration.of(topic, "camera", "pitch_rad")
+    known = (
+        UNKNOWN_CONSTANT
+        if config.calibration is None
+        else config.calibration.find_constant(topic, "camera", "pitch_rad")
+    )
     choice = config.mounting
-    if isinstance(choice, Mounting) or choice.pitch_rad is not None or not known.is_known:
+    if isinstance(choice, Mounting) or choice.pitch_rad is not None or not known.has_value:
         return choice, ()
     assert config.calibration is not None
     note = f"the camera's pitch is {np.degrees(known.value):.2f} degrees, by the calibration {config.calibration.name}"
     return replace(choice, pitch_rad=known.value), (note,)
 
 
-def _notes_of(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:
+def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:
     """What was taken out of the frames, if anything was."""
     if not is_rectified:
         return ()
-    camera = source.camera(1000, 1000)
+    camera = source.camera_for_size(1000, 1000)
     what = [f"{camera.distortion_model or 'polynomial'} distortion"] if camera.has_distortion() else []
     if camera.mounting.roll_rad:
         what.append(f"{np.degrees(camera.mounting.roll_rad):.1f} degrees of roll")
     return (f"taken out of the frames before the search: {' and '.join(what)}",)
 
 
-def _frame_id(log: Log, topic: str) -> str:
+def _camera_frame_id(log: Log, topic: str) -> str:
     """Of the camera's images, "" if it has none."""
     first = next(iter(log.frames(topic)), None)
     return "" if first is None else first.frame_id
 
 
-def _nothing_usable(where: str, rejected: Mapping[str, int]) -> DataError:
+def _no_usable_frame_error(where: str, rejected: Mapping[str, int]) -> DataError:
     if not rejected:
         return DataError("there is no frame in the chosen span", where=where)
     found = tuple(f"{count} frames: {reason}" for reason, count in rejected.items())
     return DataError("no frame can be used", where=where, found=found)
 
 
-class _Run:
+class _LaneSearchRun:
     """One pass over the frames: the search, and a few numbers for each frame."""
 
-    def __init__(self, method: Method, seed: int, source: CameraSource, motion: Motion, *, is_rectified: bool) -> None:
+    def __init__(
+        self, method: Method, seed: int, source: CameraSource, motion: MotionSeries, *, is_rectified: bool
+    ) -> None:
         self._method = method
         self._is_rectified = is_rectified
         self._seed = seed
@@ -239,7 +261,7 @@ class _Run:
         self._camera: Camera | None = None
         self._size = (0, 0)
         self._last_ns = 0
-        self._recorder = FitRecorder()
+        self._recorder = FitCollector()
         self._numbers = array("q")
         self.n_read = 0
         self.n_used = 0
@@ -249,21 +271,21 @@ class _Run:
         self.rejected: Counter[str] = Counter()
         self.notes: list[str] = []
 
-    def reject(self, reason: str) -> None:
+    def count_rejected_frame(self, reason: str) -> None:
         """Count a frame that can't be used."""
         self.n_read += 1
         self.rejected[reason] += 1
 
-    def take(self, decoded: DecodedFrame) -> None:
+    def search_frame(self, decoded: DecodedFrame) -> None:
         """Search the next frame, or count why it can't be used."""
         if decoded.image is None:
-            self.reject(decoded.rejected)
+            self.count_rejected_frame(decoded.rejection_reason)
             return
         self.n_read += 1
         size = (decoded.width_px, decoded.height_px)
         gap_ns = decoded.stamp_ns - self._last_ns
         if self._search is None or size != self._size or not 0 <= gap_ns <= MAX_GAP_NS:
-            self._start(size, decoded.image)
+            self._start_search(size, decoded.image)
         assert self._search is not None
         assert self._camera is not None
         self._last_ns = decoded.stamp_ns
@@ -275,15 +297,15 @@ class _Run:
             camera=self._camera,
             stamp_ns=decoded.stamp_ns,
             number=self.n_used,
-            speed_mps=self._motion.speed_mps.at(decoded.stamp_ns),
-            yaw_rate_radps=self._motion.yaw_rate_radps.at(decoded.stamp_ns),
-            prepared=prepared.made,
+            speed_mps=self._motion.speed_mps.value_at_time(decoded.stamp_ns),
+            yaw_rate_radps=self._motion.yaw_rate_radps.value_at_time(decoded.stamp_ns),
+            prepared=prepared.method_result,
             colour=prepared.colour,
         )
         begin = time.perf_counter()
         fit = self._search.step(frame)
         self.search_s += time.perf_counter() - begin
-        self._recorder.append(fit)
+        self._recorder.append_fit(fit)
         height_px, width_px = decoded.image.shape
         self._numbers.extend(
             (decoded.index, decoded.log_time_ns, decoded.stamp_ns, self.n_used, *size, width_px, height_px)
@@ -291,7 +313,7 @@ class _Run:
         self.n_used += 1
         self.n_without_stamp += not decoded.has_stamp
 
-    def _start(self, size: tuple[int, int], image: GreyImage) -> None:
+    def _start_search(self, size: tuple[int, int], image: GreyImage) -> None:
         self._search = self._method.make(self._seed)
         self.n_searches += 1
         if size == self._size:
@@ -301,21 +323,21 @@ class _Run:
                 f"the image size changes from {self._size[0]} x {self._size[1]} to {size[0]} x {size[1]} at frame "
                 f"{self.n_read - 1}: the search starts anew"
             )
-        note = self._source.size_note(*size)
+        note = self._source.shape_mismatch_note(*size)
         if note and note not in self.notes:
             self.notes.append(note)
         self._size = size
-        self._camera = self._search_camera(size, (image.shape[1], image.shape[0]))
+        self._camera = self._camera_of_searched_image(size, (image.shape[1], image.shape[0]))
 
-    def _search_camera(self, image_size: tuple[int, int], search_size: tuple[int, int]) -> Camera:
+    def _camera_of_searched_image(self, image_size: tuple[int, int], search_size: tuple[int, int]) -> Camera:
         """The camera in the pixels of the image that is searched."""
-        camera = self._source.camera(*image_size).resized(*search_size)
-        return rectified(camera) if self._is_rectified else camera
+        camera = self._source.camera_for_size(*image_size).with_image_size(*search_size)
+        return rectified_camera(camera) if self._is_rectified else camera
 
-    def frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
+    def collect_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
         """All used frames with their place on the road."""
         numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
-        fits = self._recorder.columns()
+        fits = self._recorder.to_columns()
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
         horizon_px = np.full(len(fits), np.nan)
         turned_rad = np.full((len(fits), 2), np.nan)
@@ -325,20 +347,20 @@ class _Run:
         sizes = numbers[:, 4:8]
         for image_w, image_h, search_w, search_h in sorted(set(map(tuple, sizes.tolist()))):
             rows = np.flatnonzero((sizes == (image_w, image_h, search_w, search_h)).all(axis=1))
-            camera = self._search_camera((image_w, image_h), (search_w, search_h))
-            parts.append((rows, lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
-            roads[rows] = image_roads(fits[rows], camera)
-            pinhole[rows] = pinholes(camera, len(rows))
+            camera = self._camera_of_searched_image((image_w, image_h), (search_w, search_h))
+            parts.append((rows, compute_lane_geometry(fits[rows], camera, preview_m=config.preview_m)))
+            roads[rows] = road_curves_in_image(fits[rows], camera)
+            pinhole[rows] = repeat_pinhole_per_frame(camera, len(rows))
             is_known = not camera.is_default or is_pitch_known
             pitch_rad = fits.pitch_rad[rows]
             if is_known:
                 pitch_rad = np.where(np.isnan(pitch_rad), camera.mounting.pitch_rad, pitch_rad)
-            horizon_px[rows] = camera.horizon_v_px(pitch_rad)
-            top_px[rows] = line_tops(fits[rows], camera, horizon_px[rows])
+            horizon_px[rows] = camera.horizon_row_px(pitch_rad)
+            top_px[rows] = boundary_end_rows_px(fits[rows], camera, horizon_px[rows])
             for k, own_rad in enumerate((fits.pitch_rad, fits.yaw_rad)):
                 assumed_rad = (camera.mounting.pitch_rad, camera.mounting.yaw_rad)[k]
                 turned_rad[rows, k] = np.where(np.isnan(own_rad[rows]), assumed_rad, own_rad[rows])
-        geometry = parts[0][1] if len(parts) == 1 else _merged(parts, len(fits))
+        geometry = parts[0][1] if len(parts) == 1 else _merge_geometry(parts, len(fits))
         return LaneFrames(
             index=numbers[:, 0],
             log_time_ns=numbers[:, 1],
@@ -354,11 +376,11 @@ class _Run:
             pinhole=pinhole,
             geometry=geometry,
             preview_m=config.preview_m,
-            rectified_from=self._source.camera if self._is_rectified else None,
+            rectified_from=self._source.camera_for_size if self._is_rectified else None,
         )
 
 
-def _merged(parts: list[tuple[Rows, LaneGeometry]], n: int) -> LaneGeometry:
+def _merge_geometry(parts: list[tuple[Rows, LaneGeometry]], n: int) -> LaneGeometry:
     """The geometry of frames of several sizes, in the order of the frames."""
     whole: dict[str, FloatArray] = {}
     for rows, part in parts:

@@ -9,30 +9,30 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.channels.measures import write_measures
 from cwcli.channels.published import EGO_STATE
-from cwcli.control.preventable import JudgedConflict, preventability, preventability_table
+from cwcli.control.preventable import JudgedConflict, judge_preventability, preventability_table
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import WHOLE, Extreme, MeasuredPair, measure_pair
-from cwcli.measures.pair import OUTLINE_RANGE_M
-from cwcli.measures.tables import extremes_table, series_table
+from cwcli.measures.evaluate import WHOLE_TIME_ENCOUNTER, ExtremeValue, MeasuredPair, measure_pair
+from cwcli.measures.pair import MAX_OUTLINE_RANGE_M
+from cwcli.measures.tables import measure_extremes_table, measure_series_table
 from cwcli.option import Option
-from cwcli.pipeline.result import Cell, Section, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import ChosenStates, OfStates, with_states
+from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import ChosenStates, StatesSelection, choose_state_topics
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.tracks import OTHERS, Tracks, add_sigmas, read_tracks
+from cwcli.stages.inputs.tracks import OTHER_VEHICLE_ROLES, TracksOfLog, add_sigmas_of_extremes, read_tracks
 from cwcli.warning.types import DEFAULT_LENGTH_M, DEFAULT_WIDTH_M
 
 EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
-SHOWN = {
+SHOWN_MEASURES = {
     "gap": "gap [m]",
     "ttc": "TTC [s]",
     "pet": "PET [s]",
@@ -41,16 +41,16 @@ SHOWN = {
     "ttr": "TTR [s]",
     "delta-v": "Delta v [m/s]",
 }
-MAX_SHOWN = 20
+MAX_ENCOUNTERS_SHOWN = 20
 CONFLICT_TTC_S = 1.0
 
 
-def _names(text: str) -> tuple[str, ...]:
+def _split_names(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
 @dataclass(frozen=True)
-class MeasureConfig(OfStates):
+class MeasureConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
@@ -68,7 +68,7 @@ class MeasureConfig(OfStates):
             metavar="NAME[,NAME]",
             default="all but p-mc and p-contact",
             kind=str | None,
-            parse=_names,
+            parse=_split_names,
             choices="cwcli.measures:MEASURES",
         ),
     ] = ()
@@ -96,48 +96,55 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
     Raises:
         MissingSignalError: The log lacks the ego's states, or has neither remote vehicles nor targets.
     """
-    topics = with_states(config.topics, config.states, log.channels, (EGO_STATE.role, *OTHERS))
-    bound = bind(log.channels, topics, required=(EGO_STATE.role,), optional=OTHERS, where=log.name, command="measure")
-    if not set(OTHERS) & set(bound.by_role):
+    topics = choose_state_topics(config.topics, config.states, log.channels, (EGO_STATE.role, *OTHER_VEHICLE_ROLES))
+    bound = bind_roles(
+        log.channels,
+        topics,
+        required=(EGO_STATE.role,),
+        optional=OTHER_VEHICLE_ROLES,
+        where=log.name,
+        command="measure",
+    )
+    if not set(OTHER_VEHICLE_ROLES) & set(bound.by_role):
         raise MissingSignalError(
             "no channel holds remote vehicles or targets (needed by `cwcli measure`)",
             where=log.name,
             hint="run `cwcli estimate` or `cwcli track` first",
         )
-    chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or usual())}
+    chosen = {name: entry for name, entry in MEASURES.items() if name in (config.measures or cheap_measure_names())}
     with_covariance = any(entry.needs_covariance for entry in chosen.values())
     tracks, counts = read_tracks(log, bound, config, with_covariance=with_covariance)
-    pairs, notes = _measured(tracks, chosen)
+    pairs, notes = _measure_pairs(tracks, chosen)
     if config.with_sigma:
-        pairs = add_sigmas(log, tracks, pairs, chosen)
-    series = series_table(tracks.ego_id, pairs, chosen)
-    judged = _judged(tracks, pairs)
-    sections = (_encounters_section(pairs, log.start_ns), *_drivers_section(judged, log.start_ns))
-    summary = Summary("measure", sections, counts, (*bound.notes, *notes))
+        pairs = add_sigmas_of_extremes(log, tracks, pairs, chosen)
+    series = measure_series_table(tracks.ego_id, pairs, chosen)
+    judged = _judge_conflicts(tracks, pairs)
+    sections = (_encounters_table(pairs, log.start_ns), *_driver_models_table(judged, log.start_ns))
+    summary = StageSummary("measure", sections, counts, (*bound.notes, *notes))
     return StageResult(
         stage="measure",
         channels=(write_measures(tracks.ego, series.columns),),
         tables={
             "measures": series,
-            "extremes": extremes_table(tracks.ego_id, pairs, chosen),
+            "extremes": measure_extremes_table(tracks.ego_id, pairs, chosen),
             "preventability": preventability_table(tracks.ego_id, judged),
         },
         summary=summary,
-        metadata=run_record("measure", log, config, summary),
+        metadata=build_run_record("measure", log, config, summary),
     )
 
 
-def usual() -> tuple[str, ...]:
+def cheap_measure_names() -> tuple[str, ...]:
     """The measures that are not dear."""
-    return tuple(name for name, entry in MEASURES.items() if not entry.is_dear)
+    return tuple(name for name, entry in MEASURES.items() if not entry.is_expensive)
 
 
-def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
+def _measure_pairs(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
     """The pairs that come near each other, and notes."""
     pairs, n_far, n_assumed = [], 0, int(not np.isfinite(tracks.ego.length_m).any())
     for other_id, other in tracks.others.items():
-        pair = tracks.pair(other_id)
-        if not len(pair.near):
+        pair = tracks.pair_with_ego(other_id)
+        if not len(pair.near_rows):
             n_far += 1
             continue
         n_assumed += int(not np.isfinite(other.length_m).any())
@@ -147,31 +154,35 @@ def _measured(tracks: Tracks, chosen: Mapping[str, Measure]) -> tuple[list[Measu
         size = f"{DEFAULT_LENGTH_M:g} x {DEFAULT_WIDTH_M:g} m"
         notes.append(f"vehicles without a size, for which {size} is assumed: {n_assumed}")
     if n_far:
-        notes.append(f"vehicles that never came within {OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
+        notes.append(f"vehicles that never came within {MAX_OUTLINE_RANGE_M:g} m, and are not measured: {n_far}")
     return pairs, notes
 
 
-def _judged(tracks: Tracks, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
+def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
     """Each encounter in which the outlines touched, or were less than `CONFLICT_TTC_S` from it."""
     judged = []
     for pair in pairs:
         if not {"gap", "ttc"} <= set(pair.values):
             continue
         for extreme in pair.extremes:
-            if extreme.encounter == WHOLE or extreme.measure != "ttc" or not extreme.value < CONFLICT_TTC_S:
+            if (
+                extreme.encounter == WHOLE_TIME_ENCOUNTER
+                or extreme.measure != "ttc"
+                or not extreme.value < CONFLICT_TTC_S
+            ):
                 continue
             rows = (pair.stamp_ns >= extreme.begin_ns) & (pair.stamp_ns <= extreme.end_ns)
             touching = pair.stamp_ns[rows & (pair.values["gap"] <= 0.0)]
             at_ns = int(touching[0]) if len(touching) else extreme.stamp_ns
-            verdicts = tuple(preventability(tracks.pair(pair.other_id), at_ns))
+            verdicts = tuple(judge_preventability(tracks.pair_with_ego(pair.other_id), at_ns))
             judged.append(JudgedConflict(pair.other_id, at_ns, verdicts))
     return sorted(judged, key=lambda each: each.conflict_ns)
 
 
-def _drivers_section(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[Section, ...]:
+def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[SummaryTable, ...]:
     """What each driver model would have made of the conflicts."""
     rows: list[tuple[Cell, ...]] = []
-    for conflict in judged[:MAX_SHOWN]:
+    for conflict in judged[:MAX_ENCOUNTERS_SHOWN]:
         at_s = (conflict.conflict_ns - start_ns) / NS_PER_S
         for each in conflict.verdicts:
             outcome = "avoids it" if each.avoided else "crashes"
@@ -180,31 +191,35 @@ def _drivers_section(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[S
     if not rows:
         return ()
     columns = ("vehicle", "at [s]", "driver", "outcome", "brakes at [s]", "impact [m/s]", "last chance [s]")
-    return (Section("preventability", "What other drivers would have made of the conflicts", columns, tuple(rows)),)
+    return (
+        SummaryTable("preventability", "What other drivers would have made of the conflicts", columns, tuple(rows)),
+    )
 
 
-def _encounters_section(pairs: Sequence[MeasuredPair], start_ns: int) -> Section:
+def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTable:
     """The most critical encounters, those with the least time to collision first, then the nearest."""
-    found = [row for pair in pairs for row in _encounters(pair, start_ns)]
+    found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
-    columns = ("vehicle", "from [s]", "to [s]", *SHOWN.values())
+    columns = ("vehicle", "from [s]", "to [s]", *SHOWN_MEASURES.values())
     title = "Most critical encounters (within 50 m; times from the log's start)"
-    if len(order) > MAX_SHOWN:
-        title = f"{MAX_SHOWN} most critical of {len(order)} encounters (within 50 m; times from the log's start)"
-    return Section("encounters", title, columns, tuple(order[:MAX_SHOWN]))
+    if len(order) > MAX_ENCOUNTERS_SHOWN:
+        title = (
+            f"{MAX_ENCOUNTERS_SHOWN} most critical of {len(order)} encounters (within 50 m; times from the log's start)"
+        )
+    return SummaryTable("encounters", title, columns, tuple(order[:MAX_ENCOUNTERS_SHOWN]))
 
 
-def _encounters(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:
+def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:
     """What they are ordered by, and the row."""
-    by_number: dict[int, dict[str, Extreme]] = {}
+    by_number: dict[int, dict[str, ExtremeValue]] = {}
     for extreme in pair.extremes:
-        if extreme.encounter != WHOLE:
+        if extreme.encounter != WHOLE_TIME_ENCOUNTER:
             by_number.setdefault(extreme.encounter, {})[extreme.measure] = extreme
     rows: list[tuple[tuple[float, ...], tuple[Cell, ...]]] = []
     for extremes in by_number.values():
         first = next(iter(extremes.values()))
         span = ((each - start_ns) / NS_PER_S for each in (first.begin_ns, first.end_ns))
-        values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN}
+        values = {name: extremes[name].value if name in extremes else math.nan for name in SHOWN_MEASURES}
         order = tuple(math.inf if math.isnan(values[name]) else values[name] for name in ("ttc", "gap"))
         rows.append(((*order, float(first.begin_ns)), (pair.other_id, *span, *values.values())))
     return rows

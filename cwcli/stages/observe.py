@@ -7,43 +7,43 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.binding import Bindings, bind
-from cwcli.channels.lanes import OBSERVED_FIELDS
-from cwcli.channels.lateral_state import TRUTH_FIELDS, Observed, write_observed
+from cwcli.channels.binding import Bindings, bind_roles
+from cwcli.channels.lanes import FIELDS_FOR_OBSERVER
+from cwcli.channels.lateral_state import TRUTH_FIELDS, ObservedDrive, write_observed_drive
 from cwcli.channels.published import EGO_STATE, LANES
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import DEFAULT_METHOD
-from cwcli.dynamics.observer import observe as observe_lateral
+from cwcli.dynamics.observer import DEFAULT_OBSERVER_METHOD
+from cwcli.dynamics.observer import observe_lateral_motion as observe_lateral
 from cwcli.dynamics.samples import FrameStatus, LateralTrack
 from cwcli.dynamics.single_track import critical_speed_mps
 from cwcli.dynamics.table import observer_table
 from cwcli.dynamics.vehicle import DEFAULT_VEHICLE, Vehicle, load_vehicle
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.estimation.calibration import Calibration, calibration_entry
+from cwcli.estimation.calibration import Calibration, calibration_record_entry
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import vehicle_entry
-from cwcli.pipeline.result import Cell, Section, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states
+from cwcli.pipeline.records import vehicle_to_record_entry
+from cwcli.pipeline.result import Cell, StageResult, StageSummary, SummaryTable
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import StatesSelection, bind_state_channels
 from cwcli.signals.columns import Columns
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.calibrated import calibrated_sources
-from cwcli.stages.inputs.observer import Inputs, inputs_of, lane_samples
-from cwcli.stages.inputs.sources import read_sources
-from cwcli.stages.summaries import largest, median
+from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
+from cwcli.stages.inputs.observer import ObserverInputs, choose_observer_inputs, lane_samples_at_preview
+from cwcli.stages.inputs.sources import read_sensor_signals
+from cwcli.stages.summaries import largest_finite_magnitude, median_of_finite
 
-FIELDS: dict[str, tuple[str, ...]] = {LANES.role: OBSERVED_FIELDS, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+READ_FIELDS: dict[str, tuple[str, ...]] = {LANES.role: FIELDS_FOR_OBSERVER, Role.LATERAL_TRUTH: TRUTH_FIELDS}
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
     "cwcli observe lanes.mcap --method zhang2011 --load full",
     "cwcli lanes drive.mcap -o - | cwcli observe - -o observed.mcap",
 )
-SENSORS = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
+SENSOR_ROLES = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
 
 
 @dataclass(frozen=True)
-class ObserveConfig(OfStates):
+class ObserveConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
@@ -87,14 +87,14 @@ class ObserveConfig(OfStates):
             object.__setattr__(self, "load", None)
 
     @property
-    def car(self) -> Vehicle | None:
+    def named_vehicle(self) -> Vehicle | None:
         """The car, if one was named."""
         assert not isinstance(self.vehicle, str), "it is read at once"
         return self.vehicle
 
 
 @dataclass(frozen=True)
-class Made:
+class ObserverEvidence:
     """What is compared with the truth.
 
     Attributes:
@@ -117,7 +117,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         UsageError: An unknown method, or a setting out of its range.
         DataError: The lanes are of another version, or the speed covers none of the frames.
     """
-    own = bind_states(
+    own = bind_state_channels(
         log.channels,
         config,
         required=(LANES.role,),
@@ -125,22 +125,22 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
         where=log.name,
         command="observe",
     )
-    sources = read_sources(
+    sources = read_sensor_signals(
         log,
         config,
         command="observe",
-        optional=SENSORS,
+        optional=SENSOR_ROLES,
         also=own,
-        fields=FIELDS,
+        fields=READ_FIELDS,
     )
-    with_shape = config.observer.method == DEFAULT_METHOD
-    lanes = lane_samples(sources.columns[LANES.role], where=log.name, with_shape=with_shape)
+    with_shape = config.observer.method == DEFAULT_OBSERVER_METHOD
+    lanes = lane_samples_at_preview(sources.columns[LANES.role], where=log.name, with_shape=with_shape)
     ego_state = sources.columns.get(EGO_STATE.role)
-    sources = calibrated_sources(sources, config.calibration)
-    inputs = inputs_of(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
+    sources = apply_calibration_to_sources(sources, config.calibration)
+    inputs = choose_observer_inputs(sources, ego_state, use_gyro=config.use_gyro, use_steer=config.use_steer)
     if inputs.speed is None:
-        raise _no_speed(log, config)
-    vehicle = config.car or load_vehicle()
+        raise _no_speed_error(log, config)
+    vehicle = config.named_vehicle or load_vehicle()
     track = observe_lateral(
         lanes.samples,
         inputs.speed,
@@ -156,28 +156,28 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
             hint="compare the two channels' times; their clocks may differ",
         )
     table = observer_table(track)
-    summary = Summary(
+    summary = StageSummary(
         title=f"observe ({config.observer.method})",
-        sections=(_section(track, inputs),),
+        sections=(_observed_frames_table(track, inputs),),
         inputs=(lanes.count, *inputs.counts),
-        notes=_notes(own, inputs, track, vehicle, config),
+        notes=_build_notes(own, inputs, track, vehicle, config),
     )
-    known = {**vehicle_entry(vehicle), **calibration_entry(config.calibration)}
-    record = run_record("observe", log, replace(config, calibration=None), summary, **known)
+    known = {**vehicle_to_record_entry(vehicle), **calibration_record_entry(config.calibration)}
+    record = build_run_record("observe", log, replace(config, calibration=None), summary, **known)
     return StageResult(
         "observe",
-        (write_observed(Observed(lanes.log_time_ns, track)),),
+        (write_observed_drive(ObservedDrive(lanes.log_time_ns, track)),),
         {table.name: table},
         summary,
         record,
-        made=Made(track, sources.columns.get(Role.LATERAL_TRUTH)),
+        evaluation_inputs=ObserverEvidence(track, sources.columns.get(Role.LATERAL_TRUTH)),
     )
 
 
-def _no_speed(log: Log, config: ObserveConfig) -> MissingSignalError:
+def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
     """Why there is no speed: none of the channels, several of them, or none with a usable message."""
     try:
-        bind(log.channels, config.topics, required=(Role.EGO_SPEED,), where=log.name, command="observe")
+        bind_roles(log.channels, config.topics, required=(Role.EGO_SPEED,), where=log.name, command="observe")
     except MissingSignalError as error:
         return error
     return MissingSignalError(
@@ -187,8 +187,8 @@ def _no_speed(log: Log, config: ObserveConfig) -> MissingSignalError:
     )
 
 
-def _notes(
-    own: Bindings, inputs: Inputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
+def _build_notes(
+    own: Bindings, inputs: ObserverInputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
 ) -> tuple[str, ...]:
     notes = [*own.notes, *inputs.notes, *track.notes]
     if config.vehicle is None:
@@ -201,7 +201,7 @@ def _notes(
     return tuple(notes)
 
 
-def _section(track: LateralTrack, inputs: Inputs) -> Section:
+def _observed_frames_table(track: LateralTrack, inputs: ObserverInputs) -> SummaryTable:
     """How many frames have a state, and what the states are like."""
     n = len(track)
     rows: list[tuple[Cell, ...]] = [("frames", n)]
@@ -210,14 +210,17 @@ def _section(track: LateralTrack, inputs: Inputs) -> Section:
         ("speed from", inputs.speed_source),
         ("yaw rate from", inputs.yaw_rate_source or "-"),
         ("steering angle from", inputs.steer_source or "the lanes"),
-        ("largest yaw rate (deg/s)", largest(np.degrees(track.state[:, 1]))),
-        ("largest lateral speed (m/s)", largest(track.state[:, 0])),
-        ("sigma of the yaw rate, median (deg/s)", median(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1]))))),
-        ("sigma of the lateral speed, median (m/s)", median(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
+        ("largest yaw rate (deg/s)", largest_finite_magnitude(np.degrees(track.state[:, 1]))),
+        ("largest lateral speed (m/s)", largest_finite_magnitude(track.state[:, 0])),
+        (
+            "sigma of the yaw rate, median (deg/s)",
+            median_of_finite(np.degrees(np.sqrt(np.abs(track.covariance[:, 1, 1])))),
+        ),
+        ("sigma of the lateral speed, median (m/s)", median_of_finite(np.sqrt(np.abs(track.covariance[:, 0, 0])))),
     ]
     known = np.flatnonzero(np.isfinite(track.mass_sigma_kg))
     if len(known):
         last = known[-1]
         rows.append(("mass at the end (kg)", float(track.mass_kg[last])))
         rows.append(("its sigma (kg)", float(track.mass_sigma_kg[last])))
-    return Section("observer", "Lateral motion", ("quantity", "value"), tuple(rows))
+    return SummaryTable("observer", "Lateral motion", ("quantity", "value"), tuple(rows))

@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from cwcli.channels.path_scene import write_path_scene
-from cwcli.channels.predicted_path import PlannedPaths, write_planned
+from cwcli.channels.predicted_path import LazyPaths, write_lazy_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_PATH, REMOTE_STATE
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.paths import PathRequest, plan_paths
-from cwcli.pipeline.result import InputCount, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states, chosen_states
+from cwcli.pipeline.paths import PathRequest, plan_paths_from_states
+from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.rollout import Discretisation, check_request
+from cwcli.prediction.rollout import Discretisation, check_rollout_options
 from cwcli.signals.columns import OutputChannel
-from cwcli.stages.inputs.sources import read_bound
+from cwcli.stages.inputs.sources import read_bound_columns
 
 EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
@@ -27,12 +27,12 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class PredictConfig(OfStates):
+class PredictConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
         model: A key of `cwcli.prediction.models.MODELS`.
-        horizon_s, step_s: Of the published paths; remote paths reach further, see `plan_paths`.
+        horizon_s, step_s: Of the published paths; remote paths reach further, see `plan_paths_from_states`.
         discretisation: "exact", or "paper" for song2016's recursion.
         path_rate_hz: Paths of each vehicle that a file gets, at most.
     """
@@ -62,7 +62,7 @@ class PredictConfig(OfStates):
         Raises:
             UsageError: An unknown model, or a horizon or step that is not positive.
         """
-        check_request(self.model, self.discretisation, self.horizon_s, self.step_s)
+        check_rollout_options(self.model, self.discretisation, self.horizon_s, self.step_s)
 
 
 def predict(log: Log, config: PredictConfig) -> StageResult:
@@ -74,7 +74,7 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
     Raises:
         MissingSignalError: The log has no ego state.
     """
-    bound = bind_states(
+    bound = bind_state_channels(
         log.channels,
         config,
         required=(EGO_STATE.role,),
@@ -82,19 +82,19 @@ def predict(log: Log, config: PredictConfig) -> StageResult:
         where=log.name,
         command="predict",
     )
-    columns = read_bound(log, bound)
+    columns = read_bound_columns(log, bound)
     channels: list[OutputChannel] = []
-    predicted: list[PlannedPaths] = []
+    predicted: list[LazyPaths] = []
     made: dict[str, VehicleStates] = {}
-    inputs: list[InputCount] = []
+    inputs: list[InputMessageCount] = []
     for role, path_channel in ((EGO_STATE.role, EGO_PATH), (REMOTE_STATE.role, REMOTE_PATH)):
         if role not in columns:
             continue
-        made[role], count = chosen_states(log, columns[role], role, config)
+        made[role], count = read_selected_states(log, columns[role], role, config)
         inputs.append(count)
-        predicted.append(plan_paths(made[role], role, PathRequest.of(config)))
-        channels.append(write_planned(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
+        predicted.append(plan_paths_from_states(made[role], role, PathRequest.from_stage_config(config)))
+        channels.append(write_lazy_paths(path_channel, predicted[-1], rate_hz=config.path_rate_hz))
     channels.append(write_path_scene(predicted))
-    summary = Summary(title="predict", inputs=tuple(inputs), notes=bound.notes)
-    record = run_record("predict", log, config, summary)
-    return StageResult("predict", tuple(channels), {}, summary, record, made=made)
+    summary = StageSummary(title="predict", inputs=tuple(inputs), notes=bound.notes)
+    record = build_run_record("predict", log, config, summary)
+    return StageResult("predict", tuple(channels), {}, summary, record, evaluation_inputs=made)

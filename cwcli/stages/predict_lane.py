@@ -14,30 +14,30 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.channels.lanes import read_lanes
-from cwcli.channels.lateral_state import Observed, read_observed
-from cwcli.channels.path_image import PathFrames, Viewpoint, write_path_frames, write_path_lines
-from cwcli.channels.predicted_path import PredictedPaths, write_paths
+from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive
+from cwcli.channels.path_image import PathFrames, Viewpoint, write_frames_with_paths, write_path_lines
+from cwcli.channels.predicted_path import PredictedPaths, write_predicted_paths
 from cwcli.channels.published import EGO_STATE, LANES, OBSERVER, OBSERVER_PATH
 from cwcli.channels.render_topic import check_render_topic
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.records import vehicle_of
-from cwcli.pipeline.result import InputCount, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import OfStates, bind_states
-from cwcli.prediction.lateral import LateralPathConfig, lateral_paths, map_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.pipeline.records import vehicle_from_log
+from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import StatesSelection, bind_state_channels
+from cwcli.prediction.lateral import LateralPathConfig, predict_paths_from_observer, transform_paths_to_map
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.poses import Poses, poses_of_states, reckoned_poses
+from cwcli.prediction.poses import VehiclePoses, dead_reckoned_poses, poses_from_states
 from cwcli.signals.canonical import Signal
-from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, constant_strings
+from cwcli.signals.columns import Columns, Int64Array, OutputChannel, StreamedChannel, repeat_string
 from cwcli.signals.role import Role
 from cwcli.signals.vehicle_state import EGO_ID
-from cwcli.stages.inputs.camera import camera_of_lanes
-from cwcli.stages.inputs.sources import read_sources
+from cwcli.stages.inputs.camera import camera_used_by_lanes
+from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.vision.frames import DecodedFrame, decode_frames
 
 EXAMPLES = (
@@ -53,7 +53,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class PredictLaneConfig(OfStates):
+class PredictLaneConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
@@ -99,10 +99,10 @@ class PredictLaneConfig(OfStates):
                 f"--model {self.model} does not start from the observer",
                 hint=f"one of: {', '.join(MODEL_NAMES.values())}",
             )
-        assert self.path
+        assert self.path_config
 
     @property
-    def path(self) -> LateralPathConfig:
+    def path_config(self) -> LateralPathConfig:
         """The settings of the path model."""
         model = next(model for model, name in MODEL_NAMES.items() if name == self.model)
         return LateralPathConfig(model=model, horizon_s=self.horizon_s, step_s=self.step_s)
@@ -120,13 +120,15 @@ class BodyPaths:
         model: Name of the path model, as in `cwcli.v1.PredictedPath`.
     """
 
-    observed: Observed
+    observed: ObservedDrive
     paths: Paths
     vehicle: Vehicle
     model: str
 
     @classmethod
-    def of(cls, observed: Observed, vehicle: Vehicle, config: LateralPathConfig, *, calibrate: bool) -> BodyPaths:
+    def predict_from_frames(
+        cls, observed: ObservedDrive, vehicle: Vehicle, config: LateralPathConfig, *, calibrate: bool
+    ) -> BodyPaths:
         """Predict from each frame.
 
         Args:
@@ -136,14 +138,14 @@ class BodyPaths:
             calibrate: Scale the uncertainty across the path by how far this record's car went from its paths; looks
                 at the whole record.
         """
-        paths = lateral_paths(observed.track, vehicle, config)
+        paths = predict_paths_from_observer(observed.track, vehicle, config)
         if calibrate:
-            paths = calibrate_paths(paths, observed.track)
+            paths = scale_lateral_covariance(paths, observed.track)
         return cls(observed, paths, vehicle, MODEL_NAMES[config.model])
 
 
 @dataclass(frozen=True)
-class Made:
+class LanePathEvidence:
     """What is compared with what then happened.
 
     Attributes:
@@ -154,7 +156,7 @@ class Made:
     """
 
     body: BodyPaths
-    poses: Poses
+    poses: VehiclePoses
     truths: tuple[Signal, ...]
     lateral: Columns | None
 
@@ -169,7 +171,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         MissingSignalError: The log has no observer channel, or no frame of it has a state.
         DataError: The channel is of another version.
     """
-    own = bind_states(
+    own = bind_state_channels(
         log.channels,
         config,
         required=(OBSERVER.role,),
@@ -177,25 +179,25 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
         where=log.name,
         command="predict-lane",
     )
-    sources = read_sources(log, config, command="predict-lane", optional=(Role.TRUTH,), also=own)
+    sources = read_sensor_signals(log, config, command="predict-lane", optional=(Role.TRUTH,), also=own)
     topic = sources.columns[OBSERVER.role].topic
-    observed = read_observed(sources.columns[OBSERVER.role])
+    observed = read_observed_drive(sources.columns[OBSERVER.role])
     has_state = np.isfinite(observed.track.state[:, 0])
     if not has_state.any():
         raise MissingSignalError("no frame of the observer has a state", where=f"{log.name}: {topic}")
-    vehicle, notes = vehicle_of(log)
-    body = BodyPaths.of(observed, vehicle, config.path, calibrate=config.calibrate)
+    vehicle, notes = vehicle_from_log(log)
+    body = BodyPaths.predict_from_frames(observed, vehicle, config.path_config, calibrate=config.calibrate)
     columns = sources.columns.get(EGO_STATE.role)
     in_map = None
     if columns is not None and len(columns):
-        states = read_states(columns).by_stamp()
-        in_map = poses_of_states(states.stamp_ns, states.state, observed.track)
-    poses = in_map or reckoned_poses(observed.track)
-    placed, count = _place(body, poses, has_state, topic)
+        states = read_vehicle_states(columns).sort_by_stamp()
+        in_map = poses_from_states(states.stamp_ns, states.state, observed.track)
+    poses = in_map or dead_reckoned_poses(observed.track)
+    placed, count = _place_paths_in_map(body, poses, has_state, topic)
     drawn: tuple[StreamedChannel, ...] = ()
     notes_of_drawing: tuple[str, ...] = ()
-    if config.render is not None or has_lanes(log):
-        drawn, notes_of_drawing = path_overlay(
+    if config.render is not None or has_lane_channel(log):
+        drawn, notes_of_drawing = draw_paths_into_images(
             log,
             body.paths,
             stamp_ns=observed.track.stamp_ns,
@@ -205,7 +207,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
             render=config.render,
             topics=config.topics,
         )
-    summary = Summary(
+    summary = StageSummary(
         title="predict-lane",
         inputs=(count,),
         notes=(
@@ -215,17 +217,17 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
             *(() if in_map else ("no ego state in the log: paths are in a frame of their own, `odom`",)),
         ),
     )
-    record = run_record("predict-lane", log, config, summary)
-    made = Made(body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH))
-    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, made=made)
+    record = build_run_record("predict-lane", log, config, summary)
+    made = LanePathEvidence(body, poses, sources.by_role.get(Role.TRUTH, ()), sources.columns.get(Role.LATERAL_TRUTH))
+    return StageResult("predict-lane", (placed, *drawn), {}, summary, record, evaluation_inputs=made)
 
 
-def has_lanes(log: Log) -> bool:
+def has_lane_channel(log: Log) -> bool:
     """Whether the log holds the channel of `cwcli lanes`."""
     return LANES.topic in {channel.topic for channel in log.channels}
 
 
-def path_overlay(
+def draw_paths_into_images(
     log: Log,
     paths: Paths,
     *,
@@ -257,16 +259,18 @@ def path_overlay(
         MissingSignalError: The log has no lanes, or no camera where `render` needs one.
         UsageError: `render` is no topic for frames.
     """
-    if not has_lanes(log):
+    if not has_lane_channel(log):
         raise MissingSignalError(
             f"no channel {LANES.topic} (needed to draw paths on the image)",
             where=log.name,
             hint="run `cwcli lanes` first",
         )
-    camera_topic, source = camera_of_lanes(log, topics or {}, is_needed=render is not None)
+    camera_topic, source = camera_used_by_lanes(log, topics or {}, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
-    seen_from = Viewpoint(source.camera, width_m, camera_forward_m)
-    frames = PathFrames.of(paths, stamp_ns, log_time_ns, read_lanes(log.columns(LANES.topic)), seen_from)
+    seen_from = Viewpoint(source.camera_for_size, width_m, camera_forward_m)
+    frames = PathFrames.match_paths_to_frames(
+        paths, stamp_ns, log_time_ns, read_lanes(log.columns(LANES.topic)), seen_from
+    )
     left_out = len(stamp_ns) - len(frames)
     note = f"{left_out} of {len(stamp_ns)} paths are not drawn: no frame of a known size has their stamp"
     channels = [write_path_lines(frames)]
@@ -277,23 +281,25 @@ def path_overlay(
             return decode_frames(log.frames(camera_topic), size_of=None, prepare=prepare, where=where)
 
         frame_id = next((frame.frame_id for frame in log.frames(camera_topic)), "")
-        channels.append(write_path_frames(frames, render, frame_id=frame_id, images=in_colour))
+        channels.append(write_frames_with_paths(frames, render, frame_id=frame_id, images=in_colour))
     return tuple(channels), (note,) if left_out else ()
 
 
-def _place(body: BodyPaths, poses: Poses, has_state: BoolArray, topic: str) -> tuple[OutputChannel, InputCount]:
+def _place_paths_in_map(
+    body: BodyPaths, poses: VehiclePoses, has_state: BoolArray, topic: str
+) -> tuple[OutputChannel, InputMessageCount]:
     """The channel: the paths that start from a known pose, and why the others are left out."""
     has_pose = np.isfinite(poses.at_xy_m[:, 0]) & np.isfinite(poses.at_yaw_rad)
     rows = np.flatnonzero(has_state & has_pose)
     x_m, y_m = poses.at_xy_m[rows].T
     left_out = {NO_STATE: int(np.count_nonzero(~has_state)), NO_POSE: int(np.count_nonzero(has_state & ~has_pose))}
     predicted = PredictedPaths(
-        constant_strings(EGO_ID, len(rows)),
+        repeat_string(EGO_ID, len(rows)),
         body.observed.track.stamp_ns[rows],
         body.observed.log_time_ns[rows],
         body.model,
-        map_paths(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
+        transform_paths_to_map(body.paths.take(rows), x_m, y_m, poses.at_yaw_rad[rows]),
     )
-    channel = write_paths(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
+    channel = write_predicted_paths(OBSERVER_PATH, predicted, frame_id=poses.frame_id)
     set_aside = {reason: n for reason, n in left_out.items() if n}
-    return channel, InputCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)
+    return channel, InputMessageCount(topic, OBSERVER.role, len(has_state), len(rows), set_aside=set_aside)

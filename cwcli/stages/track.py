@@ -8,44 +8,51 @@ from typing import Annotated
 
 import numpy as np
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, TARGETS_ONLINE
-from cwcli.channels.target import write_targets
-from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.channels.target import write_target_channels
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.json_names import Told
-from cwcli.pipeline.records import map_of, run_records
-from cwcli.pipeline.result import Cell, InputCount, Section, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
-from cwcli.pipeline.states import States, with_states
+from cwcli.pipeline.json_names import CellWithValues
+from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, StageSummary, SummaryTable
+from cwcli.pipeline.run_record import build_run_record
+from cwcli.pipeline.states import States, choose_state_topics
 from cwcli.signals.canonical import DetectionSignal, Signal
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
-from cwcli.stages.summaries import NIS_WORDS, bounds_text
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
+from cwcli.stages.summaries import NIS_CELLS, bounds_cell
+from cwcli.tracking.association import default_clutter_density
 from cwcli.tracking.config import FilterConfig, TrackerConfig
-from cwcli.tracking.detections import Counts, DetectionKind, EgoStates, SensorModel
+from cwcli.tracking.detections import DetectionCounts, DetectionKind, EgoStates, SensorModel
 from cwcli.tracking.from_signals import (
-    check_carriers,
-    detections_of,
-    known_scan_times,
-    scan_times,
-    sensor_models,
+    build_sensor_models,
+    detections_from_signal,
+    knowable_scan_times_ns,
+    require_common_frame,
+    scan_times_ns,
 )
-from cwcli.tracking.many import usual_density
-from cwcli.tracking.sensor_setting import SensorSetting, parse_sensors
-from cwcli.tracking.single import Consistency
-from cwcli.tracking.tables import VALUES, median_sigma_m, noise_of, noise_unit, track_tables, turn_noise_of
-from cwcli.tracking.tracker import Targets, TrackResult, track_online, track_targets
+from cwcli.tracking.sensor_setting import SensorSetting, parse_sensor_settings
+from cwcli.tracking.single_target import NisConsistency
+from cwcli.tracking.tables import (
+    VALUE_NAMES_AND_UNITS,
+    median_position_sigma_m,
+    process_noise_density,
+    process_noise_unit,
+    track_metric_tables,
+    turn_noise_density,
+)
+from cwcli.tracking.tracker import TargetCountChoice, TrackResult, track_targets, track_targets_online
 
 EXAMPLES = (
     "cwcli track drive.mcap -o tracked.mcap --filter ukf --metrics tracks.parquet",
     "cwcli track drive.mcap --filter ekf --causal",
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
-ASSOCIATION = ("outside the gate", "belongs to no confirmed track")
+UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 MAX_TARGETS_SHOWN = 20
 S_PER_NS = 1e-9
@@ -66,7 +73,7 @@ class TrackConfig:
     sources: SourceConfig = field(default_factory=SourceConfig)
     tracker: TrackerConfig = field(default_factory=lambda: TrackerConfig(FilterConfig(tune=True)))
     targets: Annotated[
-        Targets,
+        TargetCountChoice,
         Option(
             "--targets",
             "auto: one target where no scan holds two detections and one track takes nine in ten, else many.",
@@ -81,13 +88,13 @@ class TrackConfig:
             "rate (away, toward, off). Repeatable.",
             metavar="TOPIC:KEY=VALUE,..",
             kind=list[str],
-            parse=parse_sensors,
+            parse=parse_sensor_settings,
         ),
     ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Made:
+class TrackingEvidence:
     """What is compared with the truth.
 
     Attributes:
@@ -119,42 +126,42 @@ def track(log: Log, config: TrackConfig) -> StageResult:
         UsageError: An override or a sensor setting that does not fit the log.
         DataError: No message of any sensor can be used.
     """
-    sources = read_sources(
+    sources = read_sensor_signals(
         log, config.sources, command="track", required=(Role.DETECTIONS,), optional=(Role.TARGET_TRUTH,)
     )
     signals = [s for s in sources.by_role[Role.DETECTIONS] if isinstance(s, DetectionSignal)]
     single = config.tracker.single
-    ego, ego_count = _ego(log, config.sources, "hindsight" if single.smooth else "online")
-    models, notes = sensor_models(signals, config.sensors)
-    in_map = check_carriers(models, has_ego=ego is not None, where=log.name)
-    detections = [detections_of(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
+    ego, ego_count = _read_ego_states(log, config.sources, "hindsight" if single.smooth else "online")
+    models, notes = build_sensor_models(signals, config.sensors)
+    in_map = require_common_frame(models, has_ego=ego is not None, where=log.name)
+    detections = [detections_from_signal(s, config.sensors.get(s.source, SensorSetting())) for s in signals]
     if not single.tune:
-        models = {d.source: _with_density(models[d.source], d.kind) for d in detections}
-    result, how = track_targets(config.targets, detections, models, config.tracker, _motion(ego))
-    known_ns = scan_times(signals)
-    car, _ = _ego(log, config.sources, "online")
+        models = {d.source: _replace_clutter_density(models[d.source], d.kind) for d in detections}
+    result, how = track_targets(config.targets, detections, models, config.tracker, _ego_motion_of_states(ego))
+    known_ns = scan_times_ns(signals)
+    car, _ = _read_ego_states(log, config.sources, "online")
     online = result
     if single.smooth:
-        online = track_online(result, how, detections, models, config.tracker, _motion(car))
-    knowable_ns = known_scan_times(signals, None if car is None else (car.stamp_ns, car.log_time_ns))
+        online = track_targets_online(result, how, detections, models, config.tracker, _ego_motion_of_states(car))
+    knowable_ns = knowable_scan_times_ns(signals, None if car is None else (car.stamp_ns, car.log_time_ns))
     n_of_sensors = len(sources.notes) + len(notes)
     kinds = {d.source: d.kind for d in detections}
-    notes.extend(_notes(result, signals, how, config))
-    summary = Summary(
+    notes.extend(_build_notes(result, signals, how, config))
+    summary = StageSummary(
         title="track",
-        sections=_sections(result, kinds, in_map=in_map),
-        inputs=(*sources.counts(), *ego_count, *_detection_counts(result.counts)),
+        sections=_summary_tables(result, kinds, in_map=in_map),
+        inputs=(*sources.input_message_counts(), *ego_count, *_count_detections_by_sensor(result.counts)),
         notes=(*sources.notes, *notes),
     )
     return StageResult(
         stage="track",
         channels=(
-            *write_targets(result, in_map=in_map, known_ns=known_ns),
-            *write_targets(online, in_map=in_map, known_ns=knowable_ns, channel=TARGETS_ONLINE),
+            *write_target_channels(result, in_map=in_map, known_ns=known_ns),
+            *write_target_channels(online, in_map=in_map, known_ns=knowable_ns, channel=TARGETS_ONLINE),
         ),
-        tables=track_tables(result, config.tracker.single, kinds),
+        tables=track_metric_tables(result, config.tracker.single, kinds),
         summary=summary,
-        metadata=run_record(
+        metadata=build_run_record(
             "track",
             log,
             config,
@@ -162,41 +169,47 @@ def track(log: Log, config: TrackConfig) -> StageResult:
             targets=how,
             frame="map" if in_map else "base_link",
         ),
-        made=Made(
+        evaluation_inputs=TrackingEvidence(
             result=result,
             truths=sources.by_role.get(Role.TARGET_TRUTH, ()),
             moments_ns=known_ns[0] if how == "many" else np.unique(np.concatenate([d.stamp_ns for d in detections])),
             in_map=in_map,
-            local_map=map_of(run_records(log).get("estimate", {})) if ego is not None else None,
+            local_map=map_from_record(read_run_records(log).get("estimate", {})) if ego is not None else None,
             n_notes=n_of_sensors,
         ),
     )
 
 
-def _with_density(model: SensorModel, kind: DetectionKind) -> SensorModel:
+def _replace_clutter_density(model: SensorModel, kind: DetectionKind) -> SensorModel:
     """The model with a clutter density that is not taken from the log."""
-    return model if model.clutter_density is not None else replace(model, clutter_density=usual_density(kind, model))
+    return (
+        model
+        if model.clutter_density is not None
+        else replace(model, clutter_density=default_clutter_density(kind, model))
+    )
 
 
-def _motion(states: VehicleStates | None) -> EgoStates | None:
-    return None if states is None else EgoStates.of(states.stamp_ns, states.state)
+def _ego_motion_of_states(states: VehicleStates | None) -> EgoStates | None:
+    return None if states is None else EgoStates.from_states(states.stamp_ns, states.state)
 
 
-def _ego(log: Log, config: SourceConfig, which: States) -> tuple[VehicleStates | None, tuple[InputCount, ...]]:
+def _read_ego_states(
+    log: Log, config: SourceConfig, which: States
+) -> tuple[VehicleStates | None, tuple[InputMessageCount, ...]]:
     """The car's states by stamp, if an earlier `cwcli estimate` has left them in the log."""
-    chosen = with_states(config.topics, which, log.channels, (EGO_STATE.role,))
-    bound = bind(log.channels, chosen, required=(), optional=(EGO_STATE.role,), where=log.name)
-    topic = bound.topic(EGO_STATE.role)
+    chosen = choose_state_topics(config.topics, which, log.channels, (EGO_STATE.role,))
+    bound = bind_roles(log.channels, chosen, required=(), optional=(EGO_STATE.role,), where=log.name)
+    topic = bound.first_topic_of_role(EGO_STATE.role)
     if topic is None:
         return None, ()
-    states = read_states(log.columns(topic))
+    states = read_vehicle_states(log.columns(topic))
     if not len(states):
         return None, ()
-    count = InputCount(topic, EGO_STATE.role, len(states), len(states))
-    return states.by_stamp(), (count,)
+    count = InputMessageCount(topic, EGO_STATE.role, len(states), len(states))
+    return states.sort_by_stamp(), (count,)
 
 
-def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
+def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
     notes = list(result.notes)
     if config.targets == "auto":
         notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many says so for itself)")
@@ -210,69 +223,73 @@ def _notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, co
     notes.extend(
         f"{source}: the innovations are outside their 95 % bounds"
         for source, check in result.consistency.items()
-        if check.dof > 0.0 and not check.is_inside
+        if check.dof > 0.0 and not check.is_within_bounds
     )
     if not result.tracks:
         notes.append("no target was found")
     return notes
 
 
-def _detection_counts(counts: Mapping[str, Counts]) -> tuple[InputCount, ...]:
+def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[InputMessageCount, ...]:
     """What became of the detections, by sensor. One that fits no track is used all the same: it was weighed."""
     found = []
     for source, count in counts.items():
-        faults = {reason: n for reason, n in count.rejected.items() if reason not in ASSOCIATION}
+        faults = {reason: n for reason, n in count.rejected.items() if reason not in UNASSIGNED_REASONS}
         used = count.read - sum(faults.values())
-        found.append(InputCount(source, "each detection", count.read, used, faults, dict(count.repaired)))
+        found.append(InputMessageCount(source, "each detection", count.read, used, faults, dict(count.repaired)))
     return tuple(found)
 
 
-def _sections(result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool) -> tuple[Section, ...]:
+def _summary_tables(
+    result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool
+) -> tuple[SummaryTable, ...]:
     """The stage's tables for the terminal."""
-    found = [_sensors_section(result), _noise_section(result, kinds), _targets_section(result, in_map)]
+    found = [_sensors_table(result), _noise_table(result, kinds), _targets_table(result, in_map)]
     return tuple(item for item in found if item.rows)
 
 
-def _sensors_section(result: TrackResult) -> Section:
+def _sensors_table(result: TrackResult) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = []
     for source, count in result.counts.items():
         check = result.consistency.get(source)
-        free = sum(count.rejected.get(reason, 0) for reason in ASSOCIATION)
+        free = sum(count.rejected.get(reason, 0) for reason in UNASSIGNED_REASONS)
         faulty = count.read - count.used - free
         rows.append((source, count.read, count.used, free, faulty, *_nis_cells(check)))
     columns = ("sensor", "detections", "used", "no track", "faulty", "NIS/dof", "95 % bounds", "inside")
     title = "Detections, and consistency of the innovations"
-    return Section("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
+    return SummaryTable("sensors", title, columns, tuple(rows), names=(*columns[:6], "bounds_95", "inside"))
 
 
-def _nis_cells(check: Consistency | None) -> tuple[Cell, ...]:
+def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
     if check is None or not check.dof > 0.0:
-        return None, bounds_text(np.nan, np.nan), NIS_WORDS[None]
-    bounds = bounds_text(check.low / check.dof, check.high / check.dof)
-    return check.nis_mean / check.dof, bounds, NIS_WORDS[check.is_inside]
+        return None, bounds_cell(np.nan, np.nan), NIS_CELLS[None]
+    bounds = bounds_cell(check.low / check.dof, check.high / check.dof)
+    return check.nis_mean / check.dof, bounds, NIS_CELLS[check.is_within_bounds]
 
 
-def _noise_section(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Section:
+def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:
     if result.tuned is None:
-        return Section("noise", "", (), ())
+        return SummaryTable("noise", "", (), ())
     rows: list[tuple[Cell, ...]] = [
-        (source, Told(name, {"": name, "unit": None}), factor)
+        (source, CellWithValues(name, {"": name, "unit": None}), factor)
         for source, factors in result.tuned.scale.items()
-        for (name, _), factor in zip(VALUES[kinds[source]], factors, strict=False)
+        for (name, _), factor in zip(VALUE_NAMES_AND_UNITS[kinds[source]], factors, strict=False)
     ]
     tuned = result.tuned.config
-    rows.append(("process", _process("acceleration", noise_unit(tuned)), noise_of(tuned)))
-    if tuned.motion.turn_noise > 0.0:
-        rows.append(("process", _process("turn rate", "rad/s^1.5"), turn_noise_of(tuned)))
+    rows.append(
+        ("process", _process_noise_cell("acceleration", process_noise_unit(tuned)), process_noise_density(tuned))
+    )
+    if tuned.motion_model.turn_noise > 0.0:
+        rows.append(("process", _process_noise_cell("turn rate", "rad/s^1.5"), turn_noise_density(tuned)))
     title = "Noise by maximum likelihood: factor on each given sigma, process noise"
-    return Section("noise", title, ("source", "quantity", "found"), tuple(rows))
+    return SummaryTable("noise", title, ("source", "quantity", "found"), tuple(rows))
 
 
-def _process(name: str, unit: str) -> Told:
-    return Told(f"{name} [{unit}]", {"": name, "unit": unit})
+def _process_noise_cell(name: str, unit: str) -> CellWithValues:
+    return CellWithValues(f"{name} [{unit}]", {"": name, "unit": unit})
 
 
-def _targets_section(result: TrackResult, in_map: bool) -> Section:
+def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
     start_ns = min((int(track.stamp_ns[0]) for track in result.tracks), default=0)
     longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_SHOWN]
     rows: list[tuple[Cell, ...]] = []
@@ -286,9 +303,11 @@ def _targets_section(result: TrackResult, in_map: bool) -> Section:
                 len(track),
                 100.0 * float((track.source >= 0).mean()),
                 float(speed.max()),
-                median_sigma_m(track),
+                median_position_sigma_m(track),
             )
         )
     shown = "" if len(longest) == len(result.tracks) else f" (the {len(longest)} longest of {len(result.tracks)})"
     columns = ("target", "from [s]", "for [s]", "states", "seen [%]", "max speed [m/s]", "median sigma [m]")
-    return Section("targets", f"Targets in the {'map' if in_map else 'frame of the car'}{shown}", columns, tuple(rows))
+    return SummaryTable(
+        "targets", f"Targets in the {'map' if in_map else 'frame of the car'}{shown}", columns, tuple(rows)
+    )

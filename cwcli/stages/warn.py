@@ -9,19 +9,19 @@ from typing import Annotated
 from cwcli.channels.predicted_path import AnyPaths
 from cwcli.channels.published import EGO_PATH, EGO_STATE, REMOTE_EVENTS, REMOTE_PATH, REMOTE_STATE, TARGETS
 from cwcli.channels.road_event import read_road_events
-from cwcli.channels.target import read_targets
+from cwcli.channels.target import read_targets_as_states
 from cwcli.logs.read.reader import Log
 from cwcli.option import Option
-from cwcli.pipeline.paths import all_paths
-from cwcli.pipeline.records import WITHHELD, run_records
-from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
-from cwcli.pipeline.states import OfStates, bind_states, chosen_states, paths_note
+from cwcli.pipeline.paths import paths_from_every_state
+from cwcli.pipeline.records import WITHHELD_KEY, read_run_records
+from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
+from cwcli.pipeline.states import StatesSelection, bind_state_channels, note_on_path_start_states, read_selected_states
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import read_bound
-from cwcli.stages.inputs.vehicles import only_ego, paths_like, vehicle_tracks
-from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
+from cwcli.stages.inputs.sources import read_bound_columns
+from cwcli.stages.inputs.vehicles import build_vehicle_tracks, predict_paths_like, require_single_ego
+from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
-from cwcli.warning.evaluate import check_config as check_rule
+from cwcli.warning.evaluate import check_warning_config as check_rule
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
@@ -31,16 +31,16 @@ EXAMPLES = (
     "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
     "cwcli warn predicted.mcap --rules cwcli,ttc -o warned.mcap",
 )
-OF_EGO = (EGO_STATE.role, EGO_PATH.role)
-OF_OTHERS = (REMOTE_STATE.role, REMOTE_PATH.role)
+EGO_INPUT_ROLES = (EGO_STATE.role, EGO_PATH.role)
+REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
 
 
-def _names(text: str) -> tuple[str, ...]:
+def _split_names(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
 @dataclass(frozen=True)
-class WarnConfig(OfStates):
+class WarnConfig(StatesSelection):
     """Settings of the stage.
 
     Attributes:
@@ -57,7 +57,7 @@ class WarnConfig(OfStates):
             metavar="NAME[,NAME]",
             default="that of --rule",
             kind=str | None,
-            parse=_names,
+            parse=_split_names,
         ),
     ] = ()
 
@@ -67,17 +67,17 @@ class WarnConfig(OfStates):
         Raises:
             UsageError: An unknown rule, or a value out of its range.
         """
-        for name in self.names:
+        for name in self.rule_names:
             check_rule(replace(self.rule, rule=name))
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def rule_names(self) -> tuple[str, ...]:
         """The rules."""
         return self.rules or (self.rule.rule,)
 
 
 @dataclass(frozen=True)
-class Made:
+class WarningEvidence:
     """What is held against what really happened.
 
     Attributes:
@@ -101,10 +101,10 @@ def warn(log: Log, config: WarnConfig) -> StageResult:
         MissingSignalError: The log lacks a state or path channel.
         DataError: States and paths do not belong together.
     """
-    return warn_of(log, config, "warn", OF_OTHERS)
+    return warn_ego_of_others(log, config, "warn", REMOTE_INPUT_ROLES)
 
 
-def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -> StageResult:
+def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -> StageResult:
     """Warn the ego of others, at each of its states.
 
     Args:
@@ -118,49 +118,53 @@ def warn_of(log: Log, config: WarnConfig, stage: str, others: tuple[str, ...]) -
         MissingSignalError: The log lacks a channel.
         DataError: States and paths do not belong together.
     """
-    notified = (REMOTE_EVENTS.role,) if any(RULES[name].uses_states for name in config.names) else ()
-    required = OF_EGO + others
-    bound = bind_states(log.channels, config, required=required, optional=notified, where=log.name, command=stage)
-    columns = read_bound(log, bound, without=(EGO_PATH.role, REMOTE_PATH.role))
-    uses_onset = any(RULES[name].uses_onset for name in config.names)
-    inputs: list[InputCount] = []
+    notified = (REMOTE_EVENTS.role,) if any(RULES[name].uses_states for name in config.rule_names) else ()
+    required = EGO_INPUT_ROLES + others
+    bound = bind_state_channels(
+        log.channels, config, required=required, optional=notified, where=log.name, command=stage
+    )
+    columns = read_bound_columns(log, bound, without=(EGO_PATH.role, REMOTE_PATH.role))
+    uses_onset = any(RULES[name].uses_onset for name in config.rule_names)
+    inputs: list[InputMessageCount] = []
     tracks: dict[str, list[VehicleTrack]] = {}
     predicted: dict[str, AnyPaths] = {}
     notes = list(bound.notes)
     events = read_road_events(columns[REMOTE_EVENTS.role]) if REMOTE_EVENTS.role in columns else None
-    for state_role, path_role in (OF_EGO, OF_OTHERS):
+    for state_role, path_role in (EGO_INPUT_ROLES, REMOTE_INPUT_ROLES):
         if state_role not in columns:
             continue
-        states, count = chosen_states(log, columns[state_role], state_role, config)
-        path_topic = bound.topic(path_role)
+        states, count = read_selected_states(log, columns[state_role], state_role, config)
+        path_topic = bound.first_topic_of_role(path_role)
         assert path_topic is not None  # it is required
-        predicted[path_role], remarks = all_paths(log, path_topic, state_role)
+        predicted[path_role], remarks = paths_from_every_state(log, path_topic, state_role)
         notes.extend(remarks)
         onset = uses_onset and state_role == REMOTE_STATE.role
-        tracks[state_role] = vehicle_tracks(states, predicted[path_role], with_onset=onset, events=events)
+        tracks[state_role] = build_vehicle_tracks(states, predicted[path_role], with_onset=onset, events=events)
         n_used = sum(len(track.stamp_ns) for track in tracks[state_role])
         inputs.append(replace(count, used=n_used))
-        inputs.append(InputCount(path_topic, path_role, len(predicted[path_role]), n_used))
-    host = only_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
+        inputs.append(InputMessageCount(path_topic, path_role, len(predicted[path_role]), n_used))
+    host = require_single_ego(tracks[EGO_STATE.role], where=columns[EGO_STATE.role].topic)
     if TARGETS.role in columns:
-        everything = read_targets(columns[TARGETS.role])
-        states = everything.logged_within(config.start_ns, config.end_ns)
-        paths = paths_like(states, predicted[EGO_PATH.role], where=log.name)
-        tracks[REMOTE_STATE.role] = vehicle_tracks(states, paths, with_onset=uses_onset)
-        inputs.append(InputCount(columns[TARGETS.role].topic, TARGETS.role, len(everything), len(states)))
+        everything = read_targets_as_states(columns[TARGETS.role])
+        states = everything.select_logged_within(config.start_ns, config.end_ns)
+        paths = predict_paths_like(states, predicted[EGO_PATH.role], where=log.name)
+        tracks[REMOTE_STATE.role] = build_vehicle_tracks(states, paths, with_onset=uses_onset)
+        inputs.append(InputMessageCount(columns[TARGETS.role].topic, TARGETS.role, len(everything), len(states)))
     others_tracks = tracks[REMOTE_STATE.role]
-    found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.names)
+    found = tuple(find_warnings(host, others_tracks, replace(config.rule, rule=name)) for name in config.rule_names)
     outcomes = tuple(
-        RuleOutcome(each.config.rule, each.rows, (each.events, each.series), _sections(each, log.start_ns, config))
+        RuleOutcome(
+            each.config.rule, each.rows, (each.events, each.series), _warnings_tables(each, log.start_ns, config)
+        )
         for each in found
     )
-    withheld = {WITHHELD: json.dumps({each.config.rule: each.n_withheld for each in found})}
-    notes.extend(paths_note(config, run_records(log).get("predict", {})))
-    result, earlier = warnings_result(stage, log, config, outcomes, tuple(inputs), tuple(notes), **withheld)
-    return replace(result, made=Made(found, outcomes, earlier))
+    withheld = {WITHHELD_KEY: json.dumps({each.config.rule: each.n_withheld for each in found})}
+    notes.extend(note_on_path_start_states(config, read_run_records(log).get("predict", {})))
+    result, earlier = build_warnings_result(stage, log, config, outcomes, tuple(inputs), tuple(notes), **withheld)
+    return replace(result, evaluation_inputs=WarningEvidence(found, outcomes, earlier))
 
 
-def _sections(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[Section, ...]:
+def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[SummaryTable, ...]:
     events: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],
@@ -169,14 +173,14 @@ def _sections(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[
             event["time_to_event_s"],
             event["predicted_distance_m"],
         )
-        for event in found.events.records()
+        for event in found.events.rows_as_dicts()
     )
     columns = ("event", "vehicle", "at [s]", "event in [s]", "pred. [m]")
-    counts = tuple((name.replace("_", " "), count) for name, count in found.counts.items())
+    counts = tuple((name.replace("_", " "), count) for name, count in found.evaluation_counts.items())
     counts += (("warnings withheld", found.n_withheld),)
     times = "when they could be known" if config.states == "online" else "stamps of states in hindsight"
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
-        Section("events", title, columns, events),
-        Section("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),
+        SummaryTable("events", title, columns, events),
+        SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),
     )

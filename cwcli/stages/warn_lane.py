@@ -6,26 +6,26 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cwcli.channels.binding import bind
-from cwcli.channels.lanes import ROAD_FIELDS, LaneRows, read_lanes
-from cwcli.channels.predicted_path import read_paths
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.lanes import FIELDS_FOR_ROAD_BOUNDARIES, LaneRows, read_lanes
+from cwcli.channels.predicted_path import read_predicted_paths
 from cwcli.channels.published import LANES, OBSERVER_PATH
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import vehicle_of
-from cwcli.pipeline.result import Cell, InputCount, Section, StageResult
-from cwcli.prediction.lateral import body_of
+from cwcli.pipeline.records import vehicle_from_log
+from cwcli.pipeline.result import Cell, InputMessageCount, StageResult, SummaryTable
+from cwcli.prediction.lateral import transform_paths_to_body
 from cwcli.prediction.paths import Paths
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import rows_by_stamp
+from cwcli.signals.row_order import sort_rows_by_stamp
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.summaries.warn import RuleOutcome, warnings_result
+from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
 from cwcli.warning.lane_departure import (
     RULE,
-    Boundaries,
+    LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
     evaluate_lane_departure,
@@ -35,7 +35,7 @@ EXAMPLES = (
     "cwcli warn-lane predicted.mcap -o warned.mcap",
     "cwcli warn-lane predicted.mcap --line-crossing 1.0 --json",
 )
-NEEDED = (OBSERVER_PATH.role, LANES.role)
+REQUIRED_ROLES = (OBSERVER_PATH.role, LANES.role)
 NO_PATH = "no path from the observer"
 MIN_HORIZON_S = 0.05
 
@@ -62,21 +62,21 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         UsageError: The paths are shorter than the rule looks ahead.
         DataError: A channel is of another version.
     """
-    bound = bind(log.channels, config.topics, required=NEEDED, where=log.name, command="warn-lane")
-    path_topic, lanes_topic = (bound.by_role[role][0].topic for role in NEEDED)
-    loaded = log.load({path_topic: None, lanes_topic: ROAD_FIELDS})
+    bound = bind_roles(log.channels, config.topics, required=REQUIRED_ROLES, where=log.name, command="warn-lane")
+    path_topic, lanes_topic = (bound.by_role[role][0].topic for role in REQUIRED_ROLES)
+    loaded = log.load_topics({path_topic: None, lanes_topic: FIELDS_FOR_ROAD_BOUNDARIES})
     path_columns, lanes = (
-        loaded[topic].logged_within(config.start_ns, config.end_ns) for topic in (path_topic, lanes_topic)
+        loaded[topic].slice_by_log_time(config.start_ns, config.end_ns) for topic in (path_topic, lanes_topic)
     )
     if not len(lanes):
         place = f"{log.name}: {lanes_topic}"
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
-    vehicle, notes = vehicle_of(log)
-    predicted = read_paths(path_columns)
-    stamp_ns, log_time_ns, boundaries = _frames(read_lanes(lanes), vehicle)
-    paths = body_of(predicted.paths)
+    vehicle, notes = vehicle_from_log(log)
+    predicted = read_predicted_paths(path_columns)
+    stamp_ns, log_time_ns, boundaries = _first_frame_of_each_stamp(read_lanes(lanes), vehicle)
+    paths = transform_paths_to_body(predicted.paths)
     _, mine, theirs = np.intersect1d(stamp_ns, predicted.stamp_ns, return_indices=True)
-    matched = _spread(paths, mine, theirs, len(stamp_ns), config.rule.warn_s)
+    matched = _spread_paths_over_frames(paths, mine, theirs, len(stamp_ns), config.rule.warn_s)
     result = evaluate_lane_departure(
         stamp_ns,
         log_time_ns,
@@ -90,26 +90,26 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
     without = len(stamp_ns) - len(mine)
     set_aside = {NO_PATH: without} if without else {}
     inputs = (
-        InputCount(path_topic, OBSERVER_PATH.role, len(predicted), len(theirs)),
-        InputCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),
+        InputMessageCount(path_topic, OBSERVER_PATH.role, len(predicted), len(theirs)),
+        InputMessageCount(lanes_topic, LANES.role, len(lanes), len(mine), set_aside=set_aside),
     )
     tables = (result.events, result.series)
-    outcome = RuleOutcome(RULE, result.rows, tables, _sections(result, log.start_ns))
-    return warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
+    outcome = RuleOutcome(RULE, result.rows, tables, _departures_tables(result, log.start_ns))
+    return build_warnings_result("warn-lane", log, config, [outcome], inputs, (*bound.notes, *notes))[0]
 
 
-def _frames(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, Boundaries]:
+def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
     """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
-    rows = rows_by_stamp(lanes.stamp_ns)
-    left, right = np.moveaxis(lanes.road_lines()[rows], 1, 0)
+    rows = sort_rows_by_stamp(lanes.stamp_ns)
+    left, right = np.moveaxis(lanes.valid_road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
     is_seen = lanes.state[rows] != LaneState.HELD
     change_1pm2 = -lanes.curvature_change_1pm2[rows]
-    boundaries = Boundaries(left, right, vehicle.camera_forward_m, is_seen, lanes.steady_s[rows], change_1pm2)
+    boundaries = LaneBoundaries(left, right, vehicle.camera_forward_m, is_seen, lanes.steady_s[rows], change_1pm2)
     return lanes.stamp_ns[rows], log_time_ns, boundaries
 
 
-def _spread(
+def _spread_paths_over_frames(
     paths: Paths,
     rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
     of: np.ndarray[tuple[int, ...], np.dtype[np.intp]],
@@ -130,7 +130,7 @@ def _spread(
     return Paths(time_s, *(spread(part) for part in parts))
 
 
-def _sections(result: LaneDepartureResult, start_ns: int) -> tuple[Section, ...]:
+def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],
@@ -141,11 +141,11 @@ def _sections(result: LaneDepartureResult, start_ns: int) -> tuple[Section, ...]
             event["departure_rate_mps"],
             event["duration_s"],
         )
-        for event in result.events.records()
+        for event in result.events.rows_as_dicts()
     )
     columns = ("event", "side", "at [s]", "crossing in [s]", "to the line [m]", "rate [m/s]", "for [s]")
     counts = tuple((name.replace("_", " "), count) for name, count in result.counts.items())
     return (
-        Section("lane_departures", "Lane departures (times from the log's start)", columns, rows),
-        Section("lane_frames", "Frames of the lanes", ("what became of them", "count"), counts),
+        SummaryTable("lane_departures", "Lane departures (times from the log's start)", columns, rows),
+        SummaryTable("lane_frames", "Frames of the lanes", ("what became of them", "count"), counts),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from cwcli.channels.published import TARGETS
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageResult
-from cwcli.stages.warn import WarnConfig, warn_of
+from cwcli.stages.warn import WarnConfig, warn_ego_of_others
 
 EXAMPLES = (
     "cwcli warn-targets tracked.mcap -o warned.mcap",
@@ -30,4 +30,4 @@ def warn_targets(log: Log, config: WarnTargetsConfig) -> StageResult:
         MissingSignalError: The log lacks the ego's states or paths, or targets.
         DataError: The paths' motion model is not known.
     """
-    return warn_of(log, config, "warn-targets", (TARGETS.role,))
+    return warn_ego_of_others(log, config, "warn-targets", (TARGETS.role,))

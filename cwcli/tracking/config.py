@@ -33,22 +33,24 @@ class MotionModel:
     doc: str
 
 
-_CV = ("x_m", "y_m", "vx_mps", "vy_mps")
+_CV_STATES = ("x_m", "y_m", "vx_mps", "vy_mps")
 """States of the constant-velocity model, which the other models extend."""
-MODELS: dict[str, MotionModel] = {
+MOTION_MODELS: dict[str, MotionModel] = {
     "cv": MotionModel(
-        kernel.Model.CV, _CV, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"
+        kernel.Model.CV, _CV_STATES, 1.0, 0.0, 0.0, "constant velocity, accelerations as noise (xiang2019 eq. 15)"
     ),
-    "ca": MotionModel(kernel.Model.CA, (*_CV, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
-    "ctrv": MotionModel(kernel.Model.CTRV, (*_CV, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"),
+    "ca": MotionModel(kernel.Model.CA, (*_CV_STATES, "ax_mps2", "ay_mps2"), 1.0, 0.0, 2.0, "constant acceleration"),
+    "ctrv": MotionModel(
+        kernel.Model.CTRV, (*_CV_STATES, "turn_rate_radps"), 0.3, 0.2, 0.3, "constant turn rate and velocity"
+    ),
 }
 """Name -> motion model. The noises are chosen by hand; `--tune` fits them to a log."""
 FilterName = Literal["ukf", "ekf"]
-FILTERS: dict[FilterName, bool] = {"ukf": True, "ekf": False}
+IS_UNSCENTED_BY_FILTER: dict[FilterName, bool] = {"ukf": True, "ekf": False}
 """Name of a filter -> whether it is the unscented one."""
 
 
-def _share(given: float) -> float:
+def _check_share_of_range(given: float) -> float:
     """Check that a share of the range is 0 or more, and return it.
 
     Raises:
@@ -116,7 +118,7 @@ class FilterConfig:
             metavar="SHARE",
             default="0.3",
             at_most=1.0,
-            parse=_share,
+            parse=_check_share_of_range,
         ),
     ] = 0.3
     gate_probability: Annotated[
@@ -140,28 +142,28 @@ class FilterConfig:
     ] = False
 
     def __post_init__(self) -> None:
-        if self.filter not in FILTERS:
-            raise ValueError(f"unknown filter {self.filter!r}; known: {', '.join(FILTERS)}")
-        if self.model not in MODELS:
-            raise ValueError(f"unknown motion model {self.model!r}; known: {', '.join(MODELS)}")
+        if self.filter not in IS_UNSCENTED_BY_FILTER:
+            raise ValueError(f"unknown filter {self.filter!r}; known: {', '.join(IS_UNSCENTED_BY_FILTER)}")
+        if self.model not in MOTION_MODELS:
+            raise ValueError(f"unknown motion model {self.model!r}; known: {', '.join(MOTION_MODELS)}")
         if self.kappa < 0.0:
             raise ValueError("kappa must be 0 or more: negative weights can make a covariance negative")
         if not 0.0 < self.gate_probability <= 1.0:
             raise ValueError(f"gate_probability {self.gate_probability} is not in (0, 1]")
 
     @property
-    def motion(self) -> MotionModel:
+    def motion_model(self) -> MotionModel:
         """The motion model."""
-        return MODELS[self.model]
+        return MOTION_MODELS[self.model]
 
-    def kernel_filter(self, *, gated: bool = True) -> kernel.Filter:
+    def build_kernel_filter(self, *, gated: bool = True) -> kernel.Filter:
         """Build the kernel's filter; without `gated` no detection is rejected."""
-        motion, probability = self.motion, self.gate_probability if gated else 1.0
+        motion, probability = self.motion_model, self.gate_probability if gated else 1.0
         return kernel.Filter(
             {
                 "model": motion.kernel_model,
                 "d": len(motion.states),
-                "unscented": FILTERS[self.filter],
+                "unscented": IS_UNSCENTED_BY_FILTER[self.filter],
                 "main_noise": (motion.noise if self.noise is None else self.noise) ** 2,
                 "turn_noise": (motion.turn_noise if self.turn_noise is None else self.turn_noise) ** 2,
                 "speed_variance": self.start_speed_mps**2,

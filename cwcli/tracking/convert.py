@@ -11,11 +11,11 @@ from cwcli.tracking.tracker import TrackResult
 
 MIN_HEADING_SPEED_MPS = 0.5
 """A slower target keeps its last heading: its direction of motion is mostly noise. Chosen by hand; not fitted."""
-_ANY_HEADING = np.pi**2 / 3.0
+_UNKNOWN_HEADING_VARIANCE_RAD2 = np.pi**2 / 3.0
 """Variance of a heading that is uniform over all directions, rad^2."""
 
 
-def polar_from_cartesian(
+def radar_values_from_cartesian(
     position_m: FloatArray,
     velocity_mps: FloatArray,
     position_covariance: FloatArray | None = None,
@@ -74,7 +74,7 @@ class TargetRows:
     sensor: Strings
 
 
-def target_rows(result: TrackResult) -> TargetRows:
+def target_rows_of_result(result: TrackResult) -> TargetRows:
     """Convert all tracks of a result to rows, by time, then id."""
     tracks = result.tracks
     none = np.zeros(0, np.int64)
@@ -88,7 +88,7 @@ def target_rows(result: TrackResult) -> TargetRows:
     return TargetRows(stamp[order], ids[order], state[order], covariance[order], sensor)
 
 
-def vehicle_states(
+def vehicle_states_of_target(
     state: FloatArray,
     covariance: FloatArray,
     *,
@@ -124,10 +124,10 @@ def vehicle_states(
     jacobian[:, 2, 2], jacobian[:, 2, 3] = c, s
     jacobian[:, 3, 2], jacobian[:, 3, 3] = -s / size, c / size
     small = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
-    wide = small[:, 3, 3] > _ANY_HEADING
+    wide = small[:, 3, 3] > _UNKNOWN_HEADING_VARIANCE_RAD2
     small[wide, 3, :] = 0.0
     small[wide, :, 3] = 0.0
-    small[wide, 3, 3] = _ANY_HEADING
+    small[wide, 3, 3] = _UNKNOWN_HEADING_VARIANCE_RAD2
     full = np.zeros((n, 8, 8))
     full[:, :4, :4] = small
     return out, full

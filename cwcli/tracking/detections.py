@@ -32,7 +32,7 @@ class DetectionKind(IntEnum):
     RADAR = RowKind.RADAR  # range in m, azimuth in rad, range rate in m/s, NaN where not measured (xiang2019 eq. 2-4)
 
 
-DEFAULT_SIGMA: dict[DetectionKind, tuple[float, ...]] = {
+DEFAULT_SIGMAS: dict[DetectionKind, tuple[float, ...]] = {
     DetectionKind.POSITION: (0.15, 0.15),
     DetectionKind.RADAR: (0.3, 0.03, 0.3),
 }
@@ -81,7 +81,7 @@ class SensorModel:
         x_m, y_m, yaw_rad: Mounting in the body frame (or the map): position and the direction of the sensor's axes.
         axes: The axes that the sensor reports in; see the module.
         carrier: `body` moves with the car; `map` stands still (its detections are in map coordinates).
-        sigma: 1-sigma noise of each value where the message gives none. () takes `DEFAULT_SIGMA`.
+        sigma: 1-sigma noise of each value where the message gives none. () takes `DEFAULT_SIGMAS`.
         frame_ids: Frame ids that are accepted. () accepts all.
         use_range_rate: False leaves the radar's range rate out.
         max_range_m: Detections beyond are rejected; a target beyond is not expected to be seen.
@@ -130,14 +130,14 @@ class EgoStates:
     max_gap_s: float = 0.5
 
     @classmethod
-    def of(cls, stamp_ns: Int64Array, state: FloatArray) -> EgoStates:
+    def from_states(cls, stamp_ns: Int64Array, state: FloatArray) -> EgoStates:
         """Build them from states (m, 8) in the order of `STATE_NAMES`; an unknown yaw rate counts as zero."""
         yaw_rate_radps = np.where(np.isfinite(state[:, YAW_RATE]), state[:, YAW_RATE], 0.0)
         return cls(stamp_ns, state[:, X], state[:, Y], state[:, HEADING], state[:, SPEED], yaw_rate_radps)
 
 
 @dataclass
-class Counts:
+class DetectionCounts:
     """Numbers of detections of one source: read = used + all rejected.
 
     Attributes:
@@ -150,12 +150,12 @@ class Counts:
     rejected: dict[str, int] = field(default_factory=dict)
     repaired: dict[str, int] = field(default_factory=dict)
 
-    def reject(self, reason: str, n: int) -> None:
+    def count_rejected(self, reason: str, n: int) -> None:
         """Count n rejected detections."""
         if n:
             self.rejected[reason] = self.rejected.get(reason, 0) + n
 
-    def repair(self, reason: str, n: int) -> None:
+    def count_repaired(self, reason: str, n: int) -> None:
         """Count n repaired detections."""
         if n:
             self.repaired[reason] = self.repaired.get(reason, 0) + n

@@ -7,23 +7,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.builders.motion import MAP_FRAMES
+from cwcli.signals.builders.motion import MAP_FRAME_IDS
 from cwcli.signals.canonical import DetectionSignal
 from cwcli.signals.columns import Int64Array, Strings
-from cwcli.signals.elements import taken
-from cwcli.tracking.convert import polar_from_cartesian
+from cwcli.signals.elements import take_sequences
+from cwcli.tracking.convert import radar_values_from_cartesian
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
 from cwcli.tracking.sensor_setting import SensorSetting
 
 
-def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections:
+def detections_from_signal(signal: DetectionSignal, setting: SensorSetting) -> Detections:
     """Convert a signal to detections in the order of arrival."""
     arrival = np.argsort(signal.log_time_ns, kind="stable")
-    offsets, rows = taken(signal.offsets, arrival)
+    offsets, rows = take_sequences(signal.offsets, arrival)
     counts = np.diff(offsets)
     values, covariance = signal.values[rows], signal.covariance[rows]
     if signal.kind == "radar_track":
-        values, covariance = polar_from_cartesian(
+        values, covariance = radar_values_from_cartesian(
             values[:, :2], values[:, 2:], covariance[:, :2, :2], covariance[:, 2:, 2:]
         )
     if setting.is_rate_towards and signal.kind != "position":
@@ -39,7 +39,7 @@ def detections_of(signal: DetectionSignal, setting: SensorSetting) -> Detections
     )
 
 
-def sensor_models(
+def build_sensor_models(
     signals: Sequence[DetectionSignal], settings: Mapping[str, SensorSetting]
 ) -> tuple[dict[str, SensorModel], list[str]]:
     """Build the model of each sensor, and notes on what was assumed.
@@ -56,18 +56,18 @@ def sensor_models(
     models, notes = {}, []
     for signal in signals:
         setting = settings.get(signal.source, SensorSetting())
-        frame = setting.frame or _usual_frame(signal.frame)
-        carrier = setting.carrier or ("map" if frame in MAP_FRAMES else "body")
+        frame = setting.frame or _most_frequent_frame(signal.frame)
+        carrier = setting.carrier or ("map" if frame in MAP_FRAME_IDS else "body")
         if carrier == "body" and not setting.is_mounted:
             notes.append(
                 f"{signal.source}: its mounting is not given; it is assumed at the car's origin, looking forward "
                 f"(--sensor {signal.source}:x=..,y=..,yaw_deg=..)"
             )
-        models[signal.source] = _model(signal.source, setting, frame, carrier)
+        models[signal.source] = _build_sensor_model(signal.source, setting, frame, carrier)
     return models, notes
 
 
-def _model(source: str, setting: SensorSetting, frame: str, carrier: str) -> SensorModel:
+def _build_sensor_model(source: str, setting: SensorSetting, frame: str, carrier: str) -> SensorModel:
     """Build the model of one sensor; a `UsageError` if a value does not fit."""
     given = {
         "x_m": setting.x_m,
@@ -91,7 +91,7 @@ def _model(source: str, setting: SensorSetting, frame: str, carrier: str) -> Sen
         raise UsageError(f"--sensor {source}: {error}") from None
 
 
-def _usual_frame(frame: Strings) -> str:
+def _most_frequent_frame(frame: Strings) -> str:
     """The frame id of most scans; "" if none has one."""
     named = frame.codes[frame.codes >= 0]
     if not len(named):
@@ -100,7 +100,7 @@ def _usual_frame(frame: Strings) -> str:
     return str(names[np.argmax(counts)])
 
 
-def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: str) -> bool:
+def require_common_frame(models: Mapping[str, SensorModel], *, has_ego: bool, where: str) -> bool:
     """Require that all sensors share a frame, and return whether tracks will be in the map.
 
     Raises:
@@ -117,7 +117,7 @@ def check_carriers(models: Mapping[str, SensorModel], *, has_ego: bool, where: s
     return has_ego or not moving
 
 
-def known_scan_times(
+def knowable_scan_times_ns(
     signals: Sequence[DetectionSignal], ego_ns: tuple[Int64Array, Int64Array] | None
 ) -> tuple[Int64Array, Int64Array]:
     """Increasing stamps of all scans, and the times (ns) at which the tracks there could have been known.
@@ -126,14 +126,14 @@ def known_scan_times(
         signals: The sensors.
         ego_ns: Increasing stamps, and log times, of the car's states; None without them.
     """
-    stamp_ns, log_time_ns = scan_times(signals)
+    stamp_ns, log_time_ns = scan_times_ns(signals)
     if ego_ns is not None:
         after = np.minimum(np.searchsorted(ego_ns[0], stamp_ns), len(ego_ns[0]) - 1)
         log_time_ns = np.maximum(log_time_ns, ego_ns[1][after])
     return stamp_ns, np.maximum.accumulate(log_time_ns)
 
 
-def scan_times(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
+def scan_times_ns(signals: Sequence[DetectionSignal]) -> tuple[Int64Array, Int64Array]:
     """Increasing stamps of all scans, and their log times."""
     stamp_ns = np.concatenate([signal.stamp_ns for signal in signals])
     log_time_ns = np.concatenate([signal.log_time_ns for signal in signals])

@@ -13,11 +13,11 @@ from typing import Protocol
 import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.associate import solve
+from cwcli.tracking.assignment import solve_assignment
 
 
 @dataclass(frozen=True)
-class Gospa:
+class GospaParts:
     """GOSPA of one moment, in metres.
 
     Attributes:
@@ -34,18 +34,18 @@ class Gospa:
     n_false: int
 
 
-def gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> Gospa:
+def compute_gospa(truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float = 5.0, p: float = 2.0) -> GospaParts:
     """Compute GOSPA between true positions (m, 2) and tracks (n, 2); positions beyond `cutoff_m` are not paired."""
     m, n = len(truth_xy), len(track_xy)
-    i, j, distance = match(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
+    i, j, distance = match_positions(truth_xy, track_xy, cutoff_m=cutoff_m, p=p)
     localisation = float((distance**p).sum())
     penalty = 0.5 * cutoff_m**p
     missed, false = (m - len(i)) * penalty, (n - len(j)) * penalty
     total = (localisation + missed + false) ** (1.0 / p)
-    return Gospa(total, localisation, missed, false, m - len(i), n - len(j))
+    return GospaParts(total, localisation, missed, false, m - len(i), n - len(j))
 
 
-def match(
+def match_positions(
     truth_xy: FloatArray, track_xy: FloatArray, *, cutoff_m: float, p: float = 2.0
 ) -> tuple[Int64Array, Int64Array, FloatArray]:
     """Pair true positions (m, 2) and tracks (n, 2) best: the rows of the pairs, and their distances."""
@@ -53,7 +53,7 @@ def match(
         none = np.zeros(0, np.int64)
         return none, none, np.zeros(0)
     distance = np.linalg.norm(truth_xy[:, None, :] - track_xy[None, :, :], axis=2)
-    i, j = solve(cutoff_m**p - distance**p)
+    i, j = solve_assignment(cutoff_m**p - distance**p)
     return i, j, distance[i, j]
 
 
@@ -121,7 +121,7 @@ class TargetMoments:
     state: FloatArray
 
     @classmethod
-    def of(cls, tracks: Sequence[TrackLike]) -> TargetMoments:
+    def from_tracks(cls, tracks: Sequence[TrackLike]) -> TargetMoments:
         """Collect the rows of tracks; of several rows of a track at one stamp, the last."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         for track in tracks:
@@ -131,7 +131,7 @@ class TargetMoments:
             states.append(track.state[last, :4])
         return cls(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
-    def at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
+    def interpolate_at(self, stamp_ns: Int64Array, *, max_gap_s: float = 0.5) -> TargetMoments:
         """Interpolate each id at the stamps within its life, linearly between its rows, not across longer gaps."""
         stamps, ids, states = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], [np.zeros((0, 4))]
         wanted = np.unique(stamp_ns)
@@ -152,7 +152,9 @@ class TargetMoments:
         return TargetMoments(np.concatenate(stamps), np.concatenate(ids), np.concatenate(states))
 
 
-def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0, p: float = 2.0) -> TrackingScores:
+def score_tracks(
+    truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0, p: float = 2.0
+) -> TrackingScores:
     """Score tracks against the truth at every moment of the truth. Track rows at other moments are left out.
 
     A switch is counted as in CLEAR MOT (Bernardin, Stiefelhagen 2008): the target is paired with another id than when
@@ -164,10 +166,10 @@ def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0,
     held: dict[int, int] = {}
     switches: dict[int, int] = {}
     errors: dict[int, list[FloatArray]] = {int(k): [] for k in np.unique(truth.id)}
-    truth_rows, track_rows = _by_stamp(truth.stamp_ns, moments), _by_stamp(tracks.stamp_ns, moments)
+    truth_rows, track_rows = _rows_at_moments(truth.stamp_ns, moments), _rows_at_moments(tracks.stamp_ns, moments)
     for k in range(len(moments)):
         a, b = truth_rows[k], track_rows[k]
-        i, j, distance = match(truth.state[a, :2], tracks.state[b, :2], cutoff_m=cutoff_m, p=p)
+        i, j, distance = match_positions(truth.state[a, :2], tracks.state[b, :2], cutoff_m=cutoff_m, p=p)
         penalty = 0.5 * cutoff_m**p
         numbers[k] = len(a) - len(i), len(b) - len(j)
         parts[k, 1:] = (distance**p).sum(), numbers[k, 0] * penalty, numbers[k, 1] * penalty
@@ -177,14 +179,14 @@ def score(truth: TargetMoments, tracks: TargetMoments, *, cutoff_m: float = 5.0,
             errors[target].append(tracks.state[v, :4] - truth.state[u, :4])
             switches[target] = switches.get(target, 0) + (held.get(target, track) != track)
             held[target] = track
-    targets = tuple(_target(truth, k, rows, switches.get(k, 0)) for k, rows in errors.items())
+    targets = tuple(_errors_of_target(truth, k, rows, switches.get(k, 0)) for k, rows in errors.items())
     return TrackingScores(
         moments, parts[:, 0], parts[:, 1], parts[:, 2], parts[:, 3], numbers[:, 0], numbers[:, 1], targets,
         sum(switches.values()),
     )  # fmt: skip
 
 
-def _target(truth: TargetMoments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
+def _errors_of_target(truth: TargetMoments, target: int, rows: list[FloatArray], switches: int) -> TargetErrors:
     """Errors of one target from its rows of differences (4,): x, y, vx, vy."""
     square = np.mean(np.square(rows), axis=0) if rows else np.full(4, np.nan)
     n = int((truth.id == target).sum())
@@ -192,7 +194,7 @@ def _target(truth: TargetMoments, target: int, rows: list[FloatArray], switches:
     return TargetErrors(target, n, len(rows), switches, position, velocity, tuple(np.sqrt(square).tolist()))
 
 
-def _by_stamp(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:
+def _rows_at_moments(stamp_ns: Int64Array, moments: Int64Array) -> list[Int64Array]:
     """Row indices of the stamps at each moment."""
     order = np.argsort(stamp_ns, kind="stable")
     ordered = stamp_ns[order]

@@ -14,8 +14,8 @@ from cwcli.kernels.track import RowKind
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.detections import (
     AXES_YAW_RAD,
-    DEFAULT_SIGMA,
-    Counts,
+    DEFAULT_SIGMAS,
+    DetectionCounts,
     DetectionKind,
     Detections,
     EgoStates,
@@ -24,7 +24,7 @@ from cwcli.tracking.detections import (
 
 Mask = npt.NDArray[np.bool_]
 Int8Array = npt.NDArray[np.int8]
-MAX_RATE_MPS = 200.0
+MAX_RANGE_RATE_MPS = 200.0
 """Larger range rates count as impossible and are left out. Chosen by hand."""
 MAX_LATENESS_S = 1.0
 """A detection may arrive this much later than a newer one, s. Chosen by hand; not fitted."""
@@ -33,7 +33,7 @@ MIN_VARIANCE, MAX_VARIANCE = 1e-12, 1e8
 
 
 @dataclass(frozen=True)
-class Rows:
+class DetectionRows:
     """Detections of all sensors in the tracking frame, in the order of time.
 
     Attributes:
@@ -59,13 +59,13 @@ class Rows:
     def __len__(self) -> int:
         return len(self.stamp_ns)
 
-    def for_kernel(self) -> kernel.Rows:
+    def to_kernel_rows(self) -> kernel.Rows:
         """Convert them to the kernel's rows."""
         return kernel.Rows(kind=self.kind, z=self.z, r=self.r, origin=self.origin)
 
-    def take(self, which: Int64Array | Mask | slice) -> Rows:
+    def select_rows(self, which: Int64Array | Mask | slice) -> DetectionRows:
         """Select the rows `which`, in that order."""
-        return Rows(
+        return DetectionRows(
             self.stamp_ns[which],
             self.source[which],
             self.kind[which],
@@ -100,14 +100,14 @@ class Scans:
 class PreparedDetections:
     """Checked detections. `counts` is keyed by source."""
 
-    rows: Rows
+    rows: DetectionRows
     scans: Scans
     models: tuple[SensorModel, ...]
-    counts: dict[str, Counts]
+    counts: dict[str, DetectionCounts]
     has_ego: bool
 
 
-def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
+def in_order_mask(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     """Whether each row's stamp fits the order of arrival, up to `max_lateness_s`.
 
     As few rows as possible are rejected: the longest non-decreasing run of stamps stays (patience sorting), and with it
@@ -140,7 +140,7 @@ def in_order(stamp_ns: Int64Array, max_lateness_s: float) -> Mask:
     return spine | ((stamp_s >= reached - max_lateness_s) & (stamp_s <= ahead + max_lateness_s))
 
 
-def ego_at(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
+def interpolate_ego_states(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
     """Interpolate the ego's x, y, heading, vx, vy, yaw rate at the stamps, (n, 6), and where they are known.
 
     Between states the position and the unwrapped heading are linear; nothing is interpolated across a long gap.
@@ -171,13 +171,15 @@ def ego_at(ego: EgoStates, stamp_ns: Int64Array) -> tuple[FloatArray, Mask]:
     return out, known & np.isfinite(out).all(axis=1)
 
 
-def sensor_pose(model: SensorModel, ego: EgoStates | None, stamp_ns: Int64Array) -> tuple[FloatArray, FloatArray, Mask]:
+def sensor_pose_and_velocity(
+    model: SensorModel, ego: EgoStates | None, stamp_ns: Int64Array
+) -> tuple[FloatArray, FloatArray, Mask]:
     """Pose (n, 3) and velocity (n, 2) of the sensor in the tracking frame, and where they are known."""
     n = len(stamp_ns)
     yaw = model.yaw_rad + AXES_YAW_RAD[model.axes]
     if ego is None or model.carrier == "map":
         return np.tile([model.x_m, model.y_m, yaw], (n, 1)), np.zeros((n, 2)), np.ones(n, bool)
-    car, known = ego_at(ego, stamp_ns)
+    car, known = interpolate_ego_states(ego, stamp_ns)
     c, s = np.cos(car[:, 2]), np.sin(car[:, 2])
     arm_x = c * model.x_m - s * model.y_m
     arm_y = s * model.x_m + c * model.y_m
@@ -186,10 +188,10 @@ def sensor_pose(model: SensorModel, ego: EgoStates | None, stamp_ns: Int64Array)
     return pose, velocity, known
 
 
-def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
+def _measurement_covariances(data: Detections, model: SensorModel, counts: DetectionCounts) -> FloatArray:
     """Covariance of every row, (n, k, k): the message's if it is valid, else the sensor model's."""
     n, width = data.values.shape
-    sigma = model.sigma or DEFAULT_SIGMA[data.kind]
+    sigma = model.sigma or DEFAULT_SIGMAS[data.kind]
     if len(sigma) < width:
         raise ValueError(f"{data.source}: {len(sigma)} sigmas for {width} values")
     out = np.tile(np.diag(np.square(sigma[:width])), (n, 1, 1))
@@ -202,12 +204,16 @@ def _noise(data: Detections, model: SensorModel, counts: Counts) -> FloatArray:
     mirrored[sane] = 0.5 * (data.covariance[sane] + data.covariance[sane].transpose(0, 2, 1))
     scale = np.sqrt(np.diagonal(mirrored, axis1=1, axis2=2))
     good = np.linalg.eigvalsh(mirrored / (scale[:, :, None] * scale[:, None, :]))[:, 0] > 1e-9
-    counts.repair("covariance not positive or absurd, the sensor's noise taken", int((given & ~(sane & good)).sum()))
+    counts.count_repaired(
+        "covariance not positive or absurd, the sensor's noise taken", int((given & ~(sane & good)).sum())
+    )
     out[good] = mirrored[good]
     return out
 
 
-def _keep(data: Detections, model: SensorModel, counts: Counts, max_scan: int, lateness_s: float) -> Mask:
+def _valid_rows_mask(
+    data: Detections, model: SensorModel, counts: DetectionCounts, max_scan: int, lateness_s: float
+) -> Mask:
     """Which rows are valid by themselves; the others are counted as rejected under the first reason that fits."""
     values = data.values
     radar = data.kind == DetectionKind.RADAR
@@ -223,30 +229,31 @@ def _keep(data: Detections, model: SensorModel, counts: Counts, max_scan: int, l
         checks.append(("beyond the sensor's range", distance > model.max_range_m))
     left = np.ones(len(data), bool)
     for reason, bad in checks:
-        counts.reject(reason, int((bad & left).sum()))
+        counts.count_rejected(reason, int((bad & left).sum()))
         left &= ~bad
     kept = np.flatnonzero(left)
-    fits = in_order(data.stamp_ns[kept], lateness_s)
-    counts.reject("time went backwards or jumped", int((~fits).sum()))
+    fits = in_order_mask(data.stamp_ns[kept], lateness_s)
+    counts.count_rejected("time went backwards or jumped", int((~fits).sum()))
     left[kept[~fits]] = False
     kept = kept[fits]
-    counts.repair("arrived out of order, put in order", int((np.diff(data.stamp_ns[kept]) < 0).sum()))
+    counts.count_repaired("arrived out of order, put in order", int((np.diff(data.stamp_ns[kept]) < 0).sum()))
     order = np.argsort(data.stamp_ns[kept], kind="stable")
     _, first = np.unique(data.stamp_ns[kept][order], return_index=True)
     starts = np.repeat(first, np.diff(np.append(first, len(kept))))
     crowded = np.arange(len(kept)) - starts >= max_scan
-    counts.reject(f"more than {max_scan} in one scan", int(crowded.sum()))
+    counts.count_rejected(f"more than {max_scan} in one scan", int(crowded.sum()))
     left[kept[order[crowded]]] = False
     return left
 
 
-def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask, r: FloatArray, counts: Counts,
-         source: int, sources: tuple[str, ...]) -> Rows:  # fmt: skip
+def _transform_to_tracking_frame(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask,
+    r: FloatArray, counts: DetectionCounts,
+         source: int, sources: tuple[str, ...]) -> DetectionRows:  # fmt: skip
     """Transform the kept rows of one sensor to the tracking frame."""
     index = np.flatnonzero(kept)
     stamps = data.stamp_ns[index]
-    pose, velocity, known = sensor_pose(model, ego, stamps)
-    counts.reject("no ego state at that time", int((~known).sum()))
+    pose, velocity, known = sensor_pose_and_velocity(model, ego, stamps)
+    counts.count_rejected("no ego state at that time", int((~known).sum()))
     index, stamps, pose, velocity = index[known], stamps[known], pose[known], velocity[known]
     n = len(index)
     z = np.zeros((n, 3))
@@ -261,8 +268,8 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
     else:
         rate = values[:, 2]
         with np.errstate(invalid="ignore"):
-            wild = np.isinf(rate) | (np.abs(rate) > MAX_RATE_MPS)
-        counts.repair("impossible range rate, left out", int(wild.sum()))
+            wild = np.isinf(rate) | (np.abs(rate) > MAX_RANGE_RATE_MPS)
+        counts.count_repaired("impossible range rate, left out", int(wild.sum()))
         has_rate = np.isfinite(rate) & ~wild & model.use_range_rate
         azimuth = values[:, 1] + pose[:, 2]
         z[:, 0] = values[:, 0]
@@ -272,10 +279,10 @@ def _one(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask
         kind = np.where(has_rate, RowKind.RADAR, RowKind.RADAR_WITHOUT_RATE).astype(np.int8)
     counts.used = n
     origin = np.concatenate([pose[:, :2], velocity], axis=1)
-    return Rows(stamps, np.full(n, source), kind, z, noise, origin, index, sources)
+    return DetectionRows(stamps, np.full(n, source), kind, z, noise, origin, index, sources)
 
 
-def _scans(rows: Rows, extra: Sequence[tuple[int, Int64Array]], models: Sequence[SensorModel],
+def _collect_scans(rows: DetectionRows, extra: Sequence[tuple[int, Int64Array]], models: Sequence[SensorModel],
            ego: EgoStates | None) -> Scans:  # fmt: skip
     """Collect the scans of the rows, and the empty ones."""
     n = len(rows)
@@ -296,14 +303,14 @@ def _scans(rows: Rows, extra: Sequence[tuple[int, Int64Array]], models: Sequence
     known = np.ones(len(order), bool)
     for k, model in enumerate(models):
         mine = source_all == k
-        pose[mine], _, known[mine] = sensor_pose(model, ego, stamps_all[mine])
+        pose[mine], _, known[mine] = sensor_pose_and_velocity(model, ego, stamps_all[mine])
     ends = np.concatenate([[0], np.cumsum(sizes[order])])
     keep = known | (np.diff(ends) > 0)
     first_rows = np.append(ends[:-1][keep], n)
     return Scans(stamps_all[keep], source_all[keep], first_rows, pose[keep])
 
 
-def prepare(
+def prepare_detections(
     detections: Sequence[Detections],
     sensors: Mapping[str, SensorModel] | None = None,
     ego: EgoStates | None = None,
@@ -327,21 +334,26 @@ def prepare(
     if len(set(sources)) != len(sources):
         raise ValueError(f"two entries for one source: {', '.join(sources)}")
     models = tuple((sensors or {}).get(s, SensorModel()) for s in sources)
-    counts = {s: Counts() for s in sources}
+    counts = {s: DetectionCounts() for s in sources}
     parts = []
     for k, (data, model) in enumerate(zip(detections, models, strict=True)):
         count = counts[data.source]
         count.read = len(data)
-        kept = _keep(data, model, count, max_scan, max_lateness_s)
-        parts.append(_one(data, model, ego, kept, _noise(data, model, count), count, k, sources))
+        kept = _valid_rows_mask(data, model, count, max_scan, max_lateness_s)
+        parts.append(
+            _transform_to_tracking_frame(
+                data, model, ego, kept, _measurement_covariances(data, model, count), count, k, sources
+            )
+        )
     if not parts:
         empty = np.zeros(0, np.int64)
-        rows = Rows(empty, empty, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 4)),
+        rows = DetectionRows(empty, empty, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0,
+        4)),
                     empty, ())  # fmt: skip
         return PreparedDetections(
             rows, Scans(empty, empty, np.zeros(1, np.int64), np.zeros((0, 3))), (), {}, ego is not None
         )
-    joined = Rows(
+    joined = DetectionRows(
         np.concatenate([p.stamp_ns for p in parts]),
         np.concatenate([p.source for p in parts]),
         np.concatenate([p.kind for p in parts]),
@@ -351,6 +363,6 @@ def prepare(
         np.concatenate([p.index for p in parts]),
         sources,
     )
-    rows = joined.take(np.lexsort((joined.source, joined.stamp_ns)))
+    rows = joined.select_rows(np.lexsort((joined.source, joined.stamp_ns)))
     extra = [(k, d.scan_stamp_ns) for k, d in enumerate(detections) if d.scan_stamp_ns is not None]
-    return PreparedDetections(rows, _scans(rows, extra, models, ego), models, counts, ego is not None)
+    return PreparedDetections(rows, _collect_scans(rows, extra, models, ego), models, counts, ego is not None)

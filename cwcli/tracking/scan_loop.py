@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.tracking.associate import assign
+from cwcli.tracking.assignment import assign_in_groups
 from cwcli.tracking.config import TrackerConfig
 from cwcli.tracking.detections import SensorModel
 from cwcli.tracking.prepare import PreparedDetections
@@ -46,7 +46,7 @@ class Association:
     n_refused: int
 
 
-class _Living:
+class _LivingTracks:
     """Fixed-size store of the living tracks; the first `n` rows are in use."""
 
     def __init__(self, capacity: int, d: int) -> None:
@@ -59,7 +59,7 @@ class _Living:
         self.misses = np.zeros(capacity, np.int64)
         self.last_hit_ns = np.zeros(capacity, np.int64)
 
-    def keep(self, which: Mask) -> None:
+    def keep_tracks(self, which: Mask) -> None:
         """Drop all tracks but those in the mask `which`."""
         at = np.flatnonzero(which)
         for column in (self.x, self.p, self.log_odds, self.key, self.is_confirmed, self.misses, self.last_hit_ns):
@@ -67,12 +67,12 @@ class _Living:
         self.n = len(at)
 
 
-def _log_odds(probability: float) -> float:
+def _log_odds_of_probability(probability: float) -> float:
     """The log odds of a probability."""
     return float(np.log(probability / (1.0 - probability)))
 
 
-def in_view(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
+def in_view_mask(x: FloatArray, pose: FloatArray, model: SensorModel) -> Mask:
     """Whether the sensor at `pose` (x, y, yaw) can see the position of each state."""
     dx, dy = x[:, 0] - pose[0], x[:, 1] - pose[1]
     seen: Mask = dx * dx + dy * dy <= model.max_range_m**2
@@ -89,8 +89,8 @@ class ScanLoop:
 
     def __init__(self, prepared: PreparedDetections, config: TrackerConfig, density: FloatArray) -> None:
         self.prepared, self.config, self.density = prepared, config, density
-        self.filter, self.rows = config.single.kernel_filter(), prepared.rows.for_kernel()
-        self.living = _Living(config.max_tracks, len(config.single.motion.states))
+        self.filter, self.rows = config.single.build_kernel_filter(), prepared.rows.to_kernel_rows()
+        self.living = _LivingTracks(config.max_tracks, len(config.single.motion_model.states))
         self.row_key = np.zeros(len(prepared.rows), np.int64)
         self.born: list[int] = []  # by key - 1
         self.confirmed: dict[int, int] = {}
@@ -98,26 +98,26 @@ class ScanLoop:
         self.n_refused = 0
         self.now = 0
 
-    def run(self) -> Association:
+    def associate_all_scans(self) -> Association:
         """Associate the detections of all scans in the order of time."""
         scans = self.prepared.scans
         for k in range(len(scans)):
             stamp, first, last = int(scans.stamp_ns[k]), int(scans.first[k]), int(scans.first[k + 1])
-            self._forget(stamp)
-            self._predict(stamp)
-            taken = self._update(stamp, first, last, int(scans.source[k]), scans.pose[k])
-            self._end(stamp)
-            self._begin(stamp, np.setdiff1d(np.arange(first, last), taken))
-        return self._result()
+            self._end_coasting_tracks(stamp)
+            self._predict_tracks(stamp)
+            taken = self._update_tracks(stamp, first, last, int(scans.source[k]), scans.pose[k])
+            self._confirm_and_end_tracks(stamp)
+            self._begin_tracks(stamp, np.setdiff1d(np.arange(first, last), taken))
+        return self._build_association()
 
-    def _forget(self, stamp: int) -> None:
+    def _end_coasting_tracks(self, stamp: int) -> None:
         """End the tracks without a detection for too long, before detections are assigned."""
         living = self.living
         waited_s = stamp * 1e-9 - living.last_hit_ns[: living.n] * 1e-9  # floats: absurd stamps can't overflow
         if (waited_s > self.config.max_coast_s).any():
-            living.keep(waited_s <= self.config.max_coast_s)
+            living.keep_tracks(waited_s <= self.config.max_coast_s)
 
-    def _predict(self, stamp: int) -> None:
+    def _predict_tracks(self, stamp: int) -> None:
         """Predict states and existence of all tracks to a stamp."""
         living, dt = self.living, (stamp - self.now) * 1e-9
         self.now = stamp
@@ -127,17 +127,17 @@ class ScanLoop:
         odds = living.log_odds[: living.n]  # odds of r exp(-dt / life)
         odds[:] = -np.log(np.expm1(np.logaddexp(0.0, -odds) + dt / self.config.mean_life_s))
 
-    def _update(self, stamp: int, first: int, last: int, source: int, pose: FloatArray) -> Int64Array:
+    def _update_tracks(self, stamp: int, first: int, last: int, source: int, pose: FloatArray) -> Int64Array:
         """Assign the rows from `first` to before `last`, and update the tracks; returns the assigned rows."""
         living, model = self.living, self.prepared.models[source]
         n = living.n
         x, p, odds = living.x[:n], living.p[:n], living.log_odds[:n]
-        seen = in_view(x, pose, model)
+        seen = in_view_mask(x, pose, model)
         chance = model.detection_probability
         miss = np.where(seen, np.log1p(-chance * self.config.single.gate_probability), 0.0)
         gain = kernel.score_many(self.filter, x, p, self.rows, first, last)
         gain += np.log(chance / self.density[source])
-        track, row = self._assign(gain - miss[:, None])
+        track, row = self._assign_rows_to_tracks(gain - miss[:, None])
         kernel.update_many(self.filter, x, p, track, self.rows, first + row)
         missed = np.ones(n, bool)
         missed[track] = False
@@ -150,30 +150,30 @@ class ScanLoop:
         self.row_key[first + row] = living.key[track]
         return first + row
 
-    def _assign(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
+    def _assign_rows_to_tracks(self, worth: FloatArray) -> tuple[Int64Array, Int64Array]:
         """Assign rows by their gains (tracks, rows): to confirmed tracks first, the rest to tentative ones."""
         confirmed = self.living.is_confirmed[: len(worth)]
         old, new = np.flatnonzero(confirmed), np.flatnonzero(~confirmed)
-        a, row = assign(worth[old])
+        a, row = assign_in_groups(worth[old])
         free = np.setdiff1d(np.arange(worth.shape[1]), row)
-        b, rest = assign(worth[np.ix_(new, free)])
+        b, rest = assign_in_groups(worth[np.ix_(new, free)])
         return np.concatenate([old[a], new[b]]), np.concatenate([row, free[rest]])
 
-    def _end(self, stamp: int) -> None:
+    def _confirm_and_end_tracks(self, stamp: int) -> None:
         """Confirm the tracks that are likely to exist, and end those that are not."""
         living, config, n = self.living, self.config, self.living.n
         odds, confirmed = living.log_odds[:n], living.is_confirmed[:n]
-        for i in np.flatnonzero((odds > _log_odds(config.confirm_probability)) & ~confirmed):
+        for i in np.flatnonzero((odds > _log_odds_of_probability(config.confirm_probability)) & ~confirmed):
             confirmed[i] = True
             self.confirmed[int(living.key[i])] = stamp
         forlorn = living.misses[:n] >= config.tentative_misses
-        dead = np.where(confirmed, odds < _log_odds(config.delete_probability), forlorn)
+        dead = np.where(confirmed, odds < _log_odds_of_probability(config.delete_probability), forlorn)
         for key in living.key[:n][~dead & confirmed].tolist():
             self.ended[key] = stamp
         if dead.any():
-            living.keep(~dead)
+            living.keep_tracks(~dead)
 
-    def _begin(self, stamp: int, free: Int64Array) -> None:
+    def _begin_tracks(self, stamp: int, free: Int64Array) -> None:
         """Begin a tentative track at each of the rows `free`, up to the largest number of tracks."""
         living = self.living
         room = self.config.max_tracks - living.n
@@ -192,7 +192,7 @@ class ScanLoop:
         self.born.extend([stamp] * len(free))
         living.n += len(free)
 
-    def _result(self) -> Association:
+    def _build_association(self) -> Association:
         """Build the result, with ids in the order of confirmation."""
         keys = sorted(self.confirmed, key=lambda key: (self.confirmed[key], key))
         lookup = np.zeros(len(self.born) + 1, np.int64)

@@ -10,9 +10,9 @@ from typing import Any
 from cwcli.errors import UsageError
 from cwcli.tracking.detections import Axes
 
-MAX_SIGMAS = 3
+N_SIGMA_VALUES = 3
 """Number of sigmas of a setting: range, azimuth and range rate."""
-EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
+SENSOR_OPTION_EXAMPLE = "for example --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30,sigma=0.25/0.01/0.12"
 """Hint of errors in the option."""
 
 
@@ -51,7 +51,7 @@ class SensorSetting:
         return (self.x_m, self.y_m, self.yaw_rad) != (None, None, None)
 
 
-def _number(text: str) -> float:
+def _parse_number(text: str) -> float:
     """Parse a finite number; a `ValueError` if it is none."""
     value = float(text)
     if not math.isfinite(value):
@@ -59,31 +59,31 @@ def _number(text: str) -> float:
     return value
 
 
-def _positive(text: str) -> float:
+def _parse_positive(text: str) -> float:
     """Parse a positive number; a `ValueError` if it is none."""
-    value = _number(text)
+    value = _parse_number(text)
     if value <= 0.0:
         raise ValueError(text)
     return value
 
 
-def _probability(text: str) -> float:
+def _parse_probability(text: str) -> float:
     """Parse a number between 0 and 1; a `ValueError` if it is none."""
-    value = _number(text)
+    value = _parse_number(text)
     if not 0.0 < value < 1.0:
         raise ValueError(text)
     return value
 
 
-def _sigmas(text: str) -> tuple[float, ...]:
+def _parse_sigmas(text: str) -> tuple[float, ...]:
     """Parse up to three positive numbers `A/B/C`; a single one stands for all three."""
-    values = tuple(_positive(part) for part in text.split("/"))
-    if len(values) > MAX_SIGMAS:
+    values = tuple(_parse_positive(part) for part in text.split("/"))
+    if len(values) > N_SIGMA_VALUES:
         raise ValueError(text)
-    return values * MAX_SIGMAS if len(values) == 1 else values
+    return values * N_SIGMA_VALUES if len(values) == 1 else values
 
 
-def _one_of(*names: str) -> Callable[[str], str]:
+def _make_choice_parser(*names: str) -> Callable[[str], str]:
     """Make a parser that accepts these names only."""
 
     def choose(text: str) -> str:
@@ -94,29 +94,29 @@ def _one_of(*names: str) -> Callable[[str], str]:
     return choose
 
 
-_RATES: dict[str, dict[str, bool]] = {
+_RANGE_RATE_SETTINGS: dict[str, dict[str, bool]] = {
     "away": {},
     "toward": {"is_rate_towards": True},
     "off": {"use_range_rate": False},
 }
 """Value of the key `rate` -> fields of the setting."""
-_KEYS: dict[str, Callable[[str], dict[str, Any]]] = {
-    "x": lambda text: {"x_m": _number(text)},
-    "y": lambda text: {"y_m": _number(text)},
-    "yaw_deg": lambda text: {"yaw_rad": math.radians(_number(text))},
-    "axes": lambda text: {"axes": _one_of("body", "paper")(text)},
-    "carrier": lambda text: {"carrier": _one_of("body", "map")(text)},
+_SETTING_PARSERS: dict[str, Callable[[str], dict[str, Any]]] = {
+    "x": lambda text: {"x_m": _parse_number(text)},
+    "y": lambda text: {"y_m": _parse_number(text)},
+    "yaw_deg": lambda text: {"yaw_rad": math.radians(_parse_number(text))},
+    "axes": lambda text: {"axes": _make_choice_parser("body", "paper")(text)},
+    "carrier": lambda text: {"carrier": _make_choice_parser("body", "map")(text)},
     "frame": lambda text: {"frame": text.lstrip("/")},
-    "sigma": lambda text: {"sigma": _sigmas(text)},
-    "range_m": lambda text: {"max_range_m": _positive(text)},
-    "fov_deg": lambda text: {"field_of_view_rad": math.radians(_positive(text))},
-    "detection": lambda text: {"detection_probability": _probability(text)},
-    "rate": lambda text: dict(_RATES[_one_of(*_RATES)(text)]),
+    "sigma": lambda text: {"sigma": _parse_sigmas(text)},
+    "range_m": lambda text: {"max_range_m": _parse_positive(text)},
+    "fov_deg": lambda text: {"field_of_view_rad": math.radians(_parse_positive(text))},
+    "detection": lambda text: {"detection_probability": _parse_probability(text)},
+    "rate": lambda text: dict(_RANGE_RATE_SETTINGS[_make_choice_parser(*_RANGE_RATE_SETTINGS)(text)]),
 }
 """Key of the option -> parser of its value to fields of the setting."""
 
 
-def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
+def parse_sensor_settings(entries: Sequence[str]) -> dict[str, SensorSetting]:
     """Parse `TOPIC:KEY=VALUE,..` entries: topic -> setting.
 
     Raises:
@@ -126,26 +126,26 @@ def parse_sensors(entries: Sequence[str]) -> dict[str, SensorSetting]:
     for entry in entries:
         topic, _, text = entry.partition(":")
         if not topic or not text:
-            raise UsageError(f"--sensor {entry!r} is not TOPIC:KEY=VALUE,..", hint=EXAMPLE)
+            raise UsageError(f"--sensor {entry!r} is not TOPIC:KEY=VALUE,..", hint=SENSOR_OPTION_EXAMPLE)
         if topic in found:
             raise UsageError(f"--sensor names {topic} twice")
-        found[topic] = SensorSetting(**_values(entry, text))
+        found[topic] = SensorSetting(**_parse_setting_values(entry, text))
     return found
 
 
-def _values(entry: str, text: str) -> dict[str, Any]:
+def _parse_setting_values(entry: str, text: str) -> dict[str, Any]:
     """Parse the `KEY=VALUE,..` part of an entry to fields of the setting."""
     values: dict[str, Any] = {}
     seen: set[str] = set()
     for part in text.split(","):
         key, _, value = part.strip().partition("=")
-        if key not in _KEYS:
-            raise UsageError(f"--sensor {entry!r}: unknown key {key!r}", hint=f"keys: {', '.join(_KEYS)}")
+        if key not in _SETTING_PARSERS:
+            raise UsageError(f"--sensor {entry!r}: unknown key {key!r}", hint=f"keys: {', '.join(_SETTING_PARSERS)}")
         if key in seen:
             raise UsageError(f"--sensor {entry!r}: {key} comes twice")
         seen.add(key)
         try:
-            values.update(_KEYS[key](value))
+            values.update(_SETTING_PARSERS[key](value))
         except ValueError:
-            raise UsageError(f"--sensor {entry!r}: {value!r} can't be {key}", hint=EXAMPLE) from None
+            raise UsageError(f"--sensor {entry!r}: {value!r} can't be {key}", hint=SENSOR_OPTION_EXAMPLE) from None
     return values

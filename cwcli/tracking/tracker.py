@@ -10,17 +10,17 @@ import numpy as np
 
 from cwcli.kernels.track import RowKind, RowStatus
 from cwcli.signals.columns import FloatArray, Int64Array
+from cwcli.tracking.association import associate_detections
 from cwcli.tracking.config import TrackerConfig
-from cwcli.tracking.detections import Counts, Detections, EgoStates, SensorModel
-from cwcli.tracking.many import associate
-from cwcli.tracking.prepare import PreparedDetections, Rows, prepare
+from cwcli.tracking.detections import DetectionCounts, Detections, EgoStates, SensorModel
+from cwcli.tracking.prepare import DetectionRows, PreparedDetections, prepare_detections
 from cwcli.tracking.scan_loop import Association
-from cwcli.tracking.single import Consistency, FilterOutput, consistency, run_filter
-from cwcli.tracking.tune import TunedFilter, rescale, tune
+from cwcli.tracking.single_target import FilterOutput, NisConsistency, nis_consistency_by_source, run_filter
+from cwcli.tracking.tune import TunedFilter, scale_sigmas, tune_noise
 
-Targets = Literal["auto", "one", "many"]
+TargetCountChoice = Literal["auto", "one", "many"]
 """Number of targets as the user gives it."""
-NO_SCALE: Mapping[str, tuple[float, ...]] = {}
+NO_SIGMA_FACTORS: Mapping[str, tuple[float, ...]] = {}
 """Factors on sigmas where none are known."""
 MAX_GATED_SHARE = 0.1
 """A larger share of detections outside the gate means more than one target. Chosen by hand; not fitted."""
@@ -69,20 +69,20 @@ class TrackResult:
     tracks: tuple[TargetTrack, ...]
     frame: str
     sources: tuple[str, ...]
-    counts: dict[str, Counts]
-    consistency: dict[str, Consistency]
+    counts: dict[str, DetectionCounts]
+    consistency: dict[str, NisConsistency]
     state_names: tuple[str, ...]
     tuned: TunedFilter | None = None
     clutter_density: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
 
-def track_one(
+def track_one_target(
     detections: Sequence[Detections],
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
-    scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
+    scale: Mapping[str, tuple[float, ...]] = NO_SIGMA_FACTORS,
 ) -> TrackResult:
     """Track one target that every detection belongs to (xiang2019); the filter starts at the first detection.
 
@@ -94,14 +94,14 @@ def track_one(
         scale: Source -> known factors on its sigmas (`TunedFilter.scale`).
     """
     config = config or TrackerConfig()
-    prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
-    rows, single, tuned = rescale(prepared.rows, scale), config.single, None
+    prepared = prepare_detections(detections, sensors, ego, max_scan=config.max_scan)
+    rows, single, tuned = scale_sigmas(prepared.rows, scale), config.single, None
     if single.tune and len(rows):
-        tuned = tune([rows], single)
-        rows, single = rescale(rows, tuned.scale), tuned.config
+        tuned = tune_noise([rows], single)
+        rows, single = scale_sigmas(rows, tuned.scale), tuned.config
     tracks: tuple[TargetTrack, ...] = ()
     output = run_filter(rows, single, smooth=False)
-    checks = consistency(rows.sources, rows.source, output.nis, output.n_values, output.status)
+    checks = nis_consistency_by_source(rows.sources, rows.source, output.nis, output.n_values, output.status)
     if len(rows):
         shown = run_filter(rows, single, smooth=True) if single.smooth else output
         updated = np.isin(output.status, (RowStatus.USED, RowStatus.STARTED))
@@ -111,20 +111,20 @@ def track_one(
     for name, count in prepared.counts.items():
         k = rows.sources.index(name)
         n_gated = int(((output.status == RowStatus.GATED) & (rows.source == k)).sum())
-        count.reject("outside the gate", n_gated)
+        count.count_rejected("outside the gate", n_gated)
         count.used -= n_gated
     return TrackResult(
         tracks, "map" if prepared.has_ego else "body", rows.sources, prepared.counts, checks,
-        single.motion.states, tuned,
+        single.motion_model.states, tuned,
     )  # fmt: skip
 
 
-def track_many(
+def track_many_targets(
     detections: Sequence[Detections],
     sensors: Mapping[str, SensorModel] | None = None,
     config: TrackerConfig | None = None,
     ego: EgoStates | None = None,
-    scale: Mapping[str, tuple[float, ...]] = NO_SCALE,
+    scale: Mapping[str, tuple[float, ...]] = NO_SIGMA_FACTORS,
 ) -> TrackResult:
     """Track any number of targets: gating, global nearest neighbour, births and deaths, then each track by itself.
 
@@ -136,47 +136,48 @@ def track_many(
         sensors: Source -> model.
         config: Tracker and filter settings.
         ego: The car's states, or None.
-        scale: As for `track_one`.
+        scale: As for `track_one_target`.
     """
     config = config or TrackerConfig()
-    prepared = prepare(detections, sensors, ego, max_scan=config.max_scan)
-    prepared = replace(prepared, rows=rescale(prepared.rows, scale))
-    found = associate(prepared, config)
+    prepared = prepare_detections(detections, sensors, ego, max_scan=config.max_scan)
+    prepared = replace(prepared, rows=scale_sigmas(prepared.rows, scale))
+    found = associate_detections(prepared, config)
     tuned = None
     if config.single.tune and len(found.track_id):
-        parts = [prepared.rows.take(found.row_track == i) for i in found.track_id.tolist()]
-        tuned = tune(parts, config.single)
-        prepared = replace(prepared, rows=rescale(prepared.rows, tuned.scale))
+        parts = [prepared.rows.select_rows(found.row_track == i) for i in found.track_id.tolist()]
+        tuned = tune_noise(parts, config.single)
+        prepared = replace(prepared, rows=scale_sigmas(prepared.rows, tuned.scale))
         config = replace(config, single=tuned.config)
-        found = associate(prepared, config)
+        found = associate_detections(prepared, config)
     tracks = []
     pool = []
     for k in range(len(found.track_id)):
-        track, part = _follow(prepared, found, k, config)
+        track, part = _filter_one_track(prepared, found, k, config)
         tracks.append(track)
         pool.append(part)
     for name, count in prepared.counts.items():
         mine = prepared.rows.source == prepared.rows.sources.index(name)
         free = int((found.row_track[mine] == 0).sum())
-        count.reject("belongs to no confirmed track", free)
+        count.count_rejected("belongs to no confirmed track", free)
         count.used -= free
     notes = []
     if found.n_refused:
         notes.append(f"{found.n_refused} possible new targets refused: {config.max_tracks} tracks at a time")
     return TrackResult(
         tuple(tracks), "map" if prepared.has_ego else "body", prepared.rows.sources, prepared.counts,
-        _pooled(prepared.rows.sources, pool), config.single.motion.states, tuned, found.clutter_density, tuple(notes),
+        _pooled_consistency(prepared.rows.sources, pool), config.single.motion_model.states, tuned,
+        found.clutter_density, tuple(notes),
     )  # fmt: skip
 
 
-def _with_scans(prepared: PreparedDetections, which: Int64Array, last_ns: int) -> Rows:
+def _rows_at_all_scans(prepared: PreparedDetections, which: Int64Array, last_ns: int) -> DetectionRows:
     """The rows `which` and a predict-only row at every other scan between the first of them and `last_ns`."""
-    rows = prepared.rows.take(which)
+    rows = prepared.rows.select_rows(which)
     times = np.unique(prepared.scans.stamp_ns)
     inside = times[(times > rows.stamp_ns[0]) & (times <= last_ns)]
     empty = np.setdiff1d(inside, rows.stamp_ns)
     m = len(empty)
-    joined = Rows(
+    joined = DetectionRows(
         np.concatenate([rows.stamp_ns, empty]),
         np.concatenate([rows.source, np.full(m, -1)]),
         np.concatenate([rows.kind, np.full(m, RowKind.NOTHING, np.int8)]),
@@ -186,17 +187,17 @@ def _with_scans(prepared: PreparedDetections, which: Int64Array, last_ns: int) -
         np.concatenate([rows.index, np.full(m, -1)]),
         rows.sources,
     )
-    return joined.take(np.argsort(joined.stamp_ns, kind="stable"))
+    return joined.select_rows(np.argsort(joined.stamp_ns, kind="stable"))
 
 
-def _follow(
+def _filter_one_track(
     prepared: PreparedDetections, found: Association, k: int, config: TrackerConfig
 ) -> tuple[TargetTrack, tuple[Int64Array, FilterOutput]]:
     """Filter (and smooth) one track over its own detections."""
     single = replace(config.single, gate_probability=1.0)
     which = np.flatnonzero(found.row_track == found.track_id[k])
     last_ns = int(prepared.rows.stamp_ns[which[-1]] if single.smooth else found.ended_ns[k])
-    rows = _with_scans(prepared, which, last_ns)
+    rows = _rows_at_all_scans(prepared, which, last_ns)
     output = run_filter(rows, single, smooth=False)
     shown = run_filter(rows, single, smooth=True) if single.smooth else output
     keep = np.ones(len(rows), bool) if single.smooth else rows.stamp_ns >= found.confirmed_ns[k]
@@ -207,11 +208,13 @@ def _follow(
     return track, (rows.source, output)
 
 
-def _pooled(sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOutput]]) -> dict[str, Consistency]:
+def _pooled_consistency(
+    sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOutput]]
+) -> dict[str, NisConsistency]:
     """NIS consistency of each source over all tracks."""
     if not pool:
         return {}
-    return consistency(
+    return nis_consistency_by_source(
         sources,
         np.concatenate([source for source, _ in pool]),
         np.concatenate([output.nis for _, output in pool]),
@@ -221,7 +224,7 @@ def _pooled(sources: tuple[str, ...], pool: Sequence[tuple[Int64Array, FilterOut
 
 
 def track_targets(
-    targets: Targets,
+    targets: TargetCountChoice,
     detections: Sequence[Detections],
     models: Mapping[str, SensorModel],
     config: TrackerConfig,
@@ -232,19 +235,19 @@ def track_targets(
     Args:
         targets: `one`, `many`, or `auto`: one if no scan has two detections and a single track uses nine in ten of
             them, else many.
-        detections, models, config, ego: As for `track_one` and `track_many`.
+        detections, models, config, ego: As for `track_one_target` and `track_many_targets`.
     """
-    one_a_scan = all(_most_in_a_scan(data) <= 1 for data in detections)
+    one_a_scan = all(_max_detections_in_a_scan(data) <= 1 for data in detections)
     if targets == "one" or (targets == "auto" and one_a_scan):
-        result = track_one(detections, models, config, ego)
+        result = track_one_target(detections, models, config, ego)
         gated = sum(count.rejected.get("outside the gate", 0) for count in result.counts.values())
         used = sum(count.used for count in result.counts.values())
         if targets == "one" or gated <= MAX_GATED_SHARE * (gated + used):
             return result, "one"
-    return track_many(detections, models, config, ego), "many"
+    return track_many_targets(detections, models, config, ego), "many"
 
 
-def track_online(
+def track_targets_online(
     result: TrackResult,
     how: str,
     detections: Sequence[Detections],
@@ -265,11 +268,13 @@ def track_online(
         source: replace(model, clutter_density=result.clutter_density.get(source, model.clutter_density))
         for source, model in models.items()
     }
-    track = track_one if how == "one" else track_many
-    return track(detections, found, replace(config, single=single), ego, NO_SCALE if tuned is None else tuned.scale)
+    track = track_one_target if how == "one" else track_many_targets
+    return track(
+        detections, found, replace(config, single=single), ego, NO_SIGMA_FACTORS if tuned is None else tuned.scale
+    )
 
 
-def _most_in_a_scan(data: Detections) -> int:
+def _max_detections_in_a_scan(data: Detections) -> int:
     """The largest number of finite detections that share a stamp."""
     stamps = data.stamp_ns[np.isfinite(data.values[:, :2]).all(axis=1)]
     return int(np.unique(stamps, return_counts=True)[1].max(initial=0))

@@ -14,12 +14,12 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.tracking.config import FilterConfig
-from cwcli.tracking.prepare import Rows
-from cwcli.tracking.single import log_likelihood
+from cwcli.tracking.prepare import DetectionRows
+from cwcli.tracking.single_target import log_likelihood_of_rows
 
-MAX_FACTOR = 300.0
+MAX_NOISE_FACTOR = 300.0
 """Largest factor on a noise, and the inverse of the smallest. Chosen by hand."""
-MAX_ROWS = 20_000
+MAX_TUNING_ROWS = 20_000
 """Largest number of rows that the noise is fitted to: more rows take longer and hardly improve it. Chosen by hand."""
 
 
@@ -42,7 +42,7 @@ class TunedFilter:
     n_evaluations: int
 
 
-def rescale(rows: Rows, scale: Mapping[str, tuple[float, ...]]) -> Rows:
+def scale_sigmas(rows: DetectionRows, scale: Mapping[str, tuple[float, ...]]) -> DetectionRows:
     """Multiply every sigma of the rows by its source's factors."""
     if not scale:
         return rows
@@ -57,7 +57,7 @@ def rescale(rows: Rows, scale: Mapping[str, tuple[float, ...]]) -> Rows:
     return replace(rows, r=r)
 
 
-def minimise(
+def minimise_by_nelder_mead(
     cost: Callable[[FloatArray], float], start: FloatArray, *, step: float = 0.5, tolerance: float = 1e-3,
     max_evaluations: int = 1500,
 ) -> tuple[FloatArray, float, int]:  # fmt: skip
@@ -99,18 +99,18 @@ def minimise(
     return best, best_cost, calls
 
 
-def _enough(targets: Sequence[Rows]) -> list[Rows]:
+def _select_longest_targets(targets: Sequence[DetectionRows]) -> list[DetectionRows]:
     """Select the longest targets, with `MAX_ROWS` rows in all."""
-    out, left = [], MAX_ROWS
+    out, left = [], MAX_TUNING_ROWS
     for target in sorted(targets, key=len, reverse=True):
         if left <= 0:
             break
-        out.append(target.take(slice(0, left)))
+        out.append(target.select_rows(slice(0, left)))
         left -= len(out[-1])
     return out
 
 
-def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
+def tune_noise(targets: Sequence[DetectionRows], config: FilterConfig) -> TunedFilter:
     """Find the process noise of `config` and the sigma factors of each source that make the rows most likely.
 
     The rows are not gated: outliers are not known before the noise is.
@@ -119,14 +119,14 @@ def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
         targets: The rows of each target, in the order of time. They share `sources`.
         config: The filter; its noises are the start of the search.
     """
-    targets = _enough(targets)
+    targets = _select_longest_targets(targets)
     sources = targets[0].sources if targets else ()
     present = [k for k in range(len(sources)) if any((t.source == k).any() for t in targets)]
     widths = []
     for k in present:
         kinds = max(int(t.kind[t.source == k].max(initial=-1)) for t in targets)
         widths.append(1 if kinds == 0 else kinds + 1)
-    motion = config.motion
+    motion = config.motion_model
     noise = motion.noise if config.noise is None else config.noise
     turn = motion.turn_noise if config.turn_noise is None else config.turn_noise
     n_process = 2 if motion.turn_noise > 0.0 else 1
@@ -144,15 +144,15 @@ def tune(targets: Sequence[Rows], config: FilterConfig) -> TunedFilter:
         return tuned, scale
 
     def cost(theta: FloatArray) -> float:
-        if np.abs(theta).max() > math.log(MAX_FACTOR):
+        if np.abs(theta).max() > math.log(MAX_NOISE_FACTOR):
             return 1e300
         tuned, scale = decode(theta)
-        return -sum(log_likelihood(rescale(t, scale), tuned) for t in targets)
+        return -sum(log_likelihood_of_rows(scale_sigmas(t, scale), tuned) for t in targets)
 
     start = np.zeros(n_process + sum(widths))
     before = -cost(start)
     if not any(len(t) > 10 for t in targets):
         return TunedFilter(config, {}, before, before, 1)
-    theta, value, calls = minimise(cost, start)
+    theta, value, calls = minimise_by_nelder_mead(cost, start)
     tuned, scale = decode(theta)
     return TunedFilter(replace(tuned, tune=False), scale, before, -value, calls + 1)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.arcs import arc_columns
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import image_columns_of_arcs
 
-MIN_GAP_PX = 4.0
+MIN_BOUNDARY_GAP_PX = 4.0
 """Distance between both boundaries, in search pixels, below which they end. Chosen by hand; not fitted."""
 
 
@@ -21,9 +21,10 @@ class BoundaryLines:
     Attributes:
         parabolas: Shape (n, 2, 3): a, b, c of x = a y^2 + b y + c, y up from the bottom; NaN where not found.
         roads: Shape (n, 2, 4): far, near, bend, spiral of curves on the ground, h rows below the horizon
-            (`ground.image_roads`, `arcs.arc_columns`); NaN where they are not known: then the parabolas are the lines.
+            (`ground.road_curves_in_image`, `arcs.image_columns_of_arcs`); NaN where they are not known: then the
+            parabolas are the lines.
         horizon_px: Shape (n,): row of the horizon from the top; NaN where it is not known.
-        top_px: Shape (n,): row from the top at which lines end (`ground.line_tops`).
+        top_px: Shape (n,): row from the top at which lines end (`ground.boundary_end_rows_px`).
         pinhole: Shape (n, 2): column of the principal point, counted from 1, and fx, both in pixels; NaN where they
             are not known: then roads are the polynomials. None: nowhere known.
     """
@@ -38,7 +39,7 @@ class BoundaryLines:
         pinhole = None if self.pinhole is None else self.pinhole[rows]
         return BoundaryLines(self.parabolas[rows], self.roads[rows], self.horizon_px[rows], self.top_px[rows], pinhole)
 
-    def columns_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
+    def columns_at_heights_px(self, y_px: FloatArray, height_px: float) -> FloatArray:
         """Columns x of both boundaries at heights above the image's bottom; NaN where a boundary is not found or has
         ended.
 
@@ -57,10 +58,10 @@ class BoundaryLines:
         h = height_px - y - self.horizon_px[:, None, None]
         pinhole = np.full((len(self.roads), 2), np.nan) if self.pinhole is None else self.pinhole
         centre, focal = pinhole.T[:, :, None, None]
-        road_px = arc_columns(self.roads[:, :, None], h, centre, focal)
+        road_px = image_columns_of_arcs(self.roads[:, :, None], h, centre, focal)
         x_px = np.where(np.isfinite(self.roads).all(axis=2, keepdims=True), road_px, parabola_px)
         with np.errstate(invalid="ignore"):
-            meet = x_px[:, 1] - x_px[:, 0] <= MIN_GAP_PX
+            meet = x_px[:, 1] - x_px[:, 0] <= MIN_BOUNDARY_GAP_PX
         met_px = np.where(meet, y_px, np.inf).min(axis=1, initial=np.inf)
         ended = (height_px - y_px < self.top_px[:, None]) | (y_px >= met_px[:, None])
         return np.where(ended[:, None], np.nan, x_px)

@@ -27,14 +27,14 @@ POLYNOMIAL_MODELS = ("plumb_bob", "rational_polynomial", "thin_prism", "radtan",
 """Distortion models, by their names in messages, that OpenCV's polynomial functions compute."""
 KNOWN_MODELS = (*POLYNOMIAL_MODELS, *FISHEYE_MODELS)
 """All distortion models that a calibration may name."""
-MIN_DEPTH = 1e-9
+MIN_RAY_COMPONENT = 1e-9
 """Least component of a direction, forward or down, that is divided by; smaller ones count as parallel. Chosen by hand;
 not fitted."""
-MAX_ANGLE_RAD = math.radians(89.0)
+MAX_RAY_ANGLE_RAD = math.radians(89.0)
 """Greatest angle from the optical axis that is projected, in radians: an image plane shows less than 90 degrees."""
-N_ANGLES = 512
+N_DISTORTION_CHECK_ANGLES = 512
 """Number of angles at which a distortion is checked for turning back. Chosen by hand; not fitted."""
-NO_COEFFICIENTS = (0.0,) * 4
+ZERO_DISTORTION_COEFFICIENTS = (0.0,) * 4
 """Coefficients of an image without distortion, as OpenCV takes them."""
 
 _BODY_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -85,7 +85,7 @@ class Camera:
     mounting: Mounting = field(default_factory=Mounting)
     is_default: bool = False
 
-    def resized(self, width_px: int, height_px: int) -> Camera:
+    def with_image_size(self, width_px: int, height_px: int) -> Camera:
         """The same camera for images scaled to another size (also if the aspect ratio changes)."""
         sx, sy = width_px / self.width_px, height_px / self.height_px
         return replace(
@@ -98,7 +98,7 @@ class Camera:
             cy=(self.cy + 0.5) * sy - 0.5,
         )
 
-    def turned(self, *, pitch_rad: float = math.nan, yaw_rad: float = math.nan) -> Camera:
+    def with_pitch_and_yaw(self, *, pitch_rad: float = math.nan, yaw_rad: float = math.nan) -> Camera:
         """The same camera with another pitch and yaw; NaN keeps the old one."""
         mounting = self.mounting
         if not math.isnan(pitch_rad):
@@ -107,17 +107,19 @@ class Camera:
             mounting = replace(mounting, yaw_rad=yaw_rad)
         return replace(self, mounting=mounting)
 
-    def body_from_optical(self) -> FloatArray:
+    def body_from_optical_rotation(self) -> FloatArray:
         """Rotation from the optical to the body frame, Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
         mounting = self.mounting
-        body_axes: FloatArray = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        body_axes: FloatArray = (
+            rotation_from_yaw_pitch_roll(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad) @ _BODY_FROM_OPTICAL
+        )
         return body_axes
 
-    def matrix(self) -> FloatArray:
+    def intrinsic_matrix(self) -> FloatArray:
         """The matrix K of the intrinsics, shape (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
+    def viewing_rays_from_image(self, u_px: FloatArray, v_px: FloatArray) -> FloatArray:
         """Directions (x, y, 1) in the optical frame of image points, distortion removed.
 
         Returns:
@@ -130,14 +132,14 @@ class Camera:
 
         points = np.column_stack([u_px, v_px]).astype(np.float64).reshape(-1, 1, 2)
         stop = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-9)
-        coefficients = self.coefficients()
+        coefficients = self.distortion_coefficients()
         if self.is_fisheye():
-            ideal = cv2.fisheye.undistortPoints(points, self.matrix(), coefficients, criteria=stop)
+            ideal = cv2.fisheye.undistortPoints(points, self.intrinsic_matrix(), coefficients, criteria=stop)
         else:
-            ideal = cv2.undistortPoints(points, self.matrix(), coefficients, criteria=stop)
+            ideal = cv2.undistortPoints(points, self.intrinsic_matrix(), coefficients, criteria=stop)
         return np.column_stack([ideal.reshape(-1, 2), np.ones(len(points))])
 
-    def ground_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def ground_points_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points on the road, in the body frame, that image points show.
 
         Args:
@@ -146,18 +148,18 @@ class Camera:
         Returns:
             x_m, y_m: Shape (n,); NaN at and above the horizon.
         """
-        return self.ground_from_rays(self.rays_from_image(u_px, v_px))
+        return self.ground_points_from_rays(self.viewing_rays_from_image(u_px, v_px))
 
-    def ground_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points on the road that directions in the optical frame meet, as in `ground_from_image`; rays have shape (n,
-        3)."""
-        body = rays @ self.body_from_optical().T
+    def ground_points_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points on the road that directions in the optical frame meet, as in `ground_points_from_image`; rays have
+        shape (n, 3)."""
+        body = rays @ self.body_from_optical_rotation().T
         down = -body[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(down > MIN_DEPTH, self.mounting.height_m / down, np.nan)
+            scale = np.where(down > MIN_RAY_COMPONENT, self.mounting.height_m / down, np.nan)
         return scale * body[:, 0], scale * body[:, 1] + self.mounting.lateral_offset_m
 
-    def image_from_ground(
+    def image_points_from_ground(
         self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray | float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
         """Image points of points in the body frame.
@@ -167,40 +169,45 @@ class Camera:
         """
         body = np.column_stack([x_m, y_m - self.mounting.lateral_offset_m, np.zeros_like(x_m) + z_m])
         body[:, 2] -= self.mounting.height_m
-        return self.image_from_rays(body @ self.body_from_optical())
+        return self.image_points_from_rays(body @ self.body_from_optical_rotation())
 
-    def image_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def image_points_from_rays(self, rays: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Image points of directions in the optical frame, with distortion.
 
         Args:
             rays: Shape (n, 3), of any length.
 
         Returns:
-            u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_ideal_radius`.
+            u_px, v_px: Shape (n,); NaN behind the camera, and beyond `max_undistorted_radius`.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            ideal = np.where(rays[:, 2:] > MIN_DEPTH, rays[:, :2] / rays[:, 2:], np.nan)
+            ideal = np.where(rays[:, 2:] > MIN_RAY_COMPONENT, rays[:, :2] / rays[:, 2:], np.nan)
         if not self.has_distortion():
             return self.fx * ideal[:, 0] + self.cx, self.fy * ideal[:, 1] + self.cy
-        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_ideal_radius
+        is_projected = np.hypot(ideal[:, 0], ideal[:, 1]) < self.max_undistorted_radius
         pixels = np.full_like(ideal, np.nan)
         if is_projected.any():
-            pixels[is_projected] = _distorted(
-                ideal[is_projected], self.matrix(), self.coefficients(), is_fisheye=self.is_fisheye()
+            pixels[is_projected] = _project_with_distortion(
+                ideal[is_projected],
+                self.intrinsic_matrix(),
+                self.distortion_coefficients(),
+                is_fisheye=self.is_fisheye(),
             )
         return pixels[:, 0], pixels[:, 1]
 
     @property
-    def max_ideal_radius(self) -> float:
+    def max_undistorted_radius(self) -> float:
         """Distance from the axis, over the depth, up to which a point farther out in the scene is farther out in the
         image.
 
         Beyond it the polynomial of a strong distortion turns back, and would show the scene a second time. Infinite
         without distortion.
         """
-        return _max_ideal_radius(self.is_fisheye(), self.distortion) if self.has_distortion() else math.inf
+        return (
+            _max_undistorted_radius_of_lens(self.is_fisheye(), self.distortion) if self.has_distortion() else math.inf
+        )
 
-    def horizon_v_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
+    def horizon_row_px(self, pitch_rad: FloatArray | None = None) -> FloatArray:
         """Row of the horizon straight ahead of the camera, distortion and roll left out; may lie outside the image.
 
         Args:
@@ -217,12 +224,14 @@ class Camera:
         """Whether the image is another one than a pinhole's."""
         return self.is_fisheye() or any(self.distortion)
 
-    def coefficients(self) -> FloatArray:
+    def distortion_coefficients(self) -> FloatArray:
         """The distortion's coefficients as OpenCV takes them."""
-        return np.array(self.distortion or NO_COEFFICIENTS)
+        return np.array(self.distortion or ZERO_DISTORTION_COEFFICIENTS)
 
 
-def _distorted(ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, *, is_fisheye: bool) -> FloatArray:
+def _project_with_distortion(
+    ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, *, is_fisheye: bool
+) -> FloatArray:
     """Image points, shape (n, 2), of the undistorted points x / z, y / z, shape (n, 2)."""
     import cv2
 
@@ -233,19 +242,23 @@ def _distorted(ideal: FloatArray, matrix: FloatArray, coefficients: FloatArray, 
 
 
 @lru_cache(maxsize=16)
-def _max_ideal_radius(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
-    """`Camera.max_ideal_radius`, computed once for each lens."""
-    radius = np.tan(np.linspace(0.0, MAX_ANGLE_RAD, N_ANGLES))
-    across, coefficients = np.column_stack([radius, np.zeros(N_ANGLES)]), np.array(distortion or NO_COEFFICIENTS)
+def _max_undistorted_radius_of_lens(is_fisheye: bool, distortion: tuple[float, ...]) -> float:
+    """`Camera.max_undistorted_radius`, computed once for each lens."""
+    radius = np.tan(np.linspace(0.0, MAX_RAY_ANGLE_RAD, N_DISTORTION_CHECK_ANGLES))
+    across, coefficients = (
+        np.column_stack([radius, np.zeros(N_DISTORTION_CHECK_ANGLES)]),
+        np.array(distortion or ZERO_DISTORTION_COEFFICIENTS),
+    )
     right, left = (
-        _distorted(sign * across, np.eye(3), coefficients, is_fisheye=is_fisheye)[:, 0] for sign in (1.0, -1.0)
+        _project_with_distortion(sign * across, np.eye(3), coefficients, is_fisheye=is_fisheye)[:, 0]
+        for sign in (1.0, -1.0)
     )
     with np.errstate(over="ignore", invalid="ignore"):
         turns = np.flatnonzero(~(np.diff(right - left) > 0.0))  # the difference has no tangential part
     return float(radius[turns[0]]) if len(turns) else float(radius[-1])
 
 
-def rotation(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
+def rotation_from_yaw_pitch_roll(yaw_rad: float, pitch_rad: float, roll_rad: float) -> FloatArray:
     """The rotation matrix Rz(yaw) Ry(pitch) Rx(roll), shape (3, 3)."""
     cz, sz, cy, sy = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
     cx, sx = math.cos(roll_rad), math.sin(roll_rad)
@@ -278,7 +291,7 @@ def default_camera(
     )
 
 
-def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectified: bool) -> Camera:
+def camera_from_calibration(info: CameraInfoSignal, mounting: Mounting, *, is_rectified: bool) -> Camera:
     """The camera of a calibration message.
 
     Args:
@@ -306,12 +319,12 @@ def calibrated_camera(info: CameraInfoSignal, mounting: Mounting, *, is_rectifie
         cx=float(k[0, 2]),
         cy=float(k[1, 2]),
         distortion_model="" if is_rectified else model,
-        distortion=() if is_rectified else coefficients_of(model, info.distortion),
+        distortion=() if is_rectified else pad_distortion_coefficients(model, info.distortion),
         mounting=mounting,
     )
 
 
-def coefficients_of(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
+def pad_distortion_coefficients(model: str, values: FloatArray | Sequence[float]) -> tuple[float, ...]:
     """Distortion coefficients, filled with zeros to a number that OpenCV takes: 4 for a fisheye, else 4, 5, 8, 12 or
     14.
 

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from cwcli.vision.encoded import Image
 
-HEADER = struct.Struct("<iff")
+COMPRESSED_DEPTH_HEADER = struct.Struct("<iff")
 """Header of a compressed depth image: the kind of compression, and the numbers a and b (image_transport_plugins)."""
-GREY_STEPS = 255
+MAX_GREY_LEVEL = 255
 """Greatest grey level; 0 is left for pixels without a measurement."""
 
 
@@ -24,12 +24,12 @@ class DepthImageError(ValueError):
     """The depth image can't be read; the text is the reason by which it is counted."""
 
 
-def is_compressed_depth(name: str) -> bool:
+def is_compressed_depth(format_name: str) -> bool:
     """Whether a format says that the data are a compressed depth image."""
-    return "compresseddepth" in name.lower()
+    return "compresseddepth" in format_name.lower()
 
 
-def depth_picture(name: str, data: bytes | memoryview) -> Image:
+def decode_compressed_depth(format_name: str, data: bytes | memoryview) -> Image:
     """A compressed depth image as grey, shape (height, width), uint8.
 
     Args:
@@ -41,29 +41,29 @@ def depth_picture(name: str, data: bytes | memoryview) -> Image:
     """
     import cv2
 
-    if "rvl" in name.lower():
+    if "rvl" in format_name.lower():
         raise DepthImageError("depth compressed as RVL is not supported")
-    _, a, b = HEADER.unpack_from(data)
+    _, a, b = COMPRESSED_DEPTH_HEADER.unpack_from(data)
     try:
-        values = cv2.imdecode(np.frombuffer(data, np.uint8, offset=HEADER.size), cv2.IMREAD_UNCHANGED)
+        values = cv2.imdecode(np.frombuffer(data, np.uint8, offset=COMPRESSED_DEPTH_HEADER.size), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
         raise DepthImageError("damaged") from error
     if values is None or values.dtype != np.uint16 or values.ndim != 2:
         raise DepthImageError("damaged")
-    if "32fc1" not in name.lower():
+    if "32fc1" not in format_name.lower():
         return np.asarray(values.view(np.uint8).reshape(*values.shape, 2)[:, :, 1])  # the upper byte
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = np.where(values > 0, a / (values.astype(np.float64) - b), np.nan)
-    return scaled(depth)
+    return scale_to_grey(depth)
 
 
-def scaled(values: npt.NDArray[np.floating]) -> Image:
+def scale_to_grey(values: npt.NDArray[np.floating]) -> Image:
     """Numbers scaled to grey: the least of an image is 1, the greatest 255, and what is not finite 0."""
     is_number = np.isfinite(values)
     if not is_number.any():
         return np.zeros(values.shape, np.uint8)
     low, high = float(values[is_number].min()), float(values[is_number].max())
-    step = (high - low) / (GREY_STEPS - 1) or 1.0
+    step = (high - low) / (MAX_GREY_LEVEL - 1) or 1.0
     with np.errstate(invalid="ignore", over="ignore"):
         grey = 1.0 + np.where(is_number, values - low, 0.0) / step
-    return np.where(is_number, np.clip(np.rint(grey), 1, GREY_STEPS), 0).astype(np.uint8)
+    return np.where(is_number, np.clip(np.rint(grey), 1, MAX_GREY_LEVEL), 0).astype(np.uint8)

@@ -13,25 +13,25 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
 
-SIDES = 2
+N_SIDES = 2
 """Number of boundaries of a lane."""
-_PER_SIDE = 8 + 9
+_NUMBERS_PER_SIDE = 8 + 9
 """Stored numbers of a boundary: eight of its own, nine of its covariance."""
-_ROAD = 4
+_NUMBERS_PER_ROAD = 4
 """Stored numbers of a boundary's road curve: far, near, bend, spiral."""
-_ROADS = SIDES * _ROAD
+_ROAD_NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_ROAD
 """Stored numbers of both road curves."""
-_JOINT = 7
+_JOINT_COVARIANCE_SIZE = 7
 """Size of the joint covariance: a, b, c of both boundaries, and the pitch."""
-_ALONE = 5 + _ROADS + _JOINT**2
+_SHARED_NUMBERS_PER_FIT = 5 + _ROAD_NUMBERS_PER_FIT + _JOINT_COVARIANCE_SIZE**2
 """Stored numbers of a fit that belong to no side: five single ones, the road curves, the joint covariance."""
-_PER_FIT = SIDES * _PER_SIDE + _ALONE
+_NUMBERS_PER_FIT = N_SIDES * _NUMBERS_PER_SIDE + _SHARED_NUMBERS_PER_FIT
 """Stored numbers of a fit."""
-_NO_COVARIANCE = (float("nan"),) * 9
+_MISSING_SIDE_COVARIANCE = (float("nan"),) * 9
 """Stored numbers of a boundary's covariance where there is none."""
-_NO_ROAD = (float("nan"),) * _ROAD
+_MISSING_ROAD = (float("nan"),) * _NUMBERS_PER_ROAD
 """Stored numbers of a road curve where there is none."""
-_NO_JOINT = (float("nan"),) * _JOINT**2
+_MISSING_JOINT_COVARIANCE = (float("nan"),) * _JOINT_COVARIANCE_SIZE**2
 """Stored numbers of the joint covariance where there is none."""
 
 
@@ -66,7 +66,7 @@ class FitColumns:
     roads: FloatArray
     kind: npt.NDArray[np.int8]
     colour: npt.NDArray[np.int8]
-    joint: FloatArray
+    joint_covariance: FloatArray
 
     def __len__(self) -> int:
         return len(self.parabolas)
@@ -86,33 +86,33 @@ class FitColumns:
             self.roads[rows],
             self.kind[rows],
             self.colour[rows],
-            self.joint[rows],
+            self.joint_covariance[rows],
         )
 
 
-class FitRecorder:
+class FitCollector:
     """Collects the fits of frames, 770 bytes each."""
 
     def __init__(self) -> None:
         self._numbers = array("d")
 
-    def append(self, fit: LaneFit) -> None:
+    def append_fit(self, fit: LaneFit) -> None:
         """Add the fit of the next frame."""
         for side in (fit.left, fit.right):
-            self._numbers.extend(_numbers(side))
+            self._numbers.extend(_flatten_boundary(side))
         self._numbers.extend((fit.pitch_rad, fit.yaw_rad, fit.state, fit.steady_s, fit.lane_change))
         found = (fit.left.found, fit.right.found)
-        roads = [_NO_ROAD] * SIDES if fit.roads is None else fit.roads.tolist()
+        roads = [_MISSING_ROAD] * N_SIDES if fit.roads is None else fit.roads.tolist()
         for road, is_found in zip(roads, found, strict=True):
-            self._numbers.extend(road if is_found else _NO_ROAD)
+            self._numbers.extend(road if is_found else _MISSING_ROAD)
         has_joint = fit.covariance is not None and all(found)
-        self._numbers.extend(fit.covariance.ravel().tolist() if has_joint else _NO_JOINT)  # type: ignore[union-attr]
+        self._numbers.extend(fit.covariance.ravel().tolist() if has_joint else _MISSING_JOINT_COVARIANCE)  # type: ignore[union-attr]
 
-    def columns(self) -> FitColumns:
+    def to_columns(self) -> FitColumns:
         """All fits so far as columns."""
-        table = np.array(self._numbers, np.float64).reshape(-1, _PER_FIT)
-        alone = table[:, SIDES * _PER_SIDE :]
-        sides = table[:, : SIDES * _PER_SIDE].reshape(-1, SIDES, _PER_SIDE)
+        table = np.array(self._numbers, np.float64).reshape(-1, _NUMBERS_PER_FIT)
+        alone = table[:, N_SIDES * _NUMBERS_PER_SIDE :]
+        sides = table[:, : N_SIDES * _NUMBERS_PER_SIDE].reshape(-1, N_SIDES, _NUMBERS_PER_SIDE)
         return FitColumns(
             parabolas=sides[..., :3],
             score=sides[..., 3],
@@ -120,26 +120,28 @@ class FitRecorder:
             found=sides[..., 5] > 0.0,
             kind=sides[..., 6].astype(np.int8),
             colour=sides[..., 7].astype(np.int8),
-            covariance=sides[..., 8:].reshape(-1, SIDES, 3, 3),
+            covariance=sides[..., 8:].reshape(-1, N_SIDES, 3, 3),
             pitch_rad=alone[:, 0],
             yaw_rad=alone[:, 1],
             state=alone[:, 2].astype(np.int8),
             steady_s=alone[:, 3],
             lane_change=alone[:, 4].astype(np.int8),
-            roads=alone[:, 5 : 5 + _ROADS].reshape(-1, SIDES, _ROAD),
-            joint=alone[:, 5 + _ROADS :].reshape(-1, _JOINT, _JOINT),
+            roads=alone[:, 5 : 5 + _ROAD_NUMBERS_PER_FIT].reshape(-1, N_SIDES, _NUMBERS_PER_ROAD),
+            joint_covariance=alone[:, 5 + _ROAD_NUMBERS_PER_FIT :].reshape(
+                -1, _JOINT_COVARIANCE_SIZE, _JOINT_COVARIANCE_SIZE
+            ),
         )
 
 
-def names_of(kinds: type[IntEnum], values: npt.NDArray[np.int8]) -> list[str]:
+def lowercase_enum_names(kinds: type[IntEnum], values: npt.NDArray[np.int8]) -> list[str]:
     """The names of an enumeration's values, in small letters."""
     names = {int(each): each.name.lower() for each in kinds}
     return [names[value] for value in values.tolist()]
 
 
-def _numbers(side: Boundary) -> tuple[float, ...]:
+def _flatten_boundary(side: Boundary) -> tuple[float, ...]:
     """The numbers of a boundary in the order in which they are stored."""
     nan = float("nan")
     abc = (side.a, side.b, side.c) if side.found else (nan, nan, nan)
-    covariance = _NO_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())
+    covariance = _MISSING_SIDE_COVARIANCE if side.covariance is None else tuple(side.covariance.reshape(-1).tolist())
     return (*abc, side.score, side.probability, 1.0 if side.found else 0.0, side.kind, side.colour, *covariance)

@@ -15,32 +15,32 @@ from itertools import groupby
 
 import numpy as np
 
-from cwcli.signals.clocks import LOG_TIME_OUT, MAX_STAMP_NS, MIN_STAMP_NS
-from cwcli.vision.depth_images import HEADER as DEPTH_HEADER
-from cwcli.vision.depth_images import DepthImageError, depth_picture, is_compressed_depth
+from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, MAX_STAMP_NS, MIN_STAMP_NS
+from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
+from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
-from cwcli.vision.image_header import ImageHeader, is_complete, read_image_header
-from cwcli.vision.ordered_threads import in_order
-from cwcli.vision.raw_images import GREY, RawImageError, raw_colour, raw_grey
-from cwcli.vision.video import NOT_DECODED, VIDEO_FORMATS, decode_video
+from cwcli.vision.image_header import ImageHeader, has_image_end, read_image_header
+from cwcli.vision.ordered_threads import run_jobs_in_order
+from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
+from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode_video
 
 MIN_SIDE_PX = 32
 """Least width and height of an image in pixels; smaller ones are rejected. Chosen by hand; not fitted."""
-MAX_PIXELS = 50_000_000
+MAX_IMAGE_PIXELS = 50_000_000
 """Greatest number of pixels of an image; larger ones are rejected so that a damaged log can't exhaust the memory.
 Chosen by hand; not fitted."""
-MAX_SIDES_RATIO = 10
+MAX_ASPECT_RATIO = 10
 """Greatest ratio of an image's longer to its shorter side; others are rejected. Chosen by hand; not fitted."""
-REDUCTIONS = (8, 4, 2)
+JPEG_REDUCTION_FACTORS = (8, 4, 2)
 """Factors by which OpenCV can reduce a JPEG while it decodes it, greatest first."""
-MAX_THREADS = 4
+MAX_DECODING_THREADS = 4
 """Greatest number of decoding threads unless the caller names one. Chosen by hand; not fitted."""
-MAX_NAME = 20
+MAX_FORMAT_NAME_LENGTH = 20
 """Number of letters of a format's name that a message shows."""
-MAX_BATCH = 4
+MAX_FRAMES_PER_BATCH = 4
 """Greatest number of grey frames that a thread gets at a time: handing over a small frame costs as much as a search.
 Chosen by hand; not fitted."""
-BATCH_BYTES = 400_000
+MAX_BATCH_BYTES = 400_000
 """Greatest size of several frames that a thread gets at a time, in encoded bytes. Chosen by hand; not fitted."""
 
 
@@ -66,7 +66,7 @@ class DecodedFrame:
     width_px: int
     height_px: int
     image: Image | None
-    rejected: str = ""
+    rejection_reason: str = ""
     prepared: object = None
     has_stamp: bool = True
     colour: Image | None = None
@@ -107,22 +107,25 @@ def decode_frames(
     """
     import cv2
 
-    n = n_threads or min(os.cpu_count() or 1, MAX_THREADS)
+    n = n_threads or min(os.cpu_count() or 1, MAX_DECODING_THREADS)
     cv2.setNumThreads(1)  # the threads are ours: one frame each
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
 
-    jobs = _decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), where)
-    batches = (partial(_decode_batch, batch, prepare) for batch in _in_batches(jobs, MAX_BATCH if size_of else 1))
-    for decoded in in_order(batches, n):
+    jobs = _iter_decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), where)
+    batches = (
+        partial(_decode_and_prepare_batch, batch, prepare)
+        for batch in _iter_job_batches(jobs, MAX_FRAMES_PER_BATCH if size_of else 1)
+    )
+    for decoded in run_jobs_in_order(batches, n):
         yield from decoded
 
 
-def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[DecodingJob]]:
+def _iter_job_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[DecodingJob]]:
     """Jobs grouped into batches of at most `n_most` jobs, and of limited size if there is more than one."""
     batch: list[DecodingJob] = []
     n_bytes = 0
     for job in jobs:
-        if batch and (len(batch) == n_most or n_bytes + job.n_bytes > BATCH_BYTES):
+        if batch and (len(batch) == n_most or n_bytes + job.n_bytes > MAX_BATCH_BYTES):
             yield batch
             batch, n_bytes = [], 0
         batch.append(job)
@@ -131,7 +134,9 @@ def _in_batches(jobs: Iterable[DecodingJob], n_most: int) -> Iterator[list[Decod
         yield batch
 
 
-def _decode_batch(jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], object] | None) -> list[DecodedFrame]:
+def _decode_and_prepare_batch(
+    jobs: list[DecodingJob], prepare: Callable[[DecodedFrame], object] | None
+) -> list[DecodedFrame]:
     """Decode the frames of a batch, and prepare those that have an image."""
     decoded = [job.decode() for job in jobs]
     if prepare is None:
@@ -146,7 +151,7 @@ class _ColourClock:
         self._every_ns = every_ns
         self._last_ns: int | None = None
 
-    def is_due(self, time_ns: int) -> bool:
+    def is_colour_due(self, time_ns: int) -> bool:
         """Whether the next frame is decoded in colour."""
         if self._every_ns is None:
             return False
@@ -156,31 +161,31 @@ class _ColourClock:
         return True
 
 
-def _decoding_jobs(
+def _iter_decoding_jobs(
     frames: Iterable[FrameLike], size_of: SizeOf | None, colour: _ColourClock, where: str
 ) -> Iterator[DecodingJob]:
     """One job for each frame. Video is decoded here, in order, because a picture is made from earlier ones."""
     index = 0
-    for video_format, group in groupby(frames, key=_video_format):
+    for video_format, group in groupby(frames, key=_video_format_name):
         if not video_format:
             for frame in group:
-                in_colour = colour.is_due(frame.log_time_ns)
+                in_colour = colour.is_colour_due(frame.log_time_ns)
                 yield DecodingJob(len(frame.data), partial(decode_frame, index, frame, size_of, in_colour=in_colour))
                 index += 1
             continue
-        decoded = decode_video(group, video_format, max_pixels=MAX_PIXELS, where=where)
+        decoded = decode_video(group, video_format, max_pixels=MAX_IMAGE_PIXELS, where=where)
         for frame, image, size in decoded:
             n_bytes = 0 if image is None else image.nbytes
-            in_colour = colour.is_due(frame.log_time_ns)
-            work = partial(_video_frame, index, frame, image, size, size_of, in_colour=in_colour)
+            in_colour = colour.is_colour_due(frame.log_time_ns)
+            work = partial(_decoded_frame_from_video, index, frame, image, size, size_of, in_colour=in_colour)
             yield DecodingJob(n_bytes, work)
             index += 1
 
 
-def _video_format(frame: FrameLike) -> str:
+def _video_format_name(frame: FrameLike) -> str:
     """The format of a video frame; empty for other frames."""
     name = frame.format.lower()
-    return name if name in VIDEO_FORMATS else ""
+    return name if name in CODEC_OF_VIDEO_FORMAT else ""
 
 
 def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_colour: bool = False) -> DecodedFrame:
@@ -192,7 +197,7 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
         in_colour: In colour too, beside grey, if the camera has colour.
     """
     if not 0 <= frame.log_time_ns <= MAX_STAMP_NS:
-        return _rejected(index, frame, LOG_TIME_OUT)
+        return _rejected_frame(index, frame, INVALID_LOG_TIME_REASON)
     is_depth = not frame.encoding and is_compressed_depth(frame.format)
     if frame.encoding:
         width_px, height_px = frame.width, frame.height
@@ -200,58 +205,64 @@ def decode_frame(index: int, frame: FrameLike, size_of: SizeOf | None, *, in_col
     else:
         header = read_image_header(frame.data[DEPTH_HEADER.size :] if is_depth else frame.data)
         if header is None:
-            return _rejected(index, frame, _no_image(frame))
+            return _rejected_frame(index, frame, _unreadable_data_reason(frame))
         width_px, height_px = header.width_px, header.height_px
-    reason = _unfit(width_px, height_px)
-    if not reason and header is not None and not is_complete(frame.data, header.kind):
+    reason = _size_rejection_reason(width_px, height_px)
+    if not reason and header is not None and not has_image_end(frame.data, header.kind):
         reason = "cut short"
     if reason:
-        return _rejected(index, frame, reason)
+        return _rejected_frame(index, frame, reason)
     wanted_size = size_of(width_px, height_px) if size_of else None
     try:
         if header is None:
-            image = raw_grey(frame) if size_of else raw_colour(frame)
+            image = decode_raw_as_grey(frame) if size_of else decode_raw_as_colour(frame)
         elif is_depth:
-            image = _as_wanted(depth_picture(frame.format, frame.data), is_grey=size_of is not None)
+            image = _grey_or_three_channels(
+                decode_compressed_depth(frame.format, frame.data), is_grey=size_of is not None
+            )
         else:
-            image = _decoded(frame.data, header, wanted_size)
+            image = _decode_still_image(frame.data, header, wanted_size)
     except (RawImageError, DepthImageError) as error:
-        return _rejected(index, frame, str(error))
-    decoded = _finished(index, frame, image, (width_px, height_px), wanted_size)
-    return replace(decoded, colour=_colour(frame, header, decoded)) if in_colour and not is_depth else decoded
+        return _rejected_frame(index, frame, str(error))
+    decoded = _decoded_frame_at_size(index, frame, image, (width_px, height_px), wanted_size)
+    return (
+        replace(decoded, colour=_decode_colour_image(frame, header, decoded)) if in_colour and not is_depth else decoded
+    )
 
 
-def _colour(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame) -> Image | None:
+def _decode_colour_image(frame: FrameLike, header: ImageHeader | None, decoded: DecodedFrame) -> Image | None:
     """The picture in colour, as large as the grey one; None where there is none."""
     if decoded.image is None:
         return None
     height_px, width_px = decoded.image.shape
-    if frame.encoding.lower() in GREY if header is None else header.is_grey:
+    if frame.encoding.lower() in GREY_ENCODINGS if header is None else header.is_grey:
         return None
     try:
         if header is None:
-            return _scaled(raw_colour(frame), (width_px, height_px))
-        return _scaled(_decoded(frame.data, header, (width_px, height_px), in_colour=True), (width_px, height_px))
+            return _resize_image(decode_raw_as_colour(frame), (width_px, height_px))
+        return _resize_image(
+            _decode_still_image(frame.data, header, (width_px, height_px), in_colour=True), (width_px, height_px)
+        )
     except RawImageError:
         return None
 
 
-def _as_wanted(grey: Image, *, is_grey: bool) -> Image:
+def _grey_or_three_channels(grey: Image, *, is_grey: bool) -> Image:
     """A grey image, as it is or in three equal channels."""
     import cv2
 
     return grey if is_grey else np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), np.uint8)
 
 
-def _no_image(frame: FrameLike) -> str:
+def _unreadable_data_reason(frame: FrameLike) -> str:
     """The reason why data without an image's signature can't be read."""
     if not frame.is_video:
         return "neither JPEG, PNG nor WebP"
-    known = ", ".join(name for name, codec in VIDEO_FORMATS.items() if codec not in NOT_DECODED)
-    return f"the video format {frame.format[:MAX_NAME]!r} is not known (known: {known})"
+    known = ", ".join(name for name, codec in CODEC_OF_VIDEO_FORMAT.items() if codec not in UNSUPPORTED_CODECS)
+    return f"the video format {frame.format[:MAX_FORMAT_NAME_LENGTH]!r} is not known (known: {known})"
 
 
-def _decoded(
+def _decode_still_image(
     data: bytes | memoryview, header: ImageHeader, wanted: tuple[int, int] | None, *, in_colour: bool = False
 ) -> Image:
     """Decode a JPEG, PNG or WebP image, reduced as far as the wanted size allows; raises RawImageError where it is
@@ -262,7 +273,7 @@ def _decoded(
     if wanted is None:
         flags |= cv2.IMREAD_COLOR
     else:
-        flags |= _reduced(header, wanted, "COLOR" if in_colour else "GRAYSCALE")
+        flags |= _reduced_decoding_flag(header, wanted, "COLOR" if in_colour else "GRAYSCALE")
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
@@ -272,18 +283,18 @@ def _decoded(
     return np.asarray(image, np.uint8)
 
 
-def _reduced(header: ImageHeader, wanted: tuple[int, int], kind: str) -> int:
+def _reduced_decoding_flag(header: ImageHeader, wanted: tuple[int, int], kind: str) -> int:
     """The flag of the strongest reduction that leaves at least the wanted size; only JPEG decodes faster by it."""
     import cv2
 
     if header.kind == "jpeg":
-        for factor in REDUCTIONS:
+        for factor in JPEG_REDUCTION_FACTORS:
             if header.width_px >= factor * wanted[0] and header.height_px >= factor * wanted[1]:
                 return int(getattr(cv2, f"IMREAD_REDUCED_{kind}_{factor}"))
     return int(getattr(cv2, f"IMREAD_{kind}"))
 
 
-def _video_frame(
+def _decoded_frame_from_video(
     index: int,
     frame: FrameLike,
     image: Image | None,
@@ -295,27 +306,36 @@ def _video_frame(
     """The decoded frame of a video message: its picture in grey or colour, or the reason why there is none."""
     import cv2
 
-    reason = _unfit(*size) if any(size) else "no picture comes out of the video"
-    reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT
+    reason = _size_rejection_reason(*size) if any(size) else "no picture comes out of the video"
+    reason = reason if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON
     if reason or image is None:
-        return _rejected(index, frame, reason)
+        return _rejected_frame(index, frame, reason)
     if size_of is None:
-        return _finished(index, frame, image, size, None)
+        return _decoded_frame_at_size(index, frame, image, size, None)
     wanted_size = size_of(*size)
-    decoded = _finished(index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted_size)
-    return replace(decoded, colour=_scaled(image, wanted_size)) if in_colour else decoded
+    decoded = _decoded_frame_at_size(
+        index, frame, np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8), size, wanted_size
+    )
+    return replace(decoded, colour=_resize_image(image, wanted_size)) if in_colour else decoded
 
 
-def _finished(
+def _decoded_frame_at_size(
     index: int, frame: FrameLike, image: Image, size: tuple[int, int], wanted: tuple[int, int] | None
 ) -> DecodedFrame:
     """The decoded frame with its image scaled to the wanted size."""
     if wanted is not None:
-        image = _scaled(image, wanted)
-    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), *size, image, has_stamp=_is_time(frame.stamp_ns))
+        image = _resize_image(image, wanted)
+    return DecodedFrame(
+        index,
+        frame.log_time_ns,
+        _stamp_or_log_time_ns(frame),
+        *size,
+        image,
+        has_stamp=_is_plausible_time(frame.stamp_ns),
+    )
 
 
-def _scaled(image: Image, wanted: tuple[int, int]) -> Image:
+def _resize_image(image: Image, wanted: tuple[int, int]) -> Image:
     """The image at another size; where it shrinks, each pixel is the mean of those that it covers."""
     if image.shape[1::-1] == wanted:
         return image
@@ -326,27 +346,27 @@ def _scaled(image: Image, wanted: tuple[int, int]) -> Image:
     return np.asarray(scaled, np.uint8)
 
 
-def _unfit(width_px: int, height_px: int) -> str:
+def _size_rejection_reason(width_px: int, height_px: int) -> str:
     """The reason why an image of this size is rejected; empty where it is not."""
-    if width_px * height_px > MAX_PIXELS:
-        return f"more than {MAX_PIXELS // 1_000_000} megapixels"
+    if width_px * height_px > MAX_IMAGE_PIXELS:
+        return f"more than {MAX_IMAGE_PIXELS // 1_000_000} megapixels"
     if width_px < MIN_SIDE_PX or height_px < MIN_SIDE_PX:
         return f"smaller than {MIN_SIDE_PX} x {MIN_SIDE_PX} pixels"
-    if max(width_px, height_px) > MAX_SIDES_RATIO * min(width_px, height_px):
-        return f"one side more than {MAX_SIDES_RATIO} times as long as the other"
+    if max(width_px, height_px) > MAX_ASPECT_RATIO * min(width_px, height_px):
+        return f"one side more than {MAX_ASPECT_RATIO} times as long as the other"
     return ""
 
 
-def _rejected(index: int, frame: FrameLike, reason: str) -> DecodedFrame:
+def _rejected_frame(index: int, frame: FrameLike, reason: str) -> DecodedFrame:
     """A frame without an image, with the reason."""
-    return DecodedFrame(index, frame.log_time_ns, _stamp_ns(frame), 0, 0, None, reason)
+    return DecodedFrame(index, frame.log_time_ns, _stamp_or_log_time_ns(frame), 0, 0, None, reason)
 
 
-def _stamp_ns(frame: FrameLike) -> int:
+def _stamp_or_log_time_ns(frame: FrameLike) -> int:
     """The frame's stamp, or its log time where the stamp is no time."""
-    return frame.stamp_ns if frame.stamp_ns is not None and _is_time(frame.stamp_ns) else frame.log_time_ns
+    return frame.stamp_ns if frame.stamp_ns is not None and _is_plausible_time(frame.stamp_ns) else frame.log_time_ns
 
 
-def _is_time(time_ns: int | None) -> bool:
+def _is_plausible_time(time_ns: int | None) -> bool:
     """Whether a stamp is a time."""
     return time_ns is not None and MIN_STAMP_NS <= time_ns <= MAX_STAMP_NS

@@ -27,43 +27,47 @@ from dataclasses import dataclass, fields
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.arcs import arc_places_m, changes_beside, lane_ahead
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.camera import Camera, rotation
+from cwcli.signals.lane_geometry import (
+    curvature_change_ratios_to_centre_line,
+    lane_centre_geometry_at_distance,
+    lateral_positions_of_arcs_m,
+)
+from cwcli.vision.camera import Camera, rotation_from_yaw_pitch_roll
 from cwcli.vision.fit_columns import FitColumns
 
 BoolArray = npt.NDArray[np.bool_]
 
-N_SAMPLES = 16
+N_BOUNDARY_SAMPLES = 16
 """Number of heights at which a boundary is sampled. Chosen by hand; not fitted."""
-FAR_M = 60.0
+MAX_SAMPLE_DISTANCE_M = 60.0
 """Greatest distance at which boundaries are sampled, in metres: beyond it a pixel of the search image is metres of
 road."""
-HIGHEST = 0.625
+MAX_SAMPLE_HEIGHT_SHARE = 0.625
 """Greatest height at which boundaries are sampled, over the image's height: the paper's 150 of 240 rows."""
-MIN_DEPTH = 0.03
+MIN_DEPTH_SHARE = 0.03
 """Least distance below the horizon at which evidence is looked for and boundaries are drawn, over the image's height:
 nearer to it a marking is narrower than a pixel (12 cm, 1.3 m below a camera with 360 rows)."""
-LOWEST_TOP_PX = 8.0
+MIN_SAMPLED_HEIGHT_PX = 8.0
 """Least height up to which boundaries are sampled, in pixels above the image's bottom. Chosen by hand; not fitted."""
-LOWEST_LINE_PX = 2.0
+MIN_LINE_HEIGHT_PX = 2.0
 """Least height at which a drawn boundary ends, in pixels above the image's bottom. Chosen by hand; not fitted."""
-FIT_NUMBERS = 7
+N_JOINT_PARAMETERS = 7
 """Number of parameters of the joint covariance (`LaneFit.covariance`): a, b, c of both boundaries, and the pitch."""
-NEAR_M = 2.0
+MIN_SAMPLE_DISTANCE_M = 2.0
 """Least distance at which boundaries are sampled, in metres. Chosen by hand; not fitted."""
-WIDTH_AT_M = 10.0
+WIDTH_DISTANCE_M = 10.0
 """Distance ahead at which the lane's width is measured, in metres. Chosen by hand; not fitted."""
-MIN_SAMPLES = 5
+MIN_FIT_SAMPLES = 5
 """Least number of samples from which a road follows. Chosen by hand; not fitted."""
-N_INDEPENDENT = 10
+N_INDEPENDENT_HEIGHTS = 10
 """Number of heights at which a boundary's errors are taken as independent where a method gives no covariance. Chosen by
 hand; not fitted."""
-PARABOLA_STEPS = np.array([1e-6, 1e-4, 1e-2])
+PARABOLA_DERIVATIVE_STEPS = np.array([1e-6, 1e-4, 1e-2])
 """Steps of a (1/px), b and c (px) for numerical derivatives. Chosen by hand; not fitted."""
-MOUNTING_STEP = 1e-4
+MOUNTING_DERIVATIVE_STEP = 1e-4
 """Step of pitch, yaw (rad) and height (m) for numerical derivatives. Chosen by hand; not fitted."""
-BLOCK_FRAMES = 2048
+FRAMES_PER_BLOCK = 2048
 """Number of frames that are computed at a time. Chosen by hand: it bounds the memory."""
 
 
@@ -108,7 +112,7 @@ class LaneGeometry:
     curvature_change_1pm2: FloatArray
 
 
-def lane_geometry(
+def compute_lane_geometry(
     fits: FitColumns, camera: Camera, *, preview_m: float, sigmas: GeometrySigmas | None = None
 ) -> LaneGeometry:
     """Map the boundaries of frames of one image size to the ground.
@@ -119,12 +123,12 @@ def lane_geometry(
         preview_m: Distance of the preview point ahead of the camera.
         sigmas: Sigmas of the error propagation; None: the default ones.
     """
-    blocks = [fits[slice(i, i + BLOCK_FRAMES)] for i in range(0, len(fits), BLOCK_FRAMES)] or [fits]
-    geometries = [_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
+    blocks = [fits[slice(i, i + FRAMES_PER_BLOCK)] for i in range(0, len(fits), FRAMES_PER_BLOCK)] or [fits]
+    geometries = [_lane_geometry_of_block(block, camera, preview_m, sigmas or GeometrySigmas()) for block in blocks]
     return LaneGeometry(*(np.concatenate([getattr(each, f.name) for each in geometries]) for f in fields(LaneGeometry)))
 
 
-def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
+def road_curves_in_image(fits: FitColumns, camera: Camera) -> FloatArray:
     """The boundaries as images of a flat road, x = far + near h + bend / h + spiral / h^2.
 
     h is in rows below the horizon; in a tight bend that curve touches the road beside the camera (`arcs`). A method's
@@ -144,39 +148,39 @@ def image_roads(fits: FitColumns, camera: Camera) -> FloatArray:
     if not len(rest):
         return fits.roads
     roads = fits.roads.copy()
-    roads[rest] = np.where(has_road[rest], fits.roads[rest], _sought_roads(fits[rest], camera))
+    roads[rest] = np.where(has_road[rest], fits.roads[rest], _fit_roads_to_parabolas(fits[rest], camera))
     return roads
 
 
-def _sought_roads(fits: FitColumns, camera: Camera) -> FloatArray:
+def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FloatArray:
     """Road curves whose best parabolas are those of the fits, shape (n, 2, 4)."""
-    y_px = _sampled_px(camera, fits.pitch_rad)
-    x_px = _columns_px(fits.parabolas, y_px)
-    h = ((camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
+    y_px = _sample_heights_px(camera, fits.pitch_rad)
+    x_px = _parabola_columns_px(fits.parabolas, y_px)
+    h = ((camera.height_px - y_px - camera.horizon_row_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
     is_there = np.isfinite(x_px) & (h > 0.0)
     h = np.where(h > 0.0, h, 1.0)
     terms = np.stack([np.ones_like(h), h, 1.0 / h], axis=-1)
     seen_px = x_px
     for _ in range(2):  # the parabola was fitted to samples of which the road, not the parabola, is in the image
-        use = is_there & _in_image(seen_px, is_there, camera)
+        use = is_there & _usable_sample_mask(seen_px, is_there, camera)
         part = np.where(use, 1.0, 0.0)
         normal, right = np.empty((*x_px.shape[:2], 3, 3)), np.empty((*x_px.shape[:2], 3))
         for i in range(3):
             normal[..., i, :] = (part[..., None] * terms).sum(axis=2)
             right[..., i] = (part * np.where(use, x_px, 0.0)).sum(axis=2)
             part = part * (y_px / camera.height_px)[:, None]
-        roads = _solved(normal, right, use)
+        roads = _solve_normal_equations(normal, right, use)
         seen_px = (roads[:, :, None] * terms).sum(axis=-1)
     roads = roads * np.array([1.0, 1.0 / camera.height_px, camera.height_px])
     return np.concatenate([roads, 0.0 * roads[..., :1]], axis=-1)
 
 
-def pinholes(camera: Camera, n: int) -> FloatArray:
+def repeat_pinhole_per_frame(camera: Camera, n: int) -> FloatArray:
     """Principal column and focal length for each of n frames of one camera, shape (n, 2) (`BoundaryLines.pinhole`)."""
     return np.tile([camera.cx + 1.0, camera.fx], (n, 1))
 
 
-def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
+def boundary_end_rows_px(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> FloatArray:
     """Row from the image's top at which the boundaries of each frame end, shape (n,).
 
     Where the method found the horizon they end with the road 60 m ahead, but below the rows in which evidence is looked
@@ -188,32 +192,36 @@ def line_tops(fits: FitColumns, camera: Camera, horizon_px: FloatArray) -> Float
         horizon_px: Shape (n,): row of the horizon; NaN where it is not known.
     """
     is_found = np.isfinite(fits.pitch_rad)
-    paper_px = np.full(len(fits), (1.0 - HIGHEST) * camera.height_px)
-    far_px = np.where(is_found, camera.height_px - _far_y_px(camera, fits.pitch_rad), paper_px)
-    top_px = np.fmax(far_px, horizon_px + MIN_DEPTH * camera.height_px)
-    return np.asarray(np.clip(top_px, 0.0, camera.height_px - LOWEST_LINE_PX))
+    paper_px = np.full(len(fits), (1.0 - MAX_SAMPLE_HEIGHT_SHARE) * camera.height_px)
+    far_px = np.where(is_found, camera.height_px - _far_road_y_px(camera, fits.pitch_rad), paper_px)
+    top_px = np.fmax(far_px, horizon_px + MIN_DEPTH_SHARE * camera.height_px)
+    return np.asarray(np.clip(top_px, 0.0, camera.height_px - MIN_LINE_HEIGHT_PX))
 
 
-def parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
+def assumed_parabola_covariance(camera: Camera, pixel_px: float) -> FloatArray:
     """Covariance of (a, b, c), shape (3, 3), if places at independent heights have errors of `pixel_px`."""
-    y_px = np.linspace(1.0, float(_top_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT)
+    y_px = np.linspace(
+        1.0, float(_highest_sample_y_px(camera, np.array(camera.mounting.pitch_rad))), N_INDEPENDENT_HEIGHTS
+    )
     design = np.column_stack([y_px**2, y_px, np.ones_like(y_px)])
     return np.asarray(np.linalg.inv(design.T @ design) * pixel_px**2)
 
 
-def _top_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _highest_sample_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Height in the image up to which boundaries are sampled: the road 60 m ahead, at most the paper's rows; distortion
     left out."""
-    return np.asarray(np.clip(_far_y_px(camera, pitch_rad), LOWEST_TOP_PX, HIGHEST * camera.height_px))
+    return np.asarray(
+        np.clip(_far_road_y_px(camera, pitch_rad), MIN_SAMPLED_HEIGHT_PX, MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
+    )
 
 
-def _far_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _far_road_y_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Height in the image of the road 60 m ahead, distortion left out."""
-    below_rad = np.arctan(camera.mounting.height_m / FAR_M) - pitch_rad
+    below_rad = np.arctan(camera.mounting.height_m / MAX_SAMPLE_DISTANCE_M) - pitch_rad
     return np.asarray(camera.height_px - (camera.cy + camera.fy * np.tan(below_rad)))
 
 
-def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
+def _lane_geometry_of_block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometrySigmas) -> LaneGeometry:
     """The lane geometry of one block of frames."""
     n = len(fits)
     parabolas = fits.parabolas
@@ -221,22 +229,27 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
     mount[:, 0] = np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
     mount[:, 1] = np.where(np.isnan(fits.yaw_rad), camera.mounting.yaw_rad, fits.yaw_rad)
     mount[:, 2] = camera.mounting.height_m
-    beside_px = _beside_parabola_px(fits, camera)
-    body, use = _body(parabolas, mount, camera, beside_px)
-    change = _change_1pm2(fits, body, camera)
+    beside_px = _road_offset_from_parabola_px(fits, camera)
+    body, use = _map_boundaries_to_ground(parabolas, mount, camera, beside_px)
+    change = _curvature_change_1pm2(fits, body, camera)
     is_curve = np.asarray(np.isfinite(fits.roads).any(axis=(1, 2)), np.bool_)
-    values = _preview(body, change, is_curve, preview_m)
-    assumed = parabola_covariance(camera, sigmas.pixel_px)
+    values = _deviations_at_preview(body, change, is_curve, preview_m)
+    assumed = assumed_parabola_covariance(camera, sigmas.pixel_px)
     variance = np.zeros_like(values)
     # With the same samples: one that enters or leaves within a step would look like an infinite slope.
-    moved_bodies = [_body(parabolas + step, mount, camera, beside_px, use)[0] for step in np.diag(PARABOLA_STEPS)]
-    of_fit = np.zeros((n, 3, FIT_NUMBERS))
+    moved_bodies = [
+        _map_boundaries_to_ground(parabolas + step, mount, camera, beside_px, use)[0]
+        for step in np.diag(PARABOLA_DERIVATIVE_STEPS)
+    ]
+    of_fit = np.zeros((n, 3, N_JOINT_PARAMETERS))
     for side in range(2):
         jacobian = np.empty((n, 3, 3))
         for k, moved_body in enumerate(moved_bodies):
             one_moved = body.copy()
             one_moved[:, side] = moved_body[:, side]
-            jacobian[:, :, k] = (_preview(one_moved, change, is_curve, preview_m) - values) / PARABOLA_STEPS[k]
+            jacobian[:, :, k] = (
+                _deviations_at_preview(one_moved, change, is_curve, preview_m) - values
+            ) / PARABOLA_DERIVATIVE_STEPS[k]
         own_covariance = fits.covariance[:, side]
         covariance = np.where(np.isnan(own_covariance), assumed, own_covariance)
         part = np.einsum("nij,njk,nik->ni", jacobian, covariance, jacobian)
@@ -244,13 +257,13 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         of_fit[:, :, 3 * side : 3 * side + 3] = jacobian
     for k, sigma in enumerate((sigmas.pitch_rad, sigmas.yaw_rad, sigmas.height_m)):
         moved_mount = mount.copy()
-        moved_mount[:, k] += MOUNTING_STEP
-        moved_body, _ = _body(parabolas, moved_mount, camera, beside_px, use)
-        slope = (_preview(moved_body, change, is_curve, preview_m) - values) / MOUNTING_STEP
+        moved_mount[:, k] += MOUNTING_DERIVATIVE_STEP
+        moved_body, _ = _map_boundaries_to_ground(parabolas, moved_mount, camera, beside_px, use)
+        slope = (_deviations_at_preview(moved_body, change, is_curve, preview_m) - values) / MOUNTING_DERIVATIVE_STEP
         variance += (slope * sigma) ** 2
         if k == 0:
             of_fit[:, :, -1] = slope
-            own = np.einsum("nij,njk,nik->ni", of_fit, fits.joint, of_fit)
+            own = np.einsum("nij,njk,nik->ni", of_fit, fits.joint_covariance, of_fit)
             variance = np.where(np.isnan(own), variance, own)  # the fit's own pitch is part of it
     values = np.where(np.isnan(variance), np.nan, values)  # a step from the end of a curve
     sigma_of = np.where(np.isnan(values), np.nan, np.sqrt(variance))
@@ -263,31 +276,31 @@ def _block(fits: FitColumns, camera: Camera, preview_m: float, sigmas: GeometryS
         lateral_deviation_sigma_m=sigma_of[:, 0],
         heading_deviation_sigma_rad=sigma_of[:, 1],
         curvature_sigma_1pm=sigma_of[:, 2],
-        lane_width_m=_width(body, change, is_curve),
+        lane_width_m=_lane_width_m(body, change, is_curve),
         curvature_change_1pm2=-change,
     )
 
 
-def _change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArray:
+def _curvature_change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -> FloatArray:
     """Change of the lane's curvature per metre ahead, on the car's centre line, left positive, shape (n,); 0 without a
     road."""
     own = -6.0 * fits.roads[..., 3] / (camera.fx * (camera.fy * camera.mounting.height_m) ** 2)
-    change = own / changes_beside(body)
+    change = own / curvature_change_ratios_to_centre_line(body)
     is_known = np.isfinite(change)
     return np.asarray(np.where(is_known, change, 0.0).sum(axis=1) / np.maximum(is_known.sum(axis=1), 1))
 
 
-def _beside_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
+def _road_offset_from_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
     """Offset of the method's own road from its parabola at each sample, shape (n, 2, samples); 0 without a road."""
-    y_px = _sampled_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
-    h = (camera.height_px - y_px - camera.horizon_v_px(fits.pitch_rad)[:, None])[:, None]
+    y_px = _sample_heights_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
+    h = (camera.height_px - y_px - camera.horizon_row_px(fits.pitch_rad)[:, None])[:, None]
     far, near, bend = np.moveaxis(fits.roads[..., :3, None], 2, 0)  # the spiral is added on the ground
     with np.errstate(invalid="ignore"):
         x_px = far + near * h + bend / np.where(h > 0.0, h, np.nan)
-    return np.asarray(np.nan_to_num(x_px - _columns_px(fits.parabolas, y_px)))
+    return np.asarray(np.nan_to_num(x_px - _parabola_columns_px(fits.parabolas, y_px)))
 
 
-def _body(
+def _map_boundaries_to_ground(
     parabolas: FloatArray, mount: FloatArray, camera: Camera, beside_px: FloatArray, use: BoolArray | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """Place, slope and curvature of each boundary on the ground, shape (n, 2, 3), and the samples that were used.
@@ -300,12 +313,14 @@ def _body(
         use: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
-    y_px = _sampled_px(camera, mount[:, 0])
-    x_px = _columns_px(parabolas, y_px) + beside_px
+    y_px = _sample_heights_px(camera, mount[:, 0])
+    x_px = _parabola_columns_px(parabolas, y_px) + beside_px
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
     is_there = np.isfinite(x_px)
-    rays = camera.rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(n, 2, N_SAMPLES, 3)
-    turns = _turns(mount[:, :2], camera)
+    rays = camera.viewing_rays_from_image(np.where(is_there, x_px - 1.0, 0.0).ravel(), v_px.ravel()).reshape(
+        n, 2, N_BOUNDARY_SAMPLES, 3
+    )
+    turns = _body_from_optical_rotations(mount[:, :2], camera)
     forward, left, up = (
         turns[:, i, 0, None, None] * rays[..., 0]
         + turns[:, i, 1, None, None] * rays[..., 1]
@@ -317,31 +332,39 @@ def _body(
     x_m = scale * forward
     y_m = scale * left + camera.mounting.lateral_offset_m
     if use is None:
-        use = is_there & _in_image(x_px, is_there, camera) & (x_m > NEAR_M) & (x_m < 2.0 * FAR_M)
-    return _fit_roads(x_m, y_m, y_px / camera.height_px, use), use
+        use = (
+            is_there
+            & _usable_sample_mask(x_px, is_there, camera)
+            & (x_m > MIN_SAMPLE_DISTANCE_M)
+            & (x_m < 2.0 * MAX_SAMPLE_DISTANCE_M)
+        )
+    return _fit_roads_on_ground(x_m, y_m, y_px / camera.height_px, use), use
 
 
-def _sampled_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _sample_heights_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Heights in the image at which boundaries are sampled, shape (n, samples)."""
-    return 0.5 + (np.arange(N_SAMPLES) + 0.5) / N_SAMPLES * _top_y_px(camera, pitch_rad)[:, None]
+    return (
+        0.5
+        + (np.arange(N_BOUNDARY_SAMPLES) + 0.5) / N_BOUNDARY_SAMPLES * _highest_sample_y_px(camera, pitch_rad)[:, None]
+    )
 
 
-def _columns_px(parabolas: FloatArray, y_px: FloatArray) -> FloatArray:
+def _parabola_columns_px(parabolas: FloatArray, y_px: FloatArray) -> FloatArray:
     """Columns x of the parabolas (n, 2, 3) at heights (n, k), shape (n, 2, k)."""
     return (parabolas[..., :1] * y_px[:, None] + parabolas[..., 1:2]) * y_px[:, None] + parabolas[..., 2:]
 
 
-def _in_image(x_px: FloatArray, is_there: BoolArray, camera: Camera) -> BoolArray:
+def _usable_sample_mask(x_px: FloatArray, is_there: BoolArray, camera: Camera) -> BoolArray:
     """Mask of the usable samples: those in the image; where hardly any of a boundary are, also those outside."""
     in_image = is_there & (x_px >= 1.0) & (x_px <= camera.width_px)
-    return np.asarray(in_image | (in_image.sum(axis=-1, keepdims=True) < MIN_SAMPLES))
+    return np.asarray(in_image | (in_image.sum(axis=-1, keepdims=True) < MIN_FIT_SAMPLES))
 
 
-def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
+def _body_from_optical_rotations(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
     """Rotations from the optical to the body frame for each pitch and yaw, shape (n, 3, 3)."""
     mounting = camera.mounting
-    old = rotation(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad)
-    axes = rotation(0.0, 0.0, mounting.roll_rad) @ old.T @ camera.body_from_optical()
+    old = rotation_from_yaw_pitch_roll(mounting.yaw_rad, mounting.pitch_rad, mounting.roll_rad)
+    axes = rotation_from_yaw_pitch_roll(0.0, 0.0, mounting.roll_rad) @ old.T @ camera.body_from_optical_rotation()
     cosine, sine = np.cos(pitch_and_yaw)[..., None], np.sin(pitch_and_yaw)[..., None]
     ahead = cosine[:, 0] * axes[0] + sine[:, 0] * axes[2]
     rotations = np.empty((len(pitch_and_yaw), 3, 3))
@@ -351,7 +374,7 @@ def _turns(pitch_and_yaw: FloatArray, camera: Camera) -> FloatArray:
     return rotations
 
 
-def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
+def _fit_roads_on_ground(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolArray) -> FloatArray:
     """Place, slope and curvature of the road whose best parabola goes through the points, shape (n, 2, 3); NaN with too
     few samples.
 
@@ -360,7 +383,7 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
         height: Shape (n, k): of the points in the image, in any unit.
         use: Shape (n, 2, k).
     """
-    x = np.where(use, x_m, 1.0) / FAR_M
+    x = np.where(use, x_m, 1.0) / MAX_SAMPLE_DISTANCE_M
     weight = np.where(use, 1.0 / x**2, 0.0)
     height = height[:, None]
     part = weight * x  # a pixel is as many metres sideways as the point is far
@@ -372,17 +395,21 @@ def _fit_roads(x_m: FloatArray, y_m: FloatArray, height: FloatArray, use: BoolAr
         normal[..., i, 2] = (0.5 * part * x**2).sum(axis=-1)
         right[..., i] = (part * y).sum(axis=-1)
         part = part * height
-    return np.asarray(_solved(normal, right, use) / np.array([1.0, FAR_M, FAR_M**2]))
+    return np.asarray(
+        _solve_normal_equations(normal, right, use) / np.array([1.0, MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_DISTANCE_M**2])
+    )
 
 
-def _solved(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
+def _solve_normal_equations(normal: FloatArray, right: FloatArray, use: BoolArray) -> FloatArray:
     """Solutions of the normal equations, shape (n, 2, 3); NaN where too few samples are used."""
-    enough = use.sum(axis=-1, keepdims=True) >= MIN_SAMPLES
+    enough = use.sum(axis=-1, keepdims=True) >= MIN_FIT_SAMPLES
     normal = np.where(enough[..., None], normal, np.eye(3))
     return np.asarray(np.where(enough, np.linalg.solve(normal, right[..., None])[..., 0], np.nan))
 
 
-def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float) -> FloatArray:
+def _deviations_at_preview(
+    body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, preview_m: float
+) -> FloatArray:
     """Lateral deviation, heading deviation and curvature at the preview point, shape (n, 3), of the curve or else of
     the parabola."""
     centre, only = body.mean(axis=1), np.where(np.isnan(body[:, 0]), body[:, 1], body[:, 0])
@@ -392,15 +419,17 @@ def _preview(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray, pre
     lateral = either[:, 0] + (either[:, 1] + 0.5 * either[:, 2] * preview_m) * preview_m
     parabola = np.column_stack([lateral, np.arctan(slope), either[:, 2] / (1.0 + slope**2) ** 1.5])
     parabola[is_alone, 0] = np.nan
-    return -np.where(is_curve[:, None], lane_ahead(body, np.full(len(body), preview_m), change_1pm2), parabola)
+    return -np.where(
+        is_curve[:, None], lane_centre_geometry_at_distance(body, np.full(len(body), preview_m), change_1pm2), parabola
+    )
 
 
-def _width(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
+def _lane_width_m(body: FloatArray, change_1pm2: FloatArray, is_curve: BoolArray) -> FloatArray:
     """Lane width 10 m ahead, square to the lane; beside the camera where a boundary has turned back; shape (n,)."""
-    y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_AT_M) * WIDTH_AT_M
-    slope = (body[..., 1] + body[..., 2] * WIDTH_AT_M).mean(axis=1)
-    curves_m = arc_places_m(body, np.array(WIDTH_AT_M), change_1pm2[:, None])
-    direction = lane_ahead(body, np.full(len(body), WIDTH_AT_M), change_1pm2)[:, 1]
+    y_m = body[..., 0] + (body[..., 1] + 0.5 * body[..., 2] * WIDTH_DISTANCE_M) * WIDTH_DISTANCE_M
+    slope = (body[..., 1] + body[..., 2] * WIDTH_DISTANCE_M).mean(axis=1)
+    curves_m = lateral_positions_of_arcs_m(body, np.array(WIDTH_DISTANCE_M), change_1pm2[:, None])
+    direction = lane_centre_geometry_at_distance(body, np.full(len(body), WIDTH_DISTANCE_M), change_1pm2)[:, 1]
     has_turned = is_curve & np.isnan(curves_m).any(axis=1)
     y_m = np.where(is_curve[:, None], np.where(has_turned[:, None], body[..., 0], curves_m), y_m)
     slope = np.where(is_curve, np.where(has_turned, body[..., 1].mean(axis=1), np.tan(direction)), slope)

@@ -9,15 +9,15 @@ Bytes = bytes | memoryview
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 """First bytes of a PNG file (PNG specification, 5.2)."""
-JPEG_START = b"\xff\xd8\xff"
+JPEG_START_BYTES = b"\xff\xd8\xff"
 """First bytes of a JPEG file: start of image, and the next marker's first byte (ITU-T T.81, annex B)."""
-JPEG_END = b"\xff\xd9"
+JPEG_END_MARKER = b"\xff\xd9"
 """Marker at the end of a JPEG image (ITU-T T.81, annex B)."""
-PNG_END = b"IEND"
+PNG_END_CHUNK_TYPE = b"IEND"
 """Type of the last chunk of a PNG file (PNG specification, 11.2)."""
-_GREY_PNG = (b"\x00", b"\x04")
+_GREY_PNG_COLOUR_TYPES = (b"\x00", b"\x04")
 """Colour types of grey PNG images: without and with transparency."""
-_SOF_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
+_START_OF_FRAME_MARKERS = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Second bytes of the markers that start a JPEG frame and hold its size (ITU-T T.81, table B.1)."""
 _MARKERS_WITHOUT_LENGTH = frozenset({0x01, *range(0xD0, 0xD8)})
 """Second bytes of JPEG markers that no length follows (ITU-T T.81, table B.1)."""
@@ -33,33 +33,33 @@ class ImageHeader:
     is_grey: bool = False
 
 
-TAIL_BYTES = 256
+JPEG_TAIL_BYTES = 256
 """Number of bytes at the end of a JPEG in which its end marker is looked for first. Chosen by hand; not fitted."""
 
 
 def read_image_header(data: Bytes) -> ImageHeader | None:
     """The header of a JPEG, PNG or WebP image; None if it is none of them or is damaged before its size."""
     head = bytes(data[:32])
-    if head.startswith(JPEG_START):
-        return _jpeg(data)
+    if head.startswith(JPEG_START_BYTES):
+        return _read_jpeg_header(data)
     if head.startswith(PNG_MAGIC) and head[12:16] == b"IHDR" and len(head) >= 24:
         width_px, height_px = struct.unpack(">II", head[16:24])
-        return ImageHeader("png", width_px, height_px, is_grey=head[25:26] in _GREY_PNG)
+        return ImageHeader("png", width_px, height_px, is_grey=head[25:26] in _GREY_PNG_COLOUR_TYPES)
     if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) >= 30:
-        return _webp(head)
+        return _read_webp_header(head)
     return None
 
 
-def is_complete(data: Bytes, kind: str) -> bool:
+def has_image_end(data: Bytes, kind: str) -> bool:
     """Whether the image's end is there; OpenCV fills what is missing of a cut JPEG with grey and says nothing."""
     if kind == "jpeg":
-        return JPEG_END in bytes(data[-TAIL_BYTES:]) or bytes(data).rfind(JPEG_END) > 0
+        return JPEG_END_MARKER in bytes(data[-JPEG_TAIL_BYTES:]) or bytes(data).rfind(JPEG_END_MARKER) > 0
     if kind == "png":
-        return bytes(data[-64:]).rfind(PNG_END) >= 0
+        return bytes(data[-64:]).rfind(PNG_END_CHUNK_TYPE) >= 0
     return len(data) >= 8 + int.from_bytes(data[4:8], "little")
 
 
-def _jpeg(data: Bytes) -> ImageHeader | None:
+def _read_jpeg_header(data: Bytes) -> ImageHeader | None:
     """Read the header of a JPEG image: walk its segments up to the start of frame."""
     at = 2
     while at + 4 <= len(data):
@@ -70,7 +70,7 @@ def _jpeg(data: Bytes) -> ImageHeader | None:
             at += 1
         elif marker in _MARKERS_WITHOUT_LENGTH:
             at += 2
-        elif marker in _SOF_MARKERS:
+        elif marker in _START_OF_FRAME_MARKERS:
             if at + 9 > len(data):
                 return None
             height_px, width_px = struct.unpack(">HH", bytes(data[at + 5 : at + 9]))
@@ -83,7 +83,7 @@ def _jpeg(data: Bytes) -> ImageHeader | None:
     return None
 
 
-def _webp(head: bytes) -> ImageHeader | None:
+def _read_webp_header(head: bytes) -> ImageHeader | None:
     """Read the header of a lossy, lossless or extended WebP image (RFC 9649)."""
     kind = head[12:16]
     if kind == b"VP8 ":

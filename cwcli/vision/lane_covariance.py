@@ -23,36 +23,53 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
-from cwcli.vision.lane_detect import Evidence, judged
-from cwcli.vision.lane_model import BEND, HORIZON, MIDDLE, VANISHING, WIDTH, bend_unit, parabolas_of_lane, pitch_of
+from cwcli.vision.lane_detect import StripeEvidence, lane_objectives
+from cwcli.vision.lane_model import (
+    BEND,
+    HORIZON,
+    MIDDLE,
+    VANISHING,
+    WIDTH,
+    bend_px2_per_curvature,
+    fit_boundary_parabolas,
+    pitch_from_horizon_rad,
+)
 
-SCALE = 0.002
+COVARIANCE_SCALE = 0.002
 """Factor between the inverse curvature of the objective and the covariance. Fitted on 16 rendered drives of each camera
 (tests/studies/lane_nees.py, seed 3)."""
-BEND_RATE_1PM2 = 4e-6
+CURVATURE_CHANGE_SIGMA_1PM2 = 4e-6
 """Sigma of the change of a road's curvature per metre, in 1/m^2. Fitted on the same rendered drives."""
-NEAR_AT, FAR_AT = 0.6, 0.15
+NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
 """The near and the far row, as shares of the way from the horizon to the bottom. Chosen by hand; not fitted."""
-STEP, FAR_STEP = 0.04, 0.06
+NEAR_PLACE_STEP, FAR_PLACE_STEP = 0.04, 0.06
 """Steps of the places in the near and in the far row, over the camera's height times fx / fy: about half a marking's
 width."""
-HORIZON_STEP = 0.006
+HORIZON_STEP_SHARE = 0.006
 """Step of the horizon, over the image's height. Chosen by hand; not fitted."""
-MOST = 1.0
+MAX_SIGMA_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
-N = 5
+N_LANE_NUMBERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
-N_FIT = 7
+N_FIT_NUMBERS = 7
 """Number of a fit's numbers: a, b, c of the left and of the right boundary, and the pitch."""
-_I, _J = np.triu_indices(N, 1)
+_PAIR_ROWS, _PAIR_COLUMNS = np.triu_indices(N_LANE_NUMBERS, 1)
 """Row and column of each pair of different numbers."""
-_STEPS = np.concatenate(
-    [np.zeros((1, N)), np.eye(N), -np.eye(N), np.eye(N)[_I] + np.eye(N)[_J], -np.eye(N)[_I] - np.eye(N)[_J]]
+_STENCIL_STEPS = np.concatenate(
+    [
+        np.zeros((1, N_LANE_NUMBERS)),
+        np.eye(N_LANE_NUMBERS),
+        -np.eye(N_LANE_NUMBERS),
+        np.eye(N_LANE_NUMBERS)[_PAIR_ROWS] + np.eye(N_LANE_NUMBERS)[_PAIR_COLUMNS],
+        -np.eye(N_LANE_NUMBERS)[_PAIR_ROWS] - np.eye(N_LANE_NUMBERS)[_PAIR_COLUMNS],
+    ]
 )
 """Places at which the objective is evaluated, shape (31, 5), in steps."""
 
 
-def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, camera: Camera) -> FloatArray:
+def measure_lane_covariance(
+    evidence: StripeEvidence, lane: FloatArray, table: FloatArray, camera: Camera
+) -> FloatArray:
     """The covariance of a lane's first five numbers, shape (5, 5).
 
     Args:
@@ -60,53 +77,63 @@ def lane_covariance(evidence: Evidence, lane: FloatArray, table: FloatArray, cam
         table: Table of the prior, shape (6, 4), under which it was found.
         camera: The camera in the pixels of the image that was searched.
     """
-    places, steps = _places(float(lane[HORIZON]), camera.height_px, evidence.pinhole.stretch)
+    places, steps = _place_derivatives_and_steps(
+        float(lane[HORIZON]), camera.height_px, evidence.pinhole.focal_length_ratio
+    )
     places = places * steps
-    lanes = np.empty((len(_STEPS), len(lane)))
+    lanes = np.empty((len(_STENCIL_STEPS), len(lane)))
     lanes[:] = lane
-    lanes[:, :N] += _STEPS @ places.T
-    values = judged(evidence, lanes, table)
+    lanes[:, :N_LANE_NUMBERS] += _STENCIL_STEPS @ places.T
+    values = lane_objectives(evidence, lanes, table)
     values = np.maximum(values, values[0] - 1.0)  # beyond a limit of the prior there is no value
-    fall = 2.0 * values[0] - values[1 : 1 + N] - values[1 + N : 1 + 2 * N]
-    pairs = 2.0 * values[0] - values[1 + 2 * N : 1 + 2 * N + len(_I)] - values[1 + 2 * N + len(_I) :]
+    fall = 2.0 * values[0] - values[1 : 1 + N_LANE_NUMBERS] - values[1 + N_LANE_NUMBERS : 1 + 2 * N_LANE_NUMBERS]
+    pairs = (
+        2.0 * values[0]
+        - values[1 + 2 * N_LANE_NUMBERS : 1 + 2 * N_LANE_NUMBERS + len(_PAIR_ROWS)]
+        - values[1 + 2 * N_LANE_NUMBERS + len(_PAIR_ROWS) :]
+    )
     information = np.diag(fall)
-    information[_I, _J] = information[_J, _I] = 0.5 * (pairs - fall[_I] - fall[_J])
+    information[_PAIR_ROWS, _PAIR_COLUMNS] = information[_PAIR_COLUMNS, _PAIR_ROWS] = 0.5 * (
+        pairs - fall[_PAIR_ROWS] - fall[_PAIR_COLUMNS]
+    )
     value, vector = np.linalg.eigh(information)
     axes = places @ vector
-    covariance: FloatArray = (axes * (SCALE / np.maximum(value, SCALE / MOST**2))) @ axes.T
-    far_m = camera.fy * camera.mounting.height_m / _depths(float(lane[HORIZON]), camera.height_px)[1]
-    bend = places[:, 3] * (bend_unit(camera) * BEND_RATE_1PM2 * far_m / places[BEND, 3])
-    turn = places[:, 2] * (camera.fx * BEND_RATE_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
+    covariance: FloatArray = (
+        axes * (COVARIANCE_SCALE / np.maximum(value, COVARIANCE_SCALE / MAX_SIGMA_STEPS**2))
+    ) @ axes.T
+    far_m = camera.fy * camera.mounting.height_m / _near_and_far_depth_px(float(lane[HORIZON]), camera.height_px)[1]
+    bend = places[:, 3] * (bend_px2_per_curvature(camera) * CURVATURE_CHANGE_SIGMA_1PM2 * far_m / places[BEND, 3])
+    turn = places[:, 2] * (camera.fx * CURVATURE_CHANGE_SIGMA_1PM2 * far_m**2 / 12.0 / places[VANISHING, 2])
     covariance += bend[:, None] * bend + turn[:, None] * turn
     return covariance
 
 
-def _depths(horizon_px: float, height_px: int) -> tuple[float, float]:
+def _near_and_far_depth_px(horizon_px: float, height_px: int) -> tuple[float, float]:
     """Rows below the horizon of the places near by and far away."""
     depth = max(height_px - horizon_px, 8.0)
-    return NEAR_AT * depth, FAR_AT * depth
+    return NEAR_ROW_SHARE * depth, FAR_ROW_SHARE * depth
 
 
-def _places(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
+def _place_derivatives_and_steps(horizon_px: float, height_px: int, stretch: float) -> tuple[FloatArray, FloatArray]:
     """Derivatives of the five numbers with respect to the places, shape (5, 5), a column for each place; and the steps
     in pixels.
 
     With u = u0 + m h + k / h: the places are the columns of the left and of the right boundary in the row h1, that of
     the middle in the row h2, the bend's part of it, k / h2, and the horizon. Solved for the five numbers.
     """
-    near, far = _depths(horizon_px, height_px)
+    near, far = _near_and_far_depth_px(horizon_px, height_px)
     half, share = 0.5 / (near - far), 1.0 / near  # of the middle, and of the bend
     middle = (half, half, -2.0 * half, share, 0.0)
-    numbers: list[tuple[float, ...]] = [()] * N
+    numbers: list[tuple[float, ...]] = [()] * N_LANE_NUMBERS
     numbers[VANISHING] = (-far * half, -far * half, 1.0 + 2.0 * far * half, -1.0 - far * share, 0.0)
     numbers[MIDDLE], numbers[WIDTH] = middle, (-share, share, 0.0, 0.0, 0.0)
     numbers[BEND], numbers[HORIZON] = (0.0, 0.0, 0.0, far, 0.0), (0.0, 0.0, 0.0, 0.0, 1.0)
-    near_px, far_px = STEP * stretch * near, max(FAR_STEP * stretch * far, 1.0)
-    steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_STEP * height_px, 1.0)])
+    near_px, far_px = NEAR_PLACE_STEP * stretch * near, max(FAR_PLACE_STEP * stretch * far, 1.0)
+    steps = np.array([near_px, near_px, far_px, far_px, max(HORIZON_STEP_SHARE * height_px, 1.0)])
     return np.array(numbers), steps
 
 
-def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
+def propagate_covariance_to_fit(lane: FloatArray, covariance: FloatArray, camera: Camera) -> FloatArray:
     """The covariance of a published fit, shape (7, 7): a, b, c of both sides, and the pitch.
 
     Args:
@@ -114,13 +141,13 @@ def fit_covariance(lane: FloatArray, covariance: FloatArray, camera: Camera) -> 
         camera: The camera in the pixels of the image that was searched.
     """
     sigma = np.sqrt(np.diagonal(covariance))
-    steps = np.eye(N, len(lane)) * sigma[:, None]
-    published = np.array([_published(each, camera) for each in (lane, *(lane + steps))])
+    steps = np.eye(N_LANE_NUMBERS, len(lane)) * sigma[:, None]
+    published = np.array([_fit_numbers_of_lane(each, camera) for each in (lane, *(lane + steps))])
     jacobian = (published[1:] - published[0]).T / sigma
     propagated: FloatArray = jacobian @ covariance @ jacobian.T
     return propagated
 
 
-def _published(lane: FloatArray, camera: Camera) -> list[float]:
+def _fit_numbers_of_lane(lane: FloatArray, camera: Camera) -> list[float]:
     """The numbers of a lane that are published: a, b, c of both boundaries, and the pitch."""
-    return [*parabolas_of_lane(lane, camera).ravel().tolist(), pitch_of(lane, camera)]
+    return [*fit_boundary_parabolas(lane, camera).ravel().tolist(), pitch_from_horizon_rad(lane, camera)]

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import lane_ridge, lane_stripes
-from cwcli.signals.arcs import Pinhole
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.camera import Camera
-from cwcli.vision.ground import MIN_DEPTH
-from cwcli.vision.lane_mean import mean_lane
+from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.lane_mean import weighted_mean_lane
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -30,80 +30,80 @@ from cwcli.vision.lane_model import (
     LanePrior,
 )
 from cwcli.vision.method import GreyImage
-from cwcli.vision.vanishing import vanishing_point
+from cwcli.vision.vanishing import find_vanishing_point
 
 Float32Array = npt.NDArray[np.float32]
 Int32Array = npt.NDArray[np.int32]
 
-ROW_STEP = 0.5
+SAMPLED_ROW_SHARE = 0.5
 """Share of the image's rows that is sampled for stripes. Chosen by hand; not fitted."""
-N_SEGMENTS = 9
+N_ROW_SEGMENTS = 9
 """Number of stretches of rows in which the evidence along a boundary is counted. Chosen by hand; not fitted."""
-MAX_ROWS = 150
+MAX_SAMPLED_ROWS = 150
 """Greatest number of sampled rows. Chosen by hand: it bounds the time of a frame."""
-COUNT: FloatArray = np.arange(float(MAX_ROWS))
+ROW_COUNTER: FloatArray = np.arange(float(MAX_SAMPLED_ROWS))
 """The numbers 0, 1, 2, ... of sampled rows, made once."""
-WINDOWS = (0.04, 0.085, 0.08)
+STRIPE_WINDOWS = (0.04, 0.085, 0.08)
 """Widths of a stripe's window, of the gap beside it and of the side windows, over the camera's height. The window is 6
 cm: narrower than any marking, as wide as a small raised dot. Chosen in sight of 40 labelled and of rendered frames
 (docs/lanes.md)."""
-FLOOR_GREY, RELATIVE, ROUGH = 3.0, 0.085, 2.0
+NOISE_FLOOR_GREY, NOISE_BRIGHTNESS_SHARE, NOISE_ROUGHNESS_FACTOR = 3.0, 0.085, 2.0
 """Noise of a contrast: a constant in grey levels, plus this share of the brighter side, plus this many times the row's
 mean depth of dark stripes. Chosen in sight of 40 labelled and of rendered frames (docs/lanes.md)."""
-LOPSIDED = 0.3
+ASYMMETRY_PENALTY = 0.3
 """Share of the brightness difference between both sides that is taken off a stripe's contrast. Chosen by hand; not
 fitted."""
 JOINT_WINDOWS = (0.025, 0.03, 0.06)
 """Widths of the window, the gap and the side windows of dark stripes (joints of concrete, shadows of raised dots), over
 the camera's height. They are narrower than markings. Chosen in sight of 40 labelled frames."""
-JOINT_CROWDED = 0.02
+JOINT_CROWDING_SHARE = 0.02
 """Share of dark stripes in a row above which they count less: concrete has a few joints, rough asphalt many dark
 stripes. Chosen in sight of 40 labelled frames."""
 JOINT_WEIGHT = 0.12
 """Weight of a pavement joint relative to a painted stripe in the evidence. Chosen in sight of 40 labelled and of
 rendered frames (docs/lanes.md)."""
-JOINT_REACH = 0.08
+MAX_JOINT_DISTANCE = 0.08
 """Greatest distance of a joint from the boundary that it supports, over the camera's height (10 cm): markings and dots
 are laid some centimetres beside joints. Chosen in sight of 40 labelled frames."""
-BESIDE = 0.5
+NEIGHBOUR_WEIGHT = 0.5
 """Weight of the neighbouring lanes' boundaries in the objective. Chosen by hand; not fitted."""
-HALF = 0.3
+HALF_EVIDENCE_SHARE = 0.3
 """Share of evidence in a stretch of rows at which the stretch counts one half. Chosen by hand; not fitted."""
-DEAD = 0.25
+EVIDENCE_DEAD_ZONE = 0.25
 """Evidence up to this value counts as none. Chosen by hand; not fitted."""
-CROWDED = 0.07
+STRIPE_CROWDING_SHARE = 0.07
 """Share of bright stripes in a row above which they count less. Chosen by hand; not fitted."""
 PRIOR_WEIGHT = 0.02
 """Objective that one squared sigma of distance from the prior takes off. Chosen by hand; not fitted."""
-SCAN_STEP = 3
+SCAN_ROW_STEP = 3
 """Step between the rows that the grid scan uses, in sampled rows. Chosen by hand: it bounds the time of a frame."""
-PLACE_STEP = 0.06
+SCAN_PLACE_STEP = 0.06
 """Step of the grid scan's lateral places, over the camera's height. Chosen by hand; not fitted."""
-MAX_PLACES = 400
+MAX_SCAN_PLACES = 400
 """Greatest number of lateral places to each side in the grid scan: a camera less than 0.4 m above the road sees a lane
 that is many of its heights wide. Chosen by hand."""
-N_KEPT = 12
+MAX_REFINED_LANES = 12
 """Greatest number of distinct lanes that a first frame's search refines. Chosen by hand; not fitted."""
-SAME_PLACE = 0.15
+SAME_LANE_TOLERANCE = 0.15
 """Distance below which two lanes are the same lane, of the boundary that differs more, over the camera's height. Chosen
 by hand; not fitted."""
-SAME_HORIZON_PX = 1.0
+SAME_HORIZON_TOLERANCE_PX = 1.0
 """Difference of horizons up to which two lanes are the same lane, in pixels. Chosen by hand; not fitted."""
-INNER_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
+INNER_STRIPE_SHIFTS = np.concatenate([[0.0], np.arange(0.08, 0.29, 0.02)])
 """Distances from a boundary at which the inner stripe of a double marking is looked for, over the camera's height.
 Chosen by hand; not fitted."""
-INNER_SHARE = 0.5
+MIN_INNER_STRIPE_SHARE = 0.5
 """Least evidence of an inner stripe relative to the outer one. Chosen by hand; not fitted."""
-INNER_LEAST = 0.15
+MIN_OUTER_STRIPE_EVIDENCE = 0.15
 """Evidence that the outer stripe has at least in that comparison. Chosen by hand; not fitted."""
-VP_HORIZON = 0.015
+VANISHING_ROW_SIGMA_SHARE = 0.015
 """Sigma of the horizon from the vanishing point, over the image's height. Chosen by hand; not fitted."""
-VP_COLUMN = 0.02
+VANISHING_COLUMN_SIGMA_SHARE = 0.02
 """Sigma of the column of the vanishing point, over the image's width. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Evidence:
+class StripeEvidence:
     """The stripes that a frame shows.
 
     Attributes:
@@ -119,34 +119,34 @@ class Evidence:
     wide: Float32Array
     broad: Float32Array
     horizon_px: float
-    min_h: float
+    min_depth_px: float
     pinhole: Pinhole
 
-    def scoring(self, *, beside: float = BESIDE) -> lane_ridge.Scoring:
+    def scoring_settings(self, *, neighbour_weight: float = NEIGHBOUR_WEIGHT) -> lane_ridge.Scoring:
         """Settings with which the kernel judges lanes on this evidence, with a weight for neighbouring lanes."""
-        segment = len(self.rows) // N_SEGMENTS
+        segment = len(self.rows) // N_ROW_SEGMENTS
         return {
             "prior_weight": PRIOR_WEIGHT,
-            "min_h": self.min_h,
-            "beside": beside,
-            "half": HALF * segment,
+            "min_h": self.min_depth_px,
+            "beside": neighbour_weight,
+            "half": HALF_EVIDENCE_SHARE * segment,
             "segment": segment,
             "centre": self.pinhole.centre_px,
             "focal": self.pinhole.focal_px,
         }
 
 
-def rows_of(top_px: float, height_px: int) -> Int32Array:
+def sampled_road_rows(top_px: float, height_px: int) -> Int32Array:
     """Rows that are sampled for stripes, evenly spaced from the top to the bottom of the road."""
     last = height_px - 2.0
-    top = min(max(float(top_px), 0.0), last - 2.0 * N_SEGMENTS)
-    n = min(max(int(ROW_STEP * (last - top)), 2 * N_SEGMENTS), MAX_ROWS)
+    top = min(max(float(top_px), 0.0), last - 2.0 * N_ROW_SEGMENTS)
+    n = min(max(int(SAMPLED_ROW_SHARE * (last - top)), 2 * N_ROW_SEGMENTS), MAX_SAMPLED_ROWS)
     step = (last - top) / (n - 1)  # more than one row
-    return np.rint(top + step * COUNT[:n]).astype(np.int32)
+    return np.rint(top + step * ROW_COUNTER[:n]).astype(np.int32)
 
 
-class Look(Protocol):
-    """A function that measures the evidence of a frame, such as `evidence_of`."""
+class EvidenceSource(Protocol):
+    """A function that measures the evidence of a frame, such as `measure_stripe_evidence`."""
 
     def __call__(
         self,
@@ -154,44 +154,44 @@ class Look(Protocol):
         rows: Int32Array,
         horizon_px: float,
         pinhole: Pinhole,
-        room: Float32Array | None = None,
+        buffer: Float32Array | None = None,
         *,
         with_joints: bool = False,
-    ) -> Evidence:
+    ) -> StripeEvidence:
         """Measure the evidence in some rows of a frame."""
 
 
-def reaches(width_px: int) -> tuple[int, int]:
+def widening_reaches_px(width_px: int) -> tuple[int, int]:
     """Columns to each side over which the two widened evidences take the greatest value."""
     return max(1, round(width_px / 320)), max(2, round(width_px / 128))
 
 
 @lru_cache(maxsize=8)
-def _stripe_of(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
+def _stripe_settings(stretch: float, *, is_joint: bool = False) -> lane_stripes.Stripe:
     """Settings with which the kernel finds stripes, or joints, for a camera of this fx / fy."""
-    inner, gap, side = (stretch * each for each in (JOINT_WINDOWS if is_joint else WINDOWS))
+    inner, gap, side = (stretch * each for each in (JOINT_WINDOWS if is_joint else STRIPE_WINDOWS))
     return {
         "inner": inner,
         "gap": gap,
         "side": side,
-        "floor_grey": FLOOR_GREY,
-        "relative": RELATIVE,
-        "rough": ROUGH,
-        "lopsided": LOPSIDED,
-        "dead": DEAD,
-        "crowded": JOINT_CROWDED if is_joint else CROWDED,
+        "floor_grey": NOISE_FLOOR_GREY,
+        "relative": NOISE_BRIGHTNESS_SHARE,
+        "rough": NOISE_ROUGHNESS_FACTOR,
+        "lopsided": ASYMMETRY_PENALTY,
+        "dead": EVIDENCE_DEAD_ZONE,
+        "crowded": JOINT_CROWDING_SHARE if is_joint else STRIPE_CROWDING_SHARE,
     }
 
 
-def evidence_of(
+def measure_stripe_evidence(
     grey: GreyImage,
     rows: Int32Array,
     horizon_px: float,
     pinhole: Pinhole,
-    room: Float32Array | None = None,
+    buffer: Float32Array | None = None,
     *,
     with_joints: bool = False,
-) -> Evidence:
+) -> StripeEvidence:
     """Measure the stripes of a frame for a horizon.
 
     Args:
@@ -204,24 +204,26 @@ def evidence_of(
     """
     height, width = grey.shape
     size = 3 * len(rows) * width
-    evidence = (np.empty(size, np.float32) if room is None else room[:size]).reshape(3, len(rows), width)
-    reach, broad_reach = reaches(width)
+    evidence = (np.empty(size, np.float32) if buffer is None else buffer[:size]).reshape(3, len(rows), width)
+    reach, broad_reach = widening_reaches_px(width)
     lane_stripes.stripes(
         np.ascontiguousarray(grey),
         rows,
         horizon_px,
-        _stripe_of(pinhole.stretch),
-        _stripe_of(pinhole.stretch, is_joint=True),
+        _stripe_settings(pinhole.focal_length_ratio),
+        _stripe_settings(pinhole.focal_length_ratio, is_joint=True),
         joint_weight=JOINT_WEIGHT if with_joints else 0.0,
-        joint_reach=JOINT_REACH * pinhole.stretch,
+        joint_reach=MAX_JOINT_DISTANCE * pinhole.focal_length_ratio,
         reach=reach,
         broad_reach=broad_reach,
         evidence=evidence,
     )
-    return Evidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH * height, pinhole)
+    return StripeEvidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH_SHARE * height, pinhole)
 
 
-def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) -> tuple[FloatArray, FloatArray]:
+def scan_lane_grid(
+    evidence: StripeEvidence, prior: LanePrior, width_px: int, height_px: int
+) -> tuple[FloatArray, FloatArray]:
     """The best lane for each vanishing point and bend at the evidence's horizon.
 
     Returns:
@@ -235,18 +237,20 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     bend_step = 0.024 * width_px * (0.1 * height_px)
     n = int(np.clip(np.ceil(3.3 * table[BEND, SIGMA] / bend_step), 1, 24))
     bends: FloatArray = np.asarray(table[BEND, MEAN] + bend_step * np.arange(-n, n + 1), np.float64)
-    most = (1.5 if BESIDE else 0.5) * table[WIDTH, HIGH] + max(abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH]))
-    place_step = max(PLACE_STEP, most / MAX_PLACES)
+    most = (1.5 if NEIGHBOUR_WEIGHT else 0.5) * table[WIDTH, HIGH] + max(
+        abs(table[MIDDLE, LOW]), abs(table[MIDDLE, HIGH])
+    )
+    place_step = max(SCAN_PLACE_STEP, most / MAX_SCAN_PLACES)
     n = int(np.ceil(most / place_step))
     places: FloatArray = np.asarray(place_step * (np.arange(-n, n) + 0.5), np.float64)
     depths: FloatArray = np.asarray(evidence.rows - evidence.horizon_px, np.float64)
-    depths[depths < evidence.min_h] = -1.0
+    depths[depths < evidence.min_depth_px] = -1.0
     best = lane_ridge.scan(
         evidence.wide,
         np.ascontiguousarray(table),
-        evidence.scoring(),
+        evidence.scoring_settings(),
         depths=depths,
-        step=SCAN_STEP,
+        step=SCAN_ROW_STEP,
         vanishing=vanishing,
         bends=bends,
         places=places,
@@ -263,15 +267,15 @@ def scan(evidence: Evidence, prior: LanePrior, width_px: int, height_px: int) ->
     return lanes.reshape(-1, 6)[order], value[order]
 
 
-def refined(
-    evidence: Evidence,
+def refine_lanes(
+    evidence: StripeEvidence,
     lanes: FloatArray,
     table: FloatArray,
     size: tuple[int, int],
     *,
-    wide: bool,
-    scale: float = 1.0,
-    beside: float = BESIDE,
+    use_wide_evidence: bool,
+    step_scale: float = 1.0,
+    neighbour_weight: float = NEIGHBOUR_WEIGHT,
 ) -> tuple[FloatArray, FloatArray]:
     """Refine lanes by a pattern search from each; returns the lanes, shape (k, 6), and their objectives, shape (k,).
 
@@ -288,72 +292,79 @@ def refined(
     refined_lanes = np.array(lanes, np.float64, ndmin=2)
     horizon = float(refined_lanes[0, HORIZON]) if len(refined_lanes) == 1 else float(refined_lanes[:, HORIZON].mean())
     depth = height_px - horizon
-    near, far, down = 0.012 * scale * width_px, 0.008 * scale * width_px, 0.008 * scale * height_px
+    near, far, down = 0.012 * step_scale * width_px, 0.008 * step_scale * width_px, 0.008 * step_scale * height_px
     spiral = far if table[SPIRAL, LOW] < table[SPIRAL, HIGH] else 0.0
     steps = np.array([near, near, far, far, down, spiral])
     value = lane_ridge.refine(
-        evidence.wide if wide else evidence.sharp,
+        evidence.wide if use_wide_evidence else evidence.sharp,
         evidence.broad,
         evidence.rows,
         refined_lanes,
         table,
-        evidence.scoring(beside=beside),
+        evidence.scoring_settings(neighbour_weight=neighbour_weight),
         near_v=horizon + 0.6 * depth,
         far_v=horizon + 0.15 * depth,
         steps=steps,
-        halvings=4 if wide else 6,
+        halvings=4 if use_wide_evidence else 6,
     )
     return refined_lanes, value
 
 
-def judged(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
+def lane_objectives(evidence: StripeEvidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
     """Objectives of lanes, shape (k,), the neighbouring lanes' boundaries included."""
-    return lane_ridge.objective(evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring())
+    return lane_ridge.objective(
+        evidence.sharp, evidence.broad, evidence.rows, lanes, table, evidence.scoring_settings()
+    )
 
 
-def widely_best(evidence: Evidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
+def best_lane_on_wide_evidence(evidence: StripeEvidence, lanes: FloatArray, table: FloatArray) -> FloatArray:
     """The lane (6,) among several (k, 6) with the greatest objective on widened evidence, without neighbours."""
-    scoring = evidence.scoring(beside=0.0)
+    scoring = evidence.scoring_settings(neighbour_weight=0.0)
     value = lane_ridge.objective(evidence.wide, evidence.broad, evidence.rows, lanes, table, scoring)
     return np.asarray(lanes[int(value.argmax())])
 
 
-def distinct(lanes: FloatArray, n: int) -> FloatArray:
+def first_distinct_lanes(lanes: FloatArray, n: int) -> FloatArray:
     """The first n lanes that differ from all lanes before them; fewer if there are not so many."""
     chosen: list[FloatArray] = []
     for lane in lanes:
-        if not any(is_same(lane, other) for other in chosen):
+        if not any(is_same_lane(lane, other) for other in chosen):
             chosen.append(lane)
             if len(chosen) == n:
                 break
     return np.array(chosen)
 
 
-def is_same(lane: FloatArray, other: FloatArray) -> bool:
+def is_same_lane(lane: FloatArray, other: FloatArray) -> bool:
     """Whether two lanes are the same: neither their boundaries nor their horizons differ by more than the
     tolerances."""
     _, middle, width, _, horizon, _ = lane.tolist()
     _, other_middle, other_width, _, other_horizon, _ = other.tolist()
     apart = abs(middle - other_middle) + 0.5 * abs(width - other_width)  # of the boundary that differs more
-    return bool(apart <= SAME_PLACE and abs(horizon - other_horizon) <= SAME_HORIZON_PX)
+    return bool(apart <= SAME_LANE_TOLERANCE and abs(horizon - other_horizon) <= SAME_HORIZON_TOLERANCE_PX)
 
 
-def with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
+def prior_with_vanishing_point(grey: GreyImage, prior: LanePrior) -> LanePrior:
     """The prior with horizon and direction taken from the vanishing point of the frame's straight edges."""
     height, width = grey.shape
-    point = vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
+    point = find_vanishing_point(grey, float(prior.table[VANISHING, MEAN]))
     if point is None:
         return prior
     table = prior.table.copy()
-    table[HORIZON] = point.v_px, VP_HORIZON * height, point.v_px - 0.05 * height, point.v_px + 0.05 * height
-    sigma = VP_COLUMN * width
+    table[HORIZON] = (
+        point.v_px,
+        VANISHING_ROW_SIGMA_SHARE * height,
+        point.v_px - 0.05 * height,
+        point.v_px + 0.05 * height,
+    )
+    sigma = VANISHING_COLUMN_SIGMA_SHARE * width
     table[VANISHING] = point.u_px, sigma, point.u_px - 5.0 * sigma, point.u_px + 5.0 * sigma
     return prior.with_table(table)
 
 
-def acquire(
-    grey: GreyImage, camera: Camera, prior: LanePrior, look: Look = evidence_of
-) -> tuple[FloatArray, FloatArray, Evidence]:
+def search_first_frame(
+    grey: GreyImage, camera: Camera, prior: LanePrior, evidence_source: EvidenceSource = measure_stripe_evidence
+) -> tuple[FloatArray, FloatArray, StripeEvidence]:
     """Search a first frame for the lanes that it supports best, knowing nothing but the prior.
 
     Args:
@@ -370,29 +381,35 @@ def acquire(
     height, width = grey.shape
     row = prior.table[HORIZON]
     horizons = row[MEAN] + row[SIGMA] * np.array([-1.5, 0.0, 1.5])
-    rows = rows_of(row[MEAN] + MIN_DEPTH * height, height)
+    rows = sampled_road_rows(row[MEAN] + MIN_DEPTH_SHARE * height, height)
     starts: list[FloatArray] = []
     values: list[FloatArray] = []
     for horizon in horizons.tolist():
-        evidence = look(grey, rows, horizon, prior.pinhole)
-        lanes, _ = scan(evidence, prior, width, height)
-        lanes, value = refined(evidence, distinct(lanes[:60], 4), prior.table, (width, height), wide=True)
+        evidence = evidence_source(grey, rows, horizon, prior.pinhole)
+        lanes, _ = scan_lane_grid(evidence, prior, width, height)
+        lanes, value = refine_lanes(
+            evidence, first_distinct_lanes(lanes[:60], 4), prior.table, (width, height), use_wide_evidence=True
+        )
         starts.append(lanes)
         values.append(value)
     lanes, value = np.concatenate(starts), np.concatenate(values)
-    lanes = distinct(lanes[np.argsort(-value, kind="stable")], N_KEPT)
-    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.pinhole, with_joints=True)
+    lanes = first_distinct_lanes(lanes[np.argsort(-value, kind="stable")], MAX_REFINED_LANES)
+    evidence = evidence_source(grey, rows, float(lanes[0, HORIZON]), prior.pinhole, with_joints=True)
     for wide in (True, False):
-        lanes, _ = refined(evidence, lanes, prior.table, (width, height), wide=wide, scale=1.0 if wide else 0.5)
-    lanes = innermost(evidence, lanes, prior, (width, height))
-    lanes = lanes[np.argsort(-judged(evidence, lanes, prior.table), kind="stable")]
-    lanes[0] = mean_lane(partial(judged, evidence, table=prior.table), lanes[0], prior.table, (width, height))
-    evidence = look(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
-    return lanes, judged(evidence, lanes, prior.table), evidence
+        lanes, _ = refine_lanes(
+            evidence, lanes, prior.table, (width, height), use_wide_evidence=wide, step_scale=1.0 if wide else 0.5
+        )
+    lanes = move_to_inner_stripes(evidence, lanes, prior, (width, height))
+    lanes = lanes[np.argsort(-lane_objectives(evidence, lanes, prior.table), kind="stable")]
+    lanes[0] = weighted_mean_lane(
+        partial(lane_objectives, evidence, table=prior.table), lanes[0], prior.table, (width, height)
+    )
+    evidence = evidence_source(grey, rows, float(lanes[0, HORIZON]), prior.pinhole)
+    return lanes, lane_objectives(evidence, lanes, prior.table), evidence
 
 
-def glance(
-    evidence: Evidence, prior: LanePrior, size: tuple[int, int], known: Sequence[FloatArray]
+def search_rival_lanes(
+    evidence: StripeEvidence, prior: LanePrior, size: tuple[int, int], known: Sequence[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Search for other lanes at a known horizon, under a narrow prior of direction and bend.
 
@@ -405,32 +422,39 @@ def glance(
     Returns:
         Lanes, shape (k, 6), and their objectives, shape (k,); k may be 0.
     """
-    lanes = _unknown(distinct(scan(evidence, prior, *size)[0], 2), known)
+    lanes = _drop_known_lanes(first_distinct_lanes(scan_lane_grid(evidence, prior, *size)[0], 2), known)
     if len(lanes):
-        lanes, _ = refined(evidence, lanes, prior.table, size, wide=True)
-        lanes, _ = refined(evidence, lanes, prior.table, size, wide=False, scale=0.5)
-        lanes = _unknown(innermost(evidence, lanes, prior, size), known)
-    return lanes, judged(evidence, lanes, prior.table)
+        lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=True)
+        lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=False, step_scale=0.5)
+        lanes = _drop_known_lanes(move_to_inner_stripes(evidence, lanes, prior, size), known)
+    return lanes, lane_objectives(evidence, lanes, prior.table)
 
 
-def _unknown(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
+def _drop_known_lanes(lanes: FloatArray, known: Sequence[FloatArray]) -> FloatArray:
     """Lanes that are none of the known ones."""
-    return lanes[[not any(is_same(lane, other) for other in known) for lane in lanes]]
+    return lanes[[not any(is_same_lane(lane, other) for other in known) for lane in lanes]]
 
 
-def innermost(evidence: Evidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]) -> FloatArray:
+def move_to_inner_stripes(
+    evidence: StripeEvidence, lanes: FloatArray, prior: LanePrior, size: tuple[int, int]
+) -> FloatArray:
     """Lanes whose boundaries are moved to the inner stripe of a double marking, where there is one."""
-    shifts = INNER_SHIFTS * prior.pinhole.stretch
+    shifts = INNER_STRIPE_SHIFTS * prior.pinhole.focal_length_ratio
     moved_lanes = np.array(lanes)
     for lane in moved_lanes:
         for sign in (1.0, -1.0):
             own = lane[MIDDLE] - 0.5 * sign * lane[WIDTH]
-            values = lane_ridge.along(evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.scoring())
+            values = lane_ridge.along(
+                evidence.sharp, evidence.rows, lane, own + sign * shifts, evidence.scoring_settings()
+            )
             mean = np.maximum(values, 0.0).mean(axis=1)
             k = 1 + int(mean[1:].argmax())
-            if mean[k] > INNER_SHARE * max(mean[0], INNER_LEAST) and mean[: k + 1].min() < 0.5 * mean[k]:
+            if (
+                mean[k] > MIN_INNER_STRIPE_SHARE * max(mean[0], MIN_OUTER_STRIPE_EVIDENCE)
+                and mean[: k + 1].min() < 0.5 * mean[k]
+            ):
                 lane[MIDDLE] += 0.5 * sign * shifts[k]
                 lane[WIDTH] -= shifts[k]
         # (the following search has short steps: it can't jump back)
-    moved_lanes, _ = refined(evidence, moved_lanes, prior.table, size, wide=False, scale=0.12)
+    moved_lanes, _ = refine_lanes(evidence, moved_lanes, prior.table, size, use_wide_evidence=False, step_scale=0.12)
     return moved_lanes

@@ -8,29 +8,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import Evidence, judged, refined, widely_best
+from cwcli.vision.lane_detect import StripeEvidence, best_lane_on_wide_evidence, lane_objectives, refine_lanes
 from cwcli.vision.lane_following import (
-    MARGIN_M,
-    UNTOLD_SIDEWAYS_MPS,
-    apart_m,
-    lines_at,
-    narrowed,
-    pitched,
-    turned,
+    MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
+    MOVEMENT_MARGIN_M,
+    curvature_candidates,
+    has_lines_at_boundaries,
+    max_boundary_difference_m,
+    narrow_prior_table,
+    pitch_candidates,
 )
-from cwcli.vision.lane_mean import SCALE
-from cwcli.vision.lane_model import HIGH, LOW, LanePrior, coincide
-from cwcli.vision.lane_sides import NO_LINE, Sides
+from cwcli.vision.lane_mean import OBJECTIVE_SCALE
+from cwcli.vision.lane_model import HIGH, LOW, LanePrior, is_same_lane_in_image
+from cwcli.vision.lane_sides import NO_LINE, LinePairState
 
-LEAST_RIVAL = 5.0 * SCALE
+MAX_RIVAL_DEFICIT = 5.0 * OBJECTIVE_SCALE
 """Greatest deficit of objective with which a lane is still a rival: below it, it has less than 1 % of the
 probability."""
-SWITCH_GAIN = 0.03
+SWITCH_OBJECTIVE_GAIN = 0.03
 """Objective by which a hypothesis must be better than another one to take its place. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class LaneHypothesis:
     """A lane that is followed.
 
     Attributes:
@@ -47,21 +47,21 @@ class Hypothesis:
 
     lane: FloatArray
     value: float
-    last: float
-    start: float = 0.0
+    last_value: float
+    start_penalty: float = 0.0
     better_s: float = 0.0
-    change: int = 0
-    sides: Sides | None = None
+    lane_change: int = 0
+    line_pair: LinePairState | None = None
     is_tight: bool = False
 
     @property
-    def carried(self) -> int:
+    def carried_side(self) -> int:
         """The boundary whose place follows from the other line (`lane_sides`), or `NO_LINE`."""
-        return NO_LINE if self.sides is None else self.sides.carried
+        return NO_LINE if self.line_pair is None else self.line_pair.carried_side
 
 
-def improved(
-    evidence: Evidence,
+def refine_predicted_lane(
+    evidence: StripeEvidence,
     lane: FloatArray,
     prior: LanePrior,
     size: tuple[int, int],
@@ -81,24 +81,34 @@ def improved(
         sideways_mps: Greatest lateral speed at which the prediction may be wrong.
         is_slow: The car is slow, so that bends may begin and end within sight: other bends are tried too.
     """
-    table = narrowed(prior, lane, dt_s, sideways_mps)
+    table = narrow_prior_table(prior, lane, dt_s, sideways_mps)
     lane = np.minimum(np.maximum(lane, table[:, LOW]), table[:, HIGH])
     if (
-        not prior.is_mounted
+        not prior.is_mounting_known
     ):  # else the horizon is known from the mounting, and the search's own steps reach what bumps do
-        lane = widely_best(evidence, pitched(lane, prior, table, dt_s), table)
+        lane = best_lane_on_wide_evidence(evidence, pitch_candidates(lane, prior, table, dt_s), table)
     starts = lane[None]
     if is_slow:
-        best = widely_best(evidence, turned(lane, prior, table, size[1]), table)
+        best = best_lane_on_wide_evidence(evidence, curvature_candidates(lane, prior, table, size[1]), table)
         if not np.array_equal(best, lane):
             starts = np.stack([lane, best])
-    lanes, values = refined(evidence, starts, table, size, wide=True, scale=1.0, beside=0.0)
-    lanes, _ = refined(evidence, lanes[int(values.argmax())], table, size, wide=False, scale=0.5, beside=0.0)
-    return lanes[0], float(judged(evidence, lanes, prior.table)[0])
+    lanes, values = refine_lanes(
+        evidence, starts, table, size, use_wide_evidence=True, step_scale=1.0, neighbour_weight=0.0
+    )
+    lanes, _ = refine_lanes(
+        evidence,
+        lanes[int(values.argmax())],
+        table,
+        size,
+        use_wide_evidence=False,
+        step_scale=0.5,
+        neighbour_weight=0.0,
+    )
+    return lanes[0], float(lane_objectives(evidence, lanes, prior.table)[0])
 
 
-def tight_or_gentle(
-    evidence: Evidence,
+def choose_tight_or_gentle_bend(
+    evidence: StripeEvidence,
     lane: FloatArray,
     found: tuple[FloatArray, float],
     prior: LanePrior,
@@ -113,16 +123,19 @@ def tight_or_gentle(
         found: The tight bend, shape (6,), and its objective.
         prior: The prior of gentle bends.
     """
-    gentle, last = improved(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
-    reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
-    if found[1] <= last + SWITCH_GAIN and apart_m(gentle, found[0], prior, size[1]) <= reach_m:
+    gentle, last = refine_predicted_lane(evidence, lane, prior, size, dt_s, sideways_mps, is_slow=False)
+    reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
+    if (
+        found[1] <= last + SWITCH_OBJECTIVE_GAIN
+        and max_boundary_difference_m(gentle, found[0], prior, size[1]) <= reach_m
+    ):
         return gentle, last, False
     return *found, True
 
 
-def add_bent(
-    followed: list[Hypothesis],
-    evidence: Evidence,
+def add_tight_bend_hypothesis(
+    followed: list[LaneHypothesis],
+    evidence: StripeEvidence,
     tight: LanePrior,
     size: tuple[int, int],
     dt_s: float,
@@ -130,14 +143,14 @@ def add_bent(
 ) -> None:
     """Add the published lane, the first, once more as a tight bend, if that is clearly better."""
     lead = followed[0]
-    lane, last = improved(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
-    if last > lead.last + SWITCH_GAIN:
-        value = lead.value + last - lead.last
-        add_merged(followed, replace(lead, lane=lane, value=value, last=last, is_tight=True), size)
+    lane, last = refine_predicted_lane(evidence, lead.lane, tight, size, dt_s, sideways_mps, is_slow=True)
+    if last > lead.last_value + SWITCH_OBJECTIVE_GAIN:
+        value = lead.value + last - lead.last_value
+        add_or_merge_hypothesis(followed, replace(lead, lane=lane, value=value, last_value=last, is_tight=True), size)
 
 
-def doubted(
-    chances: tuple[float, float], lane: Hypothesis, rivals: list[Hypothesis], height_px: int
+def share_probability_with_rivals(
+    chances: tuple[float, float], lane: LaneHypothesis, rivals: list[LaneHypothesis], height_px: int
 ) -> tuple[float, float]:
     """The probabilities of a lane's boundaries after its rivals have taken their share.
 
@@ -152,19 +165,25 @@ def doubted(
     parts = [1.0, 1.0]
     for rival in rivals:
         gain = rival.value - lane.value
-        if gain > -LEAST_RIVAL:
-            part = math.exp(min(gain, LEAST_RIVAL) / SCALE)
-            for side, has_line in enumerate(lines_at(rival.lane, lane.lane, height_px)):
+        if gain > -MAX_RIVAL_DEFICIT:
+            part = math.exp(min(gain, MAX_RIVAL_DEFICIT) / OBJECTIVE_SCALE)
+            for side, has_line in enumerate(has_lines_at_boundaries(rival.lane, lane.lane, height_px)):
                 parts[side] += 0.0 if has_line else part
     return chances[0] / parts[0], chances[1] / parts[1]
 
 
-def add_merged(followed: list[Hypothesis], new: Hypothesis, size: tuple[int, int]) -> None:
+def add_or_merge_hypothesis(followed: list[LaneHypothesis], new: LaneHypothesis, size: tuple[int, int]) -> None:
     """Add a hypothesis; of two that lie on the same pixels the first stays, unless the new one is clearly better."""
     for k, other in enumerate(followed):
-        if coincide(new.lane, other.lane, *size):
-            if new.last > other.last + SWITCH_GAIN:
+        if is_same_lane_in_image(new.lane, other.lane, *size):
+            if new.last_value > other.last_value + SWITCH_OBJECTIVE_GAIN:
                 value = max(new.value, other.value)
-                followed[k] = replace(new, value=value, change=other.change, start=other.start, sides=other.sides)
+                followed[k] = replace(
+                    new,
+                    value=value,
+                    lane_change=other.lane_change,
+                    start_penalty=other.start_penalty,
+                    line_pair=other.line_pair,
+                )
             return
     followed.append(new)

@@ -18,22 +18,22 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MIDDLE, SPIRAL, VANISHING, WIDTH
 
-SCALE = 0.015
+OBJECTIVE_SCALE = 0.015
 """Difference of objective at which a lane counts 37 % (1 / e); one sigma of the prior takes off 0.02. Chosen in sight
 of 40 labelled and of rendered frames (docs/lanes.md)."""
-N_POINTS, N_ROUNDS = 192, 3
+N_SAMPLE_POINTS, N_FITTING_ROUNDS = 192, 3
 """Number of sample points, and of rounds in which their distribution is fitted. Chosen by hand; not fitted."""
-NEAR, FAR = 0.6, 0.15
+NEAR_ROW_SHARE, FAR_ROW_SHARE = 0.6, 0.15
 """The near and the far row in which lanes are varied, as shares of the way from the horizon to the bottom. Chosen by
 hand; not fitted."""
-SPREAD = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
+FIRST_SIGMA_SHARES = np.array([0.012, 0.012, 0.008, 0.008, 0.008])
 """Sigmas of the first round: left and right column in the near row, middle and bend in the far row (over the image's
 width), and the horizon (over its height). Chosen by hand; not fitted."""
-LEAST_SPREAD = 0.05
+MIN_SIGMA_SHARE = 0.05
 """Share of the first round's sigmas that no later round goes below. Chosen by hand; not fitted."""
 
 
-def _normal_points(n: int) -> FloatArray:
+def _evenly_spread_normal_points(n: int) -> FloatArray:
     """Shape (n, 5): points that fill a normal distribution evenly."""
     root = 1.0
     for _ in range(60):
@@ -43,11 +43,11 @@ def _normal_points(n: int) -> FloatArray:
     return np.array([[inverse(min(max(each, 1e-4), 1.0 - 1e-4)) for each in row] for row in evenly.tolist()])
 
 
-POINTS = _normal_points(N_POINTS)
+NORMAL_POINTS = _evenly_spread_normal_points(N_SAMPLE_POINTS)
 """Points of a five-dimensional normal distribution, shape (192, 5), the same in every run."""
 
 
-def mean_lane(
+def weighted_mean_lane(
     objective: Callable[[FloatArray], FloatArray], lane: FloatArray, table: FloatArray, size: tuple[int, int]
 ) -> FloatArray:
     """The weighted mean of the lanes around one lane, all with its change of curvature.
@@ -63,26 +63,26 @@ def mean_lane(
     """
     width_px, height_px = size
     depth = height_px - lane[HORIZON]
-    rows_px = float(lane[HORIZON] + NEAR * depth), float(lane[HORIZON] + FAR * depth)
+    rows_px = float(lane[HORIZON] + NEAR_ROW_SHARE * depth), float(lane[HORIZON] + FAR_ROW_SHARE * depth)
     spiral = float(lane[SPIRAL])
-    sigmas = SPREAD * np.array([width_px] * 4 + [height_px])
-    mean, covariance = _places(lane, *rows_px), np.diag(sigmas**2)
-    for _ in range(N_ROUNDS):
-        points = mean + POINTS @ np.linalg.cholesky(covariance).T
-        value = objective(_lanes(points, *rows_px, spiral))
+    sigmas = FIRST_SIGMA_SHARES * np.array([width_px] * 4 + [height_px])
+    mean, covariance = _image_places_from_lane(lane, *rows_px), np.diag(sigmas**2)
+    for _ in range(N_FITTING_ROUNDS):
+        points = mean + NORMAL_POINTS @ np.linalg.cholesky(covariance).T
+        value = objective(_lanes_from_image_places(points, *rows_px, spiral))
         if value.max() < -1e20:  # all beyond the bounds
             break
         # a point that lies where few do stands for more
-        exponent = (value - value.max()) / SCALE + 0.5 * (POINTS**2).sum(axis=1)
+        exponent = (value - value.max()) / OBJECTIVE_SCALE + 0.5 * (NORMAL_POINTS**2).sum(axis=1)
         weight = np.exp(exponent - exponent.max())
         weight /= weight.sum()
         mean = weight @ points
         apart = points - mean
-        covariance = (apart * weight[:, None]).T @ apart + np.diag((LEAST_SPREAD * sigmas) ** 2)
-    return np.clip(_lanes(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
+        covariance = (apart * weight[:, None]).T @ apart + np.diag((MIN_SIGMA_SHARE * sigmas) ** 2)
+    return np.clip(_lanes_from_image_places(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
 
 
-def _places(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
+def _image_places_from_lane(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
     """A lane as places in the image, shape (5,): left and right column in a near row, middle and bend's share in a far
     row, horizon."""
     u0, middle, width, bend, horizon, _ = lane.tolist()
@@ -92,7 +92,7 @@ def _places(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
     return np.array([centre - half, centre + half, u0 + middle * far_h + bend / far_h, bend / far_h, horizon])
 
 
-def _lanes(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
+def _lanes_from_image_places(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
     """The lanes (..., 6) that belong to such places (..., 5), with a given change of curvature."""
     left, right, far, share, horizon = np.moveaxis(places, -1, 0)
     near_h, far_h = np.maximum(near_px - horizon, 2.0), np.maximum(far_px - horizon, 1.0)

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.kernels import lane_ridge
-from cwcli.signals.arcs import Pinhole, arc_columns, own_arc
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import Pinhole, arc_parameters_of_parallel_line, image_columns_of_arcs
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import FAR_M, HIGHEST, LOWEST_TOP_PX, MIN_DEPTH
+from cwcli.vision.ground import MAX_SAMPLE_DISTANCE_M, MAX_SAMPLE_HEIGHT_SHARE, MIN_DEPTH_SHARE, MIN_SAMPLED_HEIGHT_PX
 
 VANISHING, MIDDLE, WIDTH = lane_ridge.VANISHING, lane_ridge.MIDDLE, lane_ridge.WIDTH
 """Indices of the first three numbers of a lane: u0 (px), and middle and width over the camera's height times fx /
@@ -34,7 +34,7 @@ BEND, HORIZON, SPIRAL = lane_ridge.BEND, lane_ridge.HORIZON, lane_ridge.SPIRAL
 MEAN, SIGMA, LOW, HIGH = lane_ridge.MEAN, lane_ridge.SIGMA, lane_ridge.LOW, lane_ridge.HIGH
 """Indices of the columns of a prior's table: mean, sigma, lowest and highest value."""
 
-LANE_WIDTH_M = (3.6, 0.22)
+LANE_WIDTH_MEAN_AND_SIGMA_M = (3.6, 0.22)
 """Mean and sigma of the lane width in metres: 3.25 m on main roads to 3.75 m on motorways; 3.66 m (12 ft) in the US."""
 LANE_WIDTH_LIMITS_M = (2.6, 4.6)
 """Least and greatest lane width that is searched, in metres. Chosen by hand; not fitted."""
@@ -54,20 +54,20 @@ not fitted."""
 UNKNOWN_HEIGHT_FACTOR = 0.88
 """Factor of widths where the mounting is not known: cameras are then 1.48 m above the road (behind a windscreen, 1.2 to
 1.7 m), and the assumed height of 1.3 m stays as a unit."""
-UNKNOWN_HEIGHT_SHARE = 0.1
+UNKNOWN_HEIGHT_SIGMA_SHARE = 0.1
 """Sigma of the camera's height over its mean where the mounting is not known. Chosen by hand; not fitted."""
-UNKNOWN_YAW_RAD = 0.035
+UNKNOWN_YAW_SIGMA_RAD = 0.035
 """Sigma of the camera's yaw where the mounting is not known, in radians. Chosen by hand; not fitted."""
-UNKNOWN_HORIZON = (0.45, 0.12, 0.25, 0.66)
+UNKNOWN_HORIZON_SHARES = (0.45, 0.12, 0.25, 0.66)
 """Mean, sigma, lowest and highest row of the horizon over the image's height, where the mounting is not known. Chosen
 by hand; not fitted."""
-SAME_SHARE = 0.006
+SAME_PIXELS_WIDTH_SHARE = 0.006
 """Distance up to which boundaries lie on the same pixels, over the image's width. Chosen by hand; not fitted."""
-SAME_AT = (0.15, 0.6)
+SAME_PIXELS_ROW_SHARES = (0.15, 0.6)
 """Rows in which lanes are compared, as shares of the way from the horizon to the bottom. There are two because lanes
 that bend to different sides may have the same place and width."""
 
-DRIFT = np.array([0.02, 0.25, 0.08, 0.0015, 0.012, 1e-6])
+PREDICTION_DRIFT_SIGMAS = np.array([0.02, 0.25, 0.08, 0.0015, 0.012, 1e-6])
 """Sigmas of a prediction's error after one second, growing with the root of time: heading (rad), place (m), width (m),
 curvature (1/m), pitch (rad), change of curvature (1/m^2). Chosen by hand; not fitted."""
 
@@ -85,17 +85,23 @@ class LanePrior:
     """
 
     table: FloatArray
-    is_mounted: bool
+    is_mounting_known: bool
     pinhole: Pinhole
-    drift: FloatArray
-    per_m: float
+    drift_sigmas: FloatArray
+    place_units_per_m: float
 
     def with_table(self, table: FloatArray, drift: FloatArray | None = None) -> LanePrior:
         """The same prior with another table, and another drift if one is given."""
-        return LanePrior(table, self.is_mounted, self.pinhole, self.drift if drift is None else drift, self.per_m)
+        return LanePrior(
+            table,
+            self.is_mounting_known,
+            self.pinhole,
+            self.drift_sigmas if drift is None else drift,
+            self.place_units_per_m,
+        )
 
 
-def prior_of(camera: Camera) -> LanePrior:
+def first_frame_prior(camera: Camera) -> LanePrior:
     """The prior for the first frame of a camera.
 
     A mounting that equals the stated default counts as unknown.
@@ -104,75 +110,84 @@ def prior_of(camera: Camera) -> LanePrior:
     is_mounted = not camera.is_default and mounting != Mounting()
     height_m, stretch = mounting.height_m, camera.fx / camera.fy
     table = np.empty((6, 4))
-    yaw_sigma = math.hypot(HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_RAD)
+    yaw_sigma = math.hypot(HEADING_SIGMA_RAD, 0.005 if is_mounted else UNKNOWN_YAW_SIGMA_RAD)
     u0 = camera.cx + camera.fx * math.tan(mounting.yaw_rad)
     table[VANISHING] = u0, camera.fx * yaw_sigma, u0 - 4.0 * camera.fx * yaw_sigma, u0 + 4.0 * camera.fx * yaw_sigma
     middle = stretch * mounting.lateral_offset_m / height_m
     per_m = stretch / height_m
     spread = OFFSET_SIGMA_M if is_mounted else math.hypot(OFFSET_SIGMA_M, 0.4)
     table[MIDDLE] = middle, spread * per_m, middle - OFFSET_LIMIT_M * per_m, middle + OFFSET_LIMIT_M * per_m
-    width_m, width_sigma_m = LANE_WIDTH_M
+    width_m, width_sigma_m = LANE_WIDTH_MEAN_AND_SIGMA_M
     if not is_mounted:
-        width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SHARE * width_m)
+        width_sigma_m = math.hypot(width_sigma_m, UNKNOWN_HEIGHT_SIGMA_SHARE * width_m)
         width_m *= UNKNOWN_HEIGHT_FACTOR
     low, high = (each * per_m for each in LANE_WIDTH_LIMITS_M)
     table[WIDTH] = width_m * per_m, width_sigma_m * per_m, low if is_mounted else 0.65 * low, high
-    bend = bend_unit(camera)
+    bend = bend_px2_per_curvature(camera)
     bend *= 1.0 if is_mounted else 2.0
     table[BEND] = 0.0, CURVATURE_SIGMA_1PM * bend, -CURVATURE_LIMIT_1PM * bend, CURVATURE_LIMIT_1PM * bend
     if is_mounted:
-        v0 = float(camera.horizon_v_px())
+        v0 = float(camera.horizon_row_px())
         reach = camera.fy * PITCH_SIGMA_RAD
         table[HORIZON] = v0, reach, v0 - 5.0 * reach, v0 + 5.0 * reach
     else:
-        table[HORIZON] = np.array(UNKNOWN_HORIZON) * camera.height_px
+        table[HORIZON] = np.array(UNKNOWN_HORIZON_SHARES) * camera.height_px
     table[SPIRAL] = 0.0, 1.0, 0.0, 0.0
-    unit = np.array([camera.fx, per_m, per_m, bend_unit(camera), camera.fy, spiral_unit(camera)])
-    return LanePrior(table, is_mounted, pinhole_of(camera), DRIFT * unit, per_m)
+    unit = np.array(
+        [camera.fx, per_m, per_m, bend_px2_per_curvature(camera), camera.fy, spiral_px3_per_curvature_change(camera)]
+    )
+    return LanePrior(table, is_mounted, pinhole_of_camera(camera), PREDICTION_DRIFT_SIGMAS * unit, per_m)
 
 
-def pinhole_of(camera: Camera) -> Pinhole:
+def pinhole_of_camera(camera: Camera) -> Pinhole:
     """The intrinsics that the shape of a road in the image depends on."""
     return Pinhole(camera.cx, camera.fx, camera.fx / camera.fy)
 
 
-def bend_unit(camera: Camera) -> float:
+def bend_px2_per_curvature(camera: Camera) -> float:
     """The bend (px^2) of a road of curvature 1 1/m."""
     return camera.fx * camera.fy * camera.mounting.height_m / 2.0
 
 
-def spiral_unit(camera: Camera) -> float:
+def spiral_px3_per_curvature_change(camera: Camera) -> float:
     """The spiral (px^3) of a road whose curvature changes by 1 1/m in a metre."""
     return camera.fx * (camera.fy * camera.mounting.height_m) ** 2 / 6.0
 
 
-def pitch_of(lane: FloatArray, camera: Camera) -> float:
+def pitch_from_horizon_rad(lane: FloatArray, camera: Camera) -> float:
     """The camera's pitch that follows from the lane's horizon, in radians, nose down positive."""
     return math.atan((camera.cy - float(lane[HORIZON])) / camera.fy)
 
 
-def columns_of_lane(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
+def boundary_columns_in_rows_px(lane: FloatArray, v_px: FloatArray, pinhole: Pinhole) -> FloatArray:
     """Columns of both boundaries in n rows, shape (2, n); NaN at and above the horizon, and where they have turned
     back."""
     centre, focal = np.array(pinhole.centre_px + 1.0), np.array(pinhole.focal_px)
-    return arc_columns(roads_of_lane(lane, pinhole)[:, None], v_px - lane[HORIZON], centre, focal) - 1.0
+    return (
+        image_columns_of_arcs(boundary_road_curves(lane, pinhole)[:, None], v_px - lane[HORIZON], centre, focal) - 1.0
+    )
 
 
-def roads_of_lane(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
-    """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3) (`arcs.arc_columns`), columns
-    counted from 1."""
+def boundary_road_curves(lane: FloatArray, pinhole: Pinhole) -> FloatArray:
+    """Curves of both boundaries, shape (2, 4): far (px), near, bend (px^2), spiral (px^3)
+    (`arcs.image_columns_of_arcs`), columns counted from 1."""
     u0, middle, width, bend, _, spiral = lane.tolist()
-    curves = np.array([own_arc(u0, middle + sign * 0.5 * width, bend, spiral, pinhole) for sign in (-1.0, 1.0)])
+    curves = np.array(
+        [
+            arc_parameters_of_parallel_line(u0, middle + sign * 0.5 * width, bend, spiral, pinhole)
+            for sign in (-1.0, 1.0)
+        ]
+    )
     curves[:, 0] += 1.0
     return curves
 
 
-def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
+def is_same_lane_in_image(lane: FloatArray, other: FloatArray, width_px: int, height_px: int) -> bool:
     """Whether the boundaries of two lanes lie on the same pixels, near and far."""
     u0, middle, width, bend, horizon, spiral = lane.tolist()
     other_u0, other_middle, other_width, other_bend, other_horizon, other_spiral = other.tolist()
     depth = height_px - 0.5 * (horizon + other_horizon)
-    for share in SAME_AT:
+    for share in SAME_PIXELS_ROW_SHARES:
         h = height_px - (1.0 - share) * depth - horizon
         other_h = h + horizon - other_horizon
         if h <= 0.0 or other_h <= 0.0:
@@ -180,31 +195,31 @@ def coincide(lane: FloatArray, other: FloatArray, width_px: int, height_px: int)
         column = u0 + middle * h + (bend + spiral / h) / h
         apart = column - (other_u0 + other_middle * other_h + (other_bend + other_spiral / other_h) / other_h)
         wider = 0.5 * (width * h - other_width * other_h)
-        if abs(apart) + abs(wider) > SAME_SHARE * width_px:
+        if abs(apart) + abs(wider) > SAME_PIXELS_WIDTH_SHARE * width_px:
             return False
     return True
 
 
-def top_row_px(lane: FloatArray, camera: Camera) -> float:
+def max_fit_height_px(lane: FloatArray, camera: Camera) -> float:
     """Height above the image's bottom up to which parabolas are fitted: the road 60 m ahead, at most the paper's
     rows."""
-    below_rad = math.atan(camera.mounting.height_m / FAR_M) - pitch_of(lane, camera)
+    below_rad = math.atan(camera.mounting.height_m / MAX_SAMPLE_DISTANCE_M) - pitch_from_horizon_rad(lane, camera)
     y_px = camera.height_px - (camera.cy + camera.fy * math.tan(below_rad))
-    return min(max(y_px, LOWEST_TOP_PX), HIGHEST * camera.height_px)
+    return min(max(y_px, MIN_SAMPLED_HEIGHT_PX), MAX_SAMPLE_HEIGHT_SHARE * camera.height_px)
 
 
-def parabolas_of_lane(lane: FloatArray, camera: Camera) -> FloatArray:
+def fit_boundary_parabolas(lane: FloatArray, camera: Camera) -> FloatArray:
     """Shape (2, 3): a, b, c of the best parabola of each boundary; NaN where the road is out of sight.
 
     It is fitted at the samples from which `ground` takes the road back.
     """
-    top_px = top_row_px(lane, camera)
+    top_px = max_fit_height_px(lane, camera)
     return lane_ridge.parabolas(
         lane,
         top_y=top_px,
         height=camera.height_px,
         width=camera.width_px,
-        min_h=MIN_DEPTH * camera.height_px,
+        min_h=MIN_DEPTH_SHARE * camera.height_px,
         centre=camera.cx,
         focal=camera.fx,
     )

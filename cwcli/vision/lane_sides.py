@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_belief import supports
-from cwcli.vision.lane_detect import Evidence, refined
-from cwcli.vision.lane_following import narrowed
+from cwcli.vision.boundary_probability import boundary_paint_shares
+from cwcli.vision.lane_detect import StripeEvidence, refine_lanes
+from cwcli.vision.lane_following import narrow_prior_table
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -32,38 +32,38 @@ from cwcli.vision.lane_model import (
 
 NO_LINE, LEFT, RIGHT = -1, 0, 1
 """Numbers of the lines: none, the left one, the right one."""
-AT_M = np.array([7.0, 25.0])
+COMPARISON_DISTANCES_M = np.array([7.0, 25.0])
 """Distances ahead at which the lanes by both lines are compared, in metres. Chosen by hand; not fitted."""
-APART_M = np.array([0.1, 0.2])
+DIVERGENCE_LIMITS_M = np.array([0.1, 0.2])
 """Distances in metres between both lanes, at those places, above which the lines are not parallel: a taper of 1 : 60 at
 both."""
-PARALLEL = 0.4
+PARALLEL_LIMIT_SHARE = 0.4
 """Share of those distances below which both lines give the same lane. Chosen by hand; not fitted."""
-AWAY_M = 0.5
+LOST_LINE_DISTANCE_M = 0.5
 """Distance in metres from which a line that has left is looked for again in its place. Chosen by hand; not fitted."""
-LEAST_SUPPORT = 0.05
+MIN_PAINT_SHARE = 0.05
 """Least share of paint with which a line gives a lane. Chosen by hand; not fitted."""
-SHAPE_SUPPORT = 0.1
+MIN_PAINT_SHARE_FOR_SHAPE = 0.1
 """Least share of paint of both lines with which their shapes are compared: two or three dots fit any bend. Chosen on
 drives with raised dots (docs/lanes.md)."""
-MEMORY_S = 0.3
+DIVERGENCE_MEMORY_S = 0.3
 """Time constant in seconds with which the distance between both lanes is smoothed. Chosen by hand; not fitted."""
-BEND_S = 1.0
+BEND_MEMORY_S = 1.0
 """Time constant in seconds with which the bends of both lines are smoothed. In that time a road's bend changes by
 0.0003 1/m (a clothoid of A = 300 m at 25 m/s), that of a line with a kink by more."""
-WIDTH_S = 3.0
+WIDTH_MEMORY_S = 3.0
 """Time constant in seconds with which the lane's width is smoothed. Chosen by hand; not fitted."""
-SETTLED_S = 1.0
+WIDTH_KNOWN_AFTER_S = 1.0
 """Time in seconds after which the lane's width counts as known. Chosen by hand; not fitted."""
-LONGEST_S = 10.0
+MAX_TIME_BY_ONE_LINE_S = 10.0
 """Longest time in seconds for which a lane goes on by one line: a taper of 240 m takes as long. Later any other lane
 may be the right one."""
-WIDTH_REACH_M = 0.15
+MAX_WIDTH_CHANGE_M = 0.15
 """Greatest change of the lane's width in metres once it is known. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Sides:
+class LinePairState:
     """State of a followed lane's two lines.
 
     Attributes:
@@ -81,57 +81,59 @@ class Sides:
     """
 
     width: float
-    seen_s: float
-    alone_s: float
-    lanes: FloatArray
-    bends: FloatArray
-    driven: float
-    apart: FloatArray
-    doubt: float
-    verdict: float
-    leaving: int
-    carried: int = NO_LINE
+    agreed_s: float
+    by_one_line_s: float
+    lanes_by_line: FloatArray
+    smoothed_bends_px2: FloatArray
+    driven_bend_px2: float
+    divergence_m: FloatArray
+    bend_doubt_px2: float
+    greatest_bend_doubt_px2: float
+    leaving_side: int
+    carried_side: int = NO_LINE
 
     @property
-    def is_settled(self) -> bool:
+    def is_width_known(self) -> bool:
         """Whether the width is known."""
-        return self.seen_s >= SETTLED_S
+        return self.agreed_s >= WIDTH_KNOWN_AFTER_S
 
     @property
-    def is_quiet(self) -> bool:
+    def do_lines_agree(self) -> bool:
         """Whether both lines agreed when they were last seen."""
-        return self.alone_s == 0.0 and bool((np.abs(self.apart) < PARALLEL * APART_M).all())
+        return self.by_one_line_s == 0.0 and bool(
+            (np.abs(self.divergence_m) < PARALLEL_LIMIT_SHARE * DIVERGENCE_LIMITS_M).all()
+        )
 
-    def may_become(self, lane: FloatArray, prior: LanePrior) -> bool:
+    def may_be_replaced_by(self, lane: FloatArray, prior: LanePrior) -> bool:
         """Whether another lane may take this one's place: both lines agree, and its width is the known one."""
-        is_as_wide = abs(float(lane[WIDTH]) - self.width) <= WIDTH_REACH_M * prior.per_m
-        return not self.is_settled or (is_as_wide and self.alone_s == 0.0)
+        is_as_wide = abs(float(lane[WIDTH]) - self.width) <= MAX_WIDTH_CHANGE_M * prior.place_units_per_m
+        return not self.is_width_known or (is_as_wide and self.by_one_line_s == 0.0)
 
-    def learned(self, width: float, dt_s: float) -> Sides:
+    def with_updated_width(self, width: float, dt_s: float) -> LinePairState:
         """The state after a frame in which both lines gave a lane of this width."""
-        seen_s = self.seen_s + dt_s
-        share = max(1.0 - math.exp(-dt_s / WIDTH_S), dt_s / max(seen_s, dt_s, 1e-9))
-        return replace(self, width=self.width + share * (width - self.width), seen_s=seen_s)
+        seen_s = self.agreed_s + dt_s
+        share = max(1.0 - math.exp(-dt_s / WIDTH_MEMORY_S), dt_s / max(seen_s, dt_s, 1e-9))
+        return replace(self, width=self.width + share * (width - self.width), agreed_s=seen_s)
 
 
-def sides_of(lane: FloatArray) -> Sides:
+def initial_line_pair_state(lane: FloatArray) -> LinePairState:
     """The first state, for a lane that has just been found."""
     both = np.stack([lane, lane])
-    return Sides(float(lane[WIDTH]), 0.0, 0.0, both, both[:, BEND], math.nan, np.zeros(2), 0.0, 0.0, NO_LINE)
+    return LinePairState(float(lane[WIDTH]), 0.0, 0.0, both, both[:, BEND], math.nan, np.zeros(2), 0.0, 0.0, NO_LINE)
 
 
-def as_wide(prior: LanePrior, sides: Sides | None) -> LanePrior:
+def prior_with_known_width(prior: LanePrior, sides: LinePairState | None) -> LanePrior:
     """The prior with limits around the lane's width, once the width is known."""
-    if sides is None or not sides.is_settled:
+    if sides is None or not sides.is_width_known:
         return prior
-    table, reach = prior.table.copy(), WIDTH_REACH_M * prior.per_m
+    table, reach = prior.table.copy(), MAX_WIDTH_CHANGE_M * prior.place_units_per_m
     table[WIDTH, LOW] = max(table[WIDTH, LOW], sides.width - reach)
     table[WIDTH, HIGH] = min(table[WIDTH, HIGH], sides.width + reach)
     return prior.with_table(table)
 
 
-def by_one_line(
-    evidence: Evidence, lane: FloatArray, table: FloatArray, size: tuple[int, int], side: int, width: float
+def find_lane_by_one_line(
+    evidence: StripeEvidence, lane: FloatArray, table: FloatArray, size: tuple[int, int], side: int, width: float
 ) -> tuple[FloatArray, float]:
     """The lane that one line gives, shape (6,), and the share of the line that shows paint.
 
@@ -146,39 +148,41 @@ def by_one_line(
         width: Width of the lane, over the camera's height.
     """
     sign = 1.0 if side == LEFT else -1.0
-    wider = 2.0 * size[0] / evidence.min_h
+    wider = 2.0 * size[0] / evidence.min_depth_px
     lane, table = lane.copy(), table.copy()
     for k, more in ((WIDTH, wider), (MIDDLE, 0.5 * sign * wider)):
         lane[k] += more
         table[k, [MEAN, LOW, HIGH]] += more
     lane = np.clip(lane, table[:, LOW], table[:, HIGH])  # from a lane that can't be, no search comes back
-    lanes, _ = refined(evidence, lane, table, size, wide=True, beside=0.0)
-    lanes, _ = refined(evidence, lanes[0], table, size, wide=False, scale=0.5, beside=0.0)
+    lanes, _ = refine_lanes(evidence, lane, table, size, use_wide_evidence=True, neighbour_weight=0.0)
+    lanes, _ = refine_lanes(
+        evidence, lanes[0], table, size, use_wide_evidence=False, step_scale=0.5, neighbour_weight=0.0
+    )
     best = lanes[0]
     best[MIDDLE] += 0.5 * sign * (width - best[WIDTH])
     best[WIDTH] = width
-    return best, float(supports(evidence, best)[side])
+    return best, float(boundary_paint_shares(evidence, best)[side])
 
 
-def places_m(lane: FloatArray, prior: LanePrior) -> FloatArray:
+def lane_middle_places_ahead_m(lane: FloatArray, prior: LanePrior) -> FloatArray:
     """Places of a lane's middle at the comparison distances, shape (2,), right positive, up to what all lanes of a
     camera share."""
     focal_px = prior.pinhole.focal_px
-    h = focal_px / (prior.per_m * AT_M)  # fy H / x
+    h = focal_px / (prior.place_units_per_m * COMPARISON_DISTANCES_M)  # fy H / x
     u_px = lane[VANISHING] + lane[MIDDLE] * h + (lane[BEND] + lane[SPIRAL] / h) / h
-    return np.asarray(u_px * AT_M / focal_px)
+    return np.asarray(u_px * COMPARISON_DISTANCES_M / focal_px)
 
 
-def kept(
-    sides: Sides,
-    evidence: Evidence,
+def update_from_lines(
+    sides: LinePairState,
+    evidence: StripeEvidence,
     found: FloatArray,
     prior: LanePrior,
     size: tuple[int, int],
     driven: float,
     dt_s: float,
     sideways_mps: float,
-) -> tuple[FloatArray, Sides]:
+) -> tuple[FloatArray, LinePairState]:
     """Update the lane and the state of its lines from a new frame.
 
     Args:
@@ -196,49 +200,70 @@ def kept(
     """
     lanes, shares = np.empty((2, 6)), [0.0, 0.0]
     for side in (LEFT, RIGHT):
-        before = sides.lanes[side]
-        table = narrowed(prior, before, dt_s, sideways_mps)
-        lanes[side], shares[side] = by_one_line(evidence, before, table, size, side, sides.width)
-    if min(shares) >= SHAPE_SUPPORT:
-        sides = _compared(sides, lanes, places_m(lanes[LEFT], prior) - places_m(lanes[RIGHT], prior), driven, dt_s)
-        if sides.leaving == NO_LINE:
-            sides = sides.learned(float(found[WIDTH]), dt_s)
+        before = sides.lanes_by_line[side]
+        table = narrow_prior_table(prior, before, dt_s, sideways_mps)
+        lanes[side], shares[side] = find_lane_by_one_line(evidence, before, table, size, side, sides.width)
+    if min(shares) >= MIN_PAINT_SHARE_FOR_SHAPE:
+        sides = _update_line_comparison(
+            sides,
+            lanes,
+            lane_middle_places_ahead_m(lanes[LEFT], prior) - lane_middle_places_ahead_m(lanes[RIGHT], prior),
+            driven,
+            dt_s,
+        )
+        if sides.leaving_side == NO_LINE:
+            sides = sides.with_updated_width(float(found[WIDTH]), dt_s)
     kept_side = NO_LINE
-    if sides.leaving != NO_LINE:
-        kept_side = 1 - sides.leaving
-    elif min(shares) < LEAST_SUPPORT <= max(shares) and sides.is_settled:
+    if sides.leaving_side != NO_LINE:
+        kept_side = 1 - sides.leaving_side
+    elif min(shares) < MIN_PAINT_SHARE <= max(shares) and sides.is_width_known:
         kept_side = int(np.argmax(shares))
     if kept_side != NO_LINE:
         found = np.clip(lanes[kept_side], prior.table[:, LOW], prior.table[:, HIGH])
-    is_away = abs(float(sides.apart[0])) > AWAY_M
+    is_away = abs(float(sides.divergence_m[0])) > LOST_LINE_DISTANCE_M
     for side in (LEFT, RIGHT):
-        if shares[side] < LEAST_SUPPORT or (side == sides.leaving and is_away):
+        if shares[side] < MIN_PAINT_SHARE or (side == sides.leaving_side and is_away):
             lanes[side] = found  # and looked for again where it should be
             sides = replace(
-                sides, bends=np.full(2, found[BEND]), apart=np.zeros(2), doubt=0.0, verdict=0.0, leaving=NO_LINE
+                sides,
+                smoothed_bends_px2=np.full(2, found[BEND]),
+                divergence_m=np.zeros(2),
+                bend_doubt_px2=0.0,
+                greatest_bend_doubt_px2=0.0,
+                leaving_side=NO_LINE,
             )
     if kept_side != NO_LINE:
-        sides = replace(sides, alone_s=sides.alone_s + dt_s, carried=1 - kept_side)
-    elif min(shares) >= LEAST_SUPPORT:
-        sides = replace(sides, alone_s=0.0, carried=NO_LINE)
-    if sides.alone_s > LONGEST_S:
-        return found, replace(sides_of(found), carried=sides.carried)
-    return found, replace(sides, lanes=lanes)
+        sides = replace(sides, by_one_line_s=sides.by_one_line_s + dt_s, carried_side=1 - kept_side)
+    elif min(shares) >= MIN_PAINT_SHARE:
+        sides = replace(sides, by_one_line_s=0.0, carried_side=NO_LINE)
+    if sides.by_one_line_s > MAX_TIME_BY_ONE_LINE_S:
+        return found, replace(initial_line_pair_state(found), carried_side=sides.carried_side)
+    return found, replace(sides, lanes_by_line=lanes)
 
 
-def _compared(sides: Sides, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float) -> Sides:
+def _update_line_comparison(
+    sides: LinePairState, lanes: FloatArray, apart_m: FloatArray, driven: float, dt_s: float
+) -> LinePairState:
     """The state after both lines were seen: the lanes by each, shape (2, 6), and their distance ahead, shape (2,)."""
-    swift, slow = 1.0 - math.exp(-dt_s / MEMORY_S), 1.0 - math.exp(-dt_s / BEND_S)
-    if math.isfinite(sides.driven):
-        driven = sides.driven + swift * (driven - sides.driven)
-    apart = sides.apart + swift * (apart_m - sides.apart)
-    strange = np.abs(lanes[:, BEND] - sides.bends) + np.abs(sides.bends - driven)
-    doubt = sides.doubt + slow * (float(strange[RIGHT] - strange[LEFT]) - sides.doubt)
-    bends = sides.bends + slow * (lanes[:, BEND] - sides.bends)
-    verdict, leaving = max(sides.verdict, doubt, key=abs), sides.leaving
-    conflict = float((np.abs(apart) / APART_M).max())
-    if conflict < PARALLEL:
+    swift, slow = 1.0 - math.exp(-dt_s / DIVERGENCE_MEMORY_S), 1.0 - math.exp(-dt_s / BEND_MEMORY_S)
+    if math.isfinite(sides.driven_bend_px2):
+        driven = sides.driven_bend_px2 + swift * (driven - sides.driven_bend_px2)
+    apart = sides.divergence_m + swift * (apart_m - sides.divergence_m)
+    strange = np.abs(lanes[:, BEND] - sides.smoothed_bends_px2) + np.abs(sides.smoothed_bends_px2 - driven)
+    doubt = sides.bend_doubt_px2 + slow * (float(strange[RIGHT] - strange[LEFT]) - sides.bend_doubt_px2)
+    bends = sides.smoothed_bends_px2 + slow * (lanes[:, BEND] - sides.smoothed_bends_px2)
+    verdict, leaving = max(sides.greatest_bend_doubt_px2, doubt, key=abs), sides.leaving_side
+    conflict = float((np.abs(apart) / DIVERGENCE_LIMITS_M).max())
+    if conflict < PARALLEL_LIMIT_SHARE:
         verdict, leaving = 0.0, NO_LINE
-    elif sides.is_settled and (conflict > 1.0 or leaving != NO_LINE):
+    elif sides.is_width_known and (conflict > 1.0 or leaving != NO_LINE):
         leaving = RIGHT if verdict > 0.0 else LEFT
-    return replace(sides, bends=bends, driven=driven, apart=apart, doubt=doubt, verdict=verdict, leaving=leaving)
+    return replace(
+        sides,
+        smoothed_bends_px2=bends,
+        driven_bend_px2=driven,
+        divergence_m=apart,
+        bend_doubt_px2=doubt,
+        greatest_bend_doubt_px2=verdict,
+        leaving_side=leaving,
+    )

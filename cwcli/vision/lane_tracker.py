@@ -16,46 +16,46 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
+from cwcli.vision.boundary_probability import boundary_probabilities
 from cwcli.vision.camera import Camera
-from cwcli.vision.ground import MIN_DEPTH
-from cwcli.vision.lane_belief import boundary_probabilities
-from cwcli.vision.lane_covariance import fit_covariance, lane_covariance
+from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.lane_covariance import measure_lane_covariance, propagate_covariance_to_fit
 from cwcli.vision.lane_detect import (
-    MAX_ROWS,
-    Evidence,
-    Look,
-    acquire,
-    evidence_of,
-    glance,
-    judged,
-    rows_of,
-    with_vanishing_point,
+    MAX_SAMPLED_ROWS,
+    EvidenceSource,
+    StripeEvidence,
+    lane_objectives,
+    measure_stripe_evidence,
+    prior_with_vanishing_point,
+    sampled_road_rows,
+    search_first_frame,
+    search_rival_lanes,
 )
 from cwcli.vision.lane_following import (
-    MARGIN_M,
-    SIDEWAYS_MPS,
-    SWIFT_MPS,
-    UNTOLD_SIDEWAYS_MPS,
-    apart_m,
-    at_horizon,
-    bent,
-    beside,
-    change_between,
-    crossed,
-    driven_1pm,
-    learned,
-    opened,
-    predicted,
-    shift_m,
+    FAST_SPEED_MPS,
+    MAX_LATERAL_SPEED_MPS,
+    MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS,
+    MOVEMENT_MARGIN_M,
+    boundary_difference_beside_camera_m,
+    driven_curvature_1pm,
+    following_prior,
+    lane_change_between,
+    lane_change_direction,
+    max_boundary_difference_m,
+    predict_lane,
+    prior_at_lane_horizon,
+    prior_with_driven_curvature,
+    prior_with_seen_horizon,
+    shift_to_adjacent_lane,
 )
 from cwcli.vision.lane_hypotheses import (
-    SWITCH_GAIN,
-    Hypothesis,
-    add_bent,
-    add_merged,
-    doubted,
-    improved,
-    tight_or_gentle,
+    SWITCH_OBJECTIVE_GAIN,
+    LaneHypothesis,
+    add_or_merge_hypothesis,
+    add_tight_bend_hypothesis,
+    choose_tight_or_gentle_bend,
+    refine_predicted_lane,
+    share_probability_with_rivals,
 )
 from cwcli.vision.lane_model import (
     BEND,
@@ -67,60 +67,60 @@ from cwcli.vision.lane_model import (
     SPIRAL,
     VANISHING,
     LanePrior,
-    bend_unit,
-    parabolas_of_lane,
-    pitch_of,
-    prior_of,
-    roads_of_lane,
+    bend_px2_per_curvature,
+    boundary_road_curves,
+    first_frame_prior,
+    fit_boundary_parabolas,
+    pitch_from_horizon_rad,
 )
-from cwcli.vision.lane_sides import Sides, as_wide, kept, sides_of
-from cwcli.vision.line_watch import LineWatch
+from cwcli.vision.lane_sides import LinePairState, initial_line_pair_state, prior_with_known_width, update_from_lines
+from cwcli.vision.line_classifier import LineClassifier
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
-MAX_PIXELS = 256_000
+MAX_SEARCH_PIXELS = 256_000
 """Greatest number of pixels of the search image; a camera's image is halved until it has no more. Chosen by hand: it
 bounds the time of a frame."""
-FOUND_PROBABILITY = 0.5
+MIN_FOUND_PROBABILITY = 0.5
 """Probability from which a boundary counts as found. Fitted on rendered and labelled frames: one boundary in a hundred
 is then found on rendered roads without paint (docs/decisions.md)."""
-N_HYPOTHESES = 3
+MAX_HYPOTHESES = 3
 """Greatest number of lanes that are followed side by side. Chosen by hand; not fitted."""
-RESCAN_FRAMES, DOUBTFUL_RESCAN_FRAMES = 10, 3
+RIVAL_SEARCH_INTERVAL_FRAMES, DOUBTFUL_RIVAL_SEARCH_INTERVAL_FRAMES = 10, 3
 """Frames between two searches for rival lanes: as a rule, and while the published lane is hardly seen. Chosen by hand;
 not fitted."""
-SIDES_FRAMES = 2
+LINE_UPDATE_INTERVAL_FRAMES = 2
 """Frames between two updates of the lane by each of its lines alone while both agree; it is every frame while they
 differ. Chosen by hand; not fitted."""
-GLANCE_SHARE = 0.3
+RIVAL_PRIOR_SIGMA_FACTOR = 0.3
 """Factor of the prior's sigmas of direction and bend in the search for rival lanes. Chosen by hand; not fitted."""
-LOST_FRAMES, LOST_S = 5, 0.5
+MIN_LOST_FRAMES, MIN_LOST_S = 5, 0.5
 """A lane is given up when it has not been found in at least so many frames and for at least so many seconds. Chosen by
 hand; not fitted."""
-MAX_PAUSE_FRAMES = 16
+MAX_SEARCH_PAUSE_FRAMES = 16
 """Greatest pause between two searches from scratch, in frames; pauses double from 1. Chosen by hand; not fitted."""
-MEMORY_S = 0.45
+OBJECTIVE_MEMORY_S = 0.45
 """Time constant in seconds with which a hypothesis forgets its earlier objectives. Chosen by hand; not fitted."""
-BELIEF_S = 0.3
+LOG_ODDS_MEMORY_S = 0.3
 """Time constant in seconds with which the log-odds of a boundary are smoothed. Chosen by hand; not fitted."""
-GREATEST_ODDS = 4.0
+MAX_FRAME_LOG_ODDS = 4.0
 """Greatest absolute log-odds that one frame contributes to a boundary's probability. Chosen by hand; not fitted."""
-SWITCH_S = 0.4
+MIN_BETTER_BEFORE_SWITCH_S = 0.4
 """Time in seconds for which another hypothesis must be clearly better before it is published. Chosen by hand; not
 fitted."""
-HORIZON_GAIN = 0.05
+HORIZON_FOLLOWING_SHARE = 0.05
 """Share by which the prior's horizon follows that of a found lane in each frame, where the mounting is not known.
 Chosen by hand; not fitted."""
-BENDS_MPS = 10.0
+ASSUMED_TIGHT_BEND_SPEED_MPS = 10.0
 """Speed in m/s that tight bends assume where the log has no speed: at it, bends begin and end within sight. Chosen by
 hand; not fitted."""
-BEND_FRAMES = 3
+TIGHT_BEND_SEARCH_INTERVAL_FRAMES = 3
 """Frames between two searches for a tight bend where the log has no speed. Chosen by hand; not fitted."""
-SECOND_LOOK_S = 0.2
+FIRST_HORIZON_RECHECK_S = 0.2
 """Time in seconds after which a lane without a known mounting is searched from scratch again, because the horizon of a
 single frame may be wrong. The time doubles with every search. Chosen by hand; not fitted."""
-RARE_LOOK_S = 16.0
+MAX_HORIZON_RECHECK_INTERVAL_S = 16.0
 """Greatest time in seconds between two such searches. Chosen by hand; not fitted."""
-MEASURED_EVERY_NS = 300_000_000
+COVARIANCE_INTERVAL_NS = 300_000_000
 """Least time between two measurements of a lane's covariance, in nanoseconds. Chosen by hand: it bounds the time of a
 frame."""
 
@@ -133,16 +133,18 @@ class LaneTracker:
         look: Measures the evidence of a frame.
     """
 
-    def __init__(self, seed: int = 0, *, look: Look = evidence_of) -> None:
-        self._look = look
+    def __init__(self, seed: int = 0, *, evidence_source: EvidenceSource = measure_stripe_evidence) -> None:
+        self._evidence_source = evidence_source
         self._camera: Camera | None = None
         self._prior: LanePrior | None = None
-        self._hypotheses: list[Hypothesis] = []
-        self._evidence: Evidence | None = None
-        self._room = np.empty(0, np.float32)  # for the evidence: new memory in every frame costs as much as to fill it
+        self._hypotheses: list[LaneHypothesis] = []
+        self._evidence: StripeEvidence | None = None
+        self._evidence_buffer = np.empty(
+            0, np.float32
+        )  # for the evidence: new memory in every frame costs as much as to fill it
         self._odds: list[float] | None = None
         self._steady_s = math.nan
-        self._followed_s, self._look_s = 0.0, SECOND_LOOK_S
+        self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._last_ns = 0
         self._n_frames = 0
         self._n_lost = 0
@@ -150,236 +152,270 @@ class LaneTracker:
         self._pause = 0
         self._covariance: FloatArray | None = None
         self._measured_ns = 0
-        self._lines = LineWatch() if look is evidence_of else None  # of a net's map it is not known what it shows
+        self._line_classifier = (
+            LineClassifier() if evidence_source is measure_stripe_evidence else None
+        )  # of a net's map it is not known what it shows
 
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame."""
         camera = frame.camera
         if self._camera is None or camera != self._camera:
-            self._camera, self._prior, self._hypotheses, self._odds = camera, prior_of(camera), [], None
+            self._camera, self._prior, self._hypotheses, self._odds = camera, first_frame_prior(camera), [], None
         assert self._prior is not None
         dt_s = min(max((frame.stamp_ns - self._last_ns) / 1e9, 0.0), 0.5)
         self._last_ns = frame.stamp_ns
         if self._hypotheses:
             self._followed_s += dt_s
-            self._hypotheses = self._follow(frame, camera, dt_s)
+            self._hypotheses = self._follow_hypotheses(frame, camera, dt_s)
             self._steady_s += dt_s
         elif self._pause <= 0:
-            self._hypotheses = self._found_afresh(frame, camera)
+            self._hypotheses = self._search_from_scratch(frame, camera)
             self._steady_s, self._odds = 0.0, None
-            self._followed_s, self._look_s = 0.0, SECOND_LOOK_S
+            self._followed_s, self._next_horizon_recheck_s = 0.0, FIRST_HORIZON_RECHECK_S
         self._n_frames += 1
-        fit = self._publish(frame, camera, dt_s)
-        if self._lines is None:
+        fit = self._publish_best_hypothesis(frame, camera, dt_s)
+        if self._line_classifier is None:
             return fit
         lane = self._hypotheses[0].lane if self._hypotheses else None
-        return self._lines.named(fit, frame, self._evidence, lane)
+        return self._line_classifier.fit_with_kinds_and_colours(fit, frame, self._evidence, lane)
 
-    def _covariance_of(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
+    def _recent_fit_covariance(self, lane: FloatArray, frame: LaneFrame, *, is_another: bool) -> FloatArray:
         """The covariance of a fit, measured in this frame or, for the same lane, at most 0.3 s earlier.
 
         It is measured anew for another lane: after a lane change, or when another hypothesis is published.
         """
         assert self._prior is not None
         assert self._evidence is not None
-        if self._covariance is None or is_another or frame.stamp_ns - self._measured_ns >= MEASURED_EVERY_NS:
+        if self._covariance is None or is_another or frame.stamp_ns - self._measured_ns >= COVARIANCE_INTERVAL_NS:
             is_bent = math.isnan(frame.speed_mps) and lane[SPIRAL] != 0.0
-            table = opened(self._prior, frame.camera, BENDS_MPS if is_bent else frame.speed_mps).table
-            own = lane_covariance(self._evidence, lane, table, frame.camera)
-            self._covariance, self._measured_ns = fit_covariance(lane, own, frame.camera), frame.stamp_ns
+            table = following_prior(
+                self._prior, frame.camera, ASSUMED_TIGHT_BEND_SPEED_MPS if is_bent else frame.speed_mps
+            ).table
+            own = measure_lane_covariance(self._evidence, lane, table, frame.camera)
+            self._covariance, self._measured_ns = propagate_covariance_to_fit(lane, own, frame.camera), frame.stamp_ns
         return self._covariance
 
-    def _follow(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[Hypothesis]:
+    def _follow_hypotheses(self, frame: LaneFrame, camera: Camera, dt_s: float) -> list[LaneHypothesis]:
         """Every hypothesis, predicted and refined on the new frame; the published one first."""
         assert self._prior is not None
         size = camera.width_px, camera.height_px
         horizon_px = float(self._hypotheses[0].lane[HORIZON])
-        rows = rows_of(horizon_px + MIN_DEPTH * size[1], size[1])
-        if len(self._room) != 3 * MAX_ROWS * size[0]:
-            self._room = np.empty(3 * MAX_ROWS * size[0], np.float32)
-        evidence = self._look(frame.grey, rows, horizon_px, self._prior.pinhole, self._room)
+        rows = sampled_road_rows(horizon_px + MIN_DEPTH_SHARE * size[1], size[1])
+        if len(self._evidence_buffer) != 3 * MAX_SAMPLED_ROWS * size[0]:
+            self._evidence_buffer = np.empty(3 * MAX_SAMPLED_ROWS * size[0], np.float32)
+        evidence = self._evidence_source(frame.grey, rows, horizon_px, self._prior.pinhole, self._evidence_buffer)
         self._evidence = evidence
-        prior = opened(self._prior, camera, frame.speed_mps)
-        is_motion_known = self._prior.is_mounted and math.isfinite(frame.speed_mps)
-        sideways_mps = SIDEWAYS_MPS if is_motion_known else UNTOLD_SIDEWAYS_MPS
-        memory = math.exp(-dt_s / MEMORY_S)
-        hypotheses: list[Hypothesis] = []
-        tight = opened(self._prior, camera, BENDS_MPS) if math.isnan(frame.speed_mps) else None
+        prior = following_prior(self._prior, camera, frame.speed_mps)
+        is_motion_known = self._prior.is_mounting_known and math.isfinite(frame.speed_mps)
+        sideways_mps = MAX_LATERAL_SPEED_MPS if is_motion_known else MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS
+        memory = math.exp(-dt_s / OBJECTIVE_MEMORY_S)
+        hypotheses: list[LaneHypothesis] = []
+        tight = (
+            following_prior(self._prior, camera, ASSUMED_TIGHT_BEND_SPEED_MPS) if math.isnan(frame.speed_mps) else None
+        )
         for each in self._hypotheses:
-            lane = predicted(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
-            change = crossed(lane)
-            lane = beside(lane, change)
+            lane = predict_lane(each.lane, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, prior)
+            change = lane_change_direction(lane)
+            lane = shift_to_adjacent_lane(lane, change)
             is_tight = tight is not None and each.is_tight
-            own = at_horizon(tight if tight is not None and is_tight else prior, lane, camera)
-            is_slow = is_tight or frame.speed_mps < SWIFT_MPS
-            sides = self._sides(each, lane, change, frame, camera, dt_s)
-            own = as_wide(own, sides)
-            found, last = improved(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
-            frames = 1 if sides is None or not sides.is_quiet else SIDES_FRAMES
+            own = prior_at_lane_horizon(tight if tight is not None and is_tight else prior, lane, camera)
+            is_slow = is_tight or frame.speed_mps < FAST_SPEED_MPS
+            sides = self._predict_line_pair(each, lane, change, frame, camera, dt_s)
+            own = prior_with_known_width(own, sides)
+            found, last = refine_predicted_lane(evidence, lane, own, size, dt_s, sideways_mps, is_slow=is_slow)
+            frames = 1 if sides is None or not sides.do_lines_agree else LINE_UPDATE_INTERVAL_FRAMES
             if sides is not None and self._n_frames % frames == 0:
-                driven = bend_unit(camera) * driven_1pm(frame.speed_mps, frame.yaw_rate_radps)
-                found, sides = kept(sides, evidence, found, own, size, driven, frames * dt_s, sideways_mps)
-                last = float(judged(evidence, found[None], own.table)[0])
-            if is_tight and self._n_frames % BEND_FRAMES == 0:  # it must go on being better than a gentle bend
-                gentle = at_horizon(prior, lane, camera)
-                found, last, is_tight = tight_or_gentle(evidence, lane, (found, last), gentle, size, dt_s, sideways_mps)
-            value = memory * each.value + (1.0 - memory) * (last + each.start)
-            add_merged(
-                hypotheses, Hypothesis(found, value, last, each.start, each.better_s, change, sides, is_tight), size
+                driven = bend_px2_per_curvature(camera) * driven_curvature_1pm(frame.speed_mps, frame.yaw_rate_radps)
+                found, sides = update_from_lines(sides, evidence, found, own, size, driven, frames * dt_s, sideways_mps)
+                last = float(lane_objectives(evidence, found[None], own.table)[0])
+            if (
+                is_tight and self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0
+            ):  # it must go on being better than a gentle bend
+                gentle = prior_at_lane_horizon(prior, lane, camera)
+                found, last, is_tight = choose_tight_or_gentle_bend(
+                    evidence, lane, (found, last), gentle, size, dt_s, sideways_mps
+                )
+            value = memory * each.value + (1.0 - memory) * (last + each.start_penalty)
+            add_or_merge_hypothesis(
+                hypotheses,
+                LaneHypothesis(found, value, last, each.start_penalty, each.better_s, change, sides, is_tight),
+                size,
             )
         lead = hypotheses[0]
-        if tight is not None and self._n_frames % BEND_FRAMES == 0 and not any(each.is_tight for each in hypotheses):
-            add_bent(hypotheses, evidence, at_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps)
-        doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RESCAN_FRAMES == 0
-        if doubtful or self._n_frames % RESCAN_FRAMES == 0:
+        if (
+            tight is not None
+            and self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0
+            and not any(each.is_tight for each in hypotheses)
+        ):
+            add_tight_bend_hypothesis(
+                hypotheses, evidence, prior_at_lane_horizon(tight, lead.lane, camera), size, dt_s, sideways_mps
+            )
+        doubtful = self._n_lost > 0 and self._n_frames % DOUBTFUL_RIVAL_SEARCH_INTERVAL_FRAMES == 0
+        if doubtful or self._n_frames % RIVAL_SEARCH_INTERVAL_FRAMES == 0:
             own = tight if tight is not None and lead.is_tight else prior
             hypotheses += [
-                replace(each, is_tight=lead.is_tight) for each in self._rivals(frame, camera, hypotheses, own)
+                replace(each, is_tight=lead.is_tight)
+                for each in self._search_rival_hypotheses(frame, camera, hypotheses, own)
             ]
-        if not self._prior.is_mounted and self._followed_s >= self._look_s:
-            self._look_s += min(self._look_s, RARE_LOOK_S)
-            for new in self._second_look(frame, camera, prior):
-                add_merged(hypotheses, new, size)
-        lead_value = hypotheses[0].value + SWITCH_GAIN
+        if not self._prior.is_mounting_known and self._followed_s >= self._next_horizon_recheck_s:
+            self._next_horizon_recheck_s += min(self._next_horizon_recheck_s, MAX_HORIZON_RECHECK_INTERVAL_S)
+            for new in self._recheck_horizon(frame, camera, prior):
+                add_or_merge_hypothesis(hypotheses, new, size)
+        lead_value = hypotheses[0].value + SWITCH_OBJECTIVE_GAIN
         for k, each in enumerate(hypotheses):
             better_s = each.better_s + dt_s if each.value > lead_value else 0.0
             if better_s != each.better_s:
                 hypotheses[k] = replace(each, better_s=better_s)
         return hypotheses
 
-    def _sides(
-        self, each: Hypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
-    ) -> Sides | None:
+    def _predict_line_pair(
+        self, each: LaneHypothesis, lane: FloatArray, change: int, frame: LaneFrame, camera: Camera, dt_s: float
+    ) -> LinePairState | None:
         """State of the published lane's two lines, predicted for this frame; None for other lanes and where the log has
         no motion of a fast car."""
         assert self._prior is not None
-        is_fast = frame.speed_mps >= SWIFT_MPS and math.isfinite(frame.yaw_rate_radps)
+        is_fast = frame.speed_mps >= FAST_SPEED_MPS and math.isfinite(frame.yaw_rate_radps)
         if each is not self._hypotheses[0] or not is_fast:
             return None
-        if each.sides is None or change:
-            return sides_of(lane)
+        if each.line_pair is None or change:
+            return initial_line_pair_state(lane)
         moved = [
-            predicted(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior) for own in each.sides.lanes
+            predict_lane(own, camera, frame.speed_mps, frame.yaw_rate_radps, dt_s, self._prior)
+            for own in each.line_pair.lanes_by_line
         ]
-        return replace(each.sides, lanes=np.stack(moved))
+        return replace(each.line_pair, lanes_by_line=np.stack(moved))
 
-    def _rivals(
-        self, frame: LaneFrame, camera: Camera, followed: list[Hypothesis], opened_prior: LanePrior
-    ) -> list[Hypothesis]:
+    def _search_rival_hypotheses(
+        self, frame: LaneFrame, camera: Camera, followed: list[LaneHypothesis], opened_prior: LanePrior
+    ) -> list[LaneHypothesis]:
         """New hypotheses beside those that are followed, at the horizon and in the direction of the published one."""
         assert self._prior is not None
         assert self._evidence is not None
         table = self._prior.table.copy()
         for k in (VANISHING, BEND):
             table[k, MEAN] = followed[0].lane[k]
-            table[k, SIGMA] *= GLANCE_SHARE
+            table[k, SIGMA] *= RIVAL_PRIOR_SIGMA_FACTOR
             table[k, LOW], table[k, HIGH] = opened_prior.table[k, LOW], opened_prior.table[k, HIGH]
         size = camera.width_px, camera.height_px
         prior = self._prior.with_table(table)
-        lanes, values = glance(self._evidence, prior, size, [each.lane for each in followed])
-        return self._begun(lanes, values, opened_prior)
+        lanes, values = search_rival_lanes(self._evidence, prior, size, [each.lane for each in followed])
+        return self._start_hypotheses(lanes, values, opened_prior)
 
-    def _found_afresh(self, frame: LaneFrame, camera: Camera) -> list[Hypothesis]:
+    def _search_from_scratch(self, frame: LaneFrame, camera: Camera) -> list[LaneHypothesis]:
         """New hypotheses from a frame alone; of the frames before it uses the horizon only."""
         assert self._prior is not None
-        prior = self._prior if self._prior.is_mounted else with_vanishing_point(frame.grey, self._prior)
-        prior = bent(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
-        lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
-        if not self._prior.is_mounted:
-            self._prior = learned(self._prior, float(lanes[0, HORIZON]), camera)
-        lanes, values = lanes[:N_HYPOTHESES], values[:N_HYPOTHESES]
-        return self._begun(lanes, values, opened(self._prior, camera, frame.speed_mps))
+        prior = self._prior if self._prior.is_mounting_known else prior_with_vanishing_point(frame.grey, self._prior)
+        prior = prior_with_driven_curvature(prior, camera, frame.speed_mps, frame.yaw_rate_radps)
+        lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
+        if not self._prior.is_mounting_known:
+            self._prior = prior_with_seen_horizon(self._prior, float(lanes[0, HORIZON]), camera)
+        lanes, values = lanes[:MAX_HYPOTHESES], values[:MAX_HYPOTHESES]
+        return self._start_hypotheses(lanes, values, following_prior(self._prior, camera, frame.speed_mps))
 
-    def _second_look(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[Hypothesis]:
+    def _recheck_horizon(self, frame: LaneFrame, camera: Camera, opened_prior: LanePrior) -> list[LaneHypothesis]:
         """A new hypothesis from a search from scratch at the horizon of the frame's own lines."""
         assert self._prior is not None
-        followed, prior = self._evidence, with_vanishing_point(frame.grey, self._prior)
-        lanes, values, self._evidence = acquire(frame.grey, camera, prior, self._look)
-        hypotheses = self._begun(lanes[:1], values[:1], at_horizon(opened_prior, lanes[0], camera))
+        followed, prior = self._evidence, prior_with_vanishing_point(frame.grey, self._prior)
+        lanes, values, self._evidence = search_first_frame(frame.grey, camera, prior, self._evidence_source)
+        hypotheses = self._start_hypotheses(
+            lanes[:1], values[:1], prior_at_lane_horizon(opened_prior, lanes[0], camera)
+        )
         self._evidence = followed
         return hypotheses
 
-    def _begun(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[Hypothesis]:
+    def _start_hypotheses(self, lanes: FloatArray, values: FloatArray, opened_prior: LanePrior) -> list[LaneHypothesis]:
         """New hypotheses from lanes (k, 6) and their objectives (k,) under the prior of a first frame."""
         assert self._evidence is not None
-        starts = values - judged(self._evidence, lanes, opened_prior.table)
+        starts = values - lane_objectives(self._evidence, lanes, opened_prior.table)
         return [
-            Hypothesis(lane, value, value, min(start, 0.0))
+            LaneHypothesis(lane, value, value, min(start, 0.0))
             for lane, value, start in zip(lanes, values.tolist(), starts.tolist(), strict=True)
         ]
 
-    def _chosen(self, camera: Camera, dt_s: float) -> tuple[Hypothesis, tuple[float, float], int]:
+    def _choose_published_hypothesis(
+        self, camera: Camera, dt_s: float
+    ) -> tuple[LaneHypothesis, tuple[float, float], int]:
         """Choose the hypothesis to publish and put it first; returns it, its probabilities in this frame and the lane
         change."""
         assert self._prior is not None
         assert self._evidence is not None
         first = best = self._hypotheses[0]
-        chances = boundary_probabilities(self._evidence, first.lane, first.last, first.carried)
-        change = first.change
+        chances = boundary_probabilities(self._evidence, first.lane, first.last_value, first.carried_side)
+        change = first.lane_change
         if len(self._hypotheses) > 1:
-            is_seen = max(chances) >= FOUND_PROBABILITY
-            patience_s = SWITCH_S if is_seen else 0.0
-            reach_m = UNTOLD_SIDEWAYS_MPS * dt_s + MARGIN_M
+            is_seen = max(chances) >= MIN_FOUND_PROBABILITY
+            patience_s = MIN_BETTER_BEFORE_SWITCH_S if is_seen else 0.0
+            reach_m = MAX_LATERAL_SPEED_UNKNOWN_MOTION_MPS * dt_s + MOVEMENT_MARGIN_M
             rivals = self._hypotheses[1:]
-            if is_seen and first.sides is not None:  # what a line that leaves makes of the lane is none
-                rivals = [each for each in rivals if first.sides.may_become(each.lane, self._prior)]
+            if is_seen and first.line_pair is not None:  # what a line that leaves makes of the lane is none
+                rivals = [each for each in rivals if first.line_pair.may_be_replaced_by(each.lane, self._prior)]
             better = [
                 each
                 for each in rivals
                 if each.better_s > patience_s
-                or (each.better_s > 0.0 and apart_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m)
+                or (
+                    each.better_s > 0.0
+                    and max_boundary_difference_m(each.lane, first.lane, self._prior, camera.height_px) <= reach_m
+                )
             ]
             if better:
                 best = max(better, key=lambda each: each.value)
-                chances = boundary_probabilities(self._evidence, best.lane, best.last)
-                change = change or change_between(first.lane, best.lane)
-                other = beside(first.lane, change) if not first.change else first.lane
+                chances = boundary_probabilities(self._evidence, best.lane, best.last_value)
+                change = change or lane_change_between(first.lane, best.lane)
+                other = shift_to_adjacent_lane(first.lane, change) if not first.lane_change else first.lane
                 self._odds = self._covariance = None
-                if shift_m(best.lane, other, self._prior) > SIDEWAYS_MPS * dt_s + MARGIN_M:
+                if (
+                    boundary_difference_beside_camera_m(best.lane, other, self._prior)
+                    > MAX_LATERAL_SPEED_MPS * dt_s + MOVEMENT_MARGIN_M
+                ):
                     self._steady_s = 0.0
-                if not self._prior.is_mounted:
-                    self._prior = learned(self._prior, float(best.lane[HORIZON]), camera)
+                if not self._prior.is_mounting_known:
+                    self._prior = prior_with_seen_horizon(self._prior, float(best.lane[HORIZON]), camera)
             others = sorted((each for each in self._hypotheses if each is not best), key=lambda each: -each.value)
             if self._followed_s > 0.0:  # a first frame's lane is the mean of its rivals
-                chances = doubted(chances, best, rivals if best is first else others, camera.height_px)
-            self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: N_HYPOTHESES - 1]]
+                chances = share_probability_with_rivals(
+                    chances, best, rivals if best is first else others, camera.height_px
+                )
+            self._hypotheses = [replace(best, better_s=0.0) if best.better_s else best, *others[: MAX_HYPOTHESES - 1]]
         return best, chances, change
 
-    def _publish(self, frame: LaneFrame, camera: Camera, dt_s: float) -> LaneFit:
+    def _publish_best_hypothesis(self, frame: LaneFrame, camera: Camera, dt_s: float) -> LaneFit:
         """The published hypothesis as a fit; drops all hypotheses when the lane is lost."""
         assert self._prior is not None
         if not self._hypotheses:
             self._pause -= 1
             self._covariance = None
             return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
-        best, now, change = self._chosen(camera, dt_s)
-        odds = [min(max(math.log(chance / (1.0 - chance)), -GREATEST_ODDS), GREATEST_ODDS) for chance in now]
+        best, now, change = self._choose_published_hypothesis(camera, dt_s)
+        odds = [min(max(math.log(chance / (1.0 - chance)), -MAX_FRAME_LOG_ODDS), MAX_FRAME_LOG_ODDS) for chance in now]
         if self._odds is not None:
-            kept_share = math.exp(-dt_s / BELIEF_S)
+            kept_share = math.exp(-dt_s / LOG_ODDS_MEMORY_S)
             odds = [
                 kept_share * before + (1.0 - kept_share) * own for before, own in zip(self._odds, odds, strict=True)
             ]
         self._odds = odds
         chances = [1.0 / (1.0 + math.exp(-own)) for own in odds]
-        parabolas = parabolas_of_lane(best.lane, camera).tolist()
+        parabolas = fit_boundary_parabolas(best.lane, camera).tolist()
         found = [
-            chance >= FOUND_PROBABILITY and all(map(math.isfinite, parabola))
+            chance >= MIN_FOUND_PROBABILITY and all(map(math.isfinite, parabola))
             for chance, parabola in zip(chances, parabolas, strict=True)
         ]
         if any(found):
             if self._n_lost:
                 self._steady_s = 0.0  # found anew
             self._n_lost, self._lost_s, self._pause = 0, 0.0, 0
-            if not self._prior.is_mounted:
+            if not self._prior.is_mounting_known:
                 table = self._prior.table
-                row = (1.0 - HORIZON_GAIN) * table[HORIZON, MEAN] + HORIZON_GAIN * best.lane[HORIZON]
-                self._prior = learned(self._prior, float(row), camera)
+                row = (1.0 - HORIZON_FOLLOWING_SHARE) * table[HORIZON, MEAN] + HORIZON_FOLLOWING_SHARE * best.lane[
+                    HORIZON
+                ]
+                self._prior = prior_with_seen_horizon(self._prior, float(row), camera)
         else:
             self._n_lost += 1
             self._lost_s += dt_s
-            if self._n_lost >= LOST_FRAMES and self._lost_s >= LOST_S:
+            if self._n_lost >= MIN_LOST_FRAMES and self._lost_s >= MIN_LOST_S:
                 self._hypotheses, self._covariance = [], None
-                self._pause = min(2 ** min(self._n_lost - LOST_FRAMES, 8), MAX_PAUSE_FRAMES)
+                self._pause = min(2 ** min(self._n_lost - MIN_LOST_FRAMES, 8), MAX_SEARCH_PAUSE_FRAMES)
                 return LaneFit(NOT_FOUND, NOT_FOUND, state=LaneState.LOST)
         sides = []
         for side in range(2):
@@ -393,18 +429,18 @@ class LaneTracker:
         return LaneFit(
             sides[0],
             sides[1],
-            pitch_rad=pitch_of(best.lane, camera),
-            roads=roads_of_lane(best.lane, self._prior.pinhole),
-            state=LaneState.FOUND if max(now) >= FOUND_PROBABILITY else LaneState.HELD,
+            pitch_rad=pitch_from_horizon_rad(best.lane, camera),
+            roads=boundary_road_curves(best.lane, self._prior.pinhole),
+            state=LaneState.FOUND if max(now) >= MIN_FOUND_PROBABILITY else LaneState.HELD,
             steady_s=self._steady_s,
             lane_change=change,
-            covariance=self._covariance_of(best.lane, frame, is_another=is_another) if all(found) else None,
+            covariance=self._recent_fit_covariance(best.lane, frame, is_another=is_another) if all(found) else None,
         )
 
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
     """Width and height of the search image: the camera's, halved until it has few enough pixels."""
-    while width_px * height_px > MAX_PIXELS:
+    while width_px * height_px > MAX_SEARCH_PIXELS:
         width_px, height_px = (width_px + 1) // 2, (height_px + 1) // 2
     return width_px, height_px
 

@@ -125,7 +125,7 @@ class Method:
     with_model: Callable[[Path], Method] | None = None
 
 
-def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
+def check_search_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
     """Require that a plug-in's search size is a pair of positive whole numbers, and return it.
 
     Raises:
@@ -136,7 +136,7 @@ def check_size(size: tuple[int, int], *camera: int) -> tuple[int, int]:
     return size
 
 
-def check_fit(fit: LaneFit, frame: LaneFrame) -> LaneFit:
+def check_lane_fit(fit: LaneFit, frame: LaneFrame) -> LaneFit:
     """Require that a plug-in's search returned a fit of two boundaries, and return it.
 
     Raises:

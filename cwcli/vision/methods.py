@@ -7,19 +7,19 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from cwcli.errors import UsageError
-from cwcli.registry import Plugin, Registry, guarded, plugin_entry
-from cwcli.vision.method import LaneSearch, Method, check_fit, check_size
+from cwcli.registry import Plugin, Registry, accept_dataclass_of, guard_plugin_function
+from cwcli.vision.method import LaneSearch, Method, check_lane_fit, check_search_size
 
 
-def _accept(entry: object, plugin: Plugin) -> Method:
+def _check_plugin_method(entry: object, plugin: Plugin) -> Method:
     """Check a plug-in's method, and guard its searches too."""
-    method = plugin_entry(Method, {"search_size": check_size})(entry, plugin)
+    method = accept_dataclass_of(Method, {"search_size": check_search_size})(entry, plugin)
 
     def make(seed: int) -> LaneSearch:
         search = method.make(seed)
         if not callable(getattr(search, "step", None)):
-            raise plugin.error(f"makes a {type(search).__name__}, which has no step")
-        return SimpleNamespace(step=guarded(search.step, "step", check_fit, plugin))
+            raise plugin.plugin_error(f"makes a {type(search).__name__}, which has no step")
+        return SimpleNamespace(step=guard_plugin_function(search.step, "step", check_lane_fit, plugin))
 
     return replace(method, make=make)
 
@@ -32,19 +32,19 @@ METHODS: Registry[Method] = Registry(
         "zhang2011": "cwcli.vision.zhang2011:METHOD",
         "onnx": "cwcli.vision.onnx_lanes:METHOD",
     },
-    _accept,
+    _check_plugin_method,
 )
 """The lane methods by name: the built-in ones, and those that other packages register."""
 DEFAULT_METHOD = "cwcli"
 """Name of the lane method that is used where none is named."""
 
 
-def ready_methods() -> tuple[str, ...]:
+def methods_without_model() -> tuple[str, ...]:
     """Names of the methods that take no model (`Method.with_model`), so that each can be used as it is."""
     return tuple(name for name, method in METHODS.items() if method.with_model is None)
 
 
-def check_method(name: str, model: str | None) -> None:
+def check_method_and_model(name: str, model: str | None) -> None:
     """Check that a method is there, and that a model is named if and only if it takes one (`Method.with_model`).
 
     Raises:
@@ -58,7 +58,7 @@ def check_method(name: str, model: str | None) -> None:
         raise UsageError(f"--method {name} takes no --model", hint="--method onnx")
 
 
-def chosen_method(name: str, model: str | None) -> Method:
+def load_method(name: str, model: str | None) -> Method:
     """The method of a name, with its model loaded if it takes one.
 
     Raises:

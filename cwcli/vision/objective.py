@@ -20,18 +20,18 @@ from cwcli.kernels import lane_search
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
-WIDTH_PX, HEIGHT_PX = 320, 240
+PAPER_WIDTH_PX, PAPER_HEIGHT_PX = 320, 240
 """Size of the paper's image in pixels."""
-N_BLOCKS = 50
+N_BOUNDARY_BLOCKS = 50
 """Number of blocks along a boundary (zhang2011): they tile the lower 150 rows."""
-ROAD_ROWS = 60
+ROAD_PATCH_ROWS = 60
 """Height of the road patch in rows, from the image's bottom. The paper does not give it. Chosen by hand; not fitted."""
-ROAD_COLUMNS = (100, 220)
+ROAD_PATCH_COLUMNS = (100, 220)
 """First column of the road patch, and the column after its last one. The paper does not give them. Chosen by hand; not
 fitted."""
 
 # The kernel holds these numbers; a test compares it with them.
-WEIGHTS = ((4, 6, 0), (2, 5, 3), (2, 5, 3))
+BLOCK_WEIGHTS_TENTHS = ((4, 6, 0), (2, 5, 3), (2, 5, 3))
 """Weights of the paper's tables 1 and 2 in tenths: alpha, beta of the diagonal, beta of T3 (second row: b > 2) or T4
 (third: b < 0.5)."""
 
@@ -52,7 +52,7 @@ class BlockResponses:
     right: ResponseArray
 
 
-def block_responses(grey: GreyImage) -> BlockResponses:
+def compute_block_responses(grey: GreyImage) -> BlockResponses:
     """Compute the responses of all blocks of a frame.
 
     Args:
@@ -61,21 +61,23 @@ def block_responses(grey: GreyImage) -> BlockResponses:
     Raises:
         ValueError: Another shape.
     """
-    if grey.shape != (HEIGHT_PX, WIDTH_PX):
-        raise ValueError(f"the image has shape {grey.shape} instead of {(HEIGHT_PX, WIDTH_PX)}")
+    if grey.shape != (PAPER_HEIGHT_PX, PAPER_WIDTH_PX):
+        raise ValueError(f"the image has shape {grey.shape} instead of {(PAPER_HEIGHT_PX, PAPER_WIDTH_PX)}")
     return BlockResponses(
-        *lane_search.block_responses(np.ascontiguousarray(grey), nine_times_road_grey(grey), N_BLOCKS)
+        *lane_search.block_responses(np.ascontiguousarray(grey), nine_times_mean_road_grey(grey), N_BOUNDARY_BLOCKS)
     )
 
 
-def nine_times_road_grey(grey: GreyImage) -> int:
+def nine_times_mean_road_grey(grey: GreyImage) -> int:
     """Nine times the mean grey level of the patch in front of the car, to the nearest whole number."""
-    patch = grey[HEIGHT_PX - ROAD_ROWS :, ROAD_COLUMNS[0] : ROAD_COLUMNS[1]]
+    patch = grey[PAPER_HEIGHT_PX - ROAD_PATCH_ROWS :, ROAD_PATCH_COLUMNS[0] : ROAD_PATCH_COLUMNS[1]]
     total, n = int(patch.sum(dtype=np.int64)), patch.size
     return (2 * 9 * total + n) // (2 * n)
 
 
-def objective(responses: ResponseArray, parabolas: FloatArray, *, is_left: bool) -> tuple[FloatArray, Int32Array]:
+def parabola_objectives(
+    responses: ResponseArray, parabolas: FloatArray, *, is_left: bool
+) -> tuple[FloatArray, Int32Array]:
     """Objectives F (eq. 2 or 3) of many parabolas.
 
     Args:

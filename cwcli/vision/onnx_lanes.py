@@ -13,16 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.signals.arcs import Pinhole
+from cwcli.signals.lane_geometry import Pinhole
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.ground import MIN_DEPTH
-from cwcli.vision.lane_detect import DEAD, Evidence, Float32Array, Int32Array, reaches
+from cwcli.vision.ground import MIN_DEPTH_SHARE
+from cwcli.vision.lane_detect import EVIDENCE_DEAD_ZONE, Float32Array, Int32Array, StripeEvidence, widening_reaches_px
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneSearch, Method
 from cwcli.vision.onnx_model import LaneNet
 
 
-class OnnxSearch:
+class OnnxLaneSearch:
     """The search over the frames of one camera.
 
     Args:
@@ -32,36 +32,41 @@ class OnnxSearch:
     def __init__(self, net: LaneNet) -> None:
         self._net = net
         self._map: Float32Array = np.zeros((1, 1), np.float32)
-        self._tracker = LaneTracker(look=self._evidence)
+        self._tracker = LaneTracker(evidence_source=self._evidence_from_map)
 
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame."""
-        self._map = self._net.lane_map(frame.grey)
+        self._map = self._net.compute_marking_map(frame.grey)
         fit = self._tracker.step(frame)
-        return replace(fit, left=_without_probability(fit.left), right=_without_probability(fit.right))
+        return replace(
+            fit, left=_boundary_without_probability(fit.left), right=_boundary_without_probability(fit.right)
+        )
 
-    def _evidence(
+    def _evidence_from_map(
         self,
         grey: GreyImage,
         rows: Int32Array,
         horizon_px: float,
         pinhole: Pinhole,
-        room: Float32Array | None = None,
+        buffer: Float32Array | None = None,
         *,
         with_joints: bool = False,
-    ) -> Evidence:
+    ) -> StripeEvidence:
         """The net's map as evidence in some rows, without values in the default method's dead zone."""
         import cv2
 
         height, width = grey.shape
-        sharp = np.maximum(self._map[rows] - np.float32(DEAD), np.float32(0.0)) / np.float32(1.0 - DEAD)
-        wide, broad = (
-            np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32) for reach in reaches(width)
+        sharp = np.maximum(self._map[rows] - np.float32(EVIDENCE_DEAD_ZONE), np.float32(0.0)) / np.float32(
+            1.0 - EVIDENCE_DEAD_ZONE
         )
-        return Evidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH * height, pinhole)
+        wide, broad = (
+            np.asarray(cv2.dilate(sharp, np.ones((1, 2 * reach + 1), np.uint8)), np.float32)
+            for reach in widening_reaches_px(width)
+        )
+        return StripeEvidence(rows, sharp, wide, broad, horizon_px, MIN_DEPTH_SHARE * height, pinhole)
 
 
-def _without_probability(boundary: Boundary) -> Boundary:
+def _boundary_without_probability(boundary: Boundary) -> Boundary:
     """The boundary with an unknown probability."""
     return replace(boundary, probability=nan)
 
@@ -75,15 +80,15 @@ def with_model(path: Path) -> Method:
     net = LaneNet(path)
 
     def search_size(width_px: int, height_px: int) -> tuple[int, int]:
-        return net.shape.search_size()
+        return net.description.search_size()
 
     def make(seed: int) -> LaneSearch:
-        return OnnxSearch(net)
+        return OnnxLaneSearch(net)
 
     return replace(METHOD, search_size=search_size, make=make)
 
 
-def _needs_model(*_: int) -> LaneSearch:
+def _raise_missing_model(*_: int) -> LaneSearch:
     """Raise the error that a model is missing."""
     raise UsageError("--method onnx needs a net", hint="--model net.onnx, and net.toml beside it")
 
@@ -91,7 +96,7 @@ def _needs_model(*_: int) -> LaneSearch:
 METHOD = Method(
     summary="your own net (--model) finds the markings, the default method follows the lane",
     search_size=lambda width_px, height_px: (width_px, height_px),
-    make=_needs_model,
+    make=_raise_missing_model,
     uses_motion=True,
     is_rectified=True,
     with_model=with_model,

@@ -43,27 +43,27 @@ Float32Array = npt.NDArray[np.float32]
 
 SEGMENTATION, ROW_ANCHOR = "segmentation", "row-anchor"
 """The kinds of nets: one marks lane pixels, the other gives columns at fixed rows."""
-COLOURS = {"grey": 1, "rgb": 3}
+CHANNELS_OF_COLOUR = {"grey": 1, "rgb": 3}
 """Number of input channels of each colour setting."""
 ACTIVATIONS = ("softmax", "sigmoid", "none")
 """The activations that turn a segmentation's output into probabilities."""
-AXES = ("cell", "row", "lane")
+ROW_ANCHOR_AXES = ("cell", "row", "lane")
 """The axes of a row-anchor output."""
-MAX_SIDE_PX = 4096
+MAX_INPUT_SIDE_PX = 4096
 """Greatest width and height of a net's input in pixels. Chosen by hand; not fitted."""
-MARKING_PX = 2.0
+MARKING_SIGMA_PX = 2.0
 """Sigma in pixels of the input of the stripe that replaces a row anchor's column. Chosen by hand; not fitted."""
-SHARED = {"kind", "size", "colour", "mean", "std", "top", "output"}
+SHARED_KEYS = {"kind", "size", "colour", "mean", "std", "top", "output"}
 """Keys that the descriptions of both kinds may have."""
-KEYS = {
-    SEGMENTATION: SHARED | {"classes", "lanes", "activation"},
-    ROW_ANCHOR: SHARED | {"axes", "rows", "cells", "lanes"},
+KEYS_OF_KIND = {
+    SEGMENTATION: SHARED_KEYS | {"classes", "lanes", "activation"},
+    ROW_ANCHOR: SHARED_KEYS | {"axes", "rows", "cells", "lanes"},
 }
 """Keys that the description of each kind may have."""
 
 
 @dataclass(frozen=True)
-class NetShape:
+class NetDescription:
     """Description of a net's input and output.
 
     Attributes:
@@ -95,7 +95,7 @@ class NetShape:
         """Width and height of the whole image, of which the input is the lower part."""
         return self.width_px, round(self.height_px / (1.0 - self.top))
 
-    def expected(self) -> tuple[int | None, ...]:
+    def expected_output_shape(self) -> tuple[int | None, ...]:
         """Shape that the output must have; None stands for any length."""
         if self.kind == SEGMENTATION:
             return 1, self.classes, None, None
@@ -118,22 +118,27 @@ class LaneNet:
         import cv2
 
         self.path = path
-        self.described = path.with_suffix(".toml")
-        self.shape = described(self.described)
-        data = _read(path)
-        described_shape = 1, len(self.shape.mean), self.shape.height_px, self.shape.width_px
-        net_shape = input_shape(data)
+        self.description_path = path.with_suffix(".toml")
+        self.description = read_net_description(self.description_path)
+        data = _read_net_file(path)
+        described_shape = 1, len(self.description.mean), self.description.height_px, self.description.width_px
+        net_shape = read_onnx_input_shape(data)
         if len(net_shape) == len(described_shape) and any(
             n not in (None, own) for n, own in zip(net_shape, described_shape, strict=True)
         ):
-            what = f"the net expects {_times(net_shape)}, but {self.described.name} describes {_times(described_shape)}"
-            raise InputError(what, where=str(path), hint=f"correct {self.described}")
+            what = (
+                f"the net expects {_format_shape(net_shape)}, but {self.description_path.name} describes "
+                f"{_format_shape(described_shape)}"
+            )
+            raise InputError(what, where=str(path), hint=f"correct {self.description_path}")
         try:
             self._net = cv2.dnn.readNetFromONNX(np.frombuffer(data, np.uint8))
         except cv2.error as error:
-            raise InputError("OpenCV can't load the net", where=str(path), found=(_last_line(error),)) from None
+            raise InputError(
+                "OpenCV can't load the net", where=str(path), found=(_last_line_of_error(error),)
+            ) from None
 
-    def lane_map(self, grey: GreyImage) -> Float32Array:
+    def compute_marking_map(self, grey: GreyImage) -> Float32Array:
         """How much each pixel looks like a lane marking, 0 to 1, of the shape of `grey`.
 
         Args:
@@ -144,7 +149,7 @@ class LaneNet:
         """
         import cv2
 
-        shape = self.shape
+        shape = self.description
         height, width = grey.shape
         seen = grey[height - shape.height_px :].astype(np.float32) / np.float32(255.0)
         blob = (seen[None] - shape.mean[:, None, None]) / shape.std[:, None, None]
@@ -152,24 +157,30 @@ class LaneNet:
         try:
             raw_output = self._net.forward(shape.output) if shape.output else self._net.forward()
         except cv2.error as error:
-            size = _times((1, len(shape.mean), shape.height_px, shape.width_px))
+            size = _format_shape((1, len(shape.mean), shape.height_px, shape.width_px))
             what = f"the net does not run on an input of {size}"
-            raise InputError(what, where=str(self.path), found=(_last_line(error),)) from None
+            raise InputError(what, where=str(self.path), found=(_last_line_of_error(error),)) from None
         output = np.asarray(raw_output, np.float32)
         if len(output.shape) != 4 or any(
-            length not in (None, found) for length, found in zip(shape.expected(), output.shape, strict=True)
+            length not in (None, found)
+            for length, found in zip(shape.expected_output_shape(), output.shape, strict=True)
         ):
             what = (
-                f"the output is {_times(output.shape)}, but {self.described.name} describes {_times(shape.expected())}"
+                f"the output is {_format_shape(output.shape)}, but {self.description_path.name} describes "
+                f"{_format_shape(shape.expected_output_shape())}"
             )
-            raise InputError(what, where=str(self.path), hint=f"correct {self.described}")
-        small = _marked(output[0], shape) if shape.kind == SEGMENTATION else _anchored(output[0], shape)
+            raise InputError(what, where=str(self.path), hint=f"correct {self.description_path}")
+        small = (
+            _segmentation_to_marking_map(output[0], shape)
+            if shape.kind == SEGMENTATION
+            else _row_anchors_to_marking_map(output[0], shape)
+        )
         whole = np.zeros((height, width), np.float32)
         whole[height - shape.height_px :] = cv2.resize(small, (width, shape.height_px), interpolation=cv2.INTER_LINEAR)
         return whole
 
 
-def _marked(output: Float32Array, shape: NetShape) -> Float32Array:
+def _segmentation_to_marking_map(output: Float32Array, shape: NetDescription) -> Float32Array:
     """Turn a segmentation's output (classes, h, w) into probabilities of a marking (h, w)."""
     lanes = list(shape.lane_classes)
     if shape.activation == "softmax":
@@ -181,9 +192,9 @@ def _marked(output: Float32Array, shape: NetShape) -> Float32Array:
     return np.asarray(np.clip(chosen, 0.0, 1.0), np.float32)
 
 
-def _anchored(output: Float32Array, shape: NetShape) -> Float32Array:
+def _row_anchors_to_marking_map(output: Float32Array, shape: NetDescription) -> Float32Array:
     """Turn the output of row anchors into an image of the input's size, with a stripe along each lane."""
-    cells, rows, lanes = (shape.axes.index(axis) for axis in AXES)
+    cells, rows, lanes = (shape.axes.index(axis) for axis in ROW_ANCHOR_AXES)
     logits = output.transpose(cells, rows, lanes).astype(np.float64)
     power = np.exp(logits - logits.max(axis=0))
     share = power / power.sum(axis=0)
@@ -198,12 +209,12 @@ def _anchored(output: Float32Array, shape: NetShape) -> Float32Array:
     for lane in range(shape.n_lanes):
         column = np.interp(v, anchors[order], u[order, lane])
         height = np.where(is_between, np.interp(v, anchors[order], is_there[order, lane]), 0.0)
-        distance = (np.arange(shape.width_px) - column[:, None]) / MARKING_PX
+        distance = (np.arange(shape.width_px) - column[:, None]) / MARKING_SIGMA_PX
         image = np.maximum(image, height[:, None] * np.exp(-0.5 * distance**2))
     return image.astype(np.float32)
 
 
-def described(path: Path) -> NetShape:
+def read_net_description(path: Path) -> NetDescription:
     """Read the description of a net.
 
     Raises:
@@ -211,61 +222,67 @@ def described(path: Path) -> NetShape:
         UsageError: The file is no TOML, or a key is missing, unknown or has a wrong value.
     """
     try:
-        table = parse_toml(_read(path).decode())
+        table = parse_toml(_read_net_file(path).decode())
     except (ValueError, RecursionError) as error:  # TOMLDecodeError is a ValueError; so is a number of 5000 digits
         raise UsageError(f"not TOML: {error}", where=str(path)) from None
-    reader = _Reader(path, table)
-    kind = reader.choice("kind", tuple(KEYS))
+    reader = _DescriptionReader(path, table)
+    kind = reader.read_choice("kind", tuple(KEYS_OF_KIND))
     for key in table:
-        if key not in KEYS[kind]:
-            raise reader.error(key, f"is unknown for {kind}", f"known: {', '.join(sorted(KEYS[kind]))}")
-    width_px, height_px = reader.numbers("size", 2, 8, MAX_SIDE_PX, whole=True)
-    channels = COLOURS[reader.choice("colour", tuple(COLOURS))]
-    shape = NetShape(
+        if key not in KEYS_OF_KIND[kind]:
+            raise reader.error_about_key(
+                key, f"is unknown for {kind}", f"known: {', '.join(sorted(KEYS_OF_KIND[kind]))}"
+            )
+    width_px, height_px = reader.read_numbers("size", 2, 8, MAX_INPUT_SIDE_PX, whole=True)
+    channels = CHANNELS_OF_COLOUR[reader.read_choice("colour", tuple(CHANNELS_OF_COLOUR))]
+    shape = NetDescription(
         kind=kind,
         width_px=int(width_px),
         height_px=int(height_px),
-        mean=np.array(reader.numbers("mean", channels, -1e3, 1e3)),
-        std=np.array(reader.numbers("std", channels, 1e-6, 1e3)),
-        top=reader.numbers("top", 1, 0.0, 0.9)[0] if "top" in table else 0.0,
+        mean=np.array(reader.read_numbers("mean", channels, -1e3, 1e3)),
+        std=np.array(reader.read_numbers("std", channels, 1e-6, 1e3)),
+        top=reader.read_numbers("top", 1, 0.0, 0.9)[0] if "top" in table else 0.0,
         output=str(table.get("output", "")),
     )
     if kind == SEGMENTATION:
-        classes = int(reader.numbers("classes", 1, 1, 1000, whole=True)[0])
-        lanes = reader.numbers("lanes", None, 0, classes - 1, whole=True)
-        activation = reader.choice("activation", ACTIVATIONS)
+        classes = int(reader.read_numbers("classes", 1, 1, 1000, whole=True)[0])
+        lanes = reader.read_numbers("lanes", None, 0, classes - 1, whole=True)
+        activation = reader.read_choice("activation", ACTIVATIONS)
         return replace(shape, classes=classes, lane_classes=tuple(map(int, lanes)), activation=activation)
     axes = table.get("axes")
-    if not isinstance(axes, list) or sorted(map(str, axes)) != sorted(AXES):
-        raise reader.error("axes", f"is {axes!r}", f"permitted: {', '.join(AXES)} in the net's order")
+    if not isinstance(axes, list) or sorted(map(str, axes)) != sorted(ROW_ANCHOR_AXES):
+        raise reader.error_about_key(
+            "axes", f"is {axes!r}", f"permitted: {', '.join(ROW_ANCHOR_AXES)} in the net's order"
+        )
     return replace(
         shape,
         axes=tuple(axes),
-        rows=tuple(reader.numbers("rows", None, 0.0, height_px - 1.0)),
-        cells=int(reader.numbers("cells", 1, 2, 10_000, whole=True)[0]),
-        n_lanes=int(reader.numbers("lanes", 1, 1, 100, whole=True)[0]),
+        rows=tuple(reader.read_numbers("rows", None, 0.0, height_px - 1.0)),
+        cells=int(reader.read_numbers("cells", 1, 2, 10_000, whole=True)[0]),
+        n_lanes=int(reader.read_numbers("lanes", 1, 1, 100, whole=True)[0]),
     )
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _DescriptionReader:
     """Reads and checks the values of a description."""
 
     path: Path
     table: Mapping[str, Any]
 
-    def error(self, key: str, what: str, hint: str) -> UsageError:
+    def error_about_key(self, key: str, what: str, hint: str) -> UsageError:
         """An error about the value of a key."""
         return UsageError(f"{key} {what}", where=str(self.path), hint=hint)
 
-    def choice(self, key: str, known: tuple[str, ...]) -> str:
+    def read_choice(self, key: str, known: tuple[str, ...]) -> str:
         """Read a value that must be one of the known ones."""
         value = self.table.get(key)
         if value not in known:
-            raise self.error(key, "is missing" if value is None else f"is {value!r}", f"permitted: {', '.join(known)}")
+            raise self.error_about_key(
+                key, "is missing" if value is None else f"is {value!r}", f"permitted: {', '.join(known)}"
+            )
         return str(value)
 
-    def numbers(self, key: str, n: int | None, low: float, high: float, *, whole: bool = False) -> list[float]:
+    def read_numbers(self, key: str, n: int | None, low: float, high: float, *, whole: bool = False) -> list[float]:
         """Read n numbers, or one or more if n is None, within limits; a single number may stand without brackets."""
         value = self.table.get(key)
         listed: list[Any] = value if isinstance(value, list) else [value]
@@ -277,11 +294,11 @@ class _Reader:
             many = "one or more" if n is None else str(n)
             what = "is missing" if value is None else f"is {value!r}"
             kind = "whole numbers" if whole else "numbers"
-            raise self.error(key, what, f"permitted: {many} {kind}, {low:g} to {high:g}")
+            raise self.error_about_key(key, what, f"permitted: {many} {kind}, {low:g} to {high:g}")
         return [float(each) for each in listed]
 
 
-def _read(path: Path) -> bytes:
+def _read_net_file(path: Path) -> bytes:
     """Read a file.
 
     Raises:
@@ -293,34 +310,42 @@ def _read(path: Path) -> bytes:
         raise InputError(f"can't be read: {getattr(error, 'strerror', None) or error}", where=str(path)) from None
 
 
-def input_shape(data: bytes) -> tuple[int | None, ...]:
+def read_onnx_input_shape(data: bytes) -> tuple[int | None, ...]:
     """Read the shape of a net's first input from an ONNX file; None stands for any length, an empty shape for an
     unknown one.
 
     OpenCV reads this too, but neither exposes it nor refuses an input of another shape. Field numbers: onnx.proto.
     """
     try:
-        graph = _fields(data, 7)[0]
-        given = {bytes(_fields(tensor, 8)[0]) for tensor in _fields(graph, 5)}  # old files list their weights as inputs
-        inputs = [value for value in _fields(graph, 11) if bytes(_fields(value, 1)[0]) not in given]
-        dims = _fields(_fields(_fields(_fields(inputs[0], 2)[0], 1)[0], 2)[0], 1)
-        return tuple(next(iter(_fields(dim, 1, wire_type=0)), None) or None for dim in dims)
+        graph = _protobuf_field_values(data, 7)[0]
+        given = {
+            bytes(_protobuf_field_values(tensor, 8)[0]) for tensor in _protobuf_field_values(graph, 5)
+        }  # old files list their weights as inputs
+        inputs = [
+            value
+            for value in _protobuf_field_values(graph, 11)
+            if bytes(_protobuf_field_values(value, 1)[0]) not in given
+        ]
+        dims = _protobuf_field_values(
+            _protobuf_field_values(_protobuf_field_values(_protobuf_field_values(inputs[0], 2)[0], 1)[0], 2)[0], 1
+        )
+        return tuple(next(iter(_protobuf_field_values(dim, 1, wire_type=0)), None) or None for dim in dims)
     except (IndexError, ValueError):
         return ()
 
 
-def _fields(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
+def _protobuf_field_values(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
     """Values of one field of a protobuf message: whole numbers (wire type 0) or bytes (2)."""
     values: list[Any] = []
     position = 0
     while position < len(data):
-        tag, position = _varint(data, position)
+        tag, position = _read_varint(data, position)
         value: int | bytes
         match tag & 7:
             case 0:
-                value, position = _varint(data, position)
+                value, position = _read_varint(data, position)
             case 1 | 2 | 5 as kind:
-                n, position = _varint(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
+                n, position = _read_varint(data, position) if kind == 2 else (8 if kind == 1 else 4, position)
                 value, position = data[position : position + n], position + n
             case _:
                 raise ValueError("no protobuf")
@@ -329,7 +354,7 @@ def _fields(data: bytes, number: int, wire_type: int = 2) -> list[Any]:
     return values
 
 
-def _varint(data: bytes, at: int) -> tuple[int, int]:
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
     """Read a protobuf varint; returns its value and the place after it."""
     value = shift = 0
     while data[at] & 128:
@@ -337,11 +362,11 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
     return value | data[at] << shift, at + 1
 
 
-def _times(shape: tuple[int | None, ...]) -> str:
+def _format_shape(shape: tuple[int | None, ...]) -> str:
     """A shape as text, such as 1 x 3 x any x 640."""
     return " x ".join("any" if length is None else str(length) for length in shape)
 
 
-def _last_line(error: Exception) -> str:
+def _last_line_of_error(error: Exception) -> str:
     """The last line of an error's text."""
     return str(error).strip().splitlines()[-1].strip()

@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
-QUEUED_PER_THREAD = 3
+MAX_QUEUED_JOBS_PER_THREAD = 3
 """Greatest number of waiting jobs for each thread. Chosen by hand: it bounds the memory."""
 
 Result = TypeVar("Result")
 
 
-def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
+def run_jobs_in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[Result]:
     """Run jobs in threads, a bounded number at a time; the results come in the order of the jobs.
 
     The calling thread is one of the threads: where it would wait for a result it takes the next job that nobody has
@@ -31,10 +31,10 @@ def in_order(jobs: Iterable[Callable[[], Result]], n_threads: int) -> Iterator[R
         try:
             for job in jobs:
                 waiting.append(_Task(job, pool))
-                if len(waiting) > QUEUED_PER_THREAD * n_threads:
-                    yield _next_result(waiting)
+                if len(waiting) > MAX_QUEUED_JOBS_PER_THREAD * n_threads:
+                    yield _take_oldest_result(waiting)
             while waiting:
-                yield _next_result(waiting)
+                yield _take_oldest_result(waiting)
         finally:
             for task in waiting:
                 task.future.cancel()
@@ -47,7 +47,7 @@ class _Task(Generic[Result]):
         self._job = job
         self.future = pool.submit(job)
 
-    def do_here(self) -> None:
+    def run_in_this_thread(self) -> None:
         """Do the job in this thread, unless another has begun it."""
         if not self.future.cancel():
             return
@@ -58,12 +58,12 @@ class _Task(Generic[Result]):
             self.future.set_exception(error)
 
 
-def _next_result(waiting: deque[_Task[Result]]) -> Result:
+def _take_oldest_result(waiting: deque[_Task[Result]]) -> Result:
     """Wait for the oldest task's result and take it out; meanwhile do younger tasks in this thread."""
     oldest = waiting[0]
     for task in waiting:
         if oldest.future.done():
             break
-        task.do_here()
+        task.run_in_this_thread()
     waiting.popleft()
     return oldest.future.result()

@@ -13,29 +13,29 @@ from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 from cwcli.vision.fit_columns import FitColumns
-from cwcli.vision.rectify import camera_points, is_in_image, lowest_row_px
+from cwcli.vision.rectify import in_image_mask, lowest_visible_row_px, map_rectified_to_camera_px
 
 BoolArray = npt.NDArray[np.bool_]
 
-N_POINTS = 32
+N_LINE_POINTS = 32
 """Number of points of a drawn boundary. Chosen by hand; not fitted."""
-DENSER = 1.5
+POINT_SPACING_EXPONENT = 1.5
 """Exponent of the points' spacing: above 1 they lie closer towards the top, where the image of a bend is bent most.
 Chosen by hand; not fitted."""
 
-LEFT_RGB = (0.1, 0.9, 0.2)
+LEFT_BOUNDARY_RGB = (0.1, 0.9, 0.2)
 """Colour of the left boundary: red, green, blue, 0 to 1. Chosen by hand."""
-RIGHT_RGB = (1.0, 0.55, 0.0)
+RIGHT_BOUNDARY_RGB = (1.0, 0.55, 0.0)
 """Colour of the right boundary: red, green, blue, 0 to 1. Chosen by hand."""
 JPEG_QUALITY = 85
 """Quality of written JPEG images, 0 to 100. Chosen by hand."""
-LABEL_POINT = 4
+LABEL_POINT_INDEX = 4
 """Index, from the bottom, of the point of a line beside which its label stands. Chosen by hand."""
-LABEL_LETTERS = 7.5
+LABEL_WIDTH_LETTERS = 7.5
 """Width that is left for the longest label, in heights of a letter. Chosen by hand."""
-LETTERS_PX = 22.0
+FONT_LETTER_HEIGHT_PX = 22.0
 """Height of a letter of OpenCV's font at scale 1, in pixels."""
-_NAMES = {
+_LINE_LABELS = {
     (kind, colour): " ".join(each.name.lower() for each in (kind, colour) if each)
     for kind in LineKind
     for colour in LineColour
@@ -43,7 +43,7 @@ _NAMES = {
 """Label for each kind and colour, such as `solid white`; empty where both are unknown."""
 
 
-def line_points(
+def boundary_points_in_image(
     lines: BoundaryLines, search_size: tuple[int, int], image_size: tuple[int, int], camera: Camera | None = None
 ) -> tuple[FloatArray, BoolArray]:
     """Points of the boundaries of n frames in the camera's images, and a mask of those to draw.
@@ -62,41 +62,41 @@ def line_points(
     scale = np.array([image_size[0] / width_px, image_size[1] / height_px])
     foot_px = 1.0
     if camera is not None:
-        foot_px = height_px + 0.5 - (lowest_row_px(camera) + 0.5) / scale[1]
-    share = 1.0 - np.linspace(1.0, 0.0, N_POINTS) ** DENSER
+        foot_px = height_px + 0.5 - (lowest_visible_row_px(camera) + 0.5) / scale[1]
+    share = 1.0 - np.linspace(1.0, 0.0, N_LINE_POINTS) ** POINT_SPACING_EXPONENT
     y_px = foot_px + share * (height_px - lines.top_px - foot_px)[:, None]
-    x_px = lines.columns_px(y_px, height_px)
+    x_px = lines.columns_at_heights_px(y_px, height_px)
     v_px = np.broadcast_to((height_px - y_px)[:, None], x_px.shape)
     points = (np.stack([x_px - 1.0, v_px], axis=-1) + 0.5) * scale - 0.5
     if camera is None:
         with np.errstate(invalid="ignore"):
             return points, (x_px >= 1.0) & (x_px <= width_px)
-    points = camera_points(points, camera)
-    return points, is_in_image(points, camera)
+    points = map_rectified_to_camera_px(points, camera)
+    return points, in_image_mask(points, camera)
 
 
-def line_names(fits: FitColumns) -> list[tuple[str, str]]:
+def boundary_labels(fits: FitColumns) -> list[tuple[str, str]]:
     """Labels of the left and the right boundary of each frame, such as `dashed white`; empty where nothing is known."""
     sides = []
     for kinds, colours in zip(fits.kind.T.tolist(), fits.colour.T.tolist(), strict=True):
-        sides.append([_NAMES[kind, colour] for kind, colour in zip(kinds, colours, strict=True)])
+        sides.append([_LINE_LABELS[kind, colour] for kind, colour in zip(kinds, colours, strict=True)])
     return list(zip(*sides, strict=True))
 
 
-def label_size_px(image_width_px: float) -> float:
+def label_letter_height_px(image_width_px: float) -> float:
     """Height of a label's letters in pixels."""
     return max(image_width_px / 45.0, 9.0)
 
 
-def label_place(line: FloatArray, image_width_px: float) -> tuple[float, float]:
+def label_position_px(line: FloatArray, image_width_px: float) -> tuple[float, float]:
     """Column and row where a boundary's label begins: towards the image's middle, above the foot of its line (k, 2)."""
-    u, v = line[min(LABEL_POINT, len(line) - 1)].tolist()
-    size_px = label_size_px(image_width_px)
+    u, v = line[min(LABEL_POINT_INDEX, len(line) - 1)].tolist()
+    size_px = label_letter_height_px(image_width_px)
     is_left = u < 0.5 * image_width_px
-    return (u + size_px if is_left else u - LABEL_LETTERS * size_px), v
+    return (u + size_px if is_left else u - LABEL_WIDTH_LETTERS * size_px), v
 
 
-def burn_in(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("", "")) -> Image:
+def draw_boundaries(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("", "")) -> Image:
     """The image with boundaries and their labels drawn on it.
 
     Args:
@@ -108,14 +108,14 @@ def burn_in(image: Image, lines: Sequence[FloatArray], names: Sequence[str] = ("
 
     drawn = image.copy()
     thickness = max(2, round(image.shape[1] / 320))
-    for points, colour, name in zip(lines, (LEFT_RGB, RIGHT_RGB), names, strict=True):
+    for points, colour, name in zip(lines, (LEFT_BOUNDARY_RGB, RIGHT_BOUNDARY_RGB), names, strict=True):
         if len(points) > 1:
             fixed = np.round(points * 16).astype(np.int32).reshape(-1, 1, 2)
             blue_green_red = tuple(round(255 * part) for part in reversed(colour))
             cv2.polylines(drawn, [fixed], False, blue_green_red, thickness, cv2.LINE_AA, 4)
             if name:
-                u, v = label_place(points, image.shape[1])
-                scale = label_size_px(image.shape[1]) / LETTERS_PX
+                u, v = label_position_px(points, image.shape[1])
+                scale = label_letter_height_px(image.shape[1]) / FONT_LETTER_HEIGHT_PX
                 corner = (round(u), round(v))
                 weight = max(1, thickness // 2)
                 cv2.putText(drawn, name, corner, cv2.FONT_HERSHEY_SIMPLEX, scale, blue_green_red, weight, cv2.LINE_AA)

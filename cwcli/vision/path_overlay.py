@@ -14,33 +14,33 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.covariances import turned
+from cwcli.signals.covariances import rotate_plane_covariance
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 
 BoolArray = npt.NDArray[np.bool_]
 
-N_POINTS = 32
+N_PATH_POINTS = 32
 """Number of points of a drawn line. Chosen by hand; not fitted."""
-LINES = ("centre", "left", "right", "band_left", "band_right")
+PATH_LINE_NAMES = ("centre", "left", "right", "band_left", "band_right")
 """Names of the lines of a drawn path."""
-MIN_NEAR_M = 1.0
+MIN_PATH_START_M = 1.0
 """Least distance ahead of the camera at which a drawn path begins, in metres. Chosen by hand; not fitted."""
-DEFAULT_NEAR_M = 3.0
+DEFAULT_PATH_START_M = 3.0
 """Distance at which a drawn path begins where the image's lowest row looks above the horizon, in metres. Chosen by
 hand; not fitted."""
-Z_90 = 1.6448536269514722
+CENTRAL_90_PERCENT_SIGMAS = 1.6448536269514722
 """Half width of the central 90 % of a normal distribution, in sigmas."""
 
 PATH_RGB = (0.1, 0.75, 1.0)
 """Colour of the path: red, green, blue, 0 to 1. Chosen by hand."""
-FILL_ALPHA = 0.35
+BAND_OPACITY = 0.35
 """Opacity of the 90 % band, 0 to 1. Chosen by hand."""
-SHIFT = 4
+N_FRACTION_BITS = 4
 """Number of fraction bits in the coordinates that OpenCV draws."""
-FARTHEST_PX = 20_000.0
+MAX_DRAWN_COORDINATE_PX = 20_000.0
 """Greatest coordinate that is drawn, in pixels: larger ones overflow OpenCV's fixed-point numbers."""
-MIN_STEP_M = 1e-3
+MIN_DRAWN_LENGTH_M = 1e-3
 """Least length of a path that is drawn, in metres. Chosen by hand; not fitted."""
 
 
@@ -69,26 +69,30 @@ class PathLines:
     """
 
     points: FloatArray
-    is_in: BoolArray
+    in_image_mask: BoolArray
 
-    def line(self, name: str) -> FloatArray:
+    def line_points_in_image(self, name: str) -> FloatArray:
         """The points of the line of this name that lie in the image, shape (m, 2)."""
-        index = LINES.index(name)
-        points: FloatArray = self.points[index][self.is_in[index]]
+        index = PATH_LINE_NAMES.index(name)
+        points: FloatArray = self.points[index][self.in_image_mask[index]]
         return points
 
-    def band(self) -> FloatArray:
+    def band_polygon(self) -> FloatArray:
         """The 90 % band as one polygon in the image, shape (m, 2): up its left side, down its right one."""
-        left, right = LINES.index("band_left"), LINES.index("band_right")
-        both = self.is_in[left] & self.is_in[right]
+        left, right = PATH_LINE_NAMES.index("band_left"), PATH_LINE_NAMES.index("band_right")
+        both = self.in_image_mask[left] & self.in_image_mask[right]
         return np.concatenate([self.points[left][both], self.points[right][both][::-1]])
 
 
-NOTHING = PathLines(np.full((len(LINES), N_POINTS, 2), np.nan), np.zeros((len(LINES), N_POINTS), np.bool_))
+EMPTY_PATH_LINES = PathLines(
+    np.full((len(PATH_LINE_NAMES), N_PATH_POINTS, 2), np.nan), np.zeros((len(PATH_LINE_NAMES), N_PATH_POINTS), np.bool_)
+)
 """The lines of a path that is too short to draw: all points are NaN."""
 
 
-def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward_m: float = 0.0) -> PathLines:
+def project_path_into_image(
+    path: BodyPath, camera: Camera, *, width_m: float, camera_forward_m: float = 0.0
+) -> PathLines:
     """Project a path into the image.
 
     The corridor is the car's width along the path. The band holds the path's place across it with 90 %; it is empty
@@ -100,30 +104,30 @@ def path_lines(path: BodyPath, camera: Camera, *, width_m: float, camera_forward
         width_m: Width of the car.
         camera_forward_m: Distance of the camera ahead of the centre of gravity.
     """
-    x_m, y_m, heading_rad, across_m = _sampled(path, camera, camera_forward_m)
+    x_m, y_m, heading_rad, across_m = _sample_path(path, camera, camera_forward_m)
     if not len(x_m):
-        return NOTHING
+        return EMPTY_PATH_LINES
     offsets = np.stack(
         [np.zeros_like(x_m), *(np.full_like(x_m, sign * width_m / 2) for sign in (1, -1)), across_m, -across_m]
     )
     forward = x_m - offsets * np.sin(heading_rad) - camera_forward_m
     left = y_m + offsets * np.cos(heading_rad)
-    u, v = camera.image_from_ground(forward.ravel(), left.ravel())
-    points = np.stack([u, v], axis=-1).reshape(len(LINES), N_POINTS, 2)
+    u, v = camera.image_points_from_ground(forward.ravel(), left.ravel())
+    points = np.stack([u, v], axis=-1).reshape(len(PATH_LINE_NAMES), N_PATH_POINTS, 2)
     with np.errstate(invalid="ignore"):
         size = np.array([camera.width_px, camera.height_px])
         is_in = np.asarray(((points >= -0.5) & (points <= size - 0.5)).all(axis=-1), np.bool_)
     return PathLines(points, is_in)
 
 
-def ground_near_m(camera: Camera) -> float:
+def nearest_visible_ground_m(camera: Camera) -> float:
     """Distance ahead of the camera at which the middle of the image's lowest row shows the road, in metres."""
-    x_m, _ = camera.ground_from_image(np.array([(camera.width_px - 1) / 2]), np.array([camera.height_px - 0.5]))
+    x_m, _ = camera.ground_points_from_image(np.array([(camera.width_px - 1) / 2]), np.array([camera.height_px - 0.5]))
     near_m = float(x_m[0])
-    return max(near_m, MIN_NEAR_M) if math.isfinite(near_m) else DEFAULT_NEAR_M
+    return max(near_m, MIN_PATH_START_M) if math.isfinite(near_m) else DEFAULT_PATH_START_M
 
 
-def _sampled(
+def _sample_path(
     path: BodyPath, camera: Camera, camera_forward_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Sample a path evenly in the image: x, y, heading and 90 % half width of the band; empty if the path is too
@@ -133,14 +137,16 @@ def _sampled(
     if not known.all():
         return nothing, nothing, nothing, nothing
     driven = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(path.x_m), np.diff(path.y_m)))])
-    near_m = ground_near_m(camera)
+    near_m = nearest_visible_ground_m(camera)
     start, end = near_m + camera_forward_m, float(driven[-1])
-    if end <= start + MIN_STEP_M:
+    if end <= start + MIN_DRAWN_LENGTH_M:
         return nothing, nothing, nothing, nothing
     # A step in 1 / distance is a step in image rows.
-    distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_POINTS) + camera_forward_m
+    distances_m = 1.0 / np.linspace(1.0 / near_m, 1.0 / (end - camera_forward_m), N_PATH_POINTS) + camera_forward_m
     moving = np.concatenate([[True], np.diff(driven) > 0.0])
-    across = Z_90 * np.sqrt(np.maximum(turned(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0))
+    across = CENTRAL_90_PERCENT_SIGMAS * np.sqrt(
+        np.maximum(rotate_plane_covariance(path.position_covariance_m2, path.heading_rad)[:, 2], 0.0)
+    )
     x_m, y_m, heading_rad, across_m = (
         np.interp(distances_m, driven[moving], values[moving])
         for values in (path.x_m, path.y_m, path.heading_rad, across)
@@ -148,7 +154,7 @@ def _sampled(
     return x_m, y_m, heading_rad, across_m
 
 
-def paint_path(image: Image, lines: PathLines) -> Image:
+def draw_path(image: Image, lines: PathLines) -> Image:
     """The image with the path drawn on it: the car's corridor, the 90 % band and the middle.
 
     Args:
@@ -160,20 +166,20 @@ def paint_path(image: Image, lines: PathLines) -> Image:
     drawn = image.copy()
     colour = tuple(round(255 * part) for part in reversed(PATH_RGB))
     thin = max(1, round(image.shape[1] / 640))
-    band = lines.band()
+    band = lines.band_polygon()
     if len(band) > 2:
         filled = drawn.copy()
-        cv2.fillPoly(filled, [_fixed(band)], colour, cv2.LINE_AA, SHIFT)
-        drawn = np.asarray(cv2.addWeighted(filled, FILL_ALPHA, drawn, 1.0 - FILL_ALPHA, 0.0), np.uint8)
+        cv2.fillPoly(filled, [_to_fixed_point(band)], colour, cv2.LINE_AA, N_FRACTION_BITS)
+        drawn = np.asarray(cv2.addWeighted(filled, BAND_OPACITY, drawn, 1.0 - BAND_OPACITY, 0.0), np.uint8)
     for name, width in (("left", thin), ("right", thin), ("centre", 2 * thin)):
-        points = lines.points[LINES.index(name)]
+        points = lines.points[PATH_LINE_NAMES.index(name)]
         there = points[np.isfinite(points).all(axis=1)]
         if len(there) > 1:
-            cv2.polylines(drawn, [_fixed(there)], False, colour, width, cv2.LINE_AA, SHIFT)
+            cv2.polylines(drawn, [_to_fixed_point(there)], False, colour, width, cv2.LINE_AA, N_FRACTION_BITS)
     return drawn
 
 
-def _fixed(points: FloatArray) -> npt.NDArray[np.int32]:
+def _to_fixed_point(points: FloatArray) -> npt.NDArray[np.int32]:
     """Points as OpenCV's fixed-point coordinates."""
-    near = np.clip(points, -FARTHEST_PX, FARTHEST_PX)
-    return np.round(near * (1 << SHIFT)).astype(np.int32).reshape(-1, 1, 2)
+    near = np.clip(points, -MAX_DRAWN_COORDINATE_PX, MAX_DRAWN_COORDINATE_PX)
+    return np.round(near * (1 << N_FRACTION_BITS)).astype(np.int32).reshape(-1, 1, 2)

@@ -16,11 +16,11 @@ class PreparedFrame:
     """A prepared frame: the image to be searched, what the method computed of it, and the image in colour."""
 
     grey: Image
-    made: object = None
+    method_result: object = None
     colour: Image | None = None
 
 
-def prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
+def make_frame_preparer(method: Method, rectifier: Rectifier | None) -> Callable[[DecodedFrame], object] | None:
     """A function that prepares each decoded frame for a method (`PreparedFrame`); None where there is nothing to do."""
     if method.prepare is None and rectifier is None:
         return None
@@ -30,8 +30,8 @@ def prepare_with(method: Method, rectifier: Rectifier | None) -> Callable[[Decod
         grey, colour = decoded.image, decoded.colour
         if rectifier is not None:
             size = decoded.width_px, decoded.height_px
-            grey = rectifier.image(grey, size)
-            colour = None if colour is None else rectifier.image(colour, size)
+            grey = rectifier.rectify_image(grey, size)
+            colour = None if colour is None else rectifier.rectify_image(colour, size)
         return PreparedFrame(grey, None if method.prepare is None else method.prepare(grey), colour)
 
     return prepare

@@ -20,17 +20,17 @@ from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera
 from cwcli.vision.encoded import Image
 
-NOWHERE_PX = -1000.0
+UNSEEN_COORDINATE_PX = -1000.0
 """Coordinate for points that the camera can't see, in pixels: far enough outside any image."""
-MAX_BELOW = 0.5
+MAX_BELOW_IMAGE_SHARE = 0.5
 """Greatest distance below the image's bottom to which lines are followed into the camera's corners, over the image's
 height. Chosen by hand; not fitted."""
-N_EDGE = 33
+N_EDGE_POINTS = 33
 """Number of points on the image's lower edge that are looked at. Chosen by hand; not fitted."""
-MAX_SIZES = 8
+MAX_CACHED_MAPS = 8
 """Greatest number of rectification maps in memory: a camera has one size of images, a malicious log may have thousands.
 Chosen by hand; not fitted."""
-BLOCK_ROWS = 16
+MAP_ROWS_PER_BLOCK = 16
 """Number of rows for which a map is computed at a time: OpenCV's projection takes 400 bytes for each point. Chosen by
 hand; not fitted."""
 
@@ -46,13 +46,13 @@ def needs_rectifying(camera: Camera) -> bool:
     return camera.has_distortion()
 
 
-def rectified(camera: Camera) -> Camera:
+def rectified_camera(camera: Camera) -> Camera:
     """The pinhole camera without roll whose images the rectified frames are."""
     mounting = replace(camera.mounting, roll_rad=0.0)
     return replace(camera, distortion_model="", distortion=(), mounting=mounting)
 
 
-def camera_points(points_px: FloatArray, camera: Camera) -> FloatArray:
+def map_rectified_to_camera_px(points_px: FloatArray, camera: Camera) -> FloatArray:
     """Points of the rectified image in the pixels of the camera's own image.
 
     Args:
@@ -63,27 +63,32 @@ def camera_points(points_px: FloatArray, camera: Camera) -> FloatArray:
         Same shape; NaN where the camera can't see the point.
     """
     flat = points_px.reshape(-1, 2)
-    rays = rectified(camera).rays_from_image(flat[:, 0], flat[:, 1]) @ _camera_from_rectified(camera).T
-    return np.stack(camera.image_from_rays(rays), axis=-1).reshape(points_px.shape)
+    rays = (
+        rectified_camera(camera).viewing_rays_from_image(flat[:, 0], flat[:, 1])
+        @ _camera_from_rectified_rotation(camera).T
+    )
+    return np.stack(camera.image_points_from_rays(rays), axis=-1).reshape(points_px.shape)
 
 
-def _camera_from_rectified(camera: Camera) -> FloatArray:
+def _camera_from_rectified_rotation(camera: Camera) -> FloatArray:
     """Rotation from the rectified to the camera's optical frame, shape (3, 3); they differ by the roll alone."""
-    return np.asarray(camera.body_from_optical().T @ rectified(camera).body_from_optical())
+    return np.asarray(camera.body_from_optical_rotation().T @ rectified_camera(camera).body_from_optical_rotation())
 
 
-def lowest_row_px(camera: Camera) -> float:
+def lowest_visible_row_px(camera: Camera) -> float:
     """The lowest row of the rectified image, also below its bottom, that the camera's lower edge shows."""
-    u_px = np.linspace(0.0, camera.width_px - 1.0, N_EDGE)
-    rays = camera.rays_from_image(u_px, np.full(N_EDGE, camera.height_px - 1.0)) @ _camera_from_rectified(camera)
+    u_px = np.linspace(0.0, camera.width_px - 1.0, N_EDGE_POINTS)
+    rays = camera.viewing_rays_from_image(
+        u_px, np.full(N_EDGE_POINTS, camera.height_px - 1.0)
+    ) @ _camera_from_rectified_rotation(camera)
     with np.errstate(divide="ignore", invalid="ignore"):
         v_px = camera.cy + camera.fy * rays[:, 1] / rays[:, 2]
     seen = v_px[np.isfinite(v_px) & (rays[:, 2] > 0.0)]
     last = camera.height_px - 1.0
-    return float(np.clip(seen.max(initial=last), last, last + MAX_BELOW * camera.height_px))
+    return float(np.clip(seen.max(initial=last), last, last + MAX_BELOW_IMAGE_SHARE * camera.height_px))
 
 
-def is_in_image(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def in_image_mask(points_px: FloatArray, camera: Camera) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """Mask of the points, shape (..., 2), that lie in the camera's image; NaN does not."""
     u_px, v_px = points_px[..., 0], points_px[..., 1]
     with np.errstate(invalid="ignore"):
@@ -101,7 +106,7 @@ class Rectifier:
         self._camera_of = camera_of
         self._maps: dict[tuple[Size, Size], tuple[Image, Image]] = {}
 
-    def image(self, image: Image, image_size: Size) -> Image:
+    def rectify_image(self, image: Image, image_size: Size) -> Image:
         """The rectified search image, grey or in colour, of a frame of `image_size` (width, height); the shape
         stays."""
         import cv2
@@ -110,24 +115,24 @@ class Rectifier:
         key = image_size, (width_px, height_px)
         maps = self._maps.get(key)
         if maps is None:  # two threads at once make the same map
-            maps = fixed_map(self._camera_of(*image_size).resized(width_px, height_px))
-            if len(self._maps) >= MAX_SIZES:
+            maps = rectification_maps(self._camera_of(*image_size).with_image_size(width_px, height_px))
+            if len(self._maps) >= MAX_CACHED_MAPS:
                 self._maps.clear()
             self._maps[key] = maps
         return np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT), np.uint8)
 
 
-def fixed_map(camera: Camera) -> tuple[Image, Image]:
+def rectification_maps(camera: Camera) -> tuple[Image, Image]:
     """OpenCV's fixed-point maps that rectify the camera's images: two or three times as fast as those of floats."""
     import cv2
 
     u_px = np.arange(float(camera.width_px))
     points_px = np.empty((camera.height_px, camera.width_px, 2), np.float32)
-    for top in range(0, camera.height_px, BLOCK_ROWS):
-        rows = np.arange(float(top), min(top + BLOCK_ROWS, camera.height_px))
-        points = camera_points(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
-        points_px[top : top + BLOCK_ROWS] = np.clip(
-            np.nan_to_num(points, nan=NOWHERE_PX), NOWHERE_PX, -2.0 * NOWHERE_PX
+    for top in range(0, camera.height_px, MAP_ROWS_PER_BLOCK):
+        rows = np.arange(float(top), min(top + MAP_ROWS_PER_BLOCK, camera.height_px))
+        points = map_rectified_to_camera_px(np.stack(np.meshgrid(u_px, rows), axis=-1), camera)
+        points_px[top : top + MAP_ROWS_PER_BLOCK] = np.clip(
+            np.nan_to_num(points, nan=UNSEEN_COORDINATE_PX), UNSEEN_COORDINATE_PX, -2.0 * UNSEEN_COORDINATE_PX
         )
     first, second = cv2.convertMaps(points_px[..., 0], points_px[..., 1], cv2.CV_16SC2)
     return np.asarray(first), np.asarray(second)

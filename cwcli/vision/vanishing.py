@@ -18,35 +18,35 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.method import GreyImage
 
-HORIZON_SHARE = (0.25, 0.66)
+HORIZON_SEARCH_SHARES = (0.25, 0.66)
 """First and last row that are tried, over the image's height. Chosen by hand; not fitted."""
-REACH_SHARE = 0.22
+COLUMN_SEARCH_SHARE = 0.22
 """Distance to each side of the middle up to which columns are tried, over the image's width. Chosen by hand; not
 fitted."""
-STEP_SHARE = 0.01
+GRID_STEP_SHARE = 0.01
 """Step of the tried rows and columns, over the image's height and width. Chosen by hand; not fitted."""
-MIN_LENGTH_SHARE = 0.03
+MIN_SEGMENT_LENGTH_SHARE = 0.03
 """Least length of a segment that votes, over the image's width. Chosen by hand; not fitted."""
-MAX_LENGTH_SHARE = 0.15
+MAX_COUNTED_LENGTH_SHARE = 0.15
 """Length from which longer segments have no more votes, over the image's width. Chosen by hand; not fitted."""
-FLATTEST, STEEPEST = 0.2, 16.0
+MIN_SEGMENT_SLOPE, MAX_SEGMENT_SLOPE = 0.2, 16.0
 """Least and greatest slope of a segment that votes, in rows a column: others are beams, bridges and posts. Chosen by
 hand; not fitted."""
-ANGLE_RAD = 0.02
+QUARTER_VOTE_ANGLE_RAD = 0.02
 """Angle between a segment and a point at which a quarter of the votes is left, in radians. Chosen by hand; not
 fitted."""
-SEGMENTS_PX = 400
+MAX_DETECTION_WIDTH_PX = 400
 """Greatest width in pixels at which segments are detected; wider images are halved, which keeps directions and takes a
 quarter of the time."""
-DARKEST, BRIGHTEST = 0.01, 0.99
+DARK_QUANTILE, BRIGHT_QUANTILE = 0.01, 0.99
 """Quantiles of the grey levels between which a picture's contrast is measured. Chosen by hand; not fitted."""
-DAYLIGHT_GREY = 150
+DAYLIGHT_CONTRAST_GREY = 150
 """Contrast in grey levels to which pictures with less are stretched: that of daylight. Stretching to all levels finds
 segments in the road's grain (docs/decisions.md)."""
-LEAST_GREY = 16
+MIN_ASSUMED_CONTRAST_GREY = 16
 """Least contrast in grey levels that the stretching assumes: pictures with less hold nothing but noise. Chosen by hand;
 not fitted."""
-BELOW_SHARE = 0.03
+MIN_REACH_BELOW_POINT_SHARE = 0.03
 """Least distance below a point to which a segment that votes must reach, over the image's height. Chosen by hand; not
 fitted."""
 
@@ -65,7 +65,7 @@ class VanishingPoint:
     votes: float
 
 
-def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
+def find_vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
     """Find the point with the most votes of the frame's segments; None without segments.
 
     Args:
@@ -73,12 +73,12 @@ def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
         middle_px: Column around which to look.
     """
     height, width = grey.shape
-    segments = _segments(grey)
+    segments = _detect_road_segments(grey)
     if not len(segments):
         return None
-    v = np.arange(HORIZON_SHARE[0] * height, HORIZON_SHARE[1] * height, STEP_SHARE * height)
-    u = middle_px + np.arange(-REACH_SHARE, REACH_SHARE, STEP_SHARE) * width
-    votes, total = _votes(segments, u, v, width, height)
+    v = np.arange(HORIZON_SEARCH_SHARES[0] * height, HORIZON_SEARCH_SHARES[1] * height, GRID_STEP_SHARE * height)
+    u = middle_px + np.arange(-COLUMN_SEARCH_SHARE, COLUMN_SEARCH_SHARE, GRID_STEP_SHARE) * width
+    votes, total = _count_segment_votes(segments, u, v, width, height)
     i, j = np.unravel_index(int(votes.argmax()), votes.shape)
     near = votes[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2] ** 4
     v_near, u_near = v[max(i - 1, 0) : i + 2], u[max(j - 1, 0) : j + 2]
@@ -89,50 +89,54 @@ def vanishing_point(grey: GreyImage, middle_px: float) -> VanishingPoint | None:
     )
 
 
-def _segments(grey: GreyImage) -> FloatArray:
+def _detect_road_segments(grey: GreyImage) -> FloatArray:
     """Detect the segments that may lie along the road: u, v of both ends, shape (n, 4)."""
     import cv2
 
     height, width = grey.shape
-    top = round((HORIZON_SHARE[0] + BELOW_SHARE) * height)
+    top = round((HORIZON_SEARCH_SHARES[0] + MIN_REACH_BELOW_POINT_SHARE) * height)
     road = np.ascontiguousarray(grey[top:])
-    if width > SEGMENTS_PX:
+    if width > MAX_DETECTION_WIDTH_PX:
         road = np.asarray(cv2.resize(road, (width // 2, len(road) // 2), interpolation=cv2.INTER_AREA), np.uint8)
     scale = np.array([width / road.shape[1], (height - top) / len(road)])
-    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(_in_daylight(road))[0]
+    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(_stretch_to_daylight_contrast(road))[0]
     if found is None:
         return np.empty((0, 4))
     segments = ((found.reshape(-1, 2, 2).astype(np.float64) + 0.5) * scale - 0.5).reshape(-1, 4)
     segments[:, 1::2] += top
     across, down = np.abs(segments[:, 2] - segments[:, 0]), np.abs(segments[:, 3] - segments[:, 1])
-    keep = (np.hypot(across, down) > MIN_LENGTH_SHARE * width) & (down > FLATTEST * across) & (down < STEEPEST * across)
+    keep = (
+        (np.hypot(across, down) > MIN_SEGMENT_LENGTH_SHARE * width)
+        & (down > MIN_SEGMENT_SLOPE * across)
+        & (down < MAX_SEGMENT_SLOPE * across)
+    )
     return np.asarray(segments[keep])
 
 
-def _in_daylight(grey: GreyImage) -> GreyImage:
+def _stretch_to_daylight_contrast(grey: GreyImage) -> GreyImage:
     """The picture, stretched to the contrast of daylight if it has less."""
     import cv2
 
     share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256])) / grey.size
-    low, high = np.searchsorted(share, [DARKEST, BRIGHTEST]).tolist()
-    if high - low >= DAYLIGHT_GREY:
+    low, high = np.searchsorted(share, [DARK_QUANTILE, BRIGHT_QUANTILE]).tolist()
+    if high - low >= DAYLIGHT_CONTRAST_GREY:
         return grey
-    stretched = (np.arange(256) - low) * (DAYLIGHT_GREY / max(high - low, LEAST_GREY))
+    stretched = (np.arange(256) - low) * (DAYLIGHT_CONTRAST_GREY / max(high - low, MIN_ASSUMED_CONTRAST_GREY))
     return np.asarray(cv2.LUT(grey, np.clip(np.rint(stretched), 0, 255).astype(np.uint8)))
 
 
-def _votes(
+def _count_segment_votes(
     segments: FloatArray, u: FloatArray, v: FloatArray, width_px: int, height_px: int
 ) -> tuple[FloatArray, float]:
     """Votes for each point of a grid, shape (len(v), len(u)), and the greatest possible sum of votes."""
     run, rise = segments[:, 2] - segments[:, 0], segments[:, 3] - segments[:, 1]
     length = np.hypot(run, rise)
-    weight = np.minimum(length, MAX_LENGTH_SHARE * width_px)
+    weight = np.minimum(length, MAX_COUNTED_LENGTH_SHARE * width_px)
     lowest = np.maximum(segments[:, 1], segments[:, 3])
     du = (u - 0.5 * (segments[:, :1] + segments[:, 2:3])).astype(np.float32)
     dv = (v - 0.5 * (segments[:, 1:2] + segments[:, 3:])).astype(np.float32)
     # at the distance from a segment that 0.02 rad and a pixel at its ends allow, a quarter of its votes is left
-    beside = 1.0 / (length * (ANGLE_RAD + 1.0 / length))
+    beside = 1.0 / (length * (QUARTER_VOTE_ANGLE_RAD + 1.0 / length))
     across = (du * (rise * beside)[:, None].astype(np.float32))[:, None, :]
     across = across - (dv * (run * beside)[:, None].astype(np.float32))[:, :, None]
     across *= across
@@ -140,5 +144,7 @@ def _votes(
     across += away
     away /= across
     away *= away
-    away *= np.where(lowest[:, None] > v + BELOW_SHARE * height_px, weight[:, None], 0.0)[:, :, None].astype(np.float32)
+    away *= np.where(lowest[:, None] > v + MIN_REACH_BELOW_POINT_SHARE * height_px, weight[:, None], 0.0)[
+        :, :, None
+    ].astype(np.float32)
     return away.sum(axis=0, dtype=np.float64), float(weight.sum())

@@ -18,30 +18,30 @@ import numpy as np
 
 from cwcli.errors import InputError
 from cwcli.vision.encoded import Image
-from cwcli.vision.matroska import BLOCK_STEP_MS, matroska_block, matroska_start
-from cwcli.vision.video_start import stream_head
+from cwcli.vision.matroska import BLOCK_INTERVAL_MS, encode_matroska_block, encode_matroska_start
+from cwcli.vision.video_start import stream_parameters
 
-VIDEO_FORMATS = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
+CODEC_OF_VIDEO_FORMAT = {"h264": "h264", "h265": "h265", "hevc": "h265", "vp9": "vp9", "av1": "av1"}
 """Codec for each format that a message may name."""
-NOT_DECODED = frozenset({"av1"})
+UNSUPPORTED_CODECS = frozenset({"av1"})
 """Codecs that OpenCV's FFmpeg decodes on special hardware only."""
-N_THREADS = 1
+N_DECODER_THREADS = 1
 """Number of FFmpeg's threads: with more, its repair of damaged parts differs from run to run."""
-SPARE_FAILURES = 2
+MAX_EXTRA_DECODER_FAILURES = 2
 """Failures of the decoder, beyond one for each waiting message, after which it is started anew. Chosen by hand; not
 fitted."""
-MAX_TIMESTAMP_BLOCKS = 1 << 40
+BLOCK_NUMBER_ABOVE_ALL = 1 << 40
 """A block number above that of any message."""
 
 
-class Encoded(Protocol):
+class EncodedMessage(Protocol):
     """A message with an encoded picture."""
 
     @property
     def data(self) -> bytes | memoryview: ...
 
 
-Message = TypeVar("Message", bound=Encoded)
+Message = TypeVar("Message", bound=EncodedMessage)
 
 
 def decode_video(
@@ -62,11 +62,11 @@ def decode_video(
     Raises:
         InputError: There is no decoder for the format.
     """
-    codec = _decodable(video_format, where)
-    for number, stream in groupby(messages, key=_stream_numbers(codec)):
-        feed: _Feed[Message] | None = None
+    codec = _require_decodable_codec(video_format, where)
+    for number, stream in groupby(messages, key=_make_stream_counter(codec)):
+        feed: _MatroskaFeed[Message] | None = None
         while number and not (feed and feed.is_done):
-            feed = _Feed(stream, codec)  # noqa: B031 - goes on where the last one stopped
+            feed = _MatroskaFeed(stream, codec)  # noqa: B031 - goes on where the last one stopped
             yield from _decode_until_stuck(feed, max_pixels)
             if feed.error is not None:
                 raise feed.error
@@ -74,14 +74,14 @@ def decode_video(
             yield message, None, (0, 0)
 
 
-def _stream_numbers(codec: str) -> Callable[[Encoded], int]:
+def _make_stream_counter(codec: str) -> Callable[[EncodedMessage], int]:
     """A function that numbers the streams: called with each message in turn, 0 before the first stream, then 1, 2,
     ..."""
     number, head = 0, b""
 
-    def number_of(message: Encoded) -> int:
+    def number_of(message: EncodedMessage) -> int:
         nonlocal number, head
-        own = stream_head(codec, message.data)
+        own = stream_parameters(codec, message.data)
         if own is not None and own != head:
             number, head = number + 1, own
         return number
@@ -89,13 +89,13 @@ def _stream_numbers(codec: str) -> Callable[[Encoded], int]:
     return number_of
 
 
-def _decodable(video_format: str, where: str) -> str:
+def _require_decodable_codec(video_format: str, where: str) -> str:
     """The codec of a format; raises InputError where OpenCV can't decode it."""
     import cv2
 
-    codec = VIDEO_FORMATS[video_format]
+    codec = CODEC_OF_VIDEO_FORMAT[video_format]
     name = video_format.upper()
-    if codec in NOT_DECODED:
+    if codec in UNSUPPORTED_CODECS:
         raise InputError(
             f"the frames are compressed video ({name}), which OpenCV can't decode",
             where=where,
@@ -111,7 +111,7 @@ def _decodable(video_format: str, where: str) -> str:
 
 
 def _decode_until_stuck(
-    feed: _Feed[Message], max_pixels: int
+    feed: _MatroskaFeed[Message], max_pixels: int
 ) -> Iterator[tuple[Message, Image | None, tuple[int, int]]]:
     """Decode until the messages end, or until the decoder no longer makes pictures; then the caller starts a new
     one."""
@@ -119,27 +119,27 @@ def _decode_until_stuck(
 
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # damaged pictures are counted, not reported one by one
     source: Any = feed
-    capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, N_THREADS])
+    capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, N_DECODER_THREADS])
     try:
         failures = 0
-        while capture.isOpened() and failures <= len(feed.waiting) + SPARE_FAILURES:
+        while capture.isOpened() and failures <= len(feed.waiting) + MAX_EXTRA_DECODER_FAILURES:
             if not capture.grab():  # at a damaged block, or at the end
                 failures += 1
                 continue
             failures = 0
-            number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_STEP_MS)
-            for message in feed.passed(number):
+            number = round(capture.get(cv2.CAP_PROP_POS_MSEC) / BLOCK_INTERVAL_MS)
+            for message in feed.pop_messages_before(number):
                 yield message, None, (0, 0)
-            own = feed.take(number)
+            own = feed.pop_message(number)
             if own is not None:
-                yield own, *_picture(capture, max_pixels)
-        for message in feed.passed(MAX_TIMESTAMP_BLOCKS):
+                yield own, *_retrieve_picture(capture, max_pixels)
+        for message in feed.pop_messages_before(BLOCK_NUMBER_ABOVE_ALL):
             yield message, None, (0, 0)
     finally:
         capture.release()
 
 
-def _picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, int]]:
+def _retrieve_picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, int]]:
     """The grabbed picture and its size; no picture where it is too large."""
     import cv2
 
@@ -152,7 +152,7 @@ def _picture(capture: Any, max_pixels: int) -> tuple[Image | None, tuple[int, in
     return np.asarray(image, np.uint8), (image.shape[1], image.shape[0])
 
 
-class _Feed(io.BufferedIOBase, Generic[Message]):
+class _MatroskaFeed(io.BufferedIOBase, Generic[Message]):
     """The file that FFmpeg reads: each message becomes a block when it is asked for.
 
     Attributes:
@@ -164,7 +164,7 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
     def __init__(self, messages: Iterator[Message], codec: str) -> None:
         super().__init__()
         self._messages = messages
-        self._bytes = bytearray(matroska_start(codec))
+        self._bytes = bytearray(encode_matroska_start(codec))
         self._n = 0
         self.waiting: deque[tuple[int, Message]] = deque()
         self.is_done = False
@@ -174,7 +174,7 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
         """Up to `size` bytes, b"" at the end. Never raises: it is called from within FFmpeg."""
         while not self._bytes and not self.is_done:
             try:
-                self._take_next()
+                self._append_next_message()
             except BaseException as error:  # handed on by `decode_video`
                 self.error, self.is_done = error, True
         n = len(self._bytes) if size is None or size < 0 else size
@@ -186,7 +186,7 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
         """Not possible; -1 says so to FFmpeg."""
         return -1
 
-    def _take_next(self) -> None:
+    def _append_next_message(self) -> None:
         """Append the block of the next message."""
         message = next(self._messages, None)
         if message is None:
@@ -194,14 +194,14 @@ class _Feed(io.BufferedIOBase, Generic[Message]):
             return
         self.waiting.append((self._n, message))
         if len(message.data):
-            self._bytes += matroska_block(self._n, message.data)
+            self._bytes += encode_matroska_block(self._n, message.data)
         self._n += 1
 
-    def passed(self, number: int) -> Iterator[Message]:
+    def pop_messages_before(self, number: int) -> Iterator[Message]:
         """Take out the messages before this one: their pictures will not come."""
         while self.waiting and self.waiting[0][0] < number:
             yield self.waiting.popleft()[1]
 
-    def take(self, number: int) -> Message | None:
+    def pop_message(self, number: int) -> Message | None:
         """Take out this message; None if it is out already."""
         return self.waiting.popleft()[1] if self.waiting and self.waiting[0][0] == number else None

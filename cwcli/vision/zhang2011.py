@@ -15,23 +15,29 @@ from cwcli.kernels import lane_search
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame, Method
-from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, ResponseArray, block_responses
+from cwcli.vision.objective import (
+    PAPER_HEIGHT_PX,
+    PAPER_WIDTH_PX,
+    BlockResponses,
+    ResponseArray,
+    compute_block_responses,
+)
 
 CROSSOVER_RATE = 0.45
 """Probability with which two chromosomes are crossed (zhang2011)."""
 MUTATION_RATE = 0.05
 """Probability with which a chromosome is mutated (zhang2011)."""
-WHEEL_SHIFT = 50.0
+ROULETTE_SHIFT_GREY = 50.0
 """Grey levels that are added to the fitness on the roulette wheel: F can be negative, a field of the wheel can't.
 Chosen by hand (docs/papers/zhang2011-lanes.md)."""
-MIN_BLOCKS = 25
+MIN_SHOWN_BLOCKS = 25
 """Least number of its 50 blocks that a candidate must show: the mean of a few blocks on a bright spot beats any road.
 Chosen by hand; not fitted."""
-DECIMALS = (4, 2, 0)
+PARAMETER_DECIMALS = (4, 2, 0)
 """Number of decimals of a, b and c (zhang2011)."""
-FIRST_LEFT = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
+FIRST_LEFT_REGION = ((-0.005, 0.005), (0.3, 2.3), (-100.0, 150.0))
 """Limits of a, b and c of the left boundary in the first phase (zhang2011)."""
-FIRST_RIGHT = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
+FIRST_RIGHT_REGION = ((-0.005, 0.005), (-2.3, -0.3), (200.0, 450.0))
 """Limits of a, b and c of the right boundary in the first phase (zhang2011)."""
 
 _MASK_64 = (1 << 64) - 1
@@ -39,7 +45,7 @@ _MASK_64 = (1 << 64) - 1
 
 
 @dataclass(frozen=True)
-class Phase:
+class SearchPhase:
     """Settings of one of the three phases.
 
     Attributes:
@@ -50,47 +56,49 @@ class Phase:
 
     bits: tuple[int, int, int]
     generations: int
-    reach: tuple[float, float, float] | None
+    region_half_widths: tuple[float, float, float] | None
 
 
-FIRST = Phase((7, 8, 8), 180, None)
+FIRST_PHASE = SearchPhase((7, 8, 8), 180, None)
 """Phase of a first frame (zhang2011, tables 3 and 4)."""
-SECOND = Phase((6, 7, 7), 120, (0.003, 0.6, 60.0))
+SECOND_PHASE = SearchPhase((6, 7, 7), 120, (0.003, 0.6, 60.0))
 """Phase of the second to the sixth frame (zhang2011, tables 3 and 4)."""
-THIRD = Phase((5, 5, 5), 25, (0.001, 0.15, 15.0))
+LATER_PHASE = SearchPhase((5, 5, 5), 25, (0.001, 0.15, 15.0))
 """Phase of all later frames (zhang2011, tables 3 and 4)."""
 
 
 @cache
-def genetic_of(phase: Phase) -> lane_search.Genetic:
+def genetic_settings(phase: SearchPhase) -> lane_search.Genetic:
     """The kernel's settings for a phase."""
-    a, b, c = (10.0**m for m in DECIMALS)
+    a, b, c = (10.0**m for m in PARAMETER_DECIMALS)
     return {
         "bits": phase.bits,
         "decimals": (a, b, c),
         "generations": phase.generations,
         "crossover_rate": CROSSOVER_RATE,
         "mutation_rate": MUTATION_RATE,
-        "wheel_shift": WHEEL_SHIFT,
-        "with_centre": phase.reach is not None,
-        "min_blocks": MIN_BLOCKS,
+        "wheel_shift": ROULETTE_SHIFT_GREY,
+        "with_centre": phase.region_half_widths is not None,
+        "min_blocks": MIN_SHOWN_BLOCKS,
     }
 
 
-def phase_of(n_before: int) -> Phase:
+def phase_after_frames(n_before: int) -> SearchPhase:
     """The phase of a frame that follows `n_before` frames of the same run."""
     if n_before == 0:
-        return FIRST
-    return SECOND if n_before < 6 else THIRD
+        return FIRST_PHASE
+    return SECOND_PHASE if n_before < 6 else LATER_PHASE
 
 
-def n_bits(low: float, high: float, decimals: int) -> int:
+def count_parameter_bits(low: float, high: float, decimals: int) -> int:
     """Number of bits that code a parameter: the k of 2^(k-1) < (high - low) 10^m < 2^k (eq. 4)."""
     steps = round((high - low) * 10**decimals)
     return int(steps).bit_length()
 
 
-def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, int]) -> tuple[float, float, float]:
+def decode_chromosome(
+    code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, int]
+) -> tuple[float, float, float]:
     """Decode a chromosome to a, b and c (eq. 5), each rounded to its decimals.
 
     Args:
@@ -98,24 +106,24 @@ def decode(code: str, low: FloatArray, high: FloatArray, bits: tuple[int, int, i
         low, high: Shape (3,): the region.
         bits: Their lengths.
     """
-    return lane_search.decode_code(int(code, 2), low, high, genetic_of(Phase(bits, 0, None)))
+    return lane_search.decode_code(int(code, 2), low, high, genetic_settings(SearchPhase(bits, 0, None)))
 
 
-def crossover(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
+def cross_chromosomes(first: str, second: str, points: tuple[int, int, int]) -> tuple[str, str]:
     """Cross two chromosomes: exchange the second and fourth of the segments that three points cut."""
     n = len(first)
     differing = (int(first, 2) ^ int(second, 2)) & lane_search.crossover_mask(*points, n)
     return f"{int(first, 2) ^ differing:0{n}b}", f"{int(second, 2) ^ differing:0{n}b}"
 
 
-def mutate(code: str, place: int) -> str:
+def mutate_chromosome(code: str, place: int) -> str:
     """Change the bit at `place` of a chromosome, counted from 0 at the left."""
     return f"{int(code, 2) ^ lane_search.mutation_mask(place, len(code)):0{len(code)}b}"
 
 
 def search_boundary(
     responses: ResponseArray,
-    phase: Phase,
+    phase: SearchPhase,
     previous: Boundary,
     *,
     is_left: bool,
@@ -131,17 +139,17 @@ def search_boundary(
         is_left: Whether the left boundary is searched.
         seed, stream: Seed and stream of the random numbers, 0 to 2^64 - 1 and 0 to 2^63 - 1.
     """
-    if phase.reach is None:
-        region = np.array(FIRST_LEFT if is_left else FIRST_RIGHT)
+    if phase.region_half_widths is None:
+        region = np.array(FIRST_LEFT_REGION if is_left else FIRST_RIGHT_REGION)
         low, high = np.ascontiguousarray(region[:, 0]), np.ascontiguousarray(region[:, 1])
     else:
-        centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.reach)
+        centre, reach = np.array([previous.a, previous.b, previous.c]), np.array(phase.region_half_widths)
         low, high = centre - reach, centre + reach
     (a, b, c), score = lane_search.search(
         responses,
         low,
         high,
-        genetic_of(phase),
+        genetic_settings(phase),
         is_left=is_left,
         seed_state=seed & _MASK_64,
         seed_stream=stream,
@@ -168,11 +176,11 @@ class Zhang2011Search:
     def step(self, frame: LaneFrame) -> LaneFit:
         """Find both boundaries in the next frame (320 x 240)."""
         prepared = frame.prepared
-        both = prepared if isinstance(prepared, BlockResponses) else block_responses(frame.grey)
+        both = prepared if isinstance(prepared, BlockResponses) else compute_block_responses(frame.grey)
         for side, responses in enumerate((both.left, both.right)):
             boundary = search_boundary(
                 responses,
-                phase_of(self._n_before[side]),
+                phase_after_frames(self._n_before[side]),
                 self._last[side],
                 is_left=side == 0,
                 seed=self._seed,
@@ -185,13 +193,13 @@ class Zhang2011Search:
 
 def search_size(width_px: int, height_px: int) -> tuple[int, int]:
     """The paper's image size, whatever the camera's."""
-    return WIDTH_PX, HEIGHT_PX
+    return PAPER_WIDTH_PX, PAPER_HEIGHT_PX
 
 
 METHOD = Method(
     summary="the paper's genetic search on 320 x 240",
     search_size=search_size,
     make=Zhang2011Search,
-    prepare=block_responses,
+    prepare=compute_block_responses,
 )
 """The registered lane method of zhang2011."""

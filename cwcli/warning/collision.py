@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.collision_probability import collision_probability, is_far
+from cwcli.measures.collision_probability import collision_probability, is_touch_improbable
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.align import Points, read_covariances, read_paths
+from cwcli.warning.remote_alignment import PathPoints, interpolate_covariances, interpolate_paths
 from cwcli.warning.types import PathArrays
 
 Rows = npt.NDArray[np.intp]
 
-STEP_S = 0.1
+MAX_COMPARISON_STEP_S = 0.1
 """Largest step between compared points, s. Chosen: no car turns by a tenth of a radian in it."""
-N_BRAKING = 60
+N_BRAKING_STEPS = 60
 """Number of steps from the begin of the braking to standstill. Chosen by hand."""
 
 
@@ -39,12 +39,14 @@ class PathPairs:
     host_size: Size
     other_size: Size
 
-    def rows(self, rows: Rows) -> PathPairs:
+    def select_rows(self, rows: Rows) -> PathPairs:
         """Some of the pairs."""
         at = (self.host_row[rows], self.other_row[rows], self.age_s[rows])
         return PathPairs(self.host, self.other, *at, self.host_size, self.other_size)
 
-    def within(self, min_distance_m: FloatArray, time_s: FloatArray, ends_s: tuple[float, ...]) -> FloatArray:
+    def contact_probability_by_times(
+        self, min_distance_m: FloatArray, time_s: FloatArray, ends_s: tuple[float, ...]
+    ) -> FloatArray:
         """Compute the probability of contact by each of the times, (m, e).
 
         Args:
@@ -54,18 +56,20 @@ class PathPairs:
         """
         out = np.zeros((len(self.host_row), len(ends_s)))
         out[np.isnan(min_distance_m)] = np.nan
-        variance_m2 = _largest_m2(self.host, self.host_row) + _largest_m2(self.other, self.other_row)
+        variance_m2 = _largest_variance_m2(self.host, self.host_row) + _largest_variance_m2(self.other, self.other_row)
         with np.errstate(invalid="ignore"):
-            far = is_far(min_distance_m, variance_m2, self.host_size, self.other_size)
+            far = is_touch_improbable(min_distance_m, variance_m2, self.host_size, self.other_size)
         near = np.flatnonzero(~far & ~np.isnan(min_distance_m))
-        every = max(1, int(STEP_S / float(time_s[1]) + 1e-6))
+        every = max(1, int(MAX_COMPARISON_STEP_S / float(time_s[1]) + 1e-6))
         ends = np.searchsorted(time_s, np.array(ends_s) - 1e-9)
         kept = np.union1d(np.arange(0, len(time_s), every), ends)
         at_s = time_s[kept]
-        out[near] = self.rows(near)._touching(at_s, at_s, (at_s, at_s), ends=np.searchsorted(kept, ends))
+        out[near] = self.select_rows(near)._contact_probability(
+            at_s, at_s, (at_s, at_s), ends=np.searchsorted(kept, ends)
+        )
         return out
 
-    def braked(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:
+    def contact_probability_if_braking(self, deceleration_mps2: float, horizon_s: float) -> FloatArray:
         """Compute the probability of contact by standstill or the horizon if the host brakes on its path, (m,).
 
         A host that is predicted to brake harder does that. After the end of its path the other goes straight on; while
@@ -73,13 +77,13 @@ class PathPairs:
         """
         speed = np.abs(self.host.speed_mps[self.host_row, 0, None])
         stop_s = speed / deceleration_mps2
-        time_s = np.maximum(stop_s, horizon_s) * np.linspace(0.0, 1.0, N_BRAKING + 1)
+        time_s = np.maximum(stop_s, horizon_s) * np.linspace(0.0, 1.0, N_BRAKING_STEPS + 1)
         braking_s = np.minimum(time_s, stop_s)
         way_m = speed * braking_s - 0.5 * deceleration_mps2 * braking_s**2
-        at_s = np.minimum(self._when_host_is_at(way_m), time_s)
-        return self._touching(at_s, time_s, (np.minimum(at_s, braking_s), braking_s))[:, 0]
+        at_s = np.minimum(self._times_of_driven_distance_s(way_m), time_s)
+        return self._contact_probability(at_s, time_s, (np.minimum(at_s, braking_s), braking_s))[:, 0]
 
-    def _when_host_is_at(self, way_m: FloatArray) -> FloatArray:
+    def _times_of_driven_distance_s(self, way_m: FloatArray) -> FloatArray:
         """The times at which the host's path has covered the distances `way_m`, s, (m, q)."""
         time_s, rows = self.host.time_s, self.host_row
         gone = np.hypot(np.diff(self.host.x_m[rows], axis=1), np.diff(self.host.y_m[rows], axis=1))
@@ -90,7 +94,7 @@ class PathPairs:
             beyond = np.where(way_m > gone_m[:, -1:], (way_m - gone_m[:, -1:]) / last_mps, 0.0)
         return np.asarray(at + beyond)
 
-    def _touching(
+    def _contact_probability(
         self,
         host_s: FloatArray,
         other_s: FloatArray,
@@ -99,22 +103,22 @@ class PathPairs:
     ) -> FloatArray:
         """The probability of contact, (m, e); paths and covariances have times of their own, (q,) or (m, q)."""
         none = np.zeros(len(self.host_row))
-        own: Points = read_paths(self.host, self.host_row, none, host_s)
-        theirs: Points = read_paths(self.other, self.other_row, self.age_s, other_s)
+        own: PathPoints = interpolate_paths(self.host, self.host_row, none, host_s)
+        theirs: PathPoints = interpolate_paths(self.other, self.other_row, self.age_s, other_s)
         return collision_probability(
             theirs.x_m - own.x_m,
             theirs.y_m - own.y_m,
             own.heading_rad,
             theirs.heading_rad,
-            read_covariances(self.host, self.host_row, none, covariances_s[0]),
-            read_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
+            interpolate_covariances(self.host, self.host_row, none, covariances_s[0]),
+            interpolate_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
             self.host_size,
             self.other_size,
             ends=ends,
         )
 
 
-def _largest_m2(paths: PathArrays, rows: Rows) -> FloatArray:
+def _largest_variance_m2(paths: PathArrays, rows: Rows) -> FloatArray:
     """Sum of the variances along x and y, (m,), at the path's begin or end, whichever is larger."""
     ends = paths.position_covariance_m2[:, [0, -1]]
     return np.asarray((ends[..., 0] + ends[..., 2]).max(axis=1)[rows])

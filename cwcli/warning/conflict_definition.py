@@ -9,14 +9,14 @@ import numpy as np
 
 from cwcli.errors import UsageError
 from cwcli.measures import MEASURES
-from cwcli.measures.base import SIGNS, Measure
+from cwcli.measures.base import COMPARISON_SIGNS, Measure
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
-OLD_NAMES = {"outline": "gap"}
+FORMER_MEASURE_NAMES = {"outline": "gap"}
 """Names of measures in definitions of earlier versions -> present names."""
 
-_DEFINITION = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
+_DEFINITION_PATTERN = re.compile(r"\s*([\w.-]+)\s*(?:([<>])\s*(\S+))?\s*")
 """The syntax of a definition: a name, and optionally a comparison and a number."""
 
 
@@ -28,17 +28,17 @@ class ConflictDefinition:
     threshold: float
 
     @property
-    def words(self) -> str:
+    def conflict_text(self) -> str:
         """The text of what held at a conflict: `the two touched`."""
-        return self.measure.words(self.threshold)
+        return self.measure.conflict_text(self.threshold)
 
-    def margin(self, pair: Pair) -> FloatArray:
+    def conflict_margin(self, pair: Pair) -> FloatArray:
         """The distance of the measure from its threshold at each stamp, (n,), negative during a conflict."""
-        values = pair.value(self.measure)
+        values = pair.evaluate_measure(self.measure)
         return values - self.threshold if self.measure.critical == "low" else self.threshold - values
 
 
-def conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
+def parse_conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
     """Parse a definition of a conflict: `NAME`, `NAME < NUMBER` or `NAME > NUMBER`.
 
     Args:
@@ -48,44 +48,48 @@ def conflict_definition(text: str, *, distance_m: float) -> ConflictDefinition:
     Raises:
         UsageError: There is no such measure, or it has no value of each moment, or it lacks a threshold.
     """
-    parts = _DEFINITION.fullmatch(text)
+    parts = _DEFINITION_PATTERN.fullmatch(text)
     if parts is None:
-        raise UsageError(f"'{text}' is not a definition of a conflict", hint=f"for example {example('ttc')}")
+        raise UsageError(
+            f"'{text}' is not a definition of a conflict", hint=f"for example {format_example_option('ttc')}"
+        )
     name, sign, number = parts.groups()
-    name = OLD_NAMES.get(name, name)
+    name = FORMER_MEASURE_NAMES.get(name, name)
     measure = MEASURES.require(name)
     if not measure.is_series:
         raise UsageError(f"{name} is one number for the whole drive, so it cannot say when a conflict begins")
     if measure.needs_covariance:
-        raise UsageError(f"{name} needs covariances, and actual motion has none", hint=f"for example {example('ttc')}")
+        raise UsageError(
+            f"{name} needs covariances, and actual motion has none", hint=f"for example {format_example_option('ttc')}"
+        )
     threshold = distance_m if name == "distance" else measure.threshold
     if number is not None:
-        threshold = _number(number)
-    if threshold is None or not np.isfinite(threshold) or (sign and sign != SIGNS[measure.critical]):
+        threshold = _parse_number_or_nan(number)
+    if threshold is None or not np.isfinite(threshold) or (sign and sign != COMPARISON_SIGNS[measure.critical]):
         raise UsageError(
             f"'{text}' does not say beyond which value it is a conflict",
-            hint=f"for example {example(name)}",
+            hint=f"for example {format_example_option(name)}",
         )
     return ConflictDefinition(measure, threshold)
 
 
-def definitions() -> str:
+def format_default_definitions() -> str:
     """Format the definitions of a conflict with the measures' own thresholds: `distance < 2.5 m, ttc < 1 s`."""
 
     def threshold_text(measure: Measure) -> str:
         if not measure.is_series or measure.threshold is None:
             return ""
-        return f"{SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
+        return f"{COMPARISON_SIGNS[measure.critical]} {measure.threshold:g} {measure.unit}".rstrip()
 
     return ", ".join(f"{name} {words}" for name, words in MEASURES.describe(threshold_text).items() if words)
 
 
-def example(name: str) -> str:
+def format_example_option(name: str) -> str:
     """Format an example of the option with this measure."""
-    return f"--conflict '{name} {SIGNS[MEASURES[name].critical]} 1.5'"
+    return f"--conflict '{name} {COMPARISON_SIGNS[MEASURES[name].critical]} 1.5'"
 
 
-def _number(text: str) -> float:
+def _parse_number_or_nan(text: str) -> float:
     """The number that the text spells; NaN if it is none."""
     try:
         return float(text)

@@ -10,15 +10,15 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.conflict_definition import conflict_definition
-from cwcli.warning.output import events_table, number_events, rows_of, series_table
+from cwcli.warning.conflict_definition import parse_conflict_definition
+from cwcli.warning.output import assign_event_ids, evaluation_series_table, warning_events_table, warning_rows_of_pairs
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rows import WarningRows
 from cwcli.warning.rules import RULES
 from cwcli.warning.rules.base import Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
-MAX_DISTANCE_M = 1e4
+MAX_COLLISION_DISTANCE_M = 1e4
 """Largest permitted collision distance, m. Chosen by hand."""
 MAX_PERSISTENCE_S = 60.0
 """Longest permitted persistence, s. Chosen by hand."""
@@ -38,28 +38,28 @@ class FoundWarnings:
     host: VehicleTrack
     config: WarningConfig
     pairs: tuple[PairEvaluation, ...]
-    ids: Mapping[tuple[int, int], int]
+    event_ids: Mapping[tuple[int, int], int]
     rows: WarningRows
 
     @property
     def events(self) -> Table:
         """The table with one row per event (warning)."""
-        return events_table(self.pairs, self.ids, rule=self.config.rule, clock=self.host)
+        return warning_events_table(self.pairs, self.event_ids, rule=self.config.rule, clock=self.host)
 
     @property
     def series(self) -> Table:
         """The table with one row per evaluation of a pair within reach."""
-        return series_table(self.pairs, host_id=self.host.id)
+        return evaluation_series_table(self.pairs, host_id=self.host.id)
 
     @property
-    def counts(self) -> dict[str, int]:
+    def evaluation_counts(self) -> dict[str, int]:
         """Number of evaluations over all pairs, by what became of them."""
         return {
             "evaluated": sum(own.n_evaluated for own in self.pairs),
             "out_of_reach": sum(own.n_out_of_reach for own in self.pairs),
-            "no_message_received_yet": sum(own.n_unheard for own in self.pairs),
+            "no_message_received_yet": sum(own.n_without_message for own in self.pairs),
             "stale": sum(own.n_stale for own in self.pairs),
-            "beyond_the_predicted_path": sum(own.n_beyond for own in self.pairs),
+            "beyond_the_predicted_path": sum(own.n_beyond_path for own in self.pairs),
             "not_finite": sum(own.n_not_finite for own in self.pairs),
             "withheld": sum(int(own.is_withheld.sum()) for own in self.pairs),
         }
@@ -76,7 +76,7 @@ def find_warnings(
     """Evaluate a rule at every stamp of the host, and find the events.
 
     At each stamp the newest remote state that the host may know is brought forward along its predicted path by
-    its age (`warning.align`); the rule then judges the two paths from the same moment on.
+    its age (`warning.remote_alignment`); the rule then judges the two paths from the same moment on.
 
     Args:
         host: The vehicle that is warned.
@@ -87,15 +87,17 @@ def find_warnings(
         UsageError: Unknown rule, a threshold out of range, or host paths shorter than the horizon.
     """
     config = config or WarningConfig()
-    rule = _checked_rule(host, config)
-    time_s = _times(host, config, rule)
+    rule = _require_rule_and_horizon(host, config)
+    time_s = _evaluation_times_s(host, config, rule)
     heard = [other for other in others if len(other.stamp_ns) and len(host.stamp_ns)]
     pairs = evaluate_pairs(host, heard, rule, config, time_s)
-    ids = number_events(pairs)
-    return FoundWarnings(host, config, pairs, ids, rows_of(pairs, ids, rule=config.rule, clock=host, words=rule.words))
+    ids = assign_event_ids(pairs)
+    return FoundWarnings(
+        host, config, pairs, ids, warning_rows_of_pairs(pairs, ids, rule=config.rule, clock=host, words=rule.words)
+    )
 
 
-def check_config(config: WarningConfig) -> None:
+def check_warning_config(config: WarningConfig) -> None:
     """Check the options as far as that needs no log.
 
     Raises:
@@ -106,8 +108,8 @@ def check_config(config: WarningConfig) -> None:
     for name, value in positive.items():
         if not (np.isfinite(value) and value > 0.0):
             raise UsageError(f"a {name} of {value:g} is not positive")
-    if config.distance_m > MAX_DISTANCE_M:
-        raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_DISTANCE_M:g} m")
+    if config.distance_m > MAX_COLLISION_DISTANCE_M:
+        raise UsageError(f"a distance of {config.distance_m:g} m is above {MAX_COLLISION_DISTANCE_M:g} m")
     if not 0.0 <= config.probability <= 1.0:
         raise UsageError(f"a probability of {config.probability:g} is not between 0 and 1")
     if not (np.isfinite(config.min_deceleration_mps2) and config.min_deceleration_mps2 >= 0.0):
@@ -119,12 +121,12 @@ def check_config(config: WarningConfig) -> None:
         raise UsageError(f"a persistence of {config.persistence_s:g} s is above {MAX_PERSISTENCE_S:g} s")
     if not (np.isfinite(config.max_lead_s) and config.max_lead_s >= 0.0):
         raise UsageError(f"a max lead of {config.max_lead_s:g} is negative")
-    conflict_definition(config.conflict, distance_m=config.distance_m)
+    parse_conflict_definition(config.conflict, distance_m=config.distance_m)
 
 
-def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
+def _require_rule_and_horizon(host: VehicleTrack, config: WarningConfig) -> Rule:
     """The rule of the options, which are checked; a `UsageError` if the host's paths are shorter than the horizon."""
-    check_config(config)
+    check_warning_config(config)
     reach = float(host.paths.time_s[-1])
     if reach < config.horizon_s - 1e-9:
         raise UsageError(
@@ -134,7 +136,7 @@ def _checked_rule(host: VehicleTrack, config: WarningConfig) -> Rule:
     return RULES[config.rule]
 
 
-def _times(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
+def _evaluation_times_s(host: VehicleTrack, config: WarningConfig, rule: Rule) -> FloatArray:
     """The times along the paths, (q,): the host's steps to the horizon plus the persistence time, and both ends."""
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
     step_s = float(host.paths.time_s[1])

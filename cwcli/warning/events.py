@@ -11,12 +11,12 @@ from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
-TOLERANCE_NS = 1_000_000
+PERSISTENCE_TOLERANCE_NS = 1_000_000
 """A condition that has held for this much less than the persistence time counts: stamps are rounded."""
 
 
 @dataclass(frozen=True)
-class Span:
+class EventSpan:
     """One event as evaluation indices.
 
     Attributes:
@@ -40,7 +40,7 @@ def find_events(
     clock_ns: Int64Array,
     persistence_s: float,
     hold_off_s: float,
-) -> list[Span]:
+) -> list[EventSpan]:
     """Find the events of one pair.
 
     An event begins where `raised` holds and `armed` has held without a break for the persistence time (a break of data
@@ -56,13 +56,13 @@ def find_events(
     """
     persistence_ns, hold_off_ns = round(persistence_s * NS_PER_S), round(hold_off_s * NS_PER_S)
     ready = np.flatnonzero(
-        raised & armed & (_armed_for_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - TOLERANCE_NS)
+        raised & armed & (_armed_duration_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - PERSISTENCE_TOLERANCE_NS)
     )
     if at_once is not None:
         ready = np.union1d(ready, np.flatnonzero(at_once))
         raised = raised | at_once
     keep = np.flatnonzero(held | raised)
-    spans: list[Span] = []
+    spans: list[EventSpan] = []
     free_ns = np.iinfo(np.int64).min
     for index in ready:
         if stamp_ns[index] < free_ns:
@@ -72,11 +72,11 @@ def find_events(
         last = int(held_on[breaks[0]]) if len(breaks) else int(held_on[-1])
         free_ns = int(stamp_ns[last]) + hold_off_ns
         over = int(np.searchsorted(clock_ns, free_ns))
-        spans.append(Span(int(index), last, over if over < len(clock_ns) else None))
+        spans.append(EventSpan(int(index), last, over if over < len(clock_ns) else None))
     return spans
 
 
-def _armed_for_ns(stamp_ns: Int64Array, armed: BoolArray, max_break_ns: int) -> Int64Array:
+def _armed_duration_ns(stamp_ns: Int64Array, armed: BoolArray, max_break_ns: int) -> Int64Array:
     """For how long `armed` has held without a break, ns, (m,); 0 where it has just begun or does not hold."""
     if not len(stamp_ns):
         return np.zeros(0, dtype=np.int64)

@@ -16,18 +16,18 @@ from cwcli.signals.units import NS_PER_S
 
 BoolArray = npt.NDArray[np.bool_]
 
-STEP_M, STEP_MPS = 0.1, 1.5
+MAX_BOUNDARY_STEP_M, MAX_BOUNDARY_SPEED_MPS = 0.1, 1.5
 """A boundary beside the camera moves by at most 0.1 m plus 1.5 m/s times the time between two frames; more is a jump.
 Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
 """Frames farther apart than this, s, are not compared. Chosen by hand; not fitted."""
-APPROACH_S = 0.5
+APPROACH_WINDOW_S = 0.5
 """The approach of a boundary is measured over this time, s. Chosen: 1 cm of noise at 10 frames a second is 0.02 m/s."""
-LEAST_FRAMES, LEAST_SPREAD_S2, NOISE_SIGMAS = 3, 1e-6, 2.0
+MIN_APPROACH_FRAMES, MIN_TIME_SPREAD_S2, APPROACH_BOUND_SIGMAS = 3, 1e-6, 2.0
 """An approach needs 3 frames and this spread of their times (s^2); its bound is 2 sigmas off. Chosen by hand."""
 
 
-def firm_sides(
+def agreement_of_both_sides_s(
     stamp_ns: Int64Array,
     lines: tuple[FloatArray, FloatArray],
     is_seen: BoolArray | None,
@@ -44,14 +44,14 @@ def firm_sides(
     """
     n, least_s = len(stamp_ns), agree_s - 1e-9
     seen = np.ones(n, np.bool_) if is_seen is None else is_seen
-    agreed = [agreed_s(stamp_ns, line[:, 0], seen) for line in lines]
+    agreed = [agreement_duration_s(stamp_ns, line[:, 0], seen) for line in lines]
     if steady_s is not None:
         agreed = [np.fmin(each, steady_s) for each in agreed]
     left, right = (np.where(each >= least_s, each, -1.0) for each in agreed)
     return left, right
 
 
-def agreed_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: BoolArray) -> FloatArray:
+def agreement_duration_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: BoolArray) -> FloatArray:
     """For how long each frame's boundary has been seen without a jump.
 
     Args:
@@ -66,27 +66,29 @@ def agreed_s(stamp_ns: Int64Array, place_m: FloatArray, is_seen: BoolArray) -> F
     seen = is_seen & np.isfinite(place_m)
     dt_s = np.diff(stamp_ns) / NS_PER_S
     with np.errstate(invalid="ignore"):
-        agrees = np.abs(np.diff(place_m)) <= STEP_M + STEP_MPS * dt_s
+        agrees = np.abs(np.diff(place_m)) <= MAX_BOUNDARY_STEP_M + MAX_BOUNDARY_SPEED_MPS * dt_s
     goes_on = np.zeros(n, np.bool_)
     goes_on[1:] = seen[1:] & seen[:-1] & agrees & (dt_s <= MAX_GAP_S)
     begin = np.maximum.accumulate(np.where(goes_on, 0, np.arange(n)))
     return np.where(seen, (stamp_ns - stamp_ns[begin]) / NS_PER_S if n else 0.0, -1.0)
 
 
-def approach_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) -> FloatArray:
+def approach_speed_bound_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) -> FloatArray:
     """An upper bound of how fast each frame's gap shrinks, m/s: the slope of least squares and two of its sigmas.
 
     Args:
         stamp_ns: Shape (n,), increasing.
         gap_m: Shape (n,): of a tyre beside its boundary, as measured; NaN where it is not known.
-        agreed_s: Shape (n,): for how long the boundary has agreed; of that the last `APPROACH_S` count.
+        agreed_s: Shape (n,): for how long the boundary has agreed; of that the last `APPROACH_WINDOW_S` count.
 
     Returns:
         Shape (n,); infinite with two frames or fewer.
     """
     n = len(stamp_ns)
     now = np.arange(n)
-    first = np.searchsorted(stamp_ns, stamp_ns - (np.clip(agreed_s, 0.0, APPROACH_S) * NS_PER_S + 1.0).astype(np.int64))
+    first = np.searchsorted(
+        stamp_ns, stamp_ns - (np.clip(agreed_s, 0.0, APPROACH_WINDOW_S) * NS_PER_S + 1.0).astype(np.int64)
+    )
     sums = np.zeros((6, n))
     for back in range(int(np.max(now - first, initial=-1)) + 1):
         at = np.maximum(now - back, 0)
@@ -98,9 +100,9 @@ def approach_mps(stamp_ns: Int64Array, gap_m: FloatArray, agreed_s: FloatArray) 
     count, times, gaps, squares, shared, spread = sums
     each = np.maximum(count, 1.0)
     spread = spread - times**2 / each
-    tells = (count >= LEAST_FRAMES) & (spread > LEAST_SPREAD_S2)
+    tells = (count >= MIN_APPROACH_FRAMES) & (spread > MIN_TIME_SPREAD_S2)
     spread = np.where(tells, spread, 1.0)
     slope = (shared - times * gaps / each) / spread
     left = np.maximum(squares - gaps**2 / each - slope**2 * spread, 0.0)
     sigma = np.sqrt(left / np.maximum(count - 2.0, 1.0) / spread)
-    return np.where(tells, NOISE_SIGMAS * sigma - slope, np.inf)
+    return np.where(tells, APPROACH_BOUND_SIGMAS * sigma - slope, np.inf)

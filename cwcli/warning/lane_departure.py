@@ -29,15 +29,15 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.option import Option
-from cwcli.signals.clocks import knowable_ns
+from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.normal import normal_cdf
+from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.events import Span, find_events
-from cwcli.warning.lane_agreement import BoolArray, approach_mps, firm_sides
-from cwcli.warning.lane_gap import first_crossing, last_told, line_at
-from cwcli.warning.output import UNKNOWN_NS
-from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
+from cwcli.warning.events import EventSpan, find_events
+from cwcli.warning.lane_agreement import BoolArray, agreement_of_both_sides_s, approach_speed_bound_mps
+from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
+from cwcli.warning.output import NOT_CLEARED_NS
+from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import DEFAULT_WIDTH_M, PathArrays
 
 RULE = "lane-departure"
@@ -45,23 +45,23 @@ RULE = "lane-departure"
 SIDES = ("left", "right")
 """Names of the sides, in the order of the evaluation."""
 
-EARLIEST_SLOW_M = 0.75
+EARLIEST_LINE_SLOW_M = 0.75
 """Earliest warning line inside the boundary at rates of departure up to 0.5 m/s (ISO 17361)."""
-EARLIEST_S = 1.5
+EARLIEST_LINE_S = 1.5
 """Time that the rate of departure is multiplied with for the earliest warning line, up to 1.0 m/s (ISO 17361)."""
-EARLIEST_FAST_M = 1.5
+EARLIEST_LINE_FAST_M = 1.5
 """Earliest warning line inside the boundary at higher rates of departure (ISO 17361)."""
-LATEST_CAR_M = -0.3
+LATEST_LINE_CAR_M = -0.3
 """Latest warning line of passenger cars; negative: outside the boundary (ISO 17361)."""
-CLASS_II_MPS = 17.0
+CLASS_II_MIN_SPEED_MPS = 17.0
 """Speed from which a system of class II must work (ISO 17361)."""
-USUAL_RELEASE_S = 1.5
+DEFAULT_RELEASE_S = 1.5
 """A warning is held until the time to line crossing is longer than this. Chosen by hand; not fitted."""
 
 
-def earliest_line_m(rate_mps: FloatArray) -> FloatArray:
+def earliest_warning_line_m(rate_mps: FloatArray) -> FloatArray:
     """Distance inside the boundary before which no warning may come, at a rate of departure (ISO 17361)."""
-    return np.clip(EARLIEST_S * np.asarray(rate_mps, dtype=np.float64), EARLIEST_SLOW_M, EARLIEST_FAST_M)
+    return np.clip(EARLIEST_LINE_S * np.asarray(rate_mps, dtype=np.float64), EARLIEST_LINE_SLOW_M, EARLIEST_LINE_FAST_M)
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class LaneDepartureConfig:
     Attributes:
         warn_s: Warn when the time to line crossing falls to this.
         min_rate_mps: A slower approach is no departure until the tyre is on the line.
-        release_s: The warning is held until the time to line crossing is longer than this (None: `USUAL_RELEASE_S`, or
-            `warn_s` if that is longer)
+        release_s: The warning is held until the time to line crossing is longer than this (None: `DEFAULT_RELEASE_S`,
+            or `warn_s` if that is longer)
         release_m: and the tyre is farther than this inside the boundary.
         persistence_s: The condition must have held this long.
         agree_s: No warning is raised from a boundary that was not seen, or that jumped, within this time.
@@ -95,7 +95,7 @@ class LaneDepartureConfig:
     min_speed_mps: Annotated[
         float,
         Option("--min-speed", "No warning is raised below this speed.", metavar="MPS", former="--lane-speed"),
-    ] = CLASS_II_MPS
+    ] = CLASS_II_MIN_SPEED_MPS
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3
     min_width_m: float = 2.0
@@ -110,21 +110,21 @@ class LaneDepartureConfig:
         for name, value in vars(self).items():
             if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise UsageError(f"{name} is {value!r}; permitted: a number from 0", where=RULE)
-        if self.released_s < self.warn_s:
-            raise UsageError(f"release_s ({self.released_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
+        if self.effective_release_s < self.warn_s:
+            raise UsageError(f"release_s ({self.effective_release_s:g}) is below warn_s ({self.warn_s:g})", where=RULE)
         if self.min_width_m >= self.max_width_m:
             raise UsageError("min_width_m is not below max_width_m", where=RULE)
 
     @property
-    def released_s(self) -> float:
+    def effective_release_s(self) -> float:
         """The time to line crossing beyond which a warning ends."""
-        return max(USUAL_RELEASE_S, self.warn_s) if self.release_s is None else self.release_s
+        return max(DEFAULT_RELEASE_S, self.warn_s) if self.release_s is None else self.release_s
 
 
 @dataclass(frozen=True)
-class Boundaries:
+class LaneBoundaries:
     """Both boundaries in the body frame, x from the camera, left positive: the circles, or spirals, that
-    y = y0 + s x + k x^2 / 2 touches beside the camera (`signals.arcs`).
+    y = y0 + s x + k x^2 / 2 touches beside the camera (`signals.lane_geometry`).
 
     Attributes:
         left, right: Shape (n, 3): y0 (m), s, k (1/m); NaN where not found.
@@ -160,7 +160,7 @@ class LaneDepartureResult:
 
 
 @dataclass(frozen=True)
-class _Side:
+class _SideEvaluation:
     """One side at each frame, shape (n,): gap of the tyre, rate, time to crossing, probability; and the events."""
 
     gap_m: FloatArray
@@ -168,14 +168,14 @@ class _Side:
     crossing_s: FloatArray
     end_gap_m: FloatArray
     probability: FloatArray
-    spans: list[Span]
+    spans: list[EventSpan]
 
 
 def evaluate_lane_departure(
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     paths: PathArrays,
-    boundaries: Boundaries,
+    boundaries: LaneBoundaries,
     speed_mps: FloatArray,
     config: LaneDepartureConfig | None = None,
     *,
@@ -204,27 +204,31 @@ def evaluate_lane_departure(
         raise UsageError(
             f"the paths reach {paths.time_s[-1]:g} s, the rule looks {config.warn_s:g} s ahead", where=RULE
         )
-    lines = _plausible(boundaries, config)
+    lines = _mask_implausible_boundaries(boundaries, config)
     both = (boundaries.left, boundaries.right)
-    agreed = firm_sides(stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s)
+    agreed = agreement_of_both_sides_s(stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s)
     forward_m, change_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
     change_1pm2 = np.zeros(len(stamp_ns)) if change_1pm2 is None else change_1pm2
     sides = [
-        _side(stamp_ns, paths, line, change_1pm2, sign, agreed_s, forward_m, speed_mps, config, width_m, front_axle_m)
+        _evaluate_side(
+            stamp_ns, paths, line, change_1pm2, sign, agreed_s, forward_m, speed_mps, config, width_m, front_axle_m
+        )
         for line, sign, agreed_s in zip(lines, (1.0, -1.0), agreed, strict=True)
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
-    known_ns = knowable_ns(stamp_ns, log_time_ns)
+    known_ns = earliest_known_times_ns(stamp_ns, log_time_ns)
     return LaneDepartureResult(
-        rows=_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
-        events=_events(sides, events, stamp_ns, known_ns, host_id),
-        series=_series(sides, stamp_ns),
-        counts=_counts(boundaries, lines, agreed, speed_mps, config),
+        rows=_build_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
+        events=_events_table(sides, events, stamp_ns, known_ns, host_id),
+        series=_series_table(sides, stamp_ns),
+        counts=_count_frames(boundaries, lines, agreed, speed_mps, config),
     )
 
 
-def _plausible(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[FloatArray, FloatArray]:
+def _mask_implausible_boundaries(
+    boundaries: LaneBoundaries, config: LaneDepartureConfig
+) -> tuple[FloatArray, FloatArray]:
     """Both boundaries, (n, 3) each; NaN in frames in which they cross or are too far apart."""
     with np.errstate(invalid="ignore"):
         width = boundaries.left[:, 0] - boundaries.right[:, 0]
@@ -233,7 +237,7 @@ def _plausible(boundaries: Boundaries, config: LaneDepartureConfig) -> tuple[Flo
     return left, right
 
 
-def _side(
+def _evaluate_side(
     stamp_ns: Int64Array,
     paths: PathArrays,
     line: FloatArray,
@@ -245,29 +249,29 @@ def _side(
     config: LaneDepartureConfig,
     width_m: float,
     front_axle_m: float,
-) -> _Side:
+) -> _SideEvaluation:
     """Evaluate one boundary at every frame; `sign` is 1 for the left one and -1 for the right one."""
     t = paths.time_s
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
     x = paths.x_m + front_axle_m * cos - sign * 0.5 * width_m * sin
     y = paths.y_m + front_axle_m * sin + sign * 0.5 * width_m * cos
     ahead = x - camera_forward_m
-    line_y, direction = line_at(line, ahead, change_1pm2)
+    line_y, direction = boundary_at_distances(line, ahead, change_1pm2)
     gap = sign * (line_y - y) * np.cos(direction)
     last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
     rate = (gap[:, 0] - gap[:, last]) / t[last]
-    crossing = first_crossing(t, gap)
+    crossing = first_crossing_time_s(t, gap)
     within = t <= config.warn_s + 1e-9
     sigma = np.sqrt(np.maximum(paths.position_covariance_m2[:, :, 2], 1e-12))
     with np.errstate(invalid="ignore"):
         chance = np.fmax.reduce(normal_cdf(-gap[:, within] / sigma[:, within]), axis=1)
-        near = gap[:, 0] <= earliest_line_m(rate)
+        near = gap[:, 0] <= earliest_warning_line_m(rate)
         over = (gap[:, 0] <= 0.0) & (rate > -config.min_rate_mps)
-        comes = gap[:, 0] <= config.released_s * approach_mps(stamp_ns, gap[:, 0], agreed_s)
+        comes = gap[:, 0] <= config.effective_release_s * approach_speed_bound_mps(stamp_ns, gap[:, 0], agreed_s)
         leaving = (crossing <= config.warn_s) & (rate > config.min_rate_mps) & comes
         fast = speed_mps >= config.min_speed_mps
         raised = near & (over | leaving) & fast & (agreed_s >= 0.0)
-        held = (gap[:, 0] < config.release_m) | ((crossing <= config.released_s) & (rate > 0.0))
+        held = (gap[:, 0] < config.release_m) | ((crossing <= config.effective_release_s) & (rate > 0.0))
         held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
     spans = find_events(
         stamp_ns,
@@ -278,12 +282,12 @@ def _side(
         persistence_s=config.persistence_s,
         hold_off_s=config.hold_off_s,
     )
-    return _Side(gap[:, 0], rate, crossing, last_told(gap), chance, spans)
+    return _SideEvaluation(gap[:, 0], rate, crossing, last_known_gap_m(gap), chance, spans)
 
 
-def _rows(
-    sides: list[_Side],
-    events: list[tuple[int, int, Span]],
+def _build_rows(
+    sides: list[_SideEvaluation],
+    events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     known_ns: Int64Array,
@@ -307,12 +311,12 @@ def _rows(
             append_row(i, number, state, name, text, time, distance, math.nan, float(side.probability[i]))
         if span.cleared is not None:
             append_row(span.cleared, number, CLEARED, name, f"warning {number} of the {name} boundary is over")
-    return warning_rows(rows, rule=RULE, host_id=host_id)
+    return build_warning_rows(rows, rule=RULE, host_id=host_id)
 
 
-def _events(
-    sides: list[_Side],
-    events: list[tuple[int, int, Span]],
+def _events_table(
+    sides: list[_SideEvaluation],
+    events: list[tuple[int, int, EventSpan]],
     stamp_ns: Int64Array,
     known_ns: Int64Array,
     host_id: str,
@@ -327,7 +331,7 @@ def _events(
 
     def times(clock_ns: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
         raised, last = (stamps([int(clock_ns[getattr(s, name)]) for _, _, s in events]) for name in ("raised", "last"))
-        cleared = [UNKNOWN_NS if span.cleared is None else int(clock_ns[span.cleared]) for _, _, span in events]
+        cleared = [NOT_CLEARED_NS if span.cleared is None else int(clock_ns[span.cleared]) for _, _, span in events]
         return raised, last, stamps(cleared)
 
     raised_ns, last_ns, cleared_ns = times(known_ns)
@@ -348,8 +352,8 @@ def _events(
         "time_to_line_crossing_s": at_raise("crossing_s"),
         "gap_m": gap,
         "departure_rate_mps": rate,
-        "earliest_line_m": earliest_line_m(rate),
-        "latest_line_m": np.full(len(events), LATEST_CAR_M),
+        "earliest_line_m": earliest_warning_line_m(rate),
+        "latest_line_m": np.full(len(events), LATEST_LINE_CAR_M),
         "probability": at_raise("probability"),
     }
     docs = {
@@ -363,7 +367,7 @@ def _events(
     return Table("lane_departures", columns, docs)
 
 
-def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
+def _series_table(sides: list[_SideEvaluation], stamp_ns: Int64Array) -> Table:
     """The table with one row per frame."""
     columns: dict[str, Any] = {"stamp_ns": stamp_ns}
     for name, side in zip(SIDES, sides, strict=True):
@@ -379,8 +383,8 @@ def _series(sides: list[_Side], stamp_ns: Int64Array) -> Table:
     return Table("lane_series", columns)
 
 
-def _counts(
-    boundaries: Boundaries,
+def _count_frames(
+    boundaries: LaneBoundaries,
     lines: tuple[FloatArray, FloatArray],
     agreed_s: tuple[FloatArray, FloatArray],
     speed_mps: FloatArray,

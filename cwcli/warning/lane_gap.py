@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.signals.arcs import arc_ahead
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import arc_geometry_at_distance
 
 
-def line_at(line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray]:
+def boundary_at_distances(
+    line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """y (m) and direction (rad) of each boundary at distances from the camera, shape (n, k); NaN where it has ended.
 
     Args:
@@ -16,20 +18,20 @@ def line_at(line: FloatArray, ahead_m: FloatArray, change_1pm2: FloatArray) -> t
         ahead_m: Shape (n, k).
         change_1pm2: Shape (n,).
     """
-    curves = arc_ahead(line[:, None], ahead_m, change_1pm2[:, None])
+    curves = arc_geometry_at_distance(line[:, None], ahead_m, change_1pm2[:, None])
     y0, slope, curvature = (line[:, k, None] for k in range(3))
     is_behind = ahead_m <= 0.0  # a tyre beside the camera, or a little behind it
     y = np.where(is_behind, y0 + (slope + 0.5 * curvature * ahead_m) * ahead_m, curves[..., 0])
     return y, np.where(is_behind, np.arctan(slope + curvature * ahead_m), curves[..., 1])
 
 
-def last_told(gap: FloatArray) -> FloatArray:
+def last_known_gap_m(gap: FloatArray) -> FloatArray:
     """The last finite gap of each path, m, (n,): boundaries of tight bends end before long paths do."""
     last = gap.shape[1] - 1 - np.argmax(np.isfinite(gap[:, ::-1]), axis=1)
     return np.asarray(gap[np.arange(len(gap)), last])
 
 
-def first_crossing(t: FloatArray, gap: FloatArray) -> FloatArray:
+def first_crossing_time_s(t: FloatArray, gap: FloatArray) -> FloatArray:
     """Time (s) at which the gap first becomes zero, (n,), linear between points; inf: never, NaN: not known.
 
     Where the gap at the point before is not known, it is the time of the point itself.

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.outlines import Size, overlap_margin
+from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.align import Points
 from cwcli.warning.collision import PathPairs
+from cwcli.warning.remote_alignment import PathPoints
 
 
 @dataclass(frozen=True)
-class MomentStates:
+class PairStates:
     """The states of a pair at m moments.
 
     Attributes:
@@ -65,18 +65,18 @@ class Measures:
     late_probability: FloatArray
     braked_probability: FloatArray
     by_name: Mapping[str, FloatArray] = field(default_factory=dict)
-    states: MomentStates | None = None
+    states: PairStates | None = None
 
 
-ARRAYS = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
+MEASURE_ARRAY_NAMES = tuple(entry.name for entry in fields(Measures) if entry.name not in ("by_name", "states"))
 """Names of the fields of `Measures` that are arrays (m,)."""
-ONSET_MATTERS_M = 0.25
+MIN_ONSET_DIFFERENCE_M = 0.25
 """The onset hypothesis counts where its path is nearer than the mean path at the horizon by this, m. Chosen by hand."""
 
 
-def measure(
-    host: Points,
-    other: Points,
+def measure_paths(
+    host: PathPoints,
+    other: PathPoints,
     time_s: FloatArray,
     *,
     horizon_s: float,
@@ -86,14 +86,14 @@ def measure(
 ) -> Measures:
     """Compute the measures from points of both paths at the times `time_s` (q,), which begin at 0 and hold `horizon_s`.
 
-    The probabilities are still NaN (`with_probabilities`).
+    The probabilities are still NaN (`add_contact_probabilities`).
     """
     x, y = other.x_m - host.x_m, other.y_m - host.y_m
-    distance, closing = _now(host, other, x[:, 0], y[:, 0])
+    distance, closing = _distance_and_closing_speed(host, other, x[:, 0], y[:, 0])
     with np.errstate(divide="ignore", invalid="ignore"):
         ttc = np.where(closing > 0.0, distance / closing, np.inf)
-    segments = _Segments.of(x, y, time_s)
-    nearest, share, smallest = segments.nearest()
+    segments = _RelativeSegments.from_points(x, y, time_s)
+    nearest, share, smallest = segments.closest_approach()
     start = time_s[nearest]
     nearest_s = start + share * (time_s[nearest + 1] - start)
     at_horizon = int(np.searchsorted(time_s, horizon_s - 1e-9))
@@ -105,15 +105,15 @@ def measure(
         horizon_distance_m=np.hypot(x[:, at_horizon], y[:, at_horizon]),
         min_distance_m=smallest,
         min_time_s=nearest_s,
-        entry_s=segments.entry(radius_m),
-        overlap_s=_first_overlap(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
+        entry_s=segments.entry_time_s(radius_m),
+        overlap_s=_first_overlap_time_s(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
         probability=np.full(len(x), np.nan),
         late_probability=np.full(len(x), np.nan),
         braked_probability=np.full(len(x), np.nan),
     )
 
 
-def with_probabilities(
+def add_contact_probabilities(
     measures: Measures,
     pairs: PathPairs,
     time_s: FloatArray,
@@ -135,15 +135,17 @@ def with_probabilities(
         wanted: Shape (m,): rows in which probabilities are computed; None: all.
     """
     distance = measures.min_distance_m if wanted is None else np.where(wanted, measures.min_distance_m, np.nan)
-    in_time, late = pairs.within(distance, time_s, (horizon_s, float(time_s[-1]))).T
+    in_time, late = pairs.contact_probability_by_times(distance, time_s, (horizon_s, float(time_s[-1]))).T
     braked = np.full(len(late), np.nan)
     rows = np.flatnonzero((late >= threshold) & (late > 0.0)) if deceleration_mps2 > 0.0 else np.zeros(0, np.intp)
     if len(rows):
-        braked[rows] = pairs.rows(rows).braked(deceleration_mps2, horizon_s)
+        braked[rows] = pairs.select_rows(rows).contact_probability_if_braking(deceleration_mps2, horizon_s)
     return replace(measures, probability=in_time, late_probability=late, braked_probability=braked)
 
 
-def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _distance_and_closing_speed(
+    host: PathPoints, other: PathPoints, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Centre distance (m) and closing speed (m/s) at tau = 0, (m,) each."""
     own_v, their_v = host.speed_mps[:, 0], other.speed_mps[:, 0]
     own_heading, their_heading = host.heading_rad[:, 0], other.heading_rad[:, 0]
@@ -156,7 +158,7 @@ def _now(host: Points, other: Points, x: FloatArray, y: FloatArray) -> tuple[Flo
 
 
 @dataclass(frozen=True)
-class _Segments:
+class _RelativeSegments:
     """The relative path as q - 1 straight segments, (m, q - 1) each: start (x, y), step (ex, ey)."""
 
     time_s: FloatArray
@@ -166,11 +168,11 @@ class _Segments:
     ey: FloatArray
 
     @staticmethod
-    def of(x: FloatArray, y: FloatArray, time_s: FloatArray) -> _Segments:
+    def from_points(x: FloatArray, y: FloatArray, time_s: FloatArray) -> _RelativeSegments:
         """The segments between relative positions (m, q) at the times (q,)."""
-        return _Segments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
+        return _RelativeSegments(time_s, x[:, :-1], y[:, :-1], np.diff(x, axis=1), np.diff(y, axis=1))
 
-    def closest(self) -> tuple[FloatArray, FloatArray]:
+    def closest_point_of_each_segment(self) -> tuple[FloatArray, FloatArray]:
         """The share (0 to 1) of each segment at which the distance is smallest, and that distance, (m, q - 1)."""
         length2 = self.ex**2 + self.ey**2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -178,17 +180,17 @@ class _Segments:
         share = np.clip(np.where(length2 > 0.0, share, 0.0), 0.0, 1.0)
         return share, np.hypot(self.x + share * self.ex, self.y + share * self.ey)
 
-    def nearest(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
+    def closest_approach(self) -> tuple[np.ndarray, FloatArray, FloatArray]:
         """The segment of the closest approach, the share of it, and the distance there, (m,) each."""
-        share, distance = self.closest()
+        share, distance = self.closest_point_of_each_segment()
         filled = np.where(np.isnan(distance), np.inf, distance)
         index = filled.argmin(axis=1)
         rows = np.arange(len(index))
         return index, share[rows, index], distance[rows, index]
 
-    def entry(self, radius_m: float) -> FloatArray:
+    def entry_time_s(self, radius_m: float) -> FloatArray:
         """Time at which the distance first falls below the radius, (m,); 0 inside already, infinity if never."""
-        _, distance = self.closest()
+        _, distance = self.closest_point_of_each_segment()
         inside = distance < radius_m
         rows = np.flatnonzero(inside.any(axis=1))
         out = np.full(len(distance), np.inf)
@@ -203,11 +205,11 @@ class _Segments:
         return out
 
 
-def _first_overlap(
+def _first_overlap_time_s(
     x: FloatArray,
     y: FloatArray,
-    host: Points,
-    other: Points,
+    host: PathPoints,
+    other: PathPoints,
     time_s: FloatArray,
     near: np.ndarray,
     host_size: Size,
@@ -218,7 +220,9 @@ def _first_overlap(
     rows = np.flatnonzero(near)
     if not len(rows):
         return out
-    margin = overlap_margin(x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], host_size, other_size)
+    margin = outline_separation_m(
+        x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], host_size, other_size
+    )
     touching = margin <= 0.0
     hits = np.flatnonzero(touching.any(axis=1))
     first = touching[hits].argmax(axis=1)

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.metrics.table import ColumnDoc, Table, table_of
-from cwcli.signals.columns import Strings, constant_strings
+from cwcli.metrics.table import ColumnDoc, Table, table_from_records
+from cwcli.signals.columns import Strings, repeat_string
 from cwcli.signals.units import NS_PER_S
 from cwcli.warning.pair import PairEvaluation
-from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, warning_rows
+from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import VehicleTrack
 
-UNKNOWN_NS = -1
+NOT_CLEARED_NS = -1
 """Time of clearing of a warning that was still active at the end of the log."""
 
 
-def number_events(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]:
+def assign_event_ids(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]:
     """Assign event ids 1, 2, ... in order of time, then of the other's id: (pair, event) -> id."""
     found = [
         (int(pair.stamp_ns[span.raised]), pair.other.id, at, which)
@@ -28,7 +28,7 @@ def number_events(pairs: Sequence[PairEvaluation]) -> dict[tuple[int, int], int]
     return {(at, which): number for number, (_, _, at, which) in enumerate(sorted(found), start=1)}
 
 
-def rows_of(
+def warning_rows_of_pairs(
     pairs: Sequence[PairEvaluation],
     ids: Mapping[tuple[int, int], int],
     *,
@@ -42,16 +42,16 @@ def rows_of(
         for which, span in enumerate(own.spans):
             number = ids[at, which]
             for index in range(span.raised, span.last + 1):
-                rows.append(_row(own, index, number, RAISED if index == span.raised else HELD, words))
+                rows.append(_warning_row(own, index, number, RAISED if index == span.raised else HELD, words))
             if span.cleared is not None:
                 stamp, log = int(clock.stamp_ns[span.cleared]), int(clock.log_time_ns[span.cleared])
                 known = int(clock.known_ns[span.cleared])
                 text = f"warning {number} of {own.other.id} is over"
                 rows.append(WarningRow(log, stamp, known, number, CLEARED, own.other.id, text))
-    return warning_rows(rows, rule=rule, host_id=clock.id)
+    return build_warning_rows(rows, rule=rule, host_id=clock.id)
 
 
-def _row(own: PairEvaluation, index: int, number: int, state: int, words: str) -> WarningRow:
+def _warning_row(own: PairEvaluation, index: int, number: int, state: int, words: str) -> WarningRow:
     """The row of a warning at one evaluation, with its text for the driver."""
     time = float(own.decision.time_to_event_s[index])
     distance = float(own.decision.predicted_distance_m[index])
@@ -72,7 +72,7 @@ def _row(own: PairEvaluation, index: int, number: int, state: int, words: str) -
     )
 
 
-def events_table(
+def warning_events_table(
     pairs: Sequence[PairEvaluation],
     ids: Mapping[tuple[int, int], int],
     *,
@@ -93,11 +93,11 @@ def events_table(
                     "other_id": own.other.id,
                     "raised_ns": raised,
                     "last_held_ns": last,
-                    "cleared_ns": UNKNOWN_NS if span.cleared is None else int(clock.known_ns[span.cleared]),
+                    "cleared_ns": NOT_CLEARED_NS if span.cleared is None else int(clock.known_ns[span.cleared]),
                     "duration_s": (last - raised) / NS_PER_S,
                     "raised_stamp_ns": int(own.stamp_ns[span.raised]),
                     "last_held_stamp_ns": int(own.stamp_ns[span.last]),
-                    "cleared_stamp_ns": UNKNOWN_NS if span.cleared is None else int(clock.stamp_ns[span.cleared]),
+                    "cleared_stamp_ns": NOT_CLEARED_NS if span.cleared is None else int(clock.stamp_ns[span.cleared]),
                     "time_to_event_s": float(own.decision.time_to_event_s[span.raised]),
                     "predicted_distance_m": float(own.decision.predicted_distance_m[span.raised]),
                     "distance_m": float(own.measures.distance_m[span.raised]),
@@ -109,10 +109,10 @@ def events_table(
                 }
             )
     rows.sort(key=lambda row: int(row["event_id"]))
-    return table_of("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
+    return table_from_records("events", _EVENT_TYPES, rows, docs=_EVENT_DOCS)
 
 
-def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
+def evaluation_series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
     """The table with one row per evaluation of a pair within reach."""
     names = (
         "distance_m",
@@ -133,7 +133,7 @@ def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
 
     columns: dict[str, Any] = {
         "stamp_ns": concatenate([own.stamp_ns for own in pairs], np.int64),
-        "host_id": constant_strings(host_id, total),
+        "host_id": repeat_string(host_id, total),
         "other_id": Strings(
             concatenate([np.full(len(own.stamp_ns), at, np.int32) for at, own in enumerate(pairs)], np.int32),
             tuple(own.other.id for own in pairs),
@@ -143,11 +143,11 @@ def series_table(pairs: Sequence[PairEvaluation], *, host_id: str) -> Table:
     for name in names:
         columns[rename.get(name, name)] = concatenate([getattr(own.measures, name) for own in pairs], np.float64)
     columns["is_withheld"] = concatenate([own.is_withheld for own in pairs], np.bool_)
-    columns["is_active"] = concatenate([_active(own) for own in pairs], np.bool_)
+    columns["is_active"] = concatenate([_active_mask(own) for own in pairs], np.bool_)
     return Table("series", columns)
 
 
-def _active(own: PairEvaluation) -> Any:
+def _active_mask(own: PairEvaluation) -> Any:
     """Whether a warning is active at each evaluation, (m,)."""
     active = np.zeros(len(own.stamp_ns), dtype=bool)
     for span in own.spans:

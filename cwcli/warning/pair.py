@@ -13,23 +13,29 @@ import numpy.typing as npt
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import SPEED
-from cwcli.warning.align import Pairing, Points, pair_up, read_paths
 from cwcli.warning.collision import PathPairs
-from cwcli.warning.events import Span, find_events
-from cwcli.warning.measures import ARRAYS, ONSET_MATTERS_M, Measures, measure, with_probabilities
-from cwcli.warning.rule_inputs import asked_for, states_then
-from cwcli.warning.rules.base import BoolArray, Decision, Rule, withheld
+from cwcli.warning.events import EventSpan, find_events
+from cwcli.warning.measures import (
+    MEASURE_ARRAY_NAMES,
+    MIN_ONSET_DIFFERENCE_M,
+    Measures,
+    add_contact_probabilities,
+    measure_paths,
+)
+from cwcli.warning.remote_alignment import PathPoints, StatePairing, interpolate_paths, pair_with_newest_state
+from cwcli.warning.rule_inputs import evaluate_named_measures, pair_states_at_moments
+from cwcli.warning.rules.base import BoolArray, Decision, Rule, withhold_warnings
 from cwcli.warning.types import PathArrays, VehicleTrack, WarningConfig
 
 Rows = npt.NDArray[np.intp]
 
-REACH_M = 15.0
+REACH_MARGIN_M = 15.0
 """Pairs that cannot come within the collision distance plus this, m, are not evaluated. Chosen by hand."""
-NEAR_M = 6.0
+NEAR_MARGIN_M = 6.0
 """Pairs within the collision distance plus this, m, are measured at every path point. Chosen by hand."""
-COARSE = 5
+COARSE_POINT_STRIDE = 5
 """Other pairs are measured at every fifth path point. Chosen by hand."""
-STANDING_MPS = 0.5
+STANDSTILL_SPEED_MPS = 0.5
 """A slower vehicle counts as standing: its onset of a manoeuvre is noise. Chosen by hand; not fitted."""
 
 
@@ -55,13 +61,13 @@ class PairEvaluation:
     age_s: FloatArray
     measures: Measures
     decision: Decision
-    spans: list[Span]
+    spans: list[EventSpan]
     is_withheld: BoolArray
     n_evaluated: int
     n_out_of_reach: int
-    n_unheard: int
+    n_without_message: int
     n_stale: int
-    n_beyond: int
+    n_beyond_path: int
     n_not_finite: int
     n_withheld: int
 
@@ -78,7 +84,7 @@ class PairEvaluation:
         return np.full(len(self.stamp_ns), np.nan) if compared is None else compared
 
 
-WINDOW_ROWS = 512
+STAMPS_PER_WINDOW = 512
 """Number of host stamps whose paths are in memory at a time; the result does not depend on it. Chosen by hand."""
 
 
@@ -89,7 +95,7 @@ def evaluate_pairs(
     config: WarningConfig,
     time_s: FloatArray,
     *,
-    window_rows: int = WINDOW_ROWS,
+    window_rows: int = STAMPS_PER_WINDOW,
 ) -> tuple[PairEvaluation, ...]:
     """Evaluate the host with each of the others at the host's stamps, some stamps at a time.
 
@@ -98,37 +104,37 @@ def evaluate_pairs(
         window_rows: Number of stamps at a time.
     """
     persistence_s = rule.persistence_s if config.persistence_s is None else config.persistence_s
-    pairings = [pair_up(host, other, config.use, config.max_age_s) for other in others]
-    parts: list[list[_Part]] = [[] for _ in others]
+    pairings = [pair_with_newest_state(host, other, config.use, config.max_age_s) for other in others]
+    parts: list[list[_WindowEvaluation]] = [[] for _ in others]
     for first in range(0, len(host.stamp_ns), window_rows):
         last = min(first + window_rows, len(host.stamp_ns))
         own = host.paths.take(np.arange(first, last))
-        points = read_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
+        points = interpolate_paths(own, np.arange(last - first), np.zeros(last - first), time_s)
         for other, pairing, done in zip(others, pairings, parts, strict=True):
             a, b = np.searchsorted(pairing.host_row, [first, last])
             if a < b or not done:  # a pair that never meets has one part without rows
                 rows = pairing.host_row[a:b] - first, pairing.other_row[a:b], pairing.age_s[a:b]
-                window = _Window(host, other, own, points, first)
-                done.append(_evaluated(window, rows, rule, config, persistence_s, time_s))
+                window = _HostWindow(host, other, own, points, first)
+                done.append(_evaluate_window(window, rows, rule, config, persistence_s, time_s))
     return tuple(
-        _joined(host, other, pairing, done, config, persistence_s)
+        _join_windows(host, other, pairing, done, config, persistence_s)
         for other, pairing, done in zip(others, pairings, parts, strict=True)
     )
 
 
 @dataclass(frozen=True)
-class _Window:
+class _HostWindow:
     """Some of the host's stamps: its paths there, and their points at the times along them."""
 
     host: VehicleTrack
     other: VehicleTrack
     paths: PathArrays
-    points: Points
+    points: PathPoints
     first: int
 
 
 @dataclass(frozen=True)
-class _Part:
+class _WindowEvaluation:
     """The evaluations within reach in one window: rows of the whole tracks, measures and decisions."""
 
     host_row: Rows
@@ -136,29 +142,29 @@ class _Part:
     age_s: FloatArray
     measures: Measures
     decision: Decision
-    n_beyond: int
+    n_beyond_path: int
 
 
-def _evaluated(
-    window: _Window,
+def _evaluate_window(
+    window: _HostWindow,
     at: tuple[Rows, Rows, FloatArray],
     rule: Rule,
     config: WarningConfig,
     persistence_s: float,
     time_s: FloatArray,
-) -> _Part:
+) -> _WindowEvaluation:
     """Evaluate one window; `at` holds rows of the window, rows of the other's track, and the age of its states."""
     host, other = window.host, window.other
     chosen, place = np.unique(at[1], return_inverse=True)
     theirs = other.paths.take(chosen)
-    within = np.flatnonzero(_within_reach(window.paths, theirs, at[0], place, float(time_s[-1]), config))
+    within = np.flatnonzero(_within_reach_mask(window.paths, theirs, at[0], place, float(time_s[-1]), config))
     host_row, other_row, place, age_s = at[0][within], at[1][within], place[within], at[2][within]
     near = (host_row, place, age_s)
     sizes = host.outline_m, other.outline_m
-    measures, beyond = _measures(window.points, theirs, near, time_s, config, sizes)
+    measures, beyond = _measure_coarse_then_fine(window.points, theirs, near, time_s, config, sizes)
     pairs = PathPairs(window.paths, theirs, *near, *sizes)
     judged = partial(
-        with_probabilities,
+        add_contact_probabilities,
         time_s=time_s,
         horizon_s=config.horizon_s,
         threshold=config.probability,
@@ -168,22 +174,22 @@ def _evaluated(
     onset = None
     if rule.uses_onset and other.onset_paths is not None:
         begun = other.onset_paths.take(chosen)
-        onset, _ = _measures(window.points, begun, near, time_s, config, sizes)
-        nearer = onset.horizon_distance_m < measures.horizon_distance_m - ONSET_MATTERS_M
-        nearer &= np.abs(other.state[other_row, SPEED]) > STANDING_MPS
+        onset, _ = _measure_coarse_then_fine(window.points, begun, near, time_s, config, sizes)
+        nearer = onset.horizon_distance_m < measures.horizon_distance_m - MIN_ONSET_DIFFERENCE_M
+        nearer &= np.abs(other.state[other_row, SPEED]) > STANDSTILL_SPEED_MPS
         onset = judged(onset, replace(pairs, other=begun), wanted=nearer)
     of_moment = host, other, window.first + host_row, theirs, (other_row, place, age_s)
-    states = states_then(*of_moment) if rule.uses_states else None
-    asked = replace(measures, by_name=asked_for(rule.measures, *of_moment), states=states)
+    states = pair_states_at_moments(*of_moment) if rule.uses_states else None
+    asked = replace(measures, by_name=evaluate_named_measures(rule.measures, *of_moment), states=states)
     decision = rule.decide(asked, onset, config, persistence_s)
-    return _Part(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
+    return _WindowEvaluation(window.first + host_row, other_row, age_s, measures, decision, int(beyond.sum()))
 
 
-def _joined(
+def _join_windows(
     host: VehicleTrack,
     other: VehicleTrack,
-    pairing: Pairing,
-    parts: Sequence[_Part],
+    pairing: StatePairing,
+    parts: Sequence[_WindowEvaluation],
     config: WarningConfig,
     persistence_s: float,
 ) -> PairEvaluation:
@@ -191,10 +197,10 @@ def _joined(
     host_row, other_row = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("host_row", "other_row")
     )
-    measures, decision = _stacked([part.measures for part in parts]), _stacked([part.decision for part in parts])
+    measures, decision = _stack_rows([part.measures for part in parts]), _stack_rows([part.decision for part in parts])
     stamp_ns = host.stamp_ns[host_row]
-    is_withheld = _flagged(host, host_row) | _flagged(other, other_row)
-    trusted = withheld(decision, is_withheld)
+    is_withheld = _flagged_mask(host, host_row) | _flagged_mask(other, other_row)
+    trusted = withhold_warnings(decision, is_withheld)
     spans, spans_of_all = (
         find_events(
             stamp_ns,
@@ -220,9 +226,9 @@ def _joined(
         is_withheld=is_withheld,
         n_evaluated=len(pairing.host_row),
         n_out_of_reach=len(pairing.host_row) - len(host_row),
-        n_unheard=pairing.n_unheard,
+        n_without_message=pairing.n_without_message,
         n_stale=pairing.n_stale,
-        n_beyond=sum(part.n_beyond for part in parts),
+        n_beyond_path=sum(part.n_beyond_path for part in parts),
         n_not_finite=int(np.isnan(measures.horizon_distance_m).sum()),
         n_withheld=sum(bool(is_withheld[span.raised]) for span in spans_of_all),
     )
@@ -231,7 +237,7 @@ def _joined(
 Stacked = TypeVar("Stacked", Measures, Decision)
 
 
-def _stacked(parts: Sequence[Stacked]) -> Stacked:
+def _stack_rows(parts: Sequence[Stacked]) -> Stacked:
     """Concatenate the rows of all parts; a field that is no array is taken from the first part."""
     values: dict[str, Any] = {}
     for name in (entry.name for entry in fields(parts[0])):
@@ -240,12 +246,12 @@ def _stacked(parts: Sequence[Stacked]) -> Stacked:
     return type(parts[0])(**values)
 
 
-def _flagged(track: VehicleTrack, rows: Rows) -> BoolArray:
+def _flagged_mask(track: VehicleTrack, rows: Rows) -> BoolArray:
     """Whether the states of the rows are starting, after a reset or in a gap, (m,)."""
     return np.zeros(len(rows), dtype=bool) if track.flags is None else np.asarray(track.flags[rows] > 0)
 
 
-def _within_reach(
+def _within_reach_mask(
     own: PathArrays, theirs: PathArrays, host_row: Rows, other_row: Rows, span_s: float, config: WarningConfig
 ) -> BoolArray:
     """Whether the paths of each row could come near each other, by the top speeds of both, (m,)."""
@@ -253,11 +259,11 @@ def _within_reach(
     top_theirs = np.abs(theirs.speed_mps).max(axis=1, initial=0.0)
     apart = np.hypot(theirs.x_m[other_row, 0] - own.x_m[host_row, 0], theirs.y_m[other_row, 0] - own.y_m[host_row, 0])
     reach = top_own[host_row] * span_s + top_theirs[other_row] * (span_s + config.max_age_s)
-    return np.asarray(~(apart > reach + config.distance_m + REACH_M))
+    return np.asarray(~(apart > reach + config.distance_m + REACH_MARGIN_M))
 
 
-def _measures(
-    host_points: Points,
+def _measure_coarse_then_fine(
+    host_points: PathPoints,
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
     time_s: FloatArray,
@@ -265,13 +271,15 @@ def _measures(
     sizes: tuple[Size, Size],
 ) -> tuple[Measures, BoolArray]:
     """Measure all rows at every fifth point, near ones at every point; also find paths that end too early, (m,)."""
-    thinned = np.union1d(np.arange(0, len(time_s), COARSE), [_horizon_index(time_s, config), len(time_s) - 1])
-    coarse, beyond = _read_and_measure(host_points, paths, at, time_s, thinned, config, sizes)
-    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_M)
+    thinned = np.union1d(
+        np.arange(0, len(time_s), COARSE_POINT_STRIDE), [_horizon_index(time_s, config), len(time_s) - 1]
+    )
+    coarse, beyond = _measure_at_times(host_points, paths, at, time_s, thinned, config, sizes)
+    near = np.flatnonzero(coarse.min_distance_m < config.distance_m + NEAR_MARGIN_M)
     at_near = (at[0][near], at[1][near], at[2][near])
     every = np.arange(len(time_s))
-    fine, _ = _read_and_measure(host_points, paths, at_near, time_s, every, config, sizes)
-    for name in ARRAYS:
+    fine, _ = _measure_at_times(host_points, paths, at_near, time_s, every, config, sizes)
+    for name in MEASURE_ARRAY_NAMES:
         getattr(coarse, name)[near] = getattr(fine, name)
     return coarse, beyond
 
@@ -281,8 +289,8 @@ def _horizon_index(time_s: FloatArray, config: WarningConfig) -> int:
     return int(np.searchsorted(time_s, config.horizon_s - 1e-9))
 
 
-def _read_and_measure(
-    host_points: Points,
+def _measure_at_times(
+    host_points: PathPoints,
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
     time_s: FloatArray,
@@ -292,9 +300,9 @@ def _read_and_measure(
 ) -> tuple[Measures, BoolArray]:
     """Measure the rows at the chosen times, and find those whose paths end too early, (m,)."""
     host_row, other_row, age_s = at
-    theirs = read_paths(paths, other_row, age_s, time_s[chosen])
-    measures = measure(
-        host_points.rows(host_row, chosen),
+    theirs = interpolate_paths(paths, other_row, age_s, time_s[chosen])
+    measures = measure_paths(
+        host_points.select_rows_and_times(host_row, chosen),
         theirs,
         time_s[chosen],
         horizon_s=config.horizon_s,
@@ -302,4 +310,4 @@ def _read_and_measure(
         host_size=sizes[0],
         other_size=sizes[1],
     )
-    return measures, theirs.beyond
+    return measures, theirs.is_beyond_end

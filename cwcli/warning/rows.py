@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, constant_strings, strings_from
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, encode_strings, repeat_string
 
 RAISED, HELD, CLEARED = 1, 2, 3
 """States of a warning, as in `cwcli.v1.Warning`."""
@@ -68,7 +68,7 @@ class WarningRows:
         return len(self.log_time_ns)
 
 
-def warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> WarningRows:
+def build_warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> WarningRows:
     """Build the rows of one rule, in order."""
     ordered = sorted(rows, key=lambda row: (row.log_time_ns, row.event_id, row.state))
     columns = dict(zip(WarningRow._fields, zip(*ordered, strict=True), strict=True)) if ordered else {}
@@ -83,15 +83,15 @@ def warning_rows(rows: Sequence[WarningRow], *, rule: str, host_id: str) -> Warn
         log_time_ns=whole("log_time_ns"),
         stamp_ns=whole("stamp_ns"),
         known_ns=whole("known_ns"),
-        rule=constant_strings(rule, len(ordered)),
+        rule=repeat_string(rule, len(ordered)),
         event_id=whole("event_id"),
         state=whole("state").astype(np.int32),
-        host_id=constant_strings(host_id, len(ordered)),
-        other_id=strings_from(list(columns.get("other_id", ()))),
+        host_id=repeat_string(host_id, len(ordered)),
+        other_id=encode_strings(list(columns.get("other_id", ()))),
         time_to_event_s=number("time_to_event_s"),
         predicted_distance_m=number("predicted_distance_m"),
         ttc_s=number("ttc_s"),
         probability=number("probability"),
         alert_probability=number("alert_probability"),
-        message=strings_from(list(columns.get("message", ()))),
+        message=encode_strings(list(columns.get("message", ()))),
     )

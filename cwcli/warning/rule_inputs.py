@@ -15,16 +15,16 @@ from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, JERK
-from cwcli.warning.align import read_paths
-from cwcli.warning.measures import MomentStates
+from cwcli.warning.measures import PairStates
+from cwcli.warning.remote_alignment import interpolate_paths
 from cwcli.warning.types import PathArrays, VehicleTrack
 
 Rows = npt.NDArray[np.intp]
-MOTION = slice(ACCEL, JERK + 1)
+MOTION_COLUMNS = slice(ACCEL, JERK + 1)
 """Columns of a state that hold acceleration, yaw rate and jerk."""
 
 
-def problem_of(names: object) -> str:
+def problem_with_measure_names(names: object) -> str:
     """Describe what is wrong with the measures that a rule names; "" if nothing is."""
     if not isinstance(names, tuple) or not all(isinstance(name, str) for name in names):
         return f"has measures = {names!r}, which is not a tuple of names"
@@ -38,7 +38,7 @@ def problem_of(names: object) -> str:
     return ""
 
 
-def asked_for(
+def evaluate_named_measures(
     names: Sequence[str],
     host: VehicleTrack,
     other: VehicleTrack,
@@ -58,30 +58,32 @@ def asked_for(
     if not names:
         return {}
     stamp_ns = host.stamp_ns[host_rows]
-    theirs, motion = _moved(other, paths, at)
+    theirs, motion = _bring_other_forward(other, paths, at)
     own = ActualTrack(stamp_ns, host.state[host_rows])
     moved = ActualTrack(stamp_ns, np.concatenate([theirs, motion], axis=1))
-    pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).given(own, theirs, motion)
-    return {name: pair.value(MEASURES[name]) for name in names}
+    pair = Pair(own, moved, host.outline_m, other.outline_m, 0.0).with_states(own, theirs, motion)
+    return {name: pair.evaluate_measure(MEASURES[name]) for name in names}
 
 
-def states_then(
+def pair_states_at_moments(
     host: VehicleTrack,
     other: VehicleTrack,
     host_rows: Rows,
     paths: PathArrays,
     at: tuple[Rows, Rows, FloatArray],
-) -> MomentStates:
-    """The states of both at each of m moments; the arguments are those of `asked_for`."""
-    theirs = np.concatenate(_moved(other, paths, at), axis=1)
+) -> PairStates:
+    """The states of both at each of m moments; the arguments are those of `evaluate_named_measures`."""
+    theirs = np.concatenate(_bring_other_forward(other, paths, at), axis=1)
     said = other.says_hard_braking
     says = np.zeros(len(host_rows), np.bool_) if said is None else said[at[0]]
-    return MomentStates(host.state[host_rows], theirs, says, (host.outline_m, other.outline_m))
+    return PairStates(host.state[host_rows], theirs, says, (host.outline_m, other.outline_m))
 
 
-def _moved(other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]) -> tuple[FloatArray, FloatArray]:
+def _bring_other_forward(
+    other: VehicleTrack, paths: PathArrays, at: tuple[Rows, Rows, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
     """Bring the other's position, speed and heading forward, (m, 4); and its unchanged derivatives, (m, 3)."""
     other_rows, place, age_s = at
-    now = read_paths(paths, place, age_s, np.zeros(1))
+    now = interpolate_paths(paths, place, age_s, np.zeros(1))
     theirs = np.concatenate([now.x_m, now.y_m, now.speed_mps, now.heading_rad], axis=1)
-    return theirs, other.state[other_rows, MOTION]
+    return theirs, other.state[other_rows, MOTION_COLUMNS]

@@ -10,16 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.option import Option
-from cwcli.signals.clocks import knowable_ns
+from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.warning.conflict_definition import ConflictDefinition, conflict_definition, definitions
+from cwcli.warning.conflict_definition import ConflictDefinition, format_default_definitions, parse_conflict_definition
 
 DEFAULT_LENGTH_M = 4.5
 """Length of a vehicle that reports none. Chosen: a passenger car's."""
 DEFAULT_WIDTH_M = 1.8
 """Width of a vehicle that reports none. Chosen: a passenger car's."""
 
-Use = Literal["received", "stamp"]
+RemoteStateUse = Literal["received", "stamp"]
 """Which remote states count: those received by then, or all whose stamp has passed."""
 
 
@@ -85,34 +85,37 @@ class VehicleTrack:
 
         That holds for results about others too: the host uses only their states that it had received (`align`).
         """
-        return knowable_ns(self.stamp_ns, self.log_time_ns)
+        return earliest_known_times_ns(self.stamp_ns, self.log_time_ns)
 
     @property
     def outline_m(self) -> tuple[float, float]:
         """Length and width in metres; the defaults where they are not reported."""
-        return _or(self.length_m, DEFAULT_LENGTH_M), _or(self.width_m, DEFAULT_WIDTH_M)
+        return _positive_or_default(self.length_m, DEFAULT_LENGTH_M), _positive_or_default(
+            self.width_m, DEFAULT_WIDTH_M
+        )
 
 
-def outline_of(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
+def median_outline_m(lengths_m: FloatArray, widths_m: FloatArray) -> tuple[float, float]:
     """Median length and width (m) of what a vehicle reported, (n,) each; the defaults where it reported none."""
-    return _median(lengths_m, DEFAULT_LENGTH_M), _median(widths_m, DEFAULT_WIDTH_M)
+    return _median_or_default_m(lengths_m, DEFAULT_LENGTH_M), _median_or_default_m(widths_m, DEFAULT_WIDTH_M)
 
 
-def _median(values_m: FloatArray, default_m: float) -> float:
+def _median_or_default_m(values_m: FloatArray, default_m: float) -> float:
     """Median of the finite values; the default without any."""
     given = values_m[np.isfinite(values_m)]
-    return _or(float(np.median(given)) if len(given) else None, default_m)
+    return _positive_or_default(float(np.median(given)) if len(given) else None, default_m)
 
 
-def _or(value: float | None, default: float) -> float:
+def _positive_or_default(value: float | None, default: float) -> float:
     """The value if it is positive, else the default."""
     return float(value) if value is not None and value > 0.0 else default
 
 
-def _conflict_help() -> str:
+def _conflict_help_text() -> str:
     """The help text of `--conflict`."""
     return (
-        f"What counts as a conflict when warnings are scored: a measure beyond its threshold ({definitions()}), or "
+        f"What counts as a conflict when warnings are scored: a measure beyond its threshold "
+        f"({format_default_definitions()}), or "
         "beyond one of yours: 'ttc < 1.5'. distance alone is that of --distance."
     )
 
@@ -135,7 +138,7 @@ class WarningConfig:
         max_age_s: Remote states older than this are not used.
         max_gap_s: Tracks are not interpolated across gaps longer than this when warnings are scored.
         conflict: What counts as a conflict when warnings are scored: a key of `measures.MEASURES`, at its own
-            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`conflict_definition`).
+            threshold ("distance": at `distance_m`) or at another one: "ttc < 1.5" (`parse_conflict_definition`).
         max_lead_s: A warning earlier than this before a conflict is not about that conflict.
     """
 
@@ -166,22 +169,22 @@ class WarningConfig:
         float, Option("--hold-off", "A condition false for this long is over.", metavar="SECONDS")
     ] = 1.0
     use: Annotated[
-        Use, Option("--use", "Remote states that had been received by then, or all whose stamp has passed.")
+        RemoteStateUse, Option("--use", "Remote states that had been received by then, or all whose stamp has passed.")
     ] = "received"
     max_age_s: Annotated[float, Option("--max-age", "Older remote states are not used.", metavar="SECONDS")] = 1.0
     max_gap_s: float = 0.5
     conflict: Annotated[
-        str, Option("--conflict", _conflict_help, metavar="MEASURE", choices="cwcli.measures:MEASURES")
+        str, Option("--conflict", _conflict_help_text, metavar="MEASURE", choices="cwcli.measures:MEASURES")
     ] = "distance"
     max_lead_s: Annotated[
         float, Option("--max-lead", "A warning earlier than this is not about the conflict.", metavar="SECONDS")
     ] = 5.0
 
     @property
-    def definition(self) -> ConflictDefinition:
+    def parsed_conflict_definition(self) -> ConflictDefinition:
         """The parsed definition of a conflict.
 
         Raises:
             UsageError: `conflict` is not a definition.
         """
-        return conflict_definition(self.conflict, distance_m=self.distance_m)
+        return parse_conflict_definition(self.conflict, distance_m=self.distance_m)

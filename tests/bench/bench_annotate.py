@@ -25,7 +25,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cwcli.input import InputFile
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.signals.columns import OutputChannel, Strings
 
 LIMIT = 8.0
@@ -134,7 +134,7 @@ def seconds_for(run: Callable[[], object], target: Path) -> float:
 
 def _annotate(source: Path, channel: OutputChannel, target: Path) -> None:
     with InputFile.open(source) as file:
-        annotate(Source(file), [channel], {}, target)
+        annotate_log(Source(file), [channel], {}, target)
 
 
 def main() -> int:

@@ -20,9 +20,9 @@ from filterpy.kalman import ExtendedKalmanFilter
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track, estimate_tracks
-from cwcli.estimation.song2016 import filter_vectors, process_noise
-from cwcli.reproduction.song2016.methods import sense
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.estimation.song2016 import filter_measurement_matrix, process_noise_covariance
+from cwcli.reproduction.song2016.methods import measure_vehicle
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 from tests.studies import city_drive
 
 LIMIT = 20.0
@@ -37,7 +37,7 @@ def filterpy_filter(z: np.ndarray, sigma: np.ndarray) -> np.ndarray:
         z[0].copy(),
         np.diag(np.square(sigma)),
         np.diag(np.square(sigma)),
-        process_noise(STEP_S),
+        process_noise_covariance(STEP_S),
     )
     identity, dt = np.eye(6), STEP_S
     f = np.eye(6)
@@ -104,12 +104,12 @@ def fleet() -> list[tuple[list[Measurements], np.ndarray]]:
 
 def main() -> int:
     """Print the table; return the exit code."""
-    run = sense(load_scenario("curve"), HOST, seed=0)
+    run = measure_vehicle(load_scenario("curve"), HOST_NAME, seed=0)
     z, sigma = run.vectors, run.sigma
-    ours, theirs = filter_vectors(z, tuple(sigma))[0], filterpy_filter(z, sigma)
+    ours, theirs = filter_measurement_matrix(z, tuple(sigma))[0], filterpy_filter(z, sigma)
     difference = float(np.abs(ours - theirs).max())
     many = np.concatenate([z] * 20)
-    fast = best(lambda: filter_vectors(many, tuple(sigma))) / len(many)
+    fast = best(lambda: filter_measurement_matrix(many, tuple(sigma))) / len(many)
     slow = best(lambda: filterpy_filter(z, sigma), 2) / len(z)
     ratio = slow / fast
     print("| six-state filter | us per step | ratio |")

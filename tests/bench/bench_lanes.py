@@ -35,13 +35,14 @@ def write_log(path: Path, n_frames: int) -> None:
     from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
     from mcap_protobuf.writer import Writer
 
-    from cwcli.simulate.road_log import plan, road_config
+    from cwcli.simulate.road_log import plan_configured_drive, parse_road_log_config
 
-    config = road_config("clear", 1, (f"duration_s={LOOP_S}", f"rate_hz={RATE_HZ}", "size=640x480"))
+    config = parse_road_log_config("clear", 1, (f"duration_s={LOOP_S}", f"rate_hz={RATE_HZ}", "size=640x480"))
     import cv2
 
     pictures = [
-        cv2.imencode(".jpg", frame.grey, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes() for frame in plan(config).frames()
+        cv2.imencode(".jpg", frame.grey, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+        for frame in plan_configured_drive(config).iter_rendered_frames()
     ]
     with path.open("wb") as stream, Writer(stream) as writer:
         for k in range(n_frames):
@@ -95,7 +96,7 @@ def main() -> int:
     if options.decode is not None:
         print(decode(options.decode))
         return 0
-    from cwcli.vision.methods import ready_methods
+    from cwcli.vision.methods import methods_without_model
 
     print("| method | cwcli lanes | decoding alone | ratio of each pair | median | bound | ratio of processor times |")
     print("|---|---|---|---|---|---|---|")
@@ -105,7 +106,7 @@ def main() -> int:
         if log is None:
             log = Path(folder) / "frames.mcap"
             write_log(log, options.frames)
-        for method in ready_methods():
+        for method in methods_without_model():
             whole, alone = [], []
             for _ in range(options.pairs):
                 alone.append(seconds([sys.executable, __file__, "--decode", str(log)]))

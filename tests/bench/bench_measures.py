@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.logs.write.writer import LogWriter
 from cwcli.measures import MEASURES
 from cwcli.measures.pair import ActualTrack, Pair
@@ -61,7 +61,7 @@ def microseconds(names: Sequence[str], n: int) -> float:
         began = time.process_time()
         for pair in pairs:
             for name in names:
-                pair.value(MEASURES[name])
+                pair.evaluate_measure(MEASURES[name])
         found.append((time.process_time() - began) / (len(pairs) * n) * 1e6)
     return min(found)
 
@@ -77,7 +77,7 @@ def on_collision_course() -> float:
         pair = Pair(tracks[0], tracks[1], (4.5, 1.8), (4.5, 1.8), 0.5)
         began = time.process_time()
         for name in STEERED:
-            pair.value(MEASURES[name])
+            pair.evaluate_measure(MEASURES[name])
         found.append((time.process_time() - began) / n * 1e6)
     return min(found)
 
@@ -86,7 +86,9 @@ def write_states_log(path: Path) -> None:
     """What `cwcli estimate` would have written, without its sensors."""
     stamps = 1_700_000_000_000_000_000 + np.arange(N_STEPS, dtype=np.int64) * STEP_NS
     covariance = np.diag([0.04, 0.04, 0.01, 1e-4, 0.04, 1e-4, 0.1, 0.01])
-    ego = VehicleStates.of_ego(stamps, drive(0, 0, N_STEPS), np.tile(covariance, (N_STEPS, 1, 1)), size_m=(4.5, 1.8))
+    ego = VehicleStates.from_ego_states(
+        stamps, drive(0, 0, N_STEPS), np.tile(covariance, (N_STEPS, 1, 1)), size_m=(4.5, 1.8)
+    )
     others = [drive(k % 2, k // 2, N_STEPS) for k in range(1, N_CARS)]
     n = len(others) * N_STEPS
     remote = VehicleStates(
@@ -100,8 +102,8 @@ def write_states_log(path: Path) -> None:
         np.zeros(n, np.uint8),
     )
     with LogWriter(path) as log:
-        log.write_columns(write_states(EGO_STATE, ego, None))
-        log.write_columns(write_states(REMOTE_STATE, remote, None))
+        log.write_columns(write_vehicle_states(EGO_STATE, ego, None))
+        log.write_columns(write_vehicle_states(REMOTE_STATE, remote, None))
 
 
 def process() -> tuple[float, float]:
@@ -127,7 +129,7 @@ def main() -> None:
         write_states_log(options.write)
         return
     slow = (*STEERED, "ttr")  # which is the greatest of them
-    quick = [name for name, measure in MEASURES.items() if not measure.is_dear and name not in slow]
+    quick = [name for name, measure in MEASURES.items() if not measure.is_expensive and name not in slow]
     seconds, megabytes = process()
     rows = (
         (

@@ -13,11 +13,11 @@ from collections.abc import Callable
 import numpy as np
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import METHODS, observe
-from cwcli.dynamics.samples import LaneSamples, Samples
+from cwcli.dynamics.observer import OBSERVER_METHODS, observe_lateral_motion
+from cwcli.dynamics.samples import LaneSamples, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.prediction.lateral import lateral_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.prediction.lateral import predict_paths_from_observer
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 
 N_FRAMES = 20_000
 
@@ -37,9 +37,9 @@ def report_stages(name: str) -> None:
     from cwcli.logs.read.reader import Log
     from cwcli.stages.lanes import LanesConfig, lanes
     from cwcli.stages.observe import ObserveConfig, observe
-    from cwcli.vision.methods import ready_methods
+    from cwcli.vision.methods import methods_without_model
 
-    for method in ready_methods():
+    for method in methods_without_model():
         with Log.open(name) as log:
             begin = time.process_time()
             made = lanes(log, LanesConfig(method=method))
@@ -59,16 +59,16 @@ def main() -> None:
     random = np.random.default_rng(0)
     stamp_ns = np.arange(N_FRAMES, dtype=np.int64) * 100_000_000
     lanes = LaneSamples(stamp_ns, *(s * random.standard_normal(N_FRAMES) for s in (0.05, 0.003, 2e-4)))
-    speed, car = Samples(stamp_ns, np.full(N_FRAMES, 25.0)), load_vehicle()
+    speed, car = ScalarSamples(stamp_ns, np.full(N_FRAMES, 25.0)), load_vehicle()
     gyro_ns = np.arange(5 * N_FRAMES, dtype=np.int64) * 20_000_000
-    gyro = Samples(gyro_ns, 0.002 * random.standard_normal(5 * N_FRAMES))
-    for method in METHODS:
-        report(method, lambda method=method: observe(lanes, speed, car, ObserverConfig(method)))  # type: ignore[misc]
-    report("cwcli with a gyroscope of 50 Hz", lambda: observe(lanes, speed, car, yaw_rate=gyro))
-    track = observe(lanes, speed, car)
-    paths = lateral_paths(track, car)
-    report("paths of 2 s", lambda: lateral_paths(track, car))
-    report("their calibration", lambda: calibrate_paths(paths, track))
+    gyro = ScalarSamples(gyro_ns, 0.002 * random.standard_normal(5 * N_FRAMES))
+    for method in OBSERVER_METHODS:
+        report(method, lambda method=method: observe_lateral_motion(lanes, speed, car, ObserverConfig(method)))  # type: ignore[misc]
+    report("cwcli with a gyroscope of 50 Hz", lambda: observe_lateral_motion(lanes, speed, car, yaw_rate=gyro))
+    track = observe_lateral_motion(lanes, speed, car)
+    paths = predict_paths_from_observer(track, car)
+    report("paths of 2 s", lambda: predict_paths_from_observer(track, car))
+    report("their calibration", lambda: scale_lateral_covariance(paths, track))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 from cwcli.warning import pair
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
@@ -37,7 +37,7 @@ def car(number: int, gap_m: float, rng: np.random.Generator) -> VehicleTrack:
     state += 0.2 * SIGMAS * rng.standard_normal(state.shape)
     covariance = np.tile(np.diag(SIGMAS**2), (N_STAMPS, 1, 1))
     stamp_ns = np.rint(time_s * 1e9).astype(np.int64)
-    paths, onset = (rollout(model, state, covariance, horizon_s=3.5) for model in ("auto", "onset"))
+    paths, onset = (roll_out_paths(model, state, covariance, horizon_s=3.5) for model in ("auto", "onset"))
     return VehicleTrack(str(number), stamp_ns, stamp_ns, state, paths, onset_paths=onset)
 
 
@@ -60,14 +60,14 @@ def seconds(cars: list[VehicleTrack]) -> tuple[float, FoundWarnings]:
 def main() -> None:
     """Print a table."""
     print("| gap | evaluations | contact above 0.1 % | above 10 % | times as long |\n|---|---|---|---|---|")
-    real = pair.with_probabilities
+    real = pair.add_contact_probabilities
     for gap_m in (4.0, 8.0, 17.0):
         rng = np.random.default_rng(0)
         cars = [car(number, gap_m, rng) for number in range(N_CARS)]
         with_s, found = seconds(cars)
-        pair.with_probabilities = without  # type: ignore[assignment]
+        pair.add_contact_probabilities = without  # type: ignore[assignment]
         without_s, _ = seconds(cars)
-        pair.with_probabilities = real
+        pair.add_contact_probabilities = real
         values = np.concatenate([own.measures.probability for own in found.pairs])
         some, much = (values > 0.001).mean(), (values > 0.1).mean()
         print(f"| {gap_m:g} m | {len(values)} | {some:.0%} | {much:.0%} | {with_s / without_s:.2f} |")

@@ -43,7 +43,7 @@ class JsonFactory(DecoderFactory):
 def read_cwcli(path: Path) -> dict[str, list[str]]:
     """All leaves of the topics; returns their paths."""
     with Log.open(path) as log:
-        loaded = log.load(dict.fromkeys(TOPICS))
+        loaded = log.load_topics(dict.fromkeys(TOPICS))
     return {topic: list(columns.fields) for topic, columns in loaded.items()}
 
 

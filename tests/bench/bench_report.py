@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
-from cwcli.cli.main import run
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
-from cwcli.pipeline.records import map_entry
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.pipeline.records import map_to_record_entry
 from cwcli.signals.columns import OutputChannel, Strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
@@ -57,14 +57,14 @@ def write_long(target: Path, hours: float, vehicles: int) -> None:
 
         own_ns = stamps(0.0, 3600.0 * hours, STATE_HZ)
         covariance = np.tile(np.diag([0.04, 0.04, 0.01, 1e-4, 0.01, 1e-5, 0.01, 1e-3]), (len(own_ns), 1, 1))
-        ego = VehicleStates.of_ego(own_ns, round_circle(seconds(own_ns), RADIUS_M), covariance)
+        ego = VehicleStates.from_ego_states(own_ns, round_circle(seconds(own_ns), RADIUS_M), covariance)
         fix_ns = stamps(0.0, 3600.0 * hours, FIX_HZ)
         place = round_circle(seconds(fix_ns), RADIUS_M)[:, :2] + rng.normal(0.0, 0.3, (len(fix_ns), 2))
         latitude, longitude, _ = ORIGIN.wgs84_from_map(place[:, 0], place[:, 1], np.zeros(len(fix_ns)))
         fixes = {"timestamp": fix_ns, "latitude": latitude, "longitude": longitude, "altitude": np.zeros(len(fix_ns))}
         channels = [
             OutputChannel("/long/fix", "foxglove.LocationFix", fix_ns, fixes),
-            write_states(EGO_STATE, ego, ORIGIN),
+            write_vehicle_states(EGO_STATE, ego, ORIGIN),
         ]
         if vehicles:
             begins_s = np.linspace(0.0, 3600.0 * hours - HEARD_S, vehicles)
@@ -76,28 +76,31 @@ def write_long(target: Path, hours: float, vehicles: int) -> None:
             heard_ns = np.concatenate(each_ns)
             codes = np.repeat(np.arange(vehicles, dtype=np.int32), [len(own) for own in each_ns])
             order = np.argsort(heard_ns, kind="stable")
-            others = VehicleStates.of_ego(
+            others = VehicleStates.from_ego_states(
                 heard_ns[order], np.concatenate(state)[order], np.tile(covariance[:1], (len(heard_ns), 1, 1))
             )
             ids = Strings(codes[order], tuple(f"{1000 + k}" for k in range(vehicles)))
             others = VehicleStates(**{**vars(others), "ids": ids})
-            channels.append(write_states(REMOTE_STATE, others, ORIGIN))
+            channels.append(write_vehicle_states(REMOTE_STATE, others, ORIGIN))
         source = {"vehicle": "ego", "source": "/long/fix", "quantity": "position", "used": len(fix_ns), "gated": 0}
         configuration = {"sources": {"topics": {"ego_position": "/long/fix"}}}
         record = {
-            **map_entry(ORIGIN),
+            **map_to_record_entry(ORIGIN),
             "sources": json.dumps([source]),
             "configuration": json.dumps(configuration),
             "summary": json.dumps({"verdict": "made up", "notes": [], "sections": []}),
         }
-        annotate(log, channels, {"cwcli.run.estimate": record}, target)
+        annotate_log(log, channels, {"cwcli.run.estimate": record}, target)
 
 
 def measure(folder: Path, hours: float, vehicles: int) -> tuple[int, float, float]:
     """Bytes of the page, and seconds that it took: of the processor, and by the clock."""
     write_long(folder / "long.mcap", hours, vehicles)
     begin, begin_cpu = time.perf_counter(), time.process_time()
-    assert run(["report", str(folder / "long.mcap"), "-o", str(folder / "long.html"), "--quiet", "--force"]) == 0
+    assert (
+        run_command_line(["report", str(folder / "long.mcap"), "-o", str(folder / "long.html"), "--quiet", "--force"])
+        == 0
+    )
     took_s, cpu_s = time.perf_counter() - begin, time.process_time() - begin_cpu
     return (folder / "long.html").stat().st_size, cpu_s, took_s
 

@@ -18,13 +18,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, crossing_targets, segment
+from cwcli.simulation.dual_sensor import (
+    DualSensorScene,
+    SensorNoise,
+    simulate_crossing_targets,
+    simulate_target_on_path,
+)
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.gospa import TargetMoments, score
-from cwcli.tracking.prepare import PreparedDetections, prepare
-from cwcli.tracking.single import run_filter
-from cwcli.tracking.tracker import track_many
+from cwcli.tracking.gospa import TargetMoments, score_tracks
+from cwcli.tracking.prepare import PreparedDetections, prepare_detections
+from cwcli.tracking.single_target import run_filter
+from cwcli.tracking.tracker import track_many_targets
 
 N_SAMPLES = 500
 PROCESS_NOISE = 0.5  # m/s^1.5, the same for every library
@@ -44,7 +49,7 @@ class Speed:
 
 def prepared_segment() -> PreparedDetections:
     """500 alternating lidar and radar samples of one walking target, without range rates (xiang2019 eq. 8)."""
-    scene = segment("arc", N_SAMPLES, NOISE, np.random.default_rng(1))
+    scene = simulate_target_on_path("arc", N_SAMPLES, NOISE, np.random.default_rng(1))
     sensors = {
         "lidar": SensorModel(sigma=(NOISE.lidar_m,) * 2),
         "radar": SensorModel(sigma=(NOISE.range_m, NOISE.azimuth_rad, NOISE.rate_mps), use_range_rate=False),
@@ -53,7 +58,7 @@ def prepared_segment() -> PreparedDetections:
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
         Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
-    return prepare(data, sensors)
+    return prepare_detections(data, sensors)
 
 
 def best_of(repeats: int, run: Callable[[], np.ndarray]) -> Speed:
@@ -182,7 +187,7 @@ def stonesoup_speed(data: PreparedDetections, name: str) -> Speed:
 
 def scene_of(seed: int) -> DualSensorScene:
     """Five crossing targets, detection probability 0.9, 10 clutter points a scan, 10 s at 10 Hz."""
-    return crossing_targets(np.random.default_rng(seed), noise=SensorNoise(lidar_m=CROSSING_SIGMA_M))
+    return simulate_crossing_targets(np.random.default_rng(seed), noise=SensorNoise(lidar_m=CROSSING_SIGMA_M))
 
 
 def cwcli_tracks(scene: DualSensorScene) -> TargetMoments:
@@ -192,7 +197,7 @@ def cwcli_tracks(scene: DualSensorScene) -> TargetMoments:
     )
     single = FilterConfig(filter="ukf", model="cv", noise=PROCESS_NOISE, smooth=False)
     sensors = {"lidar": SensorModel(sigma=(CROSSING_SIGMA_M,) * 2, detection_probability=0.9)}
-    return TargetMoments.of(track_many([data], sensors, TrackerConfig(single)).tracks)
+    return TargetMoments.from_tracks(track_many_targets([data], sensors, TrackerConfig(single)).tracks)
 
 
 def stonesoup_tracks(
@@ -281,7 +286,7 @@ def compare_gospa(n_seeds: int) -> bool:
             tracks = run(scene)
             seconds = time.perf_counter() - start
             truth = TargetMoments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
-            s = score(truth, tracks, cutoff_m=CUTOFF_M)
+            s = score_tracks(truth, tracks, cutoff_m=CUTOFF_M)
             values.append([s.distance.mean(), s.localisation.mean(), s.n_missed.mean(), s.n_false.mean(),
                            s.id_switches, seconds])  # fmt: skip
         mean = np.mean(values, axis=0)

@@ -23,7 +23,7 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorP
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
 from tests.bench.ros_messages import BSM_TEXT, FIX_TEXT, IMAGE_TEXT, IMU_TEXT
 
@@ -164,7 +164,7 @@ def write_protobuf(path: Path, data: Drive, *, images: bool) -> None:
     """`foxglove` messages, and made-up ones for the IMU and the BSM."""
     pool, schema_data = bench_schemas()
     make = {name: GetMessageClass(pool.FindMessageTypeByName(f"bench.{name}")) for name in ("Imu", "Bsm")}
-    fix_class = GetMessageClass(message_schema("foxglove.LocationFix").descriptor)
+    fix_class = GetMessageClass(find_message_schema("foxglove.LocationFix").descriptor)
     diagonal = [0.25, 0, 0, 0, 0.25, 0, 0, 0, 0.25]
 
     def imu() -> Iterator[bytes]:
@@ -190,7 +190,7 @@ def write_protobuf(path: Path, data: Drive, *, images: bool) -> None:
             message.timestamp.seconds, message.timestamp.nanos = divmod(ns - 5_000_000, NS_PER_S)
             yield message.SerializeToString()
 
-    standard = message_schema("foxglove.LocationFix")
+    standard = find_message_schema("foxglove.LocationFix")
     with LogWriter(path, force=True) as log:
         for topic, name, schema, times, messages in (
             (IMU_TOPIC, "bench.Imu", schema_data, data.imu_ns, imu),
@@ -302,7 +302,7 @@ def bench_schemas() -> tuple[DescriptorPool, bytes]:
 
 
 def _write_foxglove_images(log: LogWriter, data: Drive) -> None:
-    schema = message_schema("foxglove.CompressedImage")
+    schema = find_message_schema("foxglove.CompressedImage")
     image_class = GetMessageClass(schema.descriptor)
     channel = log.add_channel(CAMERA_TOPIC, "protobuf", log.add_schema(schema.name, "protobuf", schema.data))
     messages = []

@@ -67,7 +67,7 @@ def with_detections(source: Path, target: Path, seed: int = 1, *, is_empty: bool
     """
     rng = np.random.default_rng(seed)
     with Log.open(source) as log:
-        loaded = log.load({"/truth/ego": None, TRUTH: None})
+        loaded = log.load_topics({"/truth/ego": None, TRUTH: None})
     ego, other = (np.column_stack([loaded[topic].fields[name] for name in ("stamp_ns", "x_m", "y_m", "speed_mps",
                   "heading_rad", "yaw_rate_radps")]) for topic in ("/truth/ego", TRUTH))  # fmt: skip
     stamps = np.asarray(loaded["/truth/ego"].fields["stamp_ns"]).astype(np.int64)

@@ -89,7 +89,7 @@ MEASURE = Measure(
     critical="low",
     formula="d_c / 10",
     source="made up",
-    of=tenth,
+    compute=tenth,
     threshold=0.5,
     with_warnings=True,
 )

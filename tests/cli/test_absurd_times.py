@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_ONLINE
-from cwcli.cli.main import run
-from cwcli.signals.clocks import CLOCK_JUMP, LOG_TIME_APART, LOG_TIME_OUT, NO_STAMP
+from cwcli.cli.main import run_command_line
+from cwcli.signals.clocks import CLOCK_JUMP_REASON, INVALID_LOG_TIME_REASON, NO_STAMP_REASON, STRAY_LOG_TIME_REASON
 from tests.cli.conftest import ROOT, SAMPLES, Run
 from tests.cli.rewritten_logs import Logged, read, write
 
@@ -97,14 +97,18 @@ def stamped_with_too_many_nanoseconds(each: Logged) -> Logged:
 
 
 FAULTS: dict[str, tuple[int, tuple[Callable[[Logged], Logged], ...], str]] = {
-    "logged at 1 ns, the first": (0, (logged_at_one,), LOG_TIME_APART),
-    "logged and stamped in 1970": (100, (logged_at_one, stamped_1970), LOG_TIME_APART),
-    "the last logged years later": (-1, (logged_years_later,), LOG_TIME_APART),
-    "the last logged and stamped years later": (-1, (logged_years_later, stamped_years_later), LOG_TIME_APART),
-    "stamped years later": (100, (stamped_years_later,), CLOCK_JUMP),
-    "the first stamped years earlier": (0, (stamped(lambda stamp_s: stamp_s - TEN_YEARS_S),), CLOCK_JUMP),
-    "stamped with too many nanoseconds": (100, (stamped_with_too_many_nanoseconds,), NO_STAMP),
-    "not stamped": (100, (stamped_1970, lambda each: replace(each, data=without_nanoseconds(each.data))), NO_STAMP),
+    "logged at 1 ns, the first": (0, (logged_at_one,), STRAY_LOG_TIME_REASON),
+    "logged and stamped in 1970": (100, (logged_at_one, stamped_1970), STRAY_LOG_TIME_REASON),
+    "the last logged years later": (-1, (logged_years_later,), STRAY_LOG_TIME_REASON),
+    "the last logged and stamped years later": (-1, (logged_years_later, stamped_years_later), STRAY_LOG_TIME_REASON),
+    "stamped years later": (100, (stamped_years_later,), CLOCK_JUMP_REASON),
+    "the first stamped years earlier": (0, (stamped(lambda stamp_s: stamp_s - TEN_YEARS_S),), CLOCK_JUMP_REASON),
+    "stamped with too many nanoseconds": (100, (stamped_with_too_many_nanoseconds,), NO_STAMP_REASON),
+    "not stamped": (
+        100,
+        (stamped_1970, lambda each: replace(each, data=without_nanoseconds(each.data))),
+        NO_STAMP_REASON,
+    ),
 }
 """Which message, what is done to it, and what is told."""
 
@@ -162,7 +166,7 @@ def test_message_logged_at_one_nanosecond_is_left_out(clean_of: CleanOf, tmp_pat
         pytest.skip(f"the development log {log.name} is not in ../shared/logs")
     messages, clean = clean_of(log)
     write(tmp_path / "in.mcap", edited(messages, topic, 100, logged_at_one))
-    check(estimate(tmp_path / "in.mcap", *options_of(log)), clean, topic, LOG_TIME_APART)
+    check(estimate(tmp_path / "in.mcap", *options_of(log)), clean, topic, STRAY_LOG_TIME_REASON)
 
 
 @pytest.mark.parametrize("fault", list(FAULTS))
@@ -183,7 +187,7 @@ def test_strict_refuses_a_message_logged_at_one_nanosecond(cwcli: Run, clean_of:
     write(tmp_path / "in.mcap", edited(messages, "/imu/data", 100, logged_at_one))
     done = cwcli("estimate", "in.mcap", "-o", "out.mcap", "--strict")
     assert done.returncode == 5
-    assert f"/imu/data rejected: 1 {LOG_TIME_APART}" in done.stderr.decode()
+    assert f"/imu/data rejected: 1 {STRAY_LOG_TIME_REASON}" in done.stderr.decode()
     assert [path.name for path in tmp_path.iterdir()] == ["in.mcap"]
 
 
@@ -201,7 +205,7 @@ def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Pa
         entries.append(next(each for each in stage["inputs"] if each["topic"] == topic))
         (row,) = stage["sections"]["errors"]
         errors_m.append((row["x_m"], row["y_m"]))
-    assert entries[1]["rejected"] == {LOG_TIME_APART: 1}
+    assert entries[1]["rejected"] == {STRAY_LOG_TIME_REASON: 1}
     assert entries[1]["read"] == entries[0]["read"] == entries[1]["used"] + 1
     np.testing.assert_allclose(errors_m[1], errors_m[0], rtol=ATOL_PART)
 
@@ -210,7 +214,7 @@ def test_detection_logged_at_one_nanosecond_is_left_out(cwcli: Run, tmp_path: Pa
 def road(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Logged], float]:
     """Three seconds of a lane with a camera, and how wrong the lateral deviation of the observer is."""
     log = tmp_path_factory.mktemp("road") / "in.mcap"
-    assert run(["simulate", "road", "-o", str(log), "--quiet", "--set", "duration_s=3"]) == 0
+    assert run_command_line(["simulate", "road", "-o", str(log), "--quiet", "--set", "duration_s=3"]) == 0
     messages = read(log)
     write(log, messages)
     return messages, lateral_error_m(log)[0]
@@ -268,6 +272,6 @@ def test_a_state_that_was_logged_at_no_time(predicted: Path, tmp_path: Path, cwc
     assert target.exists() == (done.returncode == 0)
     if command == "predict":
         inputs = {each["topic"]: each for each in json.loads(done.stdout)["stages"]["predict"]["inputs"]}
-        assert inputs[EGO_ONLINE.topic]["rejected"] == {LOG_TIME_OUT: 1}
+        assert inputs[EGO_ONLINE.topic]["rejected"] == {INVALID_LOG_TIME_REASON: 1}
     if done.returncode:
         assert b"would be logged before 1970" in done.stderr

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.cli.commands.run import default_options
-from cwcli.cli.main import run
+from cwcli.cli.commands.run import gather_default_options
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_INPUT
-from cwcli.fleet.plan import Task
-from cwcli.fleet.worker import work
+from cwcli.fleet.plan import LogTask
+from cwcli.fleet.worker import process_log
 from cwcli.input import InputFile
-from cwcli.output_stream import Output
+from cwcli.output_stream import OutputStream
 
 ROOT = Path(__file__).parents[2]
 SEED = 20
@@ -103,7 +103,7 @@ def test_a_change_at_a_read_is_exit_3_and_no_file(
     def done() -> int:
         with log.open("rb") as file:
             monkeypatch.setattr("sys.stdin", file)
-            return run(arguments)
+            return run_command_line(arguments)
 
     assert done() == 0
     shutil.rmtree(out)
@@ -133,20 +133,20 @@ def test_a_change_at_any_moment_gives_no_mixture(
         if n_steps == change_at:
             change(log, two)
 
-    for owner, name in ((InputFile, "__getitem__"), (InputFile, "read_into"), (Output, "write")):
+    for owner, name in ((InputFile, "__getitem__"), (InputFile, "read_into"), (OutputStream, "write")):
         monkeypatch.setattr(owner, name, _after(step, getattr(owner, name)))
     whole = []
     for content in (two, one):
         log.write_bytes(content)
         n_steps = 0
-        assert run(["estimate", str(log), "-o", str(out), "--force", "--quiet"]) == 0
+        assert run_command_line(["estimate", str(log), "-o", str(out), "--force", "--quiet"]) == 0
         whole.append(out.read_bytes())
     codes = []
     for moment in np.random.default_rng(SEED).integers(1, n_steps + 1, N_MOMENTS).tolist():
         log.write_bytes(one)
         out.unlink(missing_ok=True)
         n_steps, change_at = 0, moment
-        codes.append(run(["estimate", str(log), "-o", str(out), "--quiet"]))
+        codes.append(run_command_line(["estimate", str(log), "-o", str(out), "--quiet"]))
         change_at = 0
         assert codes[-1] in (0, EXIT_BAD_INPUT)
         assert out.exists() == (codes[-1] == 0)
@@ -173,7 +173,7 @@ def test_of_many_logs_the_changed_one_fails(
 ) -> None:
     """The worker's part of `run -d`; the log changes while it is hashed, or while it is read."""
     log = tmp_path / "log.mcap"
-    plan = default_options().plan(replace=False)
+    plan = gather_default_options().fleet_plan(replace=False)
     read = InputFile.read_into
     for at in (1, 2):
         log.write_bytes(intersection.read_bytes())
@@ -187,6 +187,6 @@ def test_of_many_logs_the_changed_one_fails(
             return read(file, buffer, start)
 
         monkeypatch.setattr(InputFile, "read_into", counted)
-        assert work(Task("log", str(log), str(log), str(tmp_path / "out")), plan).status == "failed"
+        assert process_log(LogTask("log", str(log), str(log), str(tmp_path / "out")), plan).status == "failed"
         assert [each.name for each in (tmp_path / "out" / "logs" / "log").iterdir()] == ["entry.json"]
         assert '"exit_code": 3' in (tmp_path / "out" / "logs" / "log" / "entry.json").read_text()

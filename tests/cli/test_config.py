@@ -10,9 +10,9 @@ import pytest
 
 from cwcli.cli.app import load_command
 from cwcli.cli.commands import COMMANDS
-from cwcli.cli.main import run
-from cwcli.cli.options.configfile import WRITES as READ_WRITES
-from cwcli.cli.options.toml import toml
+from cwcli.cli.main import run_command_line
+from cwcli.cli.options.configfile import WRITING_PARAMETERS as READ_WRITES
+from cwcli.cli.options.toml import format_toml
 from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import SAMPLES, Run
 
@@ -153,7 +153,7 @@ def test_toml_of_awkward_text() -> None:
         "b": [],
         "t": {"x": None, "y": [1.5, True], "z": 1e-9},
     }
-    read = tomllib.loads(toml(document))
+    read = tomllib.loads(format_toml(document))
     assert read == {"a": document["a"], "b": [], "t": {"y": [1.5, True], "z": 1e-9}}
 
 
@@ -184,7 +184,7 @@ def test_a_file_says_not_what_is_written(
     )
     for text in (f"[{command}]\n{key} = {value}\n", f"{key} = {value}\n"):
         path.write_text(text)
-        assert run([command, *arguments, "--config", str(path)]) == EXIT_USAGE
+        assert run_command_line([command, *arguments, "--config", str(path)]) == EXIT_USAGE
         assert f"{key} is for the command line" in capsys.readouterr().err
     assert target.read_text() == "mine"
     assert [each.name for each in tmp_path.iterdir() if each != target] == ["c.toml"]
@@ -208,14 +208,14 @@ def test_the_nearest_file_is_found_and_said(
     inner.mkdir(parents=True)
     (tmp_path / "cwcli.toml").write_text('[estimate]\nmodel = "song2016"\n')
     monkeypatch.chdir(inner)
-    assert run(["config", "--json"]) == 0
+    assert run_command_line(["config", "--json"]) == 0
     found = capsys.readouterr()
     assert json.loads(found.out)["estimate"]["model"] == "song2016"
     assert f"note: defaults from {tmp_path}/cwcli.toml" in found.err.replace("\n      ", "").replace(
         "from", "from "
     ).replace("  ", " ")
     (inner / "cwcli.toml").write_text("[estimate]\nrate = 10\n")
-    assert run(["config", "--json"]) == 0
+    assert run_command_line(["config", "--json"]) == 0
     nearest = capsys.readouterr()
     document = json.loads(nearest.out)["estimate"]
     assert (document["model"], document["rate"]) == ("cwcli", 10)
@@ -229,7 +229,7 @@ def test_no_file_is_found_from_a_deleted_folder(
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    assert run(["config"]) == 0
+    assert run_command_line(["config"]) == 0
     assert "defaults from" not in capsys.readouterr().err
 
 
@@ -239,7 +239,7 @@ def test_no_file_is_found_in_a_closed_folder(monkeypatch: pytest.MonkeyPatch, tm
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Path, "is_file", closed)
-    assert run(["config"]) == 0
+    assert run_command_line(["config"]) == 0
 
 
 def test_a_found_file_is_silent_when_quiet_and_can_be_left_out(cwcli: Run, tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from tests.cli.conftest import ROOT, TIMEOUT_S, Run
 from tests.cli.rewritten_logs import Logged, read, write
@@ -55,7 +55,7 @@ def imu_changed(change: Change) -> Callable[[list[Logged]], list[Logged]]:
 def right(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A drive of four minutes without a fault: `cwcli simulate city --seed 9301`."""
     log = tmp_path_factory.mktemp("contradictions") / "right.mcap"
-    write_log(simulate(load_scenario("city"), 9301), log)
+    write_simulated_log(simulate_scenario(load_scenario("city"), 9301), log)
     return log
 
 

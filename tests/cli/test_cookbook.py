@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from mcap_ros2.writer import Writer
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from tests.cli.conftest import ROOT, SAMPLES
 from tests.cli.rewritten_logs import read, write
 from tests.cli.test_evaluate_system import flag
@@ -100,7 +100,7 @@ def test_recipe(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caps
     assert commands
     for program, *arguments in commands:
         assert program == "cwcli"
-        assert run(arguments) == 0, capsys.readouterr().err
+        assert run_command_line(arguments) == 0, capsys.readouterr().err
     file, content = MADE[name]
     assert content in (tmp_path / file).read_bytes()
 
@@ -111,6 +111,6 @@ def test_both_receivers_are_used(
     two_receivers(tmp_path)
     monkeypatch.chdir(tmp_path)
     (first, _) = (shlex.split(line.strip())[1:] for line in RECIPES["two receivers"].splitlines())
-    assert run(first) == 0
+    assert run_command_line(first) == 0
     told = capsys.readouterr().out
     assert re.search(r"/gps/front +position +\d", told) and re.search(r"/gps/rear +position +\d", told)

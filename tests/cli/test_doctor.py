@@ -11,12 +11,12 @@ from mcap.reader import make_reader
 from mcap.writer import Writer as JsonWriter
 from mcap_ros2.writer import Writer
 
-from cwcli.channels.binding import bind
-from cwcli.channels.reasons import reasons, suggestions
+from cwcli.channels.binding import bind_roles
+from cwcli.channels.reasons import suggest_map_options, unbound_reasons_by_topic
 from cwcli.errors import InputError
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.health import drift, examine
+from cwcli.pipeline.health import clock_drift_ms_per_min, measure_topic_health
 from tests.cli.conftest import Run
 from tests.cli.test_map import FIX, FRAME
 from tests.laws.receiver_messages import HEADER, LINE, TOP
@@ -179,9 +179,9 @@ def test_damage_is_no_unknown_encoding(log: Path) -> None:
     data[len(data) // 4] ^= 0xFF
     log.write_bytes(data)
     with Log.open(str(log)) as opened, pytest.raises(InputError, match="a chunk can't be decompressed"):
-        examine(opened, ["/gps/a"])
+        measure_topic_health(opened, ["/gps/a"])
     with Log.open(str(log), recover=True) as opened:
-        assert [each.topic for each in examine(opened, ["/gps/a"])] == ["/gps/a"]
+        assert [each.topic for each in measure_topic_health(opened, ["/gps/a"])] == ["/gps/a"]
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_contract_that_is_none_is_refused(cwcli: Run, log: Path, tmp_path: Path,
     ],
 )
 def test_suggestions(paths: list[str], expected: list[str]) -> None:
-    assert list(suggestions("/t", paths)) == expected
+    assert list(suggest_map_options("/t", paths)) == expected
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_suggestions(paths: list[str], expected: list[str]) -> None:
 )
 def test_a_type_that_says_nothing_is_told_by_its_topic(topic: str, name: str, tries: list[str]) -> None:
     info = ChannelInfo(1, topic, name, "ros2msg", "cdr", 5)
-    assert list(reasons([info], bind([info], {}, required=()))[topic].tries) == tries
+    assert list(unbound_reasons_by_topic([info], bind_roles([info], {}, required=()))[topic].tries) == tries
 
 
 def test_a_station_that_may_be_the_ego_is_told(cwcli: Run, intersection: Path, tmp_path: Path) -> None:
@@ -260,9 +260,9 @@ def test_drift_is_not_told_from_scatter() -> None:
     for _ in range(50):
         stamp_ns = T0_NS + np.arange(600) * 10**8
         late_ns = (2e7 + 5e6 * rng.exponential(size=600)).astype(np.int64)
-        assert drift(stamp_ns, stamp_ns + late_ns) == 0.0
+        assert clock_drift_ms_per_min(stamp_ns, stamp_ns + late_ns) == 0.0
     drifting = (np.arange(600) * 2e4).astype(np.int64)  # 20 microseconds each 0.1 s: 12 ms a minute
-    assert drift(stamp_ns, stamp_ns + late_ns + drifting) == pytest.approx(12.0, rel=0.1)
+    assert clock_drift_ms_per_min(stamp_ns, stamp_ns + late_ns + drifting) == pytest.approx(12.0, rel=0.1)
 
 
 @pytest.mark.parametrize("last_ns", [2**63 - 1, 2**63, 2**64 - 1])
@@ -277,7 +277,7 @@ def test_log_times_of_all_64_bits_are_examined(tmp_path: Path, last_ns: int) -> 
             writer.add_message(channel_id, log_ns, b"{}", log_ns)
         writer.finish()
     with Log.open(path) as opened:
-        (found,) = examine(opened, ["/a"])
+        (found,) = measure_topic_health(opened, ["/a"])
     assert (found.messages, found.gaps, found.undecodable) == (41, 1, 0)
     assert found.rate_hz == pytest.approx(10.0)
     assert found.longest_gap_s == pytest.approx((last_ns - T0_NS) / 1e9 - 3.9)
@@ -289,6 +289,6 @@ def test_log_times_of_all_64_bits_are_examined(tmp_path: Path, last_ns: int) -> 
 def test_several_topics_are_offered_only_where_a_role_takes_several(role: str, schema: str, takes_many: bool) -> None:
     topics = ("/truth/a", "/truth/b") if role == "truth" else ("/a", "/b")
     channels = [ChannelInfo(k, topic, schema, "ros2msg", "cdr", 5) for k, topic in enumerate(topics)]
-    tries = reasons(channels, bind(channels, {}, required=(), optional=(role,)))[topics[0]].tries
+    tries = unbound_reasons_by_topic(channels, bind_roles(channels, {}, required=(), optional=(role,)))[topics[0]].tries
     assert f"--topic {role}={topics[0]}" in tries
     assert (f"--topic {role}={','.join(topics)}" in tries) == takes_many

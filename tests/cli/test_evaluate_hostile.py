@@ -10,12 +10,12 @@ import pytest
 from junitparser import Error, Failure, JUnitXml
 from markdown_it import MarkdownIt
 
-from cwcli.cli.junit import junit_xml
-from cwcli.cli.main import run
-from cwcli.cli.markdown import code, table
-from cwcli.metrics.gates import Check, GateResult, Status
-from cwcli.metrics.headline import Headline
-from cwcli.metrics.pooling import LogMetrics, rows_of
+from cwcli.cli.junit import format_junit_xml
+from cwcli.cli.main import run_command_line
+from cwcli.cli.markdown import format_code, format_markdown_table
+from cwcli.metrics.gates import CheckStatus, GateCheck, GateResult
+from cwcli.metrics.headline import HeadlineCollector
+from cwcli.metrics.pooling import LogMetrics, metric_rows_by_name
 
 GATE = "ego.position_rmse_m < 0.5"
 HOSTILE = [
@@ -42,9 +42,9 @@ HOSTILE = [
 
 def hostile_results(text: str) -> list[GateResult]:
     checks = [
-        Check(text, Status.FAILED, f"it failed: {text}"),
-        Check("good", Status.PASSED, text),
-        Check("", Status.SKIPPED, text),
+        GateCheck(text, CheckStatus.FAILED, f"it failed: {text}"),
+        GateCheck("good", CheckStatus.PASSED, text),
+        GateCheck("", CheckStatus.SKIPPED, text),
     ]
     return [GateResult(text, tuple(checks))]
 
@@ -59,13 +59,13 @@ def test_junit_has_only_what_jenkins_schema_knows() -> None:
         "skipped": {"message", "type"},
         "system-out": set(),
     }
-    for element in ET.fromstring(junit_xml(hostile_results("x"))).iter():
+    for element in ET.fromstring(format_junit_xml(hostile_results("x"))).iter():
         assert set(element.attrib) <= known[element.tag], element.tag
 
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_junit_stays_as_it_was_meant(text: str) -> None:
-    data = junit_xml(hostile_results(text))
+    data = format_junit_xml(hostile_results(text))
     parsed = JUnitXml.fromstring(data)
     (suite,) = parsed
     cases = list(suite)
@@ -100,7 +100,9 @@ class Page(HTMLParser):
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_markdown_stays_a_table_of_text(text: str) -> None:
-    source = table(("a", "b", "c"), [(code(f"- {text}"), code(text), 1.0), ("x", code(f"{text}|{text}"), 2.0)])
+    source = format_markdown_table(
+        ("a", "b", "c"), [(format_code(f"- {text}"), format_code(text), 1.0), ("x", format_code(f"{text}|{text}"), 2.0)]
+    )
     page = Page()
     page.feed(MarkdownIt("gfm-like", {"html": True, "linkify": False}).render(source))
     assert set(page.tags) <= {"table", "thead", "tbody", "tr", "th", "td", "code"}
@@ -115,17 +117,20 @@ def test_markdown_stays_a_table_of_text(text: str) -> None:
 def test_terminal_and_files_of_a_run_with_hostile_names(
     text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    headline = Headline()
-    headline.add("ego.position_rmse_m", 10.0, 10.0)
-    logs = (LogMetrics(text, rows_of(headline.table())), LogMetrics(f"{text}2", error=text))
+    headline = HeadlineCollector()
+    headline.add_from_sums("ego.position_rmse_m", 10.0, 10.0)
+    logs = (LogMetrics(text, metric_rows_by_name(headline.to_table())), LogMetrics(f"{text}2", error=text))
     from cwcli.fleet import results
 
-    monkeypatch.setattr(results, "read_metrics", lambda source, **_: results.RunMetrics(text, logs, (GATE,)))
+    monkeypatch.setattr(results, "read_run_metrics", lambda source, **_: results.RunMetrics(text, logs, (GATE,)))
     junit, summary = tmp_path / "j.xml", tmp_path / "s.md"
     assert (
-        run(["evaluate", "x", "--gate", "data.read_count > 1", "--junit", str(junit), "--markdown", str(summary)]) == 1
+        run_command_line(
+            ["evaluate", "x", "--gate", "data.read_count > 1", "--junit", str(junit), "--markdown", str(summary)]
+        )
+        == 1
     )
-    assert run(["compare", "x", "y", "--fail-on", "missing", "--markdown", str(tmp_path / "c.md")]) == 0
+    assert run_command_line(["compare", "x", "y", "--fail-on", "missing", "--markdown", str(tmp_path / "c.md")]) == 0
     said = capsys.readouterr()
     for words in (
         said.out,
@@ -145,7 +150,7 @@ def test_terminal_and_files_of_a_run_with_hostile_names(
 def test_a_hostile_gate_is_refused_in_one_line(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     if "\0" in text or not text.strip():
         return
-    assert run(["evaluate", "x", "--gate", text]) == 2
+    assert run_command_line(["evaluate", "x", "--gate", text]) == 2
     said = capsys.readouterr().err
     assert len(said.splitlines()) <= 3
     assert all(char.isprintable() or char == "\n" for char in said)

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.cli.main import run
-from cwcli.evaluation.system.topics import parse_system
+from cwcli.cli.main import run_command_line
+from cwcli.evaluation.system.topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.report.drive import read_drive
-from cwcli.report.encounter_figures import distance_figure
-from cwcli.report.encounters import find_meetings
+from cwcli.report.encounter_figures import warning_distance_figure
+from cwcli.report.encounters import find_encounters
 from cwcli.report.signal_figures import motion_figure
-from cwcli.report.system import judged_system, system_sentences, system_tables
+from cwcli.report.system import judge_other_system, other_system_sentences, other_system_tables
 from tests.cli.rewritten_logs import Logged, read, write
 
 ROOT = Path(__file__).parents[2]
@@ -70,12 +70,12 @@ def drive(intersection: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     both = sorted([*messages, *flag(messages[0].log_time_ns), *motion(intersection)], key=lambda each: each.log_time_ns)
     write(folder / "drive.mcap", both)
     arguments = ["run", str(folder / "drive.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]
-    assert run(arguments) == 0
+    assert run_command_line(arguments) == 0
     return folder
 
 
 def document(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, Any]:
-    code = run([*map(str, arguments), "--json"])
+    code = run_command_line([*map(str, arguments), "--json"])
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -88,7 +88,7 @@ def test_the_other_system_stands_beside_cwcli(drive: Path, tmp_path: Path, capsy
     own_raised_s = (
         3.2 + metrics["system.warnings.lead_time_mean_s"]["value"] - metrics["warnings.lead_time_mean_s"]["value"]
     )
-    assert run(["evaluate", str(annotated), option, "--markdown", str(tmp_path / "summary.md")]) == 0
+    assert run_command_line(["evaluate", str(annotated), option, "--markdown", str(tmp_path / "summary.md")]) == 0
     assert "| metric | the system | cwcli | states | n |" in (tmp_path / "summary.md").read_text()
     assert "The other system beside cwcli" in capsys.readouterr().out
     assert 4.0 < own_raised_s < 5.5  # cwcli warns 0.8 to 2.3 s after the flag
@@ -104,7 +104,7 @@ def test_the_commands_of_the_page_hold(drive: Path, monkeypatch: pytest.MonkeyPa
         assert program == "cwcli"
         if arguments[0] == "run":
             arguments += ["--force"]
-        assert run([*arguments]) == 0, arguments
+        assert run_command_line([*arguments]) == 0, arguments
     said = capsys.readouterr().out
     assert "The other system beside cwcli" in said
     assert "passed" in said
@@ -125,8 +125,8 @@ def test_its_state_and_its_path_stand_beside_cwclis(drive: Path, capsys: pytest.
 def test_a_gate_on_the_other_system(drive: Path) -> None:
     option = "--topic=warning=/adas/fcw:data==true"
     arguments = ["evaluate", str(drive / "annotated.mcap"), option, "--quiet", "--gate"]
-    assert run([*arguments, "system.warnings.recall >= 0.9"]) == 0
-    assert run([*arguments, "system.warnings.lead_time_mean_s > 60"]) == 1
+    assert run_command_line([*arguments, "system.warnings.recall >= 0.9"]) == 0
+    assert run_command_line([*arguments, "system.warnings.lead_time_mean_s > 60"]) == 1
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_what_can_not_be_judged(
 ) -> None:
     metrics = tmp_path / "m.csv"
     arguments = ["evaluate", str(drive / "annotated.mcap"), "--topic", option, "--metrics", str(metrics)]
-    assert run(arguments) == code
+    assert run_command_line(arguments) == code
     assert said in " ".join(capsys.readouterr().err.split())
     assert not metrics.exists()
 
@@ -154,16 +154,21 @@ def test_a_log_without_states_and_a_table_can_not_be_judged(
     drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     option = "--topic=warning=/adas/fcw:data==true"
-    assert run(["evaluate", str(drive / "drive.mcap"), option]) == 4
+    assert run_command_line(["evaluate", str(drive / "drive.mcap"), option]) == 4
     assert "holds no states of the ego and the others" in " ".join(capsys.readouterr().err.split())
-    assert run(["evaluate", str(drive / "annotated.mcap"), "--metrics", str(tmp_path / "m.parquet"), "--quiet"]) == 0
-    assert run(["evaluate", str(tmp_path / "m.parquet"), option]) == 2
+    assert (
+        run_command_line(
+            ["evaluate", str(drive / "annotated.mcap"), "--metrics", str(tmp_path / "m.parquet"), "--quiet"]
+        )
+        == 0
+    )
+    assert run_command_line(["evaluate", str(tmp_path / "m.parquet"), option]) == 2
     assert "--topic needs the annotated logs" in " ".join(capsys.readouterr().err.split())
 
 
 def test_the_report_shows_the_other_systems_warnings(drive: Path, tmp_path: Path) -> None:
     page, option = tmp_path / "report.html", "--topic=warning=/adas/fcw:data==true"
-    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 0
+    assert run_command_line(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 0
     text = page.read_text(encoding="utf-8")
     assert "The other system (/adas/fcw) gave 1 warning: 1 came true. It warned of 1 of 1 conflict" in text
     assert (
@@ -171,33 +176,33 @@ def test_the_report_shows_the_other_systems_warnings(drive: Path, tmp_path: Path
     )  # the regulation's looks ahead only
     assert "The other system beside cwcli" in text
     assert "Warnings of /adas/fcw" in text
-    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), "--force", "--quiet"]) == 0
+    assert run_command_line(["report", str(drive / "annotated.mcap"), "-o", str(page), "--force", "--quiet"]) == 0
     assert "other system" not in page.read_text(encoding="utf-8")
 
 
 def test_the_figures_mark_the_other_systems_warnings(drive: Path) -> None:
-    system = parse_system(["warning=/adas/fcw:data==true"])
+    system = parse_other_system_options(["warning=/adas/fcw:data==true"])
     with Log.open(drive / "annotated.mcap") as log:
         found = read_drive(log)
-        judged = replace(found, system=judged_system(log, system))
-    meetings = find_meetings(judged)
-    for figure in (motion_figure(judged, meetings, 100), distance_figure(judged, meetings.encounters[0])):
+        judged = replace(found, other_system=judge_other_system(log, system))
+    meetings = find_encounters(judged)
+    for figure in (motion_figure(judged, meetings, 100), warning_distance_figure(judged, meetings.encounters[0])):
         assert figure is not None
         marks = [label["x"] for label in figure["layout"]["annotations"] if label["text"] == "other system"]
         assert marks == [UP_S[0]]
-    shown = distance_figure(judged, meetings.encounters[0])
+    shown = warning_distance_figure(judged, meetings.encounters[0])
     assert shown is not None
     words = [label["text"] for label in shown["layout"]["annotations"]]
     thresholds = [f"{MEASURES['ttc'].threshold:g} s: a conflict", f"{MEASURES['drac'].threshold:g} m/s²: a conflict"]
     assert words[:3] == ["2.5 m counts as a collision", *thresholds]
     assert {"y2", "y3"} <= {trace.get("yaxis") for trace in shown["data"]}
-    assert system_sentences(found) == system_tables(found, {}) == []
+    assert other_system_sentences(found) == other_system_tables(found, {}) == []
 
 
 def test_a_report_of_a_wrong_field_is_not_written(drive: Path, tmp_path: Path) -> None:
     page = tmp_path / "report.html"
     option = "--topic=warning=/adas/fcw:dta==true"
-    assert run(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 2
+    assert run_command_line(["report", str(drive / "annotated.mcap"), "-o", str(page), option, "--quiet"]) == 2
     assert not page.exists()
 
 
@@ -206,12 +211,12 @@ def test_a_run_over_several_logs(drive: Path, tmp_path: Path, capsys: pytest.Cap
     for name in ("a", "b"):
         (tmp_path / f"{name}.mcap").write_bytes((drive / "drive.mcap").read_bytes())
     logs = [str(tmp_path / f"{name}.mcap") for name in ("a", "b")]
-    assert run(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    assert run_command_line(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
     code, found = document(capsys, "evaluate", tmp_path / "out", option)
     assert code == 0
     assert found["pooled"]["system.warnings.count"]["value"] == 2
     page = tmp_path / "report.html"
-    assert run(["report", str(tmp_path / "out"), "-o", str(page), option, "--quiet"]) == 0
+    assert run_command_line(["report", str(tmp_path / "out"), "-o", str(page), option, "--quiet"]) == 0
     assert page.read_text(encoding="utf-8").count("Warnings of /adas/fcw") == 2
 
 
@@ -220,10 +225,13 @@ def test_the_page_of_one_drive_of_a_run_has_the_drives_name(
 ) -> None:
     """Every annotated log of a run is called annotated.mcap; tab, header and log say which drive it is."""
     (tmp_path / "tuesday.mcap").write_bytes((drive / "drive.mcap").read_bytes())
-    assert run(["run", str(tmp_path / "tuesday.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    assert (
+        run_command_line(["run", str(tmp_path / "tuesday.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"])
+        == 0
+    )
     monkeypatch.chdir(tmp_path / "out" / "logs" / "tuesday")
     for source in (tmp_path / "out", Path("annotated.mcap").resolve(), Path("annotated.mcap")):
-        assert run(["report", str(source), "-o", str(tmp_path / "r.html"), "--force", "--quiet"]) == 0
+        assert run_command_line(["report", str(source), "-o", str(tmp_path / "r.html"), "--force", "--quiet"]) == 0
         text = (tmp_path / "r.html").read_text(encoding="utf-8")
         assert "<title>cwcli report: tuesday</title>" in text
         assert '<p class="kicker">cwcli report · tuesday</p>' in text

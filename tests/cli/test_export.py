@@ -16,24 +16,24 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli import __version__
-from cwcli.cli.commands.export import FORMATS, WHAT, known_suffixes
+from cwcli.cli.commands.export import CONTENT_NAMES_TEXT, EXPORT_FORMATS, format_of_each_suffix
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
-from cwcli.export.content import CONTENTS
-from cwcli.export.formats import TRACK_FORMATS, track_format
+from cwcli.export.content import EXPORT_CONTENTS
+from cwcli.export.formats import TRACK_FORMATS, load_track_format
 from cwcli.export.formats.base import Track
 from tests.cli.conftest import SAMPLES, Run
 
 TOPICS = {"ego": "/cwcli/ego/state", "remote": "/cwcli/remote/state"}
-SUFFIXES = known_suffixes()
+SUFFIXES = format_of_each_suffix()
 
 
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The intersection with everything."""
-    from cwcli.cli.main import run
+    from cwcli.cli.main import run_command_line
 
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
@@ -66,9 +66,9 @@ def test_stamps_keep_every_nanosecond() -> None:
     stamp_ns = 1_700_000_000_123_456_789
     one = np.zeros(1)
     track = Track("1", np.array([stamp_ns]), one, one, one, one, one, one)
-    assert track_format("tum").encode([track]).startswith(b"1700000000.123456789 ")
-    assert b"2023-11-14T22:13:20.123456789Z" in track_format("gpx").encode([track])
-    assert b"2023-11-14T22:13:20.123456789Z" in track_format("kml").encode([track])
+    assert load_track_format("tum").encode([track]).startswith(b"1700000000.123456789 ")
+    assert b"2023-11-14T22:13:20.123456789Z" in load_track_format("gpx").encode([track])
+    assert b"2023-11-14T22:13:20.123456789Z" in load_track_format("kml").encode([track])
 
 
 def test_tables_hold_what_the_channel_holds(cwcli: Run, annotated: Path, tmp_path: Path) -> None:
@@ -113,8 +113,8 @@ def test_every_format_is_written_for_its_suffix_alone(
 
 
 def test_every_format_has_a_suffix_that_no_other_has() -> None:
-    assert set(SUFFIXES.values()) == set(FORMATS)
-    of_tracks = [suffix for name in TRACK_FORMATS for suffix in track_format(name).suffixes]
+    assert set(SUFFIXES.values()) == set(EXPORT_FORMATS)
+    of_tracks = [suffix for name in TRACK_FORMATS for suffix in load_track_format(name).suffixes]
     assert sorted(set(of_tracks)) == sorted(of_tracks)
 
 
@@ -147,8 +147,8 @@ def test_a_name_without_a_suffix_is_a_table(cwcli: Run, annotated: Path, tmp_pat
 
 
 def test_help_names_everything() -> None:
-    assert ", ".join(CONTENTS) == WHAT
-    assert set(FORMATS) == {"csv", "parquet", *TRACK_FORMATS, "ros2"}
+    assert ", ".join(EXPORT_CONTENTS) == CONTENT_NAMES_TEXT
+    assert set(EXPORT_FORMATS) == {"csv", "parquet", *TRACK_FORMATS, "ros2"}
 
 
 @pytest.mark.parametrize(

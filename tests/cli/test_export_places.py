@@ -19,10 +19,10 @@ from typing import Any
 
 import pytest
 
-from cwcli.cli.commands.export import FORMATS, TABLES
-from cwcli.cli.main import run
+from cwcli.cli.commands.export import EXPORT_FORMATS, TABLE_FORMATS
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_PIPE_CLOSED, EXIT_USAGE
-from cwcli.export.formats import TRACK_FORMATS, track_format
+from cwcli.export.formats import TRACK_FORMATS, load_track_format
 from cwcli.report import plots
 from tests.cli import rewritten_logs
 from tests.cli.conftest import ROOT, SAMPLES
@@ -33,12 +33,14 @@ VEHICLE = f"{ID}\x1b[31m"
 NO_LOCALE = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "NO_COLOR": "1"}
 MOST_BYTES = 4096
 """That a file may hold where the disk is full: less than any export."""
-TEXTS = tuple(name for name in TRACK_FORMATS if track_format(name).is_text) + TABLES[:1]
-EXPORTS = {name: ["--format", name] if name == "ros2" else ["--format", name, "--what", "remote"] for name in FORMATS}
+TEXTS = tuple(name for name in TRACK_FORMATS if load_track_format(name).is_text) + TABLE_FORMATS[:1]
+EXPORTS = {
+    name: ["--format", name] if name == "ros2" else ["--format", name, "--what", "remote"] for name in EXPORT_FORMATS
+}
 COMMANDS = {f"export-{name}": ("export", name, given) for name, given in EXPORTS.items()} | {
     f"plot-{name}-{form}": ("plot", form, ["--what", name])
-    for name in plots.WHAT
-    for form in plots.FORMATS
+    for name in plots.PLOT_NAMES
+    for form in plots.PLOT_FORMATS
     if name != "lane"  # the log has no camera
 }
 COMMANDS["view"] = ("view", "rrd", [])
@@ -56,7 +58,7 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     told = json.dumps(VEHICLE)[1:-1].encode()
     name = rewritten_logs.of("/v2x/bsm", lambda each: replace(each, data=each.data.replace(b"d9583520", told)))
     rewritten_logs.write(folder / "drive.mcap", map(name, rewritten_logs.read(before)))
-    assert run(["run", str(folder / "drive.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]) == 0
+    assert run_command_line(["run", str(folder / "drive.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]) == 0
     return folder / "annotated.mcap"
 
 
@@ -76,10 +78,10 @@ def test_a_file_that_exists_is_kept_unless_it_is_forced(
     target = tmp_path / f"Straße-{ID}.{form}"
     target.write_bytes(b"mine")
     arguments = [command, str(annotated), *given, "-o", str(target), "--quiet"]
-    assert run(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_OUTPUT
     assert capsys.readouterr().err.startswith(f"error: {target}: the file exists\n")
     assert target.read_bytes() == b"mine"
-    assert run([*arguments, "--force"]) == 0
+    assert run_command_line([*arguments, "--force"]) == 0
     assert len(target.read_bytes()) > MOST_BYTES
     assert [*tmp_path.iterdir()] == [target]
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.cli import main
-from cwcli.cli.options.stage import entries, stage_options
+from cwcli.cli.options.stage import make_stage_options_class, option_entries_of_stage
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
 from tests.cli.conftest import Run
@@ -136,10 +136,10 @@ def test_a_stage_whose_module_is_missing_is_exit_code_2(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], intersection: Path, tmp_path: Path
 ) -> None:
     monkeypatch.setitem(STAGES, "track", Stage("track", "Gone.", package="cwcli.nowhere"))
-    entries.cache_clear()
-    stage_options.cache_clear()
+    option_entries_of_stage.cache_clear()
+    make_stage_options_class.cache_clear()
     for command in ("track", "run"):
-        assert main.run([command, str(intersection), "-o", str(tmp_path / "out.mcap")]) == 2
+        assert main.run_command_line([command, str(intersection), "-o", str(tmp_path / "out.mcap")]) == 2
         printed = capsys.readouterr()
         assert printed.out == ""
         assert printed.err == (

@@ -11,7 +11,7 @@ import pytest
 import zstandard
 
 from cwcli.logs.format import record_bytes
-from cwcli.logs.format.records import MAGIC, PREFIX, Channel, Schema
+from cwcli.logs.format.records import MCAP_MAGIC, RECORD_PREFIX, Channel, Schema
 from cwcli.logs.read.reader import Log
 from tests.cli.bounded import bounded
 from tests.cli.conftest import SAMPLES
@@ -39,7 +39,7 @@ def lz4_of_zeros(n_bytes: int) -> bytes:
 
 def message(channel_id: int, log_time_ns: int, data: bytes) -> bytes:
     content = struct.pack("<HIQQ", channel_id, 0, log_time_ns, log_time_ns) + data
-    return PREFIX.pack(5, len(content)) + content
+    return RECORD_PREFIX.pack(5, len(content)) + content
 
 
 def good_chunk() -> bytes:
@@ -51,16 +51,18 @@ def good_chunk() -> bytes:
 
 
 def chunk(stored: bytes, compression: str, declared: int) -> bytes:
-    return record_bytes.chunk_head(T0_NS, T0_NS + 5 * GIGABYTE, declared, 0, compression, len(stored)) + stored
+    return record_bytes.encode_chunk_head(T0_NS, T0_NS + 5 * GIGABYTE, declared, 0, compression, len(stored)) + stored
 
 
 def log_of(path: Path, *chunks: bytes, is_cut: bool = False) -> None:
     """A log without a summary: a channel of fixes, and chunks."""
-    head = MAGIC + record_bytes.header("", "test")
-    head += record_bytes.schema(Schema(1, "sensor_msgs/msg/NavSatFix", "ros2msg", DEFINITION))
-    head += record_bytes.channel(Channel(1, 1, FIX, "cdr", {}))
+    head = MCAP_MAGIC + record_bytes.encode_header("", "test")
+    head += record_bytes.encode_schema(Schema(1, "sensor_msgs/msg/NavSatFix", "ros2msg", DEFINITION))
+    head += record_bytes.encode_channel(Channel(1, 1, FIX, "cdr", {}))
     data = head + b"".join(chunks)
-    path.write_bytes(data if is_cut else data + record_bytes.data_end() + record_bytes.footer(0, 0, b"") + MAGIC)
+    path.write_bytes(
+        data if is_cut else data + record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
+    )
 
 
 BOMBS: dict[str, Callable[[], bytes]] = {

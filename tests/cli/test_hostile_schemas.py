@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pb2 import DescriptorProto, FieldDescriptorProto
 from mcap.writer import CompressionType, Writer
 
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.schemas import find_message_schema
 from cwcli.signals.columns import Strings
 from tests.cli.bounded import bounded
 from tests.cli.rewritten_logs import Logged, of, read, write
@@ -82,7 +82,7 @@ def test_definition_that_asks_for_too_much(
 
 def tree_of_messages() -> bytes:
     """`VehicleState` with a field of a type that holds the next one twice, 40 times."""
-    descriptors = FileDescriptorSet.FromString(message_schema(STATE).data)
+    descriptors = FileDescriptorSet.FromString(find_message_schema(STATE).data)
     file = next(each for each in descriptors.file if any(type_.name == "VehicleState" for type_ in each.message_type))
     state = next(each for each in file.message_type if each.name == "VehicleState")
     add(state, "junk", 500, ".cwcli.v1.E0")

@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 
 from cwcli.cli.app import COMMANDS, load_command
-from cwcli.cli.main import run
-from cwcli.pipeline.json_names import Told, json_name, json_row
+from cwcli.cli.main import run_command_line
+from cwcli.pipeline.json_names import CellWithValues, heading_to_json_name, table_row_to_json
 from tests.cli.conftest import ROOT, SAMPLES
 
 SCHEMA = json.loads((ROOT / "schemas" / "output.schema.json").read_text(encoding="utf-8"))
@@ -23,14 +23,14 @@ INTERSECTION = str(SAMPLES / "intersection.mcap")
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", INTERSECTION, "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", INTERSECTION, "-o", str(target), "--quiet"]) == 0
     return target
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("fleet") / "out"
-    assert run(["run", INTERSECTION, "-d", str(target), "--jobs", "1", "--quiet"]) == 0
+    assert run_command_line(["run", INTERSECTION, "-d", str(target), "--jobs", "1", "--quiet"]) == 0
     return target
 
 
@@ -80,7 +80,7 @@ def test_a_document_is_what_the_schema_says(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     places = {"ANNOTATED": str(annotated), "FOLDER": str(folder)}
-    code = run([*(places.get(each, each) for each in arguments), "--json"])
+    code = run_command_line([*(places.get(each, each) for each in arguments), "--json"])
     said = capsys.readouterr()
     if arguments[0] != "reproduce":
         assert code == 0, said.err
@@ -127,20 +127,20 @@ def test_the_schema_refuses_names_and_values_for_people() -> None:
     ],
 )
 def test_a_heading_becomes_a_name_with_its_unit(heading: str, end: str, name: str) -> None:
-    assert json_name(heading, end) == name
+    assert heading_to_json_name(heading, end) == name
     assert re.fullmatch("[a-z][a-z0-9_]*", name)
 
 
 def test_cells_become_values() -> None:
-    told = Told("12 +- 3", {"": 12.0, "sigma": 3.0})
-    row = json_row(("latency [ms]", "status", "most"), (told, "", float("nan")))
+    told = CellWithValues("12 +- 3", {"": 12.0, "sigma": 3.0})
+    row = table_row_to_json(("latency [ms]", "status", "most"), (told, "", float("nan")))
     assert row == {"latency_ms": 12.0, "latency_sigma_ms": 3.0, "status": None, "most": None}
     with pytest.raises(ValueError, match="two columns are at_s"):
-        json_row(("at [s]", "at [s]"), (1.0, 2.0))
+        table_row_to_json(("at [s]", "at [s]"), (1.0, 2.0))
 
 
 def test_latencies_are_numbers(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run(["estimate", INTERSECTION, "-o", str(tmp_path / "o.mcap"), "--json"]) == 0
+    assert run_command_line(["estimate", INTERSECTION, "-o", str(tmp_path / "o.mcap"), "--json"]) == 0
     sections = json.loads(capsys.readouterr().out)["stages"]["estimate"]["sections"]
     assert {type(row["latency_ms"]) for row in sections["sources"]} <= {float, type(None)}
     bias = next(row for row in sections["parameters"] if row["quantity"] == "accel")

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT
+from cwcli.signals.clocks import INVALID_LOG_TIME_REASON, STRAY_LOG_TIME_REASON
 from tests.cli.rewritten_logs import read, write
 from tests.unit.vision.fake_frames import encoded, gradient, png_header
 from tests.unit.vision.lane_logs import START_NS, STEP_NS, calibration, road_frames, write_log
@@ -69,7 +69,7 @@ def test_a_frame_with_a_log_time_that_is_none_is_left_out_and_counted(
     done = cwcli("lanes", "stray.mcap", "--metrics", "lanes.parquet", "-o", "out.mcap", "--json")
     assert done.returncode == 0, done.stderr.decode()
     camera = json.loads(done.stdout)["stages"]["lanes"]["inputs"][0]
-    reason = LOG_TIME_OUT if log_time_ns >= 2**63 else LOG_TIME_APART
+    reason = INVALID_LOG_TIME_REASON if log_time_ns >= 2**63 else STRAY_LOG_TIME_REASON
     assert (camera["read"], camera["used"], camera["rejected"]) == (8, 7, {reason: 1})
     stamps = pq.read_table(tmp_path / "lanes.parquet")["stamp_ns"].to_pylist()
     assert stamps == [START_NS + k * STEP_NS for k in (0, 1, 2, 3, 4, 6, 7)]

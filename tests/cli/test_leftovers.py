@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cwcli.metrics.table
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, OutputError
 
 ROOT = Path(__file__).parents[2]
@@ -24,10 +24,10 @@ def test_tables_that_cannot_be_written_leave_no_annotated_log(
     def no_space(*arguments: object) -> None:
         raise OutputError("no space is left on the disk", where="metrics")
 
-    monkeypatch.setattr(cwcli.metrics.table, "encode_table", no_space)
+    monkeypatch.setattr(cwcli.metrics.table, "write_table_to_sink", no_space)
     target = tmp_path / "annotated.mcap"
     arguments = ["estimate", str(intersection), "-o", str(target), "--metrics", str(tmp_path / "estimate.parquet")]
-    assert run(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_OUTPUT
     assert "no space is left" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 

@@ -77,8 +77,8 @@ def test_exit_codes(
     def dispatch(arguments: list[str]) -> int:
         raise raised
 
-    monkeypatch.setattr(app, "dispatch", dispatch)
-    assert main.run([]) == code
+    monkeypatch.setattr(app, "dispatch_command", dispatch)
+    assert main.run_command_line([]) == code
     printed = capsys.readouterr()
     assert printed.out == ""
     assert ("Traceback" in printed.err) == (code == 70)
@@ -115,7 +115,7 @@ def test_every_exit_code_that_the_docs_name_is_in_the_table() -> None:
 
 
 def test_help_and_docs_say_what_the_table_says(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.run(["--help"]) == 0
+    assert main.run_command_line(["--help"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     commands = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
@@ -201,13 +201,13 @@ def test_examples_parse(name: str) -> None:
 def test_many_options_stand_under_headings(
     command: str, headings: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main.run([command, "--help"]) == 0
+    assert main.run_command_line([command, "--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line[:-1] for line in lines if line.endswith(":") and line[0] != " "][: len(headings)] == headings
 
 
 def test_an_option_stands_under_the_heading_of_its_group(capsys: pytest.CaptureFixture[str]) -> None:
-    main.run(["run", "--help"])
+    main.run_command_line(["run", "--help"])
     groups = {part.split(":")[0]: part for part in capsys.readouterr().out.split("\n\n")}
     for heading, flags in {
         "Pipeline": ["--stage", "--tables", "--gate"],

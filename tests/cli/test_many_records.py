@@ -12,17 +12,17 @@ import pytest
 from mcap.writer import Writer
 
 from cwcli.logs.format import record_bytes
-from cwcli.logs.format.metadata_table import MAX_METADATA
+from cwcli.logs.format.metadata_table import MAX_METADATA_RECORDS
 from cwcli.logs.format.records import (
-    MAGIC,
-    PREFIX,
+    MCAP_MAGIC,
+    RECORD_PREFIX,
     Channel,
     MetadataIndex,
     Schema,
     Statistics,
-    attachment_crc_at,
+    attachment_crc_offset,
     read_footer,
-    read_prefix,
+    read_record_prefix,
 )
 from cwcli.logs.read.reader import Log
 from tests.cli.bounded import bounded
@@ -30,9 +30,9 @@ from tests.unit.logs_read.lying_logs import hiding, with_summary
 
 T0_NS = 1_700_000_000_000_000_000
 N_RECORDS = 1_000_000
-HEAD = MAGIC + record_bytes.header("", "test")
-END = record_bytes.data_end() + record_bytes.footer(0, 0, b"") + MAGIC
-SCHEMA = record_bytes.schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
+HEAD = MCAP_MAGIC + record_bytes.encode_header("", "test")
+END = record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
+SCHEMA = record_bytes.encode_schema(Schema(1, "a/B", "ros2msg", b"float64 x"))
 ATTACHED_BYTES = 500_000_000
 MARK = b"first and last"
 CALLS_OF_METADATA = 20 * N_RECORDS
@@ -42,19 +42,19 @@ CALLS_OF_CHANNELS = 8_000_000
 
 
 def metadata_records() -> bytes:
-    return HEAD + record_bytes.metadata("m", {"a": "b"}) * N_RECORDS
+    return HEAD + record_bytes.encode_metadata("m", {"a": "b"}) * N_RECORDS
 
 
 def indexed_metadata() -> bytes:
-    one = record_bytes.metadata("m", {"a": "b"})
+    one = record_bytes.encode_metadata("m", {"a": "b"})
     places = (MetadataIndex(len(HEAD) + k * len(one), len(one), "m") for k in range(N_RECORDS))
     counted = Statistics(0, 0, 0, 0, N_RECORDS, 0, 0, 0, {})
-    summary = record_bytes.statistics(counted) + b"".join(map(record_bytes.metadata_index, places))
+    summary = record_bytes.encode_statistics(counted) + b"".join(map(record_bytes.encode_metadata_index, places))
     return with_summary(metadata_records(), summary)
 
 
 def channel_records() -> bytes:
-    channels = [record_bytes.channel(Channel(k + 1, 1, f"/t{k}", "cdr", {})) for k in range(10)]
+    channels = [record_bytes.encode_channel(Channel(k + 1, 1, f"/t{k}", "cdr", {})) for k in range(10)]
     return HEAD + SCHEMA + b"".join(channels) * (N_RECORDS // 10)
 
 
@@ -83,17 +83,19 @@ def test_a_million_channel_records_are_told_at_once(tmp_path: Path) -> None:
 
 
 def test_more_metadata_than_memory_should_hold(tmp_path: Path) -> None:
-    one = record_bytes.metadata("", {})
-    (tmp_path / "in.mcap").write_bytes(HEAD + one * (MAX_METADATA + 1) + END)
+    one = record_bytes.encode_metadata("", {})
+    (tmp_path / "in.mcap").write_bytes(HEAD + one * (MAX_METADATA_RECORDS + 1) + END)
     ended = bounded(tmp_path, "info", "in.mcap", most_mb=200)
     assert ended.code == 3
     assert "it holds more than 2,097,152 metadata records" in ended.shown
 
 
 def test_name_of_three_megabytes(tmp_path: Path) -> None:
-    channel = record_bytes.channel(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
+    channel = record_bytes.encode_channel(Channel(1, 1, "/" + "n" * 3_000_000, "cdr", {}))
     (tmp_path / "in.mcap").write_bytes(
-        with_summary(HEAD + SCHEMA + channel, SCHEMA + channel + record_bytes.statistics(Statistics(*[0] * 8, {})))
+        with_summary(
+            HEAD + SCHEMA + channel, SCHEMA + channel + record_bytes.encode_statistics(Statistics(*[0] * 8, {}))
+        )
     )
     ended = bounded(tmp_path, "info", "in.mcap", most_mb=200)
     assert ended.code == 0
@@ -109,13 +111,13 @@ def test_name_of_three_megabytes(tmp_path: Path) -> None:
 def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path) -> None:
     """Its data are a hole in the file, so that the test needs no disk."""
     data = intersection.read_bytes()
-    footer_at = len(data) - len(MAGIC) - len(record_bytes.footer(0, 0, b""))
-    _, start, end = read_prefix(memoryview(data), footer_at, len(data))
+    footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
+    _, start, end = read_record_prefix(memoryview(data), footer_at, len(data))
     summary_at = read_footer(memoryview(data), start, end).summary_start
     fields = struct.pack("<QQ", 1, 1) + b"\1\0\0\0a\1\0\0\0b" + struct.pack("<Q", ATTACHED_BYTES)
     with (tmp_path / "in.mcap").open("wb") as file:
-        file.write(data[: summary_at - len(record_bytes.data_end())])
-        file.write(PREFIX.pack(9, len(fields) + ATTACHED_BYTES + 4) + fields)
+        file.write(data[: summary_at - len(record_bytes.encode_data_end())])
+        file.write(RECORD_PREFIX.pack(9, len(fields) + ATTACHED_BYTES + 4) + fields)
         file.write(MARK)
         file.seek(ATTACHED_BYTES - 2 * len(MARK), 1)
         file.write(MARK + bytes(4) + END)
@@ -123,7 +125,7 @@ def test_large_attachment_is_copied_by_range(intersection: Path, tmp_path: Path)
     assert ended.code == 0, ended.shown
     with Log.open(tmp_path / "out.mcap") as log:
         assert [(each.name, each.size) for each in log.attachments] == [("a", ATTACHED_BYTES)]
-        end = attachment_crc_at(log.attachments[0])
+        end = attachment_crc_offset(log.attachments[0])
         assert log.file[end - len(MARK) : end] == MARK
         assert log.file[end - ATTACHED_BYTES : end - ATTACHED_BYTES + len(MARK)] == MARK
 
@@ -141,32 +143,32 @@ def test_index_that_leaves_a_channel_out_costs_no_message(tmp_path: Path) -> Non
     (tmp_path / "in.mcap").write_bytes(hiding(whole.read_bytes(), "/fix"))
     with Log.open(tmp_path / "in.mcap") as log:
         found = log.columns("/fix")
-        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
+        assert log.faults.counts_by_reason() == {"message indexes that differ from their chunk": 1}
     assert found.log_time_ns.tolist() == [T0_NS + k for k in range(0, 200, 2)]
 
 
 def test_statistics_that_count_other_messages_are_a_fault(tmp_path: Path) -> None:
     content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
-    channel = record_bytes.channel(Channel(1, 1, "/x", "cdr", {}))
+    channel = record_bytes.encode_channel(Channel(1, 1, "/x", "cdr", {}))
     counted = Statistics(3, 1, 1, 0, 0, 0, 5, 5, {1: 3})
-    data = HEAD + SCHEMA + channel + (PREFIX.pack(5, len(content)) + content) * 2
-    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.statistics(counted)))
+    data = HEAD + SCHEMA + channel + (RECORD_PREFIX.pack(5, len(content)) + content) * 2
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_statistics(counted)))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len(log.columns("/x")) == 2
-        assert log.faults.counts() == {"channels with a wrong message count in the summary": 1}
+        assert log.faults.counts_by_reason() == {"channels with a wrong message count in the summary": 1}
 
 
 def test_statistics_without_counts_are_no_fault(tmp_path: Path) -> None:
     """An empty map says that nobody has counted."""
     content = struct.pack("<HIQQ", 1, 0, 5, 5) + b"\0\1\0\0" + bytes(8)
-    channel = record_bytes.channel(Channel(1, 1, "/x", "cdr", {}))
+    channel = record_bytes.encode_channel(Channel(1, 1, "/x", "cdr", {}))
     counted = Statistics(2, 1, 1, 0, 0, 0, 5, 5, {})
-    data = HEAD + SCHEMA + channel + (PREFIX.pack(5, len(content)) + content) * 2
-    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.statistics(counted)))
+    data = HEAD + SCHEMA + channel + (RECORD_PREFIX.pack(5, len(content)) + content) * 2
+    (tmp_path / "in.mcap").write_bytes(with_summary(data, SCHEMA + channel + record_bytes.encode_statistics(counted)))
     with Log.open(tmp_path / "in.mcap") as log:
         assert log.channels[0].message_count is None
         assert len(log.columns("/x")) == 2
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
 
 
 def test_endless_zeros_are_no_log(tmp_path: Path) -> None:

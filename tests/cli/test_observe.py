@@ -115,9 +115,9 @@ def test_a_speed_on_another_clock_is_exit_code_5(cwcli: Run, tmp_path: Path) -> 
 
 
 def test_speed_zero_and_boundaries_missing_for_seconds_are_no_errors(cwcli: Run, tmp_path: Path) -> None:
-    from cwcli.simulation.lane_camera import CameraNoise
+    from cwcli.simulation.lane_camera import LaneSensorNoise
 
-    blind = drive(seconds=6.0, noise=CameraNoise(blind_s=((1.0, 5.0),)))
+    blind = drive(seconds=6.0, noise=LaneSensorNoise(blind_s=((1.0, 5.0),)))
     for name, options in (("still", {"speed_factor": 0.0}), ("driving", {})):
         path = write_lane_log(tmp_path / f"{name}.mcap", blind, without=(IMU,), **options)  # type: ignore[arg-type]
         done = cwcli("observe", path, "--json")
@@ -177,9 +177,9 @@ def test_the_car_of_the_record_is_used_for_the_paths(cwcli: Run, tmp_path: Path,
     (tmp_path / "car.toml").write_text(text)
     assert cwcli("observe", lanes, "--vehicle", "car.toml", "-o", "observed.mcap").returncode == 0
     from cwcli.logs.read.reader import Log
-    from cwcli.pipeline.records import vehicle_of
+    from cwcli.pipeline.records import vehicle_from_log
 
     with Log.open(tmp_path / "observed.mcap") as log:
-        car, _ = vehicle_of(log)
+        car, _ = vehicle_from_log(log)
     assert car.camera_forward_m == 1.5
     assert car.mass_kg == load_vehicle().mass_kg

@@ -13,13 +13,13 @@ import typer.main
 
 from cwcli.cli.app import PlainCommand
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.expand import expand
+from cwcli.cli.options.expand import expand_dataclass_parameters
 from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions
 from cwcli.cli.options.stage import StageOptions
-from cwcli.cli.options.values import time_ns, utc
+from cwcli.cli.options.values import format_utc_time, parse_time_ns
 from cwcli.errors import UsageError
-from cwcli.estimation.config import parse_latency
-from cwcli.signals.geodesy import parse_origin
+from cwcli.estimation.config import parse_latency_option
+from cwcli.signals.geodesy import parse_truth_origin
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def parse(command: str, *arguments: str) -> Any:
         seen.extend((log, reading, stage, talk, sensors))
 
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
-    app.command(command, cls=PlainCommand)(expand(body, command))
+    app.command(command, cls=PlainCommand)(expand_dataclass_parameters(body, command))
     built = typer.main.get_command(app)
     with built.make_context(command, list(arguments)) as context:
         built.invoke(context)
@@ -161,19 +161,19 @@ START_NS = 1_700_000_000_123_456_789
     ids=["zero", "seconds", "nanosecond", "utc", "naive", "offset"],
 )
 def test_time_ns(text: str, expected_ns: int) -> None:
-    assert time_ns(text, START_NS, "--start") == expected_ns
+    assert parse_time_ns(text, START_NS, "--start") == expected_ns
 
 
 @pytest.mark.parametrize("text", ["-1", "nan", "inf", "yesterday", "", "1e30"])
 def test_time_ns_refuses(text: str) -> None:
     with pytest.raises(UsageError, match="--end"):
-        time_ns(text, START_NS, "--end")
+        parse_time_ns(text, START_NS, "--end")
 
 
 def test_utc() -> None:
-    assert utc(START_NS) == "2023-11-14 22:13:20.123 UTC"
-    assert utc(2**63 - 1) == "2262-04-11 23:47:16.854 UTC"
-    assert utc(2**64 * 1000) == f"{2**64 * 1000} ns"
+    assert format_utc_time(START_NS) == "2023-11-14 22:13:20.123 UTC"
+    assert format_utc_time(2**63 - 1) == "2262-04-11 23:47:16.854 UTC"
+    assert format_utc_time(2**64 * 1000) == f"{2**64 * 1000} ns"
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_utc() -> None:
     ],
 )
 def test_parse_latency(entries: list[str], expected: object) -> None:
-    assert parse_latency(entries) == expected
+    assert parse_latency_option(entries) == expected
 
 
 @pytest.mark.parametrize(
@@ -195,14 +195,14 @@ def test_parse_latency(entries: list[str], expected: object) -> None:
 )
 def test_parse_latency_refuses(entries: list[str]) -> None:
     with pytest.raises(UsageError, match="--latency"):
-        parse_latency(entries)
+        parse_latency_option(entries)
 
 
 def test_parse_origin() -> None:
-    assert parse_origin("48.98,8.39,116.4") == (48.98, 8.39, 116.4)
+    assert parse_truth_origin("48.98,8.39,116.4") == (48.98, 8.39, 116.4)
 
 
 @pytest.mark.parametrize("text", ["48.98", "a,b,c", "91,0,0", "0,181,0", "0,0,nan", "nan,0,0"])
 def test_parse_origin_refuses(text: str) -> None:
     with pytest.raises(UsageError, match="--truth-origin"):
-        parse_origin(text)
+        parse_truth_origin(text)

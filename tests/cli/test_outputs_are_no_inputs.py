@@ -18,10 +18,10 @@ import pytest
 import cwcli
 from cwcli.cli.app import COMMANDS, load_command
 from cwcli.cli.commands import reproduce
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE
-from cwcli.reproduction.findings import Curve, Part, Plot
-from cwcli.reproduction.findings_report import Reproduction, reproduction
+from cwcli.reproduction.findings import Curve, Plot, StudyPart
+from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
 from cwcli.stages import STAGES
 
 ROOT = Path(__file__).parents[2]
@@ -144,7 +144,7 @@ def test_an_input_is_no_output(
             target = f"/dev/fd/{open_file.fileno()}"
         before = state(tmp_path)
         given = [str(files.get(each, each)) for each in ARGUMENTS[command]]
-        code = run([command, *given, "--config", str(files["CONFIG"]), option, target, "--force"])
+        code = run_command_line([command, *given, "--config", str(files["CONFIG"]), option, target, "--force"])
     error = capsys.readouterr().err
     assert code == EXIT_OUTPUT, error
     assert error.count("error: ") == 1
@@ -163,7 +163,9 @@ def test_a_calibration_is_no_input(
     if kind != "same":
         target.symlink_to(read) if kind == "symlink" else target.hardlink_to(read)
     before = state(tmp_path)
-    code = run(["calibrate", str(files["LOG"]), "--config", str(files["CONFIG"]), "-o", str(target), "--force"])
+    code = run_command_line(
+        ["calibrate", str(files["LOG"]), "--config", str(files["CONFIG"]), "-o", str(target), "--force"]
+    )
     assert code == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
@@ -193,7 +195,7 @@ def test_two_outputs_are_two_files(
         two.symlink_to(one) if kind == "symlink" else two.hardlink_to(one)
     before = state(tmp_path)
     given = [str(files.get(each, each)) for each in ARGUMENTS[command]]
-    assert run([command, *given, first, str(one), second, str(two), "--force"]) == EXIT_USAGE
+    assert run_command_line([command, *given, first, str(one), second, str(two), "--force"]) == EXIT_USAGE
     assert "two outputs are the same file" in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -208,15 +210,15 @@ def test_a_table_in_a_folder_is_no_input(
     arguments += ["--stage", "predict"] if command == "run" else []
     warned = tmp_path / "warned.mcap"
     if command == "control":
-        assert run(["warn", str(files["LOG"]), "-o", str(warned)]) == 0
+        assert run_command_line(["warn", str(files["LOG"]), "-o", str(warned)]) == 0
         warned.rename(files["LOG"])
-    assert run(arguments) == 0
+    assert run_command_line(arguments) == 0
     table = sorted(folder.iterdir())[-1]
     table.unlink()
     table.symlink_to(files["LOG"]) if kind == "symlink" else table.hardlink_to(files["LOG"])
     before = state(tmp_path)
     capsys.readouterr()
-    assert run(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -226,7 +228,7 @@ def a_reproduction() -> Reproduction:
         Plot(name, "A line", "x", "y", (Curve("measured", np.arange(3.0), np.arange(3.0)),))
         for name in ("fig 1", "fig 2")
     ]
-    return reproduction("song2016", [Part((), tuple(plots))], "no seeds")
+    return assemble_reproduction("song2016", [StudyPart((), tuple(plots))], "no seeds")
 
 
 def test_a_figure_is_no_input(
@@ -235,12 +237,12 @@ def test_a_figure_is_no_input(
     folder = tmp_path / "plots"
     folder.mkdir()
     outcome = a_reproduction()
-    paper = dataclasses.replace(reproduce.PAPERS["song2016"], run=lambda request: outcome)
+    paper = dataclasses.replace(reproduce.PAPERS["song2016"], reproduce=lambda request: outcome)
     monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
     (folder / "fig-2.png").hardlink_to(files["CONFIG"])
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--plots", str(folder)]
     before = state(tmp_path)
-    assert run([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -256,12 +258,12 @@ def test_a_page_on_a_paper_is_no_input(
     folder = tmp_path / "papers"
     (folder / "figures" / "song2016").mkdir(parents=True)
     made = a_reproduction()
-    paper = dataclasses.replace(reproduce.PAPERS["song2016"], run=lambda request: made)
+    paper = dataclasses.replace(reproduce.PAPERS["song2016"], reproduce=lambda request: made)
     monkeypatch.setitem(reproduce.PAPERS, "song2016", paper)
     (folder / name).hardlink_to(files["CONFIG"])
     before = state(tmp_path)
     arguments = ["reproduce", "song2016", "--config", str(files["CONFIG"]), "--report", str(folder)]
-    assert run([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*arguments, "--metrics", str(tmp_path / "numbers.csv"), "--force"]) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -282,7 +284,7 @@ def test_what_a_run_over_many_logs_writes_is_no_input(
         (out / name).hardlink_to(files[token])
     before = state(tmp_path)
     arguments = ["run", str(files["LOG"]), "-d", str(out), "--config", str(files["CONFIG"]), "--force"]
-    assert run(arguments) == EXIT_OUTPUT
+    assert run_command_line(arguments) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(tmp_path) == before
 
@@ -296,7 +298,8 @@ def test_what_a_run_over_many_logs_removes_is_no_input(
     config = files["CONFIG"].rename(folder / "config.toml")
     before = state(tmp_path)
     assert (
-        run(["run", str(files["LOG"]), "-d", str(tmp_path / "out"), "--config", str(config), "--force"]) == EXIT_OUTPUT
+        run_command_line(["run", str(files["LOG"]), "-d", str(tmp_path / "out"), "--config", str(config), "--force"])
+        == EXIT_OUTPUT
     )
     assert "an input lies where the results go" in capsys.readouterr().err
     assert state(tmp_path) == before
@@ -305,7 +308,7 @@ def test_what_a_run_over_many_logs_removes_is_no_input(
 def test_the_demo_does_not_overwrite_its_configuration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config = tmp_path / "intersection.annotated.mcap"
     config.write_text("quiet = true\n")
-    assert run(["demo", "-d", str(tmp_path), "--config", str(config)]) == EXIT_OUTPUT
+    assert run_command_line(["demo", "-d", str(tmp_path), "--config", str(config)]) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert config.read_text() == "quiet = true\n"
 
@@ -315,7 +318,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The output folder of a run."""
     folder = tmp_path_factory.mktemp("fleet")
     log = shutil.copy(ROOT / "sample_logs" / "straight.mcap", folder)
-    assert run(["run", str(log), "-d", str(folder / "out"), "--jobs", "1", "--quiet"]) == 0
+    assert run_command_line(["run", str(log), "-d", str(folder / "out"), "--jobs", "1", "--quiet"]) == 0
     return folder / "out"
 
 
@@ -335,7 +338,7 @@ def test_the_files_of_a_run_are_no_outputs(
 ) -> None:
     before = state(fleet)
     given = [str(fleet) if each == "OUT" else each for each in arguments]
-    assert run([*given, str(fleet / name), "--force"]) == EXIT_OUTPUT
+    assert run_command_line([*given, str(fleet / name), "--force"]) == EXIT_OUTPUT
     assert FORBIDDEN in capsys.readouterr().err
     assert state(fleet) == before
 

@@ -10,46 +10,46 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.cli.commands.plot import WHAT
-from cwcli.cli.main import run
+from cwcli.cli.commands.plot import PLOT_NAMES_TEXT
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE, MissingSignalError
-from cwcli.evaluation.subject import EgoTruth
+from cwcli.evaluation.evaluation_context import EgoTruth
 from cwcli.logs.read.reader import Log
 from cwcli.report import plots
 from cwcli.report.drive import read_drive
 from tests.cli.conftest import SAMPLES
 
-NO_LANE = sorted({*plots.WHAT} - {"lane"})
+NO_LANE = sorted({*plots.PLOT_NAMES} - {"lane"})
 
 
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
 def test_the_help_names_every_plot() -> None:
-    assert WHAT.split(", ") == list(plots.WHAT)
+    assert PLOT_NAMES_TEXT.split(", ") == list(plots.PLOT_NAMES)
 
 
 @pytest.mark.parametrize("what", NO_LANE)
 def test_each_plot_is_drawn_and_the_same_each_time(annotated: Path, tmp_path: Path, what: str) -> None:
     for name in ("a.svg", "b.svg"):
-        assert run(["plot", str(annotated), "--what", what, "-o", str(tmp_path / name), "--quiet"]) == 0
+        assert run_command_line(["plot", str(annotated), "--what", what, "-o", str(tmp_path / name), "--quiet"]) == 0
     drawn = (tmp_path / "a.svg").read_bytes()
     assert drawn == (tmp_path / "b.svg").read_bytes()
     assert drawn.count(b"<path") > 20 and b"<svg" in drawn
 
 
 def test_view_names_a_file_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["view", str(tmp_path / "nope.mcap")]) == EXIT_BAD_INPUT
+    assert run_command_line(["view", str(tmp_path / "nope.mcap")]) == EXIT_BAD_INPUT
     said = capsys.readouterr().err
     assert "there is no such file" in said and "Rerun" not in said
 
 
 def test_a_png_is_one(annotated: Path, tmp_path: Path) -> None:
-    assert run(["plot", str(annotated), "-o", str(tmp_path / "motion.png")]) == 0
+    assert run_command_line(["plot", str(annotated), "-o", str(tmp_path / "motion.png")]) == 0
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
 
 
@@ -66,14 +66,14 @@ def test_the_relative_error_is_that_of_the_way_seen_from_its_beginning() -> None
     truth = EgoTruth("/truth", np.round(stamp_s * 1e9).astype(np.int64), xy, heading_rad=heading)
     state = np.zeros((len(stamp_s), 8))
     state[:, :2], state[:, 3] = xy + np.array([3.0, -4.0]), heading + 0.1  # an offset is no relative error
-    stamp_ns, found = plots.relative_error(state, truth)
+    stamp_ns, found = plots.relative_position_errors_m(state, truth)
     assert (stamp_ns - truth.stamp_ns[: len(stamp_ns)] == 1_000_000_000).all() and len(found) == 190
     chord = 2.0 * 50.0 * math.sin(0.1)
     np.testing.assert_allclose(found, 2.0 * chord * math.sin(0.05), rtol=1e-9)
     no_heading = EgoTruth("/truth", truth.stamp_ns, xy)
-    np.testing.assert_allclose(plots.relative_error(state, no_heading)[1], 0.0, atol=1e-12)
+    np.testing.assert_allclose(plots.relative_position_errors_m(state, no_heading)[1], 0.0, atol=1e-12)
     state[:, 0] *= 1.02  # the way's own length counts in the map, too
-    scaled = plots.relative_error(state, no_heading)[1]
+    scaled = plots.relative_position_errors_m(state, no_heading)[1]
     np.testing.assert_allclose(scaled, 0.02 * np.abs(xy[10:, 0] - xy[:-10, 0]), atol=1e-9)
 
 
@@ -84,8 +84,11 @@ def test_the_absolute_error_s_mean_is_that_of_the_tracks(annotated: Path, tmp_pa
     at = np.isin(drive.ego.stamp_ns, drive.truth.stamp_ns)
     assert at.sum() == len(drive.truth.stamp_ns)  # both at 20 Hz
     apart = np.hypot(*(drive.ego.state[at, :2] - drive.truth.xy).T)
-    (panel,) = plots.absolute(drive)
-    assert f"mean {apart.mean():.3g}, median {np.median(apart):.3g}, max {apart.max():.3g} m, n 201" in panel.said
+    (panel,) = plots.absolute_position_error_panels(drive)
+    assert (
+        f"mean {apart.mean():.3g}, median {np.median(apart):.3g}, max {apart.max():.3g} m, n 201"
+        in panel.statistics_text
+    )
 
 
 @pytest.mark.parametrize(
@@ -100,14 +103,14 @@ def test_the_absolute_error_s_mean_is_that_of_the_tracks(annotated: Path, tmp_pa
 def test_errors_are_one_line(
     annotated: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], code: int, words: str
 ) -> None:
-    assert run(["plot", str(annotated), *arguments]) == code
+    assert run_command_line(["plot", str(annotated), *arguments]) == code
     said = re.sub(r"\s+", " ", capsys.readouterr().err)
     assert words in said and "Traceback" not in said
 
 
 def test_a_log_without_results_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = str(tmp_path / "x.png")
-    assert run(["plot", str(SAMPLES / "straight.mcap"), "-o", target]) == EXIT_MISSING_SIGNAL
+    assert run_command_line(["plot", str(SAMPLES / "straight.mcap"), "-o", target]) == EXIT_MISSING_SIGNAL
     assert "run `cwcli estimate` first" in capsys.readouterr().err
     assert not Path(target).exists()
 
@@ -117,4 +120,4 @@ def test_a_log_without_a_truth_is_told(annotated: Path) -> None:
         drive = replace(read_drive(log), truth=None)
     for what in ("error", "ape", "rpe"):
         with pytest.raises(MissingSignalError, match="no truth of the ego"):
-            plots.draw(drive, what, "png")
+            plots.draw_plot(drive, what, "png")

@@ -22,7 +22,7 @@ from cwcli.errors import EXIT_USAGE
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.prediction.models import MODELS
-from cwcli.registry import _installed
+from cwcli.registry import _find_installed_plugins
 from cwcli.signals.inputs import INPUTS
 from cwcli.vision.methods import METHODS
 from cwcli.warning.rules import RULES
@@ -77,7 +77,7 @@ def test_the_package_is_one_to_importlib_too(tmp_path: Path) -> None:
     (found,) = importlib.metadata.distributions(path=[str(install(tmp_path))])
     names = {(entry.group, entry.name, entry.value) for entry in found.entry_points}
     assert names == {(group, name, target) for group, each in ENTRY_POINTS.items() for name, target in each.items()}
-    plugins = _installed((str(tmp_path),))
+    plugins = _find_installed_plugins((str(tmp_path),))
     assert names == {(group, plugin.name, plugin.target) for group, each in plugins.items() for plugin in each}
 
 
@@ -322,7 +322,7 @@ def test_a_name_that_another_package_has_is_refused(cwcli: Run, intersection: Pa
 def test_the_first_of_a_package_on_the_path_counts(tmp_path: Path) -> None:
     one = install(tmp_path / "one", {"cwcli.rules": {"near": "extra.rule:RULE"}})
     two = install(tmp_path / "two", {"cwcli.rules": {"far": "extra.rule:FAR"}})
-    assert [plugin.name for plugin in _installed((str(one), str(two)))["cwcli.rules"]] == ["near"]
+    assert [plugin.name for plugin in _find_installed_plugins((str(one), str(two)))["cwcli.rules"]] == ["near"]
 
 
 def example(name: str, folder: Path) -> dict[str, str]:
@@ -392,5 +392,5 @@ def test_looking_for_plugins_is_a_few_calls_for_each_package(tmp_path: Path) -> 
         if k % 3:  # of the packages of a development environment about a third has any
             (tmp_path / f"tool{k}-1.2.dist-info" / "entry_points.txt").unlink()
     found = []
-    assert count_calls(lambda: found.append(_installed((str(tmp_path), "no folder")))) < 20 * 300
+    assert count_calls(lambda: found.append(_find_installed_plugins((str(tmp_path), "no folder")))) < 20 * 300
     assert found == [{}]

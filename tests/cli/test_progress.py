@@ -25,24 +25,24 @@ def terminal_can_wipe_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_line_tells_what_how_much_and_how_long() -> None:
     progress = Progress()
-    progress.step("reading drive\x1b.mcap")
-    assert progress.line(3.4) == "reading drive\\x1b.mcap (3 s)"
+    progress.begin_step("reading drive\x1b.mcap")
+    assert progress.format_line(3.4) == "reading drive\\x1b.mcap (3 s)"
     progress(1, 4)
-    assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s, about 183 s left)"
+    assert progress.format_line(61.0) == "reading drive\\x1b.mcap  25 % (61 s, about 183 s left)"
     progress(0, 4)
-    assert progress.line(61.0) == "reading drive\\x1b.mcap   0 % (61 s)"
+    assert progress.format_line(61.0) == "reading drive\\x1b.mcap   0 % (61 s)"
     progress(3, 4, skipped=1)  # two in 61 s, and one more to do
-    assert progress.line(61.0) == "reading drive\\x1b.mcap  75 % (61 s, about 30 s left)"
+    assert progress.format_line(61.0) == "reading drive\\x1b.mcap  75 % (61 s, about 30 s left)"
     progress(1, 4, skipped=1)
-    assert progress.line(61.0) == "reading drive\\x1b.mcap  25 % (61 s)"
+    assert progress.format_line(61.0) == "reading drive\\x1b.mcap  25 % (61 s)"
     progress(4, 4)
-    assert progress.line(61.0) == "reading drive\\x1b.mcap 100 % (61 s)"
-    progress.step("x" * 200)
-    assert progress.line(2.0) == "x" * 73 + " (2 s)"
-    progress.step("日" * 200)  # two cells each
-    assert progress.line(2.0) == "日" * 36 + " (2 s)"
+    assert progress.format_line(61.0) == "reading drive\\x1b.mcap 100 % (61 s)"
+    progress.begin_step("x" * 200)
+    assert progress.format_line(2.0) == "x" * 73 + " (2 s)"
+    progress.begin_step("日" * 200)  # two cells each
+    assert progress.format_line(2.0) == "日" * 36 + " (2 s)"
     progress(1, 4)
-    assert progress.line(2.0, 40) == "日" * 5 + "  25 % (2 s, about 6 s left)"  # 10 + 28 cells
+    assert progress.format_line(2.0, 40) == "日" * 5 + "  25 % (2 s, about 6 s left)"  # 10 + 28 cells
 
 
 def test_a_long_name_is_no_more_work_than_a_short_one() -> None:
@@ -50,10 +50,10 @@ def test_a_long_name_is_no_more_work_than_a_short_one() -> None:
     progress = Progress()
     progress._what = "é" * 1_000_000
     lines = []
-    n_calls = count_calls(lambda: lines.append(progress.line(3.0, 80)))
+    n_calls = count_calls(lambda: lines.append(progress.format_line(3.0, 80)))
     assert lines == ["é" * 73 + " (3 s)"]
     progress._what = "é" * 80
-    assert abs(n_calls - count_calls(lambda: progress.line(3.0, 80))) < 10
+    assert abs(n_calls - count_calls(lambda: progress.format_line(3.0, 80))) < 10
 
 
 def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,7 +62,7 @@ def test_nothing_is_drawn_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
     drawn = io.StringIO()
     monkeypatch.setattr(sys, "stderr", drawn)
     with Progress() as progress:
-        progress.step("working")
+        progress.begin_step("working")
         time.sleep(0.05)
     assert drawn.getvalue() == ""
 
@@ -78,7 +78,7 @@ def drawn_on_a_terminal(
     with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         with Progress(quiet=quiet) as progress:
-            progress.step("working")
+            progress.begin_step("working")
             time.sleep(0.2)
         terminal.write("end")
         terminal.flush()

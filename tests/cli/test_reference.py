@@ -49,11 +49,11 @@ message Thing {
 def test_channels_page_has_every_field_of_the_compiled_schemas() -> None:
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
-    from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
+    from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 
     page = next(text for path, text in pages().items() if path.name == "channels.md")
     sections = {part.split("\n")[0]: part for part in page.split("\n## ")[1:]}
-    files = FileDescriptorSet.FromString((schema_folder() / DESCRIPTOR_SET_NAME).read_bytes()).file
+    files = FileDescriptorSet.FromString((schema_folder() / CWCLI_DESCRIPTOR_SET_FILE).read_bytes()).file
     messages = [message for file in files if file.package == "cwcli.v1" for message in file.message_type]
     assert len(messages) >= 6
     for message in messages:

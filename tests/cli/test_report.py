@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from cwcli.errors import EXIT_BAD_INPUT, EXIT_MISSING_SIGNAL, EXIT_OUTPUT, EXIT_USAGE
-from cwcli.logs.read.added_channels import memory_columns
+from cwcli.logs.read.added_channels import columns_of_added_channel
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
-from cwcli.report.overview import MAX_BYTES
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.report.overview import MAX_PAGE_BYTES
 from cwcli.signals.columns import OutputChannel, Ragged, Strings
 from cwcli.vision.overlay import encode_jpeg
 from tests.cli.browser import Elements, Visit, figures, visit
@@ -47,20 +47,20 @@ def drawn(visited: Visit) -> int:
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The intersection with everything."""
-    from cwcli.cli.main import run
+    from cwcli.cli.main import run_command_line
 
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
 @pytest.fixture(scope="module")
 def page(annotated: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its report."""
-    from cwcli.cli.main import run
+    from cwcli.cli.main import run_command_line
 
     target = tmp_path_factory.mktemp("page") / "report.html"
-    assert run(["report", str(annotated), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(target), "--quiet"]) == 0
     return target
 
 
@@ -189,7 +189,7 @@ def hostile(source: Path, target: Path) -> None:
             "counts": json.dumps(counts),
             "configuration": json.dumps({"rule": {"rule": EVIL, "distance_m": EVIL}}),
         }
-        annotate(log, channels, {f"cwcli.run.{SHORT_EVIL}": record}, target, replace=True)
+        annotate_log(log, channels, {f"cwcli.run.{SHORT_EVIL}": record}, target, replace=True)
 
 
 def test_hostile_text_runs_nothing(annotated: Path, tmp_path: Path, cwcli: Run) -> None:
@@ -254,7 +254,7 @@ def with_camera(source: Path, target: Path) -> None:
             OutputChannel("/camera/image", "foxglove.CompressedImage", times, images),
             OutputChannel("/cwcli/lanes", "cwcli.v1.Lanes", times, lanes),
         ]
-        annotate(log, channels, {}, target)
+        annotate_log(log, channels, {}, target)
 
 
 def test_camera_frames_around_the_warning_have_their_lanes(annotated: Path, cwcli: Run, tmp_path: Path) -> None:
@@ -328,7 +328,7 @@ def test_ten_minutes_stay_under_six_megabytes(annotated: Path, tmp_path: Path) -
 
     report = build_report(str(target))
     assert len(report.html) < 6_000_000
-    assert len(report.html) < MAX_BYTES
+    assert len(report.html) < MAX_PAGE_BYTES
     motion = figures(report.html.decode())["log-1-motion"]
     assert "12060 states are drawn as the least and the largest value" in report.html.decode()
     speeds = [trace for trace in motion["data"] if trace["name"] == "estimated"]  # type: ignore[attr-defined]
@@ -366,5 +366,5 @@ def long_log(source: Path, target: Path) -> None:
                 if topic == "/cwcli/ego/state":
                     fields["speed_mps"][7_777] = 99.0
             channels.append(OutputChannel(topic, schema, times, fields))
-        annotate(log, channels, {}, target, replace=True)
-        assert memory_columns(channels[0], ["stamp_ns"]).fields
+        annotate_log(log, channels, {}, target, replace=True)
+        assert columns_of_added_channel(channels[0], ["stamp_ns"]).fields

@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.report import addresses
-from cwcli.report.addresses import Addresses, Marked, differences
-from cwcli.report.marks import marks
-from cwcli.report.source import Entry
+from cwcli.report.addresses import LinkTarget, PageAddresses, compare_warnings_of_runs
+from cwcli.report.anchor_names import stable_anchor_names
+from cwcli.report.source import LogEntry
 from tests.cli.browser import Elements, figures, visit
 from tests.cli.conftest import SAMPLES
 
@@ -40,28 +40,28 @@ POINT = """
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
 def report(annotated: Path, target: Path) -> str:
-    assert run(["report", str(annotated), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(target), "--quiet"]) == 0
     return target.read_text(encoding="utf-8")
 
 
 def test_names_tell_others_rules_and_repetitions_apart_and_keep_when_more_follow() -> None:
-    first = marks("a.mcap", "warning", [("cwcli", "17"), ("cwcli", "18"), ("cwcli", "17")])
+    first = stable_anchor_names("a.mcap", "warning", [("cwcli", "17"), ("cwcli", "18"), ("cwcli", "17")])
     assert len(set(first)) == 3 and all(re.fullmatch("warning-[0-9a-f]{4,}", name) for name in first)
-    assert marks("a.mcap", "warning", [("cwcli", "17"), ("ttc", "17")])[0] == first[0]
-    assert marks("b.mcap", "warning", [("cwcli", "17")])[0] != first[0]
-    many = marks("a.mcap", "warning", [("cwcli", str(n)) for n in range(2000)])  # some share four digits
+    assert stable_anchor_names("a.mcap", "warning", [("cwcli", "17"), ("ttc", "17")])[0] == first[0]
+    assert stable_anchor_names("b.mcap", "warning", [("cwcli", "17")])[0] != first[0]
+    many = stable_anchor_names("a.mcap", "warning", [("cwcli", str(n)) for n in range(2000)])  # some share four digits
     assert len(set(many)) == 2000 and max(map(len, many)) > len("warning-0000")
 
 
 def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: Path, tmp_path: Path) -> None:
     page = report(annotated, tmp_path / "report.html")
-    (name,) = marks("intersection.mcap", "warning", [("cwcli", "d9583520")])
-    (conflict,) = marks("intersection.mcap", "conflict", [("d9583520",)])
+    (name,) = stable_anchor_names("intersection.mcap", "warning", [("cwcli", "d9583520")])
+    (conflict,) = stable_anchor_names("intersection.mcap", "conflict", [("d9583520",)])
     assert [each["id"] for each in Elements(page).of("tr") if "id" in each] == [conflict]
     assert [each["id"] for each in Elements(page).of("section") if each.get("class") == "event"] == [name]
     links = [each["href"] for each in Elements(page).of("a")]
@@ -71,7 +71,7 @@ def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: 
     later = tmp_path / "later/intersection.mcap"
     later.parent.mkdir()
     arguments = ["--quiet", "--estimate-latency", "none"]  # the warning comes at another moment
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(later), *arguments]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(later), *arguments]) == 0
     of_later = report(later, tmp_path / "later.html")
     assert f'id="{name}"' in of_later and f'id="{conflict}"' in of_later
 
@@ -79,7 +79,7 @@ def test_a_warning_has_an_address_that_another_version_s_rerun_keeps(annotated: 
 def test_failed_gates_link_to_warnings_in_the_report_of_the_same_run(tmp_path: Path) -> None:
     """The intersection has one warning and one conflict, the straight road neither."""
     logs = [str(SAMPLES / f"{name}.mcap") for name in ("intersection", "straight")]
-    assert run(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
+    assert run_command_line(["run", *logs, "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]) == 0
     anchors = {
         each["id"] for _, each in Elements(report(tmp_path / "out", tmp_path / "report.html")).found if "id" in each
     }
@@ -93,13 +93,15 @@ def test_failed_gates_link_to_warnings_in_the_report_of_the_same_run(tmp_path: P
         "data.faults_count < 0",
     ]
     page = ["--report-at", "reports (new)/report.html"]
-    assert run(["evaluate", str(tmp_path / "out"), *gates, *files, *page, "--allow-missing", "--quiet"]) == 1
+    assert (
+        run_command_line(["evaluate", str(tmp_path / "out"), *gates, *files, *page, "--allow-missing", "--quiet"]) == 1
+    )
     link = re.compile(r"reports%20%28new%29/report\.html#([\w-]+)")
     cases = {
         (case.get("classname"), case.get("name")): link.findall(case.findtext("failure") or "")
         for case in ElementTree.parse(tmp_path / "gates.xml").iter("testcase")
     }
-    (warning,) = marks("intersection", "warning", [("cwcli", "d9583520")])
+    (warning,) = stable_anchor_names("intersection", "warning", [("cwcli", "d9583520")])
     assert warning in anchors
     assert cases["warnings.precision < 0.5", "intersection"] == [warning]
     assert cases["pooled(warnings.recall) < 0.5", "all logs"] == [warning]
@@ -112,9 +114,9 @@ def test_failed_gates_link_to_warnings_in_the_report_of_the_same_run(tmp_path: P
 def test_links_need_logs_that_can_be_read_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "metrics.parquet").write_bytes(b"")
     for source in ("-", str(tmp_path / "metrics.parquet")):
-        assert run(["evaluate", source, "--report-at", "report.html"]) == 2
+        assert run_command_line(["evaluate", source, "--report-at", "report.html"]) == 2
         assert "--report-at needs the annotated logs as files" in capsys.readouterr().err
-    assert run(["evaluate", str(SAMPLES / "intersection.mcap"), "--report-at", " "]) == 2
+    assert run_command_line(["evaluate", str(SAMPLES / "intersection.mcap"), "--report-at", " "]) == 2
     assert "names no page" in capsys.readouterr().err
 
 
@@ -191,7 +193,9 @@ def test_the_table_of_all_logs_is_sorted_searched_and_filtered(tmp_path: Path) -
     """Of 10, 22 and 36 s; one could not be processed, and has no duration: it comes last both ways."""
     (tmp_path / "broken.mcap").write_bytes(b"no log")
     logs = [str(SAMPLES / f"{name}.mcap") for name in ("curve", "intersection", "straight")]
-    code = run(["run", *logs, str(tmp_path / "broken.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"])
+    code = run_command_line(
+        ["run", *logs, str(tmp_path / "broken.mcap"), "-d", str(tmp_path / "out"), "--jobs", "1", "--quiet"]
+    )
     assert code != 0
     page = report(tmp_path / "out", tmp_path / "report.html")
     policy = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
@@ -230,13 +234,13 @@ def test_compare_links_to_the_warnings_that_differ(tmp_path: Path, capsys: pytes
     """The earlier run had no stage that warns."""
     for name, options in (("few", ["--stage", "estimate,predict"]), ("all", [])):
         logs = [str(SAMPLES / f"{each}.mcap") for each in ("intersection", "straight")]
-        assert run(["run", *logs, "-d", str(tmp_path / name), "--jobs", "1", "--quiet", *options]) == 0
-    (warning,) = marks("intersection", "warning", [("cwcli", "d9583520")])
-    (conflict,) = marks("intersection", "conflict", [("d9583520",)])
+        assert run_command_line(["run", *logs, "-d", str(tmp_path / name), "--jobs", "1", "--quiet", *options]) == 0
+    (warning,) = stable_anchor_names("intersection", "warning", [("cwcli", "d9583520")])
+    (conflict,) = stable_anchor_names("intersection", "conflict", [("d9583520",)])
     few, every = str(tmp_path / "few"), str(tmp_path / "all")
     capsys.readouterr()
     at = ["--report-at", "r.html"]
-    assert run(["compare", few, every, *at, "--json", "--markdown", str(tmp_path / "c.md")]) == 0
+    assert run_command_line(["compare", few, every, *at, "--json", "--markdown", str(tmp_path / "c.md")]) == 0
     told = json.loads(capsys.readouterr().out)["warnings"]
     assert [(each["change"], each["address"]) for each in told["listed"]] == [
         ("new", f"r.html#{warning}"),
@@ -248,10 +252,10 @@ def test_compare_links_to_the_warnings_that_differ(tmp_path: Path, capsys: pytes
     assert "- gone: `intersection: conflict with vehicle d9583520: not warned of`" in text
     assert f'id="{warning}"' in report(tmp_path / "all", tmp_path / "r.html")
 
-    assert run(["compare", every, few, *at]) == 0  # on the terminal, the other way round
+    assert run_command_line(["compare", every, few, *at]) == 0  # on the terminal, the other way round
     shown = capsys.readouterr().out
     assert f"r.html#{conflict}" in shown and "gone  intersection: warning 1" in shown
-    assert run(["compare", every, every, *at, "--json"]) == 0
+    assert run_command_line(["compare", every, every, *at, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["warnings"] == {
         "listed": [],
         "count": 0,
@@ -260,10 +264,10 @@ def test_compare_links_to_the_warnings_that_differ(tmp_path: Path, capsys: pytes
         "logs_left_out": 0,
     }
     one, other = (str(tmp_path / name / "logs" / "intersection" / "annotated.mcap") for name in ("few", "all"))
-    (own,) = marks("annotated.mcap", "warning", [("cwcli", "d9583520")])
-    assert run(["compare", one, other, *at, "--json"]) == 0
+    (own,) = stable_anchor_names("annotated.mcap", "warning", [("cwcli", "d9583520")])
+    assert run_command_line(["compare", one, other, *at, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["warnings"]["listed"][0]["address"] == f"r.html#{own}"
-    assert run(["compare", "-", every, *at]) == 2
+    assert run_command_line(["compare", "-", every, *at]) == 2
 
 
 def test_a_warning_with_another_verdict_is_told_with_both(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -272,14 +276,14 @@ def test_a_warning_with_another_verdict_is_told_with_both(tmp_path: Path, monkey
         "b.mcap": [("warning-1", "came too late"), ("warning-2", "came true"), ("conflict-9", "not warned of")],
     }
 
-    def marked(self: Addresses, entry: Entry, name: str = "") -> list[Marked]:
-        return [Marked(mark, f"{mark} is {verdict}", verdict) for mark, verdict in found[entry.name]]
+    def marked(self: PageAddresses, entry: LogEntry, name: str = "") -> list[LinkTarget]:
+        return [LinkTarget(mark, f"{mark} is {verdict}", verdict) for mark, verdict in found[entry.name]]
 
     for name in found:
         (tmp_path / name).write_bytes((SAMPLES / "straight.mcap").read_bytes())
-    monkeypatch.setattr(Addresses, "marked", marked)
-    early, late = (Addresses(str(tmp_path / name), "https://ci/r.html") for name in found)
-    found_differing = differences(early, late)
+    monkeypatch.setattr(PageAddresses, "read_link_targets", marked)
+    early, late = (PageAddresses(str(tmp_path / name), "https://ci/r.html") for name in found)
+    found_differing = compare_warnings_of_runs(early, late)
     assert [(each.change, each.words, each.address) for each in found_differing.listed] == [
         ("new", "conflict-9 is not warned of", "https://ci/r.html#conflict-9"),
         ("other", "warning-1 is came too late (before: false alarm)", "https://ci/r.html#warning-1"),
@@ -293,7 +297,7 @@ def both(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of two logs, the first of which has a warning."""
     folder = tmp_path_factory.mktemp("both") / "run"
     logs = [str(SAMPLES / f"{each}.mcap") for each in ("intersection", "straight")]
-    assert run(["run", *logs, "-d", str(folder), "--jobs", "1", "--quiet"]) == 0
+    assert run_command_line(["run", *logs, "-d", str(folder), "--jobs", "1", "--quiet"]) == 0
     return folder
 
 
@@ -310,7 +314,7 @@ def test_a_log_that_can_not_be_read_is_named_and_its_warnings_are_neither_new_no
         capsys.readouterr()
         markdown = tmp_path / "c.md"
         arguments = ["compare", str(early), str(late), "--report-at", "r.html", "--markdown", str(markdown), "--force"]
-        assert run([*arguments, "--json"]) == 0
+        assert run_command_line([*arguments, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["warnings"] == {
             "listed": [],
             "count": 0,
@@ -319,7 +323,7 @@ def test_a_log_that_can_not_be_read_is_named_and_its_warnings_are_neither_new_no
             "logs_left_out": 0,
         }
         assert note in markdown.read_text(encoding="utf-8")
-        assert run(arguments) == 0
+        assert run_command_line(arguments) == 0
         assert " ".join(capsys.readouterr().err.split()).count(note) == 1
 
 
@@ -327,11 +331,11 @@ def test_the_first_logs_in_both_runs_are_compared_and_the_others_counted(
     both: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The first log of the candidate is in no other run, so the second one is the first that is in both."""
-    monkeypatch.setattr(addresses, "MAX_LOGS", 1)
-    assert run(["compare", str(both), str(both), "--report-at", "r.html"]) == 0
+    monkeypatch.setattr(addresses, "MAX_LOGS_READ_FOR_LINKS", 1)
+    assert run_command_line(["compare", str(both), str(both), "--report-at", "r.html"]) == 0
     said = " ".join(capsys.readouterr().err.split())
     assert "warnings are compared of the first 1 of 2 logs in both" in said
     one = tmp_path / "one"
-    assert run(["run", str(SAMPLES / "straight.mcap"), "-d", str(one), "--jobs", "1", "--quiet"]) == 0
-    differing = differences(Addresses(str(one), "r.html"), Addresses(str(both), "r.html"))
+    assert run_command_line(["run", str(SAMPLES / "straight.mcap"), "-d", str(one), "--jobs", "1", "--quiet"]) == 0
+    differing = compare_warnings_of_runs(PageAddresses(str(one), "r.html"), PageAddresses(str(both), "r.html"))
     assert (differing.n_logs, differing.unread, differing.n_left_out) == (1, (), 0)

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_OUTPUT, EXIT_USAGE, OutputError
 from cwcli.report import pdf as pdf_module
-from cwcli.report.pdf import printed
+from cwcli.report.pdf import print_pdf
 from tests.cli.browser import browser
 from tests.cli.conftest import SAMPLES
 
@@ -23,7 +23,7 @@ from tests.cli.conftest import SAMPLES
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
@@ -44,12 +44,12 @@ def longest_line(pdf: bytes) -> int:
 
 def test_the_printed_page_holds_its_figures(annotated: Path, tmp_path: Path) -> None:
     browser()
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == 0
     pdf = (tmp_path / "r.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-") and len(re.findall(rb"/Type\s*/Page\b", pdf)) >= 2
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     inert = re.sub(rb"<script\b.*?</script>", b"", (tmp_path / "r.html").read_bytes(), flags=re.DOTALL)
-    assert longest_line(printed(inert, browser())) < 20
+    assert longest_line(print_pdf(inert, browser())) < 20
     assert longest_line(pdf) >= 200  # 201 states a signal
 
 
@@ -58,7 +58,7 @@ def test_what_a_reader_would_use_is_not_printed() -> None:
     style = files("cwcli.report").joinpath("assets", "report.css").read_text(encoding="utf-8")
     page, field = f"<!doctype html><style>{style}</style><p>x</p>", '<input value="y">'
     alone, found, other = (
-        page_contents(printed((page + field).encode(), browser()))
+        page_contents(print_pdf((page + field).encode(), browser()))
         for field in ("", f'<div class="filters">{field}</div>', f"<div>{field}</div>")
     )
     assert found == alone != other
@@ -84,19 +84,19 @@ def test_children_that_outlive_the_browser_end_with_it(tmp_path: Path) -> None:
         echo '%PDF-' > "$target"
         """,
     )
-    assert printed(b"<p>x</p>", browser) == b"%PDF-\n"  # a wait for the children would end with an error
+    assert print_pdf(b"<p>x</p>", browser) == b"%PDF-\n"  # a wait for the children would end with an error
     (tmp_path / "alive").unlink()
     time.sleep(0.3)
     assert not (tmp_path / "alive").exists()
 
 
 def test_a_browser_that_hangs_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pdf_module, "TIMEOUT_S", 0.2)
-    monkeypatch.setattr(pdf_module, "TIMEOUT_A_FIGURE_S", 0.4)
+    monkeypatch.setattr(pdf_module, "PRINT_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(pdf_module, "PRINT_TIMEOUT_PER_FIGURE_S", 0.4)
     figures = b'<script type="text/plain" id="log-0-map"></script>' * 2
     path = fake_browser(tmp_path, "sleep 1000\n")
     with pytest.raises(OutputError) as caught:
-        printed(figures, path)
+        print_pdf(figures, path)
     assert str(caught.value) == f"{path} did not print the page: it took longer than 1 s"
 
 
@@ -105,7 +105,7 @@ def test_a_file_that_cannot_be_written_is_an_error_of_the_output(
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     with pytest.raises(OutputError, match="did not print the page"):
-        printed(b"<p>x</p>", fake_browser(tmp_path, "true\n"))
+        print_pdf(b"<p>x</p>", fake_browser(tmp_path, "true\n"))
 
 
 def test_without_a_browser_one_line_says_so(
@@ -113,7 +113,7 @@ def test_without_a_browser_one_line_says_so(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     for more in (["--pdf"], []):
-        assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), *more]) == EXIT_USAGE
+        assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), *more]) == EXIT_USAGE
         said = capsys.readouterr().err
         assert said.startswith("error: a PDF needs Chromium") and said.count("error: ") == 1
         assert not (tmp_path / "r.pdf").exists()
@@ -137,7 +137,7 @@ def test_a_name_of_another_format_is_refused(
     said: str,
 ) -> None:
     monkeypatch.setattr(pdf_module, "find_browser", lambda: fake_browser(tmp_path, "true\n"))
-    assert run(["report", str(annotated), "-o", str(tmp_path / name), *more]) == EXIT_USAGE
+    assert run_command_line(["report", str(annotated), "-o", str(tmp_path / name), *more]) == EXIT_USAGE
     assert said in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / name).exists()
 
@@ -146,8 +146,8 @@ def test_a_name_in_pdf_is_printed_without_being_asked(
     annotated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pdf_module, "find_browser", lambda: "chromium")
-    monkeypatch.setattr(pdf_module, "printed", lambda html, browser: b"%PDF- of the page")
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.PDF"), "--quiet"]) == 0
+    monkeypatch.setattr(pdf_module, "print_pdf", lambda html, browser: b"%PDF- of the page")
+    assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.PDF"), "--quiet"]) == 0
     assert (tmp_path / "r.PDF").read_bytes() == b"%PDF- of the page"
 
 
@@ -158,6 +158,8 @@ def test_a_browser_that_fails_leaves_no_file(
     broken.write_text("#!/bin/sh\necho first >&2\necho no display >&2\nexit 3\n")
     broken.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/bin:/usr/bin")
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == EXIT_OUTPUT
+    assert (
+        run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.pdf"), "--pdf", "--quiet"]) == EXIT_OUTPUT
+    )
     assert "did not print the page: no display" in " ".join(capsys.readouterr().err.split())
     assert not (tmp_path / "r.pdf").exists()

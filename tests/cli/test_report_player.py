@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.report import player
 from tests.cli.browser import Elements, visit
 from tests.cli.conftest import SAMPLES
@@ -61,7 +61,10 @@ POLICY = re.compile(r'<meta http-equiv="Content-Security-Policy"[^>]*>')
 def seen(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The intersection with a camera at 10 Hz from the log's start."""
     folder = tmp_path_factory.mktemp("seen")
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"]) == 0
+    assert (
+        run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(folder / "annotated.mcap"), "--quiet"])
+        == 0
+    )
     with_camera(folder / "annotated.mcap", folder / "seen.mcap")
     return folder / "seen.mcap"
 
@@ -73,7 +76,7 @@ def frames_of(page: str) -> list[list[float]]:
 
 
 def test_pointing_and_the_slider_show_the_last_frame_before_the_moment(seen: Path, tmp_path: Path) -> None:
-    assert run(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
+    assert run_command_line(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
     times = [at for at, _ in frames_of(page)]
     assert times == sorted(times) and 60 <= len(times) <= 100  # a hundred moments, of frames 0.1 s apart
@@ -96,11 +99,11 @@ def test_pointing_and_the_slider_show_the_last_frame_before_the_moment(seen: Pat
 
 
 def test_frames_are_thinned_out_to_fit(seen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
+    assert run_command_line(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     all_frames = frames_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     size = sum(len(str(picture)) for _, picture in all_frames)
-    monkeypatch.setattr(player, "MAX_BYTES", size // 3)
-    assert run(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet", "--force"]) == 0
+    monkeypatch.setattr(player, "MAX_FRAMES_TEXT_BYTES", size // 3)
+    assert run_command_line(["report", str(seen), "-o", str(tmp_path / "r.html"), "--quiet", "--force"]) == 0
     fewer = frames_of((tmp_path / "r.html").read_text(encoding="utf-8"))
     assert fewer == all_frames[::4]
     assert sum(len(str(picture)) for _, picture in fewer) <= size // 3
@@ -108,6 +111,6 @@ def test_frames_are_thinned_out_to_fit(seen: Path, tmp_path: Path, monkeypatch: 
 
 def test_a_log_without_a_camera_has_no_place_for_its_frames(tmp_path: Path) -> None:
     annotated = tmp_path / "annotated.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(annotated), "--quiet"]) == 0
-    assert run(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(annotated), "--quiet"]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(tmp_path / "r.html"), "--quiet"]) == 0
     assert 'class="player"' not in (tmp_path / "r.html").read_text(encoding="utf-8")

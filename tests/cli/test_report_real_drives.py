@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from tests.cli.browser import visit
 from tests.cli.conftest import ROOT
 
@@ -21,8 +21,8 @@ def shown(name: str, folder: Path, *options: str) -> str:
     if not log.exists():
         pytest.skip("the development logs in ../shared/logs are not here")
     annotated, page = folder / "annotated.mcap", folder / "report.html"
-    assert run(["run", str(log), "-o", str(annotated), "--quiet", *options]) == 0
-    assert run(["report", str(annotated), "-o", str(page), "--quiet"]) == 0
+    assert run_command_line(["run", str(log), "-o", str(annotated), "--quiet", *options]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(page), "--quiet"]) == 0
     dom = visit(page, folder).dom
     assert 'data-plots="drawn"' in dom
     body = re.sub(r"<(script|style|svg)\b.*?</\1>", " ", dom, flags=re.DOTALL)

@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import map_of, run_records
-from cwcli.report.tiles import parse_tiles
+from cwcli.pipeline.records import map_from_record, read_run_records
+from cwcli.report.tiles import parse_tile_server
 from tests.cli.browser import Elements, visit
 from tests.cli.conftest import SAMPLES
 
@@ -91,12 +91,12 @@ def server() -> Iterator[Server]:
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("annotated") / "intersection.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
 def make(annotated: Path, target: Path, *more: str) -> str:
-    assert run(["report", str(annotated), "-o", str(target), "--quiet", *more]) == 0
+    assert run_command_line(["report", str(annotated), "-o", str(target), "--quiet", *more]) == 0
     return target.read_text(encoding="utf-8")
 
 
@@ -128,7 +128,7 @@ def test_tiles_are_asked_of_the_server_alone_and_lie_where_the_map_is(
     assert told["words"] == whose
     assert told["beyond"] == [] and told["again"] == told["wide"]  # no tile fits where the earth is a point
     with Log.open(annotated) as log:
-        origin = map_of(run_records(log)["estimate"])
+        origin = map_from_record(read_run_records(log)["estimate"])
     assert origin is not None
     zooms = []
     for shown in (told["first"], told["wide"]):
@@ -170,9 +170,9 @@ def test_an_address_with_a_port_a_query_or_a_bare_number_is_taken() -> None:
         ("https://10.0.0.7/{z}/{y}/{x}", "https://10.0.0.7"),
         ("https://tiles.example.org./{z}/{x}/{y}", "https://tiles.example.org."),
     ):
-        tiles = parse_tiles(template, "us")
+        tiles = parse_tile_server(template, "us")
         assert tiles is not None and tiles.origin == origin
-    assert parse_tiles(None, None) is None
+    assert parse_tile_server(None, None) is None
 
 
 @pytest.mark.parametrize(
@@ -205,7 +205,7 @@ def test_an_address_with_a_port_a_query_or_a_bare_number_is_taken() -> None:
 )
 def test_what_is_no_address_of_tiles_is_refused(template: str | None, attribution: str | None, why: str) -> None:
     with pytest.raises(UsageError) as refused:
-        parse_tiles(template, attribution)
+        parse_tile_server(template, attribution)
     assert why in refused.value.what
 
 
@@ -220,5 +220,5 @@ def test_a_refused_address_is_a_usage_error_and_writes_nothing(annotated: Path, 
         "--tiles-attribution",
         "us",
     ]
-    assert run(arguments) == EXIT_USAGE
+    assert run_command_line(arguments) == EXIT_USAGE
     assert not (tmp_path / "r.html").exists()

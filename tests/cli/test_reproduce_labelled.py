@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.simulate.road_log import RoadConfig, plan, write_road
+from cwcli.simulate.road_log import RoadLogConfig, plan_configured_drive, write_road_log
 from cwcli.simulation.road.drive import RoadDriveConfig
 from tests.cli.conftest import Run
 
-CONFIG = RoadConfig(RoadDriveConfig(weather="clear", seed=3, duration_s=0.5, rate_hz=10.0), format="png")
+CONFIG = RoadLogConfig(RoadDriveConfig(weather="clear", seed=3, duration_s=0.5, rate_hz=10.0), format="png")
 
 
 @pytest.fixture(scope="module")
 def labelled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("labelled") / "labelled.mcap"
-    write_road(plan(CONFIG), CONFIG, path)
+    write_road_log(plan_configured_drive(CONFIG), CONFIG, path)
     return path
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.main import run
-from cwcli.reproduction.classes import CLASSES
+from cwcli.cli.main import run_command_line
+from cwcli.reproduction.classes import CLASS_MEANINGS
 from cwcli.reproduction.expectations import load_expectations
 from tests.cli.conftest import Run
 
@@ -59,11 +59,11 @@ def test_the_page_has_every_figure_and_every_number(cwcli: Run, tmp_path: Path) 
     headings = [line.removeprefix("### ") for line in page.splitlines() if line.startswith("### ")]
     assert headings == list(expected.figures)
     for figure in expected.figures.values():
-        assert figure.prints in page
-        assert not figure.why_none or figure.why_none in page
+        assert figure.description in page
+        assert not figure.reason_for_absence or figure.reason_for_absence in page
         assert all(
             (tmp_path / "pages/figures/xiang2019" / f"{name.replace(' ', '-')}.png").exists()
-            for name in figure.pictures
+            for name in figure.plot_names
         )
     with (tmp_path / "x.csv").open() as stream:
         rows = list(csv.DictReader(stream))
@@ -72,8 +72,8 @@ def test_the_page_has_every_figure_and_every_number(cwcli: Run, tmp_path: Path) 
     for row in rows:
         what = f"{row['what']} [{row['unit']}]" if row["unit"] else row["what"]
         assert (what, row["class"]) in shown
-    counted = {cells[0]: int(cells[1]) for cells in lines if len(cells) == 3 and cells[0] in CLASSES}
-    assert counted == {name: sum(row["class"] == name for row in rows) for name in CLASSES}
+    counted = {cells[0]: int(cells[1]) for cells in lines if len(cells) == 3 and cells[0] in CLASS_MEANINGS}
+    assert counted == {name: sum(row["class"] == name for row in rows) for name in CLASS_MEANINGS}
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_without_matplotlib_nothing_is_begun(
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     for option in ("--plots", "--report"):
-        assert run(["reproduce", "xiang2019", option, "figures"]) == 2
+        assert run_command_line(["reproduce", "xiang2019", option, "figures"]) == 2
         error = capsys.readouterr().err
         assert "plots need matplotlib" in error
         assert "cwcli-drive[plots]" in error

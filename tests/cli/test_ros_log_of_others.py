@@ -14,11 +14,11 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from cwcli.errors import DataError
-from cwcli.export.ros.convert import RosLog, write_ros_log
-from cwcli.export.ros.messages import _same, unknown_fields
+from cwcli.export.ros.convert import RosLogReport, write_ros_log
+from cwcli.export.ros.messages import _fields_of_same_name, fields_unknown_to_ros
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
-from cwcli.signals.columns import Columns, OutputChannel, Ragged, strings_from
+from cwcli.signals.columns import Columns, OutputChannel, Ragged, encode_strings
 from tests.cli.conftest import Run
 
 STAMP_NS = np.array([10**9])
@@ -31,11 +31,11 @@ def ragged(*rows: int) -> Ragged:
 
 def path_channel(**fields: Any) -> OutputChannel:
     points = {"x_m": ragged(3), "y_m": ragged(3), "heading_rad": ragged(3), "step_s": np.array([0.25])}
-    of_path = {"stamp_ns": STAMP_NS, "frame_id": strings_from(["map"]), **points, **fields}
+    of_path = {"stamp_ns": STAMP_NS, "frame_id": encode_strings(["map"]), **points, **fields}
     return OutputChannel("/p", "cwcli.v1.PredictedPath", np.arange(len(of_path["stamp_ns"])) + 1, of_path)
 
 
-def ros_log(folder: Path, *channels: OutputChannel) -> RosLog:
+def ros_log(folder: Path, *channels: OutputChannel) -> RosLogReport:
     with LogWriter(folder / "log.mcap") as log:
         for channel in channels:
             log.write_columns(channel)
@@ -60,7 +60,7 @@ def test_points_of_a_path_that_do_not_fit(tmp_path: Path, fields: dict[str, Any]
 
 
 def test_paths_of_equal_total_and_other_rows(tmp_path: Path) -> None:
-    two = {"stamp_ns": np.array([1, 2]), "frame_id": strings_from(["map", "map"]), "step_s": np.ones(2)}
+    two = {"stamp_ns": np.array([1, 2]), "frame_id": encode_strings(["map", "map"]), "step_s": np.ones(2)}
     with pytest.raises(DataError, match="y_m has not as many points"):
         ros_log(tmp_path, path_channel(**two, x_m=ragged(1, 2), y_m=ragged(2, 1), heading_rad=ragged(1, 2)))
 
@@ -69,7 +69,7 @@ def test_times_beyond_those_of_ros_are_left_out_and_counted(tmp_path: Path) -> N
     """2^31 s is the first that an int32 can't hold; the last path has a point there."""
     last_ns = (2**31 - 1) * 10**9
     stamps = np.array([last_ns, last_ns + 10**9, 2**63 - 5, last_ns])
-    many = {"stamp_ns": stamps, "frame_id": strings_from(["map"] * 4), "step_s": np.array([0.0, 0.0, 0.0, 1.0])}
+    many = {"stamp_ns": stamps, "frame_id": encode_strings(["map"] * 4), "step_s": np.array([0.0, 0.0, 0.0, 1.0])}
     points = {name: ragged(2, 2, 2, 2) for name in ("x_m", "y_m", "heading_rad")}
     made = ros_log(tmp_path, path_channel(**many, **points))
     assert (made.n_messages_made, made.left_messages) == (
@@ -89,27 +89,27 @@ def lateral_state(**fields: Any) -> Columns:
 
 
 def test_fields_of_another_version_are_left_out_and_named() -> None:
-    columns = lateral_state(new_m=np.ones(2), inner_new=strings_from(["a", "b"]))
-    assert set(_same(columns, None)) == {"stamp_ns"}
-    assert unknown_fields(columns) == ["new_m", "inner_new"]
+    columns = lateral_state(new_m=np.ones(2), inner_new=encode_strings(["a", "b"]))
+    assert set(_fields_of_same_name(columns, None)) == {"stamp_ns"}
+    assert fields_unknown_to_ros(columns) == ["new_m", "inner_new"]
 
 
 @pytest.mark.parametrize("path", ["stamp_ns", "stamp_ns.sec"])
 def test_a_field_of_another_kind_is_an_error(path: str) -> None:
     columns = lateral_state()
-    of_state = {path: strings_from(["a", "b"])}
+    of_state = {path: encode_strings(["a", "b"])}
     wrong = Columns(**{**vars(columns), "fields": of_state})
     with pytest.raises(DataError, match=f"no usable field `{path}`"):
-        _same(wrong, None)
+        _fields_of_same_name(wrong, None)
 
 
 def test_what_is_replaced_is_told(cwcli: Run, tmp_path: Path) -> None:
     ros_log(tmp_path, path_channel())
     recorded, both = tmp_path / "ros.mcap", tmp_path / "both.mcap"
     with Log.open(str(recorded)) as log:
-        from cwcli.logs.write.annotate import annotate
+        from cwcli.logs.write.annotate import annotate_log
 
-        annotate(log, [path_channel()], {}, both)
+        annotate_log(log, [path_channel()], {}, both)
     done = cwcli("export", both, "--format", "ros2", "-o", tmp_path / "again.mcap", "--json")
     assert json.loads(done.stdout)["replaced"] == ["/cwcli/ros/p"]
     assert b"/cwcli/ros/p: the recorded channel is replaced" in b" ".join(done.stderr.split())

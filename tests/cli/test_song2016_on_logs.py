@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.predicted_path import read_paths
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.predicted_path import read_predicted_paths
+from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.logs.read.reader import Log
 from cwcli.signals.vehicle_state import ACCEL, JERK, YAW_ACCEL, YAW_RATE
 from tests.cli.conftest import SAMPLES, Run
@@ -28,8 +28,8 @@ def test_cj_cya_after_song2016_has_the_papers_derivatives(cwcli: Run, tmp_path: 
         predicted = tmp_path / f"{model}.mcap"
         assert cwcli("predict", estimated, "--model", model, "-o", predicted).returncode == 0
         with Log.open(predicted) as log:
-            states = read_states(log.columns("/cwcli/ego/state"))
-            paths[model] = read_paths(log.columns("/cwcli/ego/path"))
+            states = read_vehicle_states(log.columns("/cwcli/ego/state"))
+            paths[model] = read_predicted_paths(log.columns("/cwcli/ego/path"))
     time_s = STEP_S * np.arange(SAMPLES_OF_SLOPE)
     for value, slope in ((ACCEL, JERK), (YAW_RATE, YAW_ACCEL)):
         for row in range(60, len(states), 29):

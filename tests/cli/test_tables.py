@@ -12,13 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cwcli.cli.tables import table
+from cwcli.cli.tables import format_table
 from cwcli.cli.text import display_width
 from tests.cli.conftest import ROOT
 
 
 def test_table_aligns_numbers_right_and_text_left() -> None:
-    shown = table(("sensor", "n", "error m"), [("gnss", 12, 0.5), ("imu", 3456, None)])
+    shown = format_table(("sensor", "n", "error m"), [("gnss", 12, 0.5), ("imu", 3456, None)])
     assert shown.split("\n") == [
         "sensor     n  error m",
         "------  ----  -------",
@@ -28,7 +28,7 @@ def test_table_aligns_numbers_right_and_text_left() -> None:
 
 
 def test_table_wraps_long_text_cells() -> None:
-    shown = table(("topic", "schema", "n"), [("/a" * 30, "package/msg/" + "Long" * 15, 5)])
+    shown = format_table(("topic", "schema", "n"), [("/a" * 30, "package/msg/" + "Long" * 15, 5)])
     lines = shown.split("\n")
     assert max(map(display_width, lines)) <= 80
     assert "".join(line[:38].rstrip() for line in lines[2:]).startswith("/a/a/a")
@@ -36,7 +36,7 @@ def test_table_wraps_long_text_cells() -> None:
 
 def test_table_with_too_many_columns_repeats_the_first_in_each_part() -> None:
     columns = ("name", *(f"value {i}" for i in range(30)))
-    shown = table(columns, [("row", *(1000.25 + i for i in range(30)))])
+    shown = format_table(columns, [("row", *(1000.25 + i for i in range(30)))])
     blocks = shown.split("\n\n")
     assert len(blocks) > 1
     assert all(block.split("\n")[-1].startswith("row ") for block in blocks)
@@ -44,15 +44,15 @@ def test_table_with_too_many_columns_repeats_the_first_in_each_part() -> None:
 
 
 def test_table_without_rows_shows_its_headings() -> None:
-    assert table(("a", "b"), []) == "a  b\n-  -"
+    assert format_table(("a", "b"), []) == "a  b\n-  -"
 
 
 def test_table_escapes_control_characters() -> None:
-    assert "\x1b" not in table(("topic\x1b",), [("/evil\x1b[2J",)])
+    assert "\x1b" not in format_table(("topic\x1b",), [("/evil\x1b[2J",)])
 
 
 def test_table_of_words_wider_than_the_terminal() -> None:
-    lines = table(("a" * 90, "b" * 300, "c"), [("x" * 90, "y" * 300, 1)]).split("\n")
+    lines = format_table(("a" * 90, "b" * 300, "c"), [("x" * 90, "y" * 300, 1)]).split("\n")
     assert max(map(len, lines)) <= 80
     assert sum(line.count("y") for line in lines) == 300
 
@@ -70,14 +70,14 @@ def test_table_of_words_wider_than_the_terminal() -> None:
 )
 def test_table_fits_80_columns(made: tuple[list[str], list[tuple[str | float | int | None, ...]]]) -> None:
     heads, rows = made
-    lines = table(heads, rows, width=80).split("\n")
+    lines = format_table(heads, rows, width=80).split("\n")
     assert max(display_width(line) for line in lines) <= 80
 
 
 @pytest.mark.parametrize("width", [20, 40, 120])
 def test_table_fits_other_widths(width: int) -> None:
     rows = [("/v2x/cam/front/left", "etsi_its_cam_msgs/msg/CAM", 330, 9.98)]
-    shown = table(("topic", "schema", "messages", "Hz"), rows, width=width)
+    shown = format_table(("topic", "schema", "messages", "Hz"), rows, width=width)
     assert max(map(len, shown.split("\n"))) <= width
 
 
@@ -104,8 +104,8 @@ def test_a_table_is_as_wide_as_its_terminal() -> None:
 
 
 def test_a_topic_is_whole_in_a_pipe_even_where_the_line_gets_too_long() -> None:
-    lines = table(("topic", "what"), [(TOPIC, "some words that are many " * 3)]).splitlines()
+    lines = format_table(("topic", "what"), [(TOPIC, "some words that are many " * 3)]).splitlines()
     assert any(line.startswith(TOPIC) for line in lines)
     long = "/a" * 60
-    assert any(line.startswith(long) for line in table(("topic", "n"), [(long, 3)]).splitlines())
-    assert max(map(display_width, table(("topic", "n"), [(long, 3)], width=80).splitlines())) <= 80
+    assert any(line.startswith(long) for line in format_table(("topic", "n"), [(long, 3)]).splitlines())
+    assert max(map(display_width, format_table(("topic", "n"), [(long, 3)], width=80).splitlines())) <= 80

@@ -4,7 +4,15 @@ import math
 
 import pytest
 
-from cwcli.cli.text import display_width, duration, number, paragraph, printable, size, wrap
+from cwcli.cli.text import (
+    display_width,
+    escape_control_characters,
+    format_byte_size,
+    format_duration,
+    format_number,
+    wrap_paragraph,
+    wrap_text,
+)
 
 
 @pytest.mark.parametrize(
@@ -23,7 +31,7 @@ from cwcli.cli.text import display_width, duration, number, paragraph, printable
     ids=["plain", "space", "colour", "newline", "bell", "bidi", "separator", "not-utf8", "letters"],
 )
 def test_printable_escapes_what_moves_the_cursor(text: str, shown: str) -> None:
-    assert printable(text) == shown
+    assert escape_control_characters(text) == shown
 
 
 @pytest.mark.parametrize(
@@ -41,7 +49,7 @@ def test_printable_escapes_what_moves_the_cursor(text: str, shown: str) -> None:
     ],
 )
 def test_number_has_four_digits(value: float, shown: str) -> None:
-    assert number(value) == shown
+    assert format_number(value) == shown
 
 
 @pytest.mark.parametrize(
@@ -49,27 +57,27 @@ def test_number_has_four_digits(value: float, shown: str) -> None:
     [(0.0, "0.0 s"), (33.04, "33.0 s"), (240.4, "4 min 0 s"), (3725.0, "1 h 2 min 5 s")],
 )
 def test_duration_is_in_words(seconds: float, shown: str) -> None:
-    assert duration(seconds) == shown
+    assert format_duration(seconds) == shown
 
 
 @pytest.mark.parametrize(("n_bytes", "shown"), [(512, "512 B"), (81_300, "81.3 kB"), (2_500_000_000_000, "2500.0 GB")])
 def test_size_is_in_powers_of_1000(n_bytes: int, shown: str) -> None:
-    assert size(n_bytes) == shown
+    assert format_byte_size(n_bytes) == shown
 
 
 def test_wrap_breaks_at_spaces_then_slashes_then_anywhere() -> None:
-    assert wrap("one two three", 8) == ["one two", "three"]
-    assert wrap("/camera/front/image", 10) == ["/camera/", "front/", "image"]
-    assert wrap("abcdefgh", 3) == ["abc", "def", "gh"]
+    assert wrap_text("one two three", 8) == ["one two", "three"]
+    assert wrap_text("/camera/front/image", 10) == ["/camera/", "front/", "image"]
+    assert wrap_text("abcdefgh", 3) == ["abc", "def", "gh"]
 
 
 def test_wide_characters_count_two_cells() -> None:
     assert display_width("東京 e\u0301") == 6
-    assert all(display_width(line) <= 5 for line in wrap("東京都東京都", 5))
+    assert all(display_width(line) <= 5 for line in wrap_text("東京都東京都", 5))
 
 
 def test_paragraph_indents_its_other_lines() -> None:
-    lines = paragraph("word " * 40, first="note: ", rest="      ").split("\n")
+    lines = wrap_paragraph("word " * 40, first="note: ", rest="      ").split("\n")
     assert lines[0].startswith("note: word")
     assert all(line.startswith("      word") for line in lines[1:])
     assert max(map(len, lines)) <= 80

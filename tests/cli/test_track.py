@@ -202,9 +202,9 @@ def test_warning_of_targets_in_the_car_s_frame_is_refused(cwcli: Run, tracked: P
 
 def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
     """Five crossing targets in clutter (the simulated scene), truth as states by id."""
-    from cwcli.simulation.dual_sensor import crossing_targets
+    from cwcli.simulation.dual_sensor import simulate_crossing_targets
 
-    scene = crossing_targets(np.random.default_rng(11))
+    scene = simulate_crossing_targets(np.random.default_rng(11))
     scans = []
     for at in scene.lidar_scan_ns.tolist():
         rows = scene.lidar_xy[scene.lidar_stamp_ns == at]
@@ -236,7 +236,7 @@ def test_many_targets_with_truth(cwcli: Run, tmp_path: Path) -> None:
 def add_truth(source: Path, target: Path, scene: Any) -> None:
     """`/truth/targets` as `cwcli.v1.Target`, through the library's own annotating writer."""
     from cwcli.logs.read.reader import Log
-    from cwcli.logs.write.annotate import annotate
+    from cwcli.logs.write.annotate import annotate_log
     from cwcli.signals.columns import OutputChannel, Strings
 
     n = len(scene.truth_stamp_ns)
@@ -249,7 +249,7 @@ def add_truth(source: Path, target: Path, scene: Any) -> None:
     }
     channel = OutputChannel("/truth/targets", "cwcli.v1.Target", stamp_ns, fields)
     with Log.open(source) as log:
-        annotate(log, [channel], {}, target)
+        annotate_log(log, [channel], {}, target)
 
 
 def test_an_empty_road_gives_no_warning_and_no_error(cwcli: Run, intersection: Path, tmp_path: Path) -> None:

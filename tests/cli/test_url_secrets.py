@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from tests.cli.conftest import SAMPLES
 from tests.cli.url_server import SECRET, holds_word, places_of, secret_url, serve_logs
 
@@ -40,7 +40,7 @@ class Search:
 
     def run(self, *arguments: str) -> tuple[int, str]:
         """The exit code and all words of a command, after the search."""
-        code = run(list(arguments))
+        code = run_command_line(list(arguments))
         out, error = self._capfd.readouterr()
         said = out + error
         assert not holds_word(SECRET, said.encode()), said
@@ -255,7 +255,7 @@ def test_a_traceback_holds_no_secret(search: Search, port: int, monkeypatch: pyt
             raise RuntimeError(f"no {url.partition('?')[2]}") from error
 
     monkeypatch.setattr("cwcli.logs.read.source.names_below", fail)
-    code = run(["info", secret_url(port, "/folder").replace("http:", "s3:")])
+    code = run_command_line(["info", secret_url(port, "/folder").replace("http:", "s3:")])
     said = "".join(search._capfd.readouterr())
     assert (code, "Traceback" in said) == (70, True)
     assert not holds_word(SECRET, said.encode()), said

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from cwcli.cli.app import COMMANDS, load_command
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from tests.cli.conftest import SAMPLES
 
@@ -36,7 +36,7 @@ def test_there_are_options_to_try() -> None:
 
 @pytest.mark.parametrize(("command", "option"), [each[:2] for each in OPTIONS])
 def test_a_wrong_type_is_told_plainly(command: str, option: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([command, option, "k\x1b[31mein"]) == EXIT_USAGE
+    assert run_command_line([command, option, "k\x1b[31mein"]) == EXIT_USAGE
     said = capsys.readouterr().err
     assert said.startswith("error: ") and "Usage" not in said
     assert [word for word in FOREIGN if word in said] == []
@@ -50,7 +50,7 @@ def test_each_kind_has_its_words(capsys: pytest.CaptureFixture[str]) -> None:
         (["warn", "--probability", "p"], "'--probability': it must be a number, not 'p'"),
         (["warn", "--probability", "p" * 200], f"not '{'p' * 58}…"),
     ):
-        assert run(given) == EXIT_USAGE
+        assert run_command_line(given) == EXIT_USAGE
         assert said in " ".join(capsys.readouterr().err.split())
 
 
@@ -59,7 +59,7 @@ def test_the_environment_and_a_second_try_have_them_too(
 ) -> None:
     monkeypatch.setenv("CWCLI_QUIET", "maybe")
     for _ in range(2):
-        assert run(["warn", "x.mcap"]) == EXIT_USAGE
+        assert run_command_line(["warn", "x.mcap"]) == EXIT_USAGE
         assert "it must be true or false, not 'maybe'" in capsys.readouterr().err
 
 
@@ -76,14 +76,14 @@ def test_the_environment_and_a_second_try_have_them_too(
 )
 def test_the_configuration_has_them(text: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "c.toml").write_text(text)
-    assert run(["config", str(tmp_path / "c.toml")]) == EXIT_USAGE
+    assert run_command_line(["config", str(tmp_path / "c.toml")]) == EXIT_USAGE
     told = " ".join(capsys.readouterr().err.split())
     assert said in told and [word for word in FOREIGN if word in told] == []
 
 
 def test_choices_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     """Those of an option whose type is a choice: Typer leaves them out of its own words where pydantic checks."""
-    assert run(["estimate", "x.mcap", "-o", "y.mcap", "--clock", "wall"]) == EXIT_USAGE
+    assert run_command_line(["estimate", "x.mcap", "-o", "y.mcap", "--clock", "wall"]) == EXIT_USAGE
     told = " ".join(capsys.readouterr().err.split())
     assert "--clock" in told and "one of stamp, log, not 'wall'" in told
     assert [word for word in FOREIGN if word in told] == []
@@ -97,7 +97,7 @@ def test_a_bound_beyond_all_measure_is_one_line(
     logs = [str(SAMPLES / "intersection.mcap")] * (2 if command == "join" else 1)
     output = [] if command == "info" else ["-d" if command == "run" else "-o", str(tmp_path / "out")]
     huge = "1" + "0" * 308 if option == "--max-chunk" else "1e308"
-    assert run([command, *logs, *output, option, huge]) == EXIT_USAGE
+    assert run_command_line([command, *logs, *output, option, huge]) == EXIT_USAGE
     said = capsys.readouterr().err
     assert f"'{option}': it must be a" in said and said.count("error: ") == 1
     assert list(tmp_path.iterdir()) == []

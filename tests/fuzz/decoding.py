@@ -16,10 +16,10 @@ from google.protobuf.message import Message
 from google.protobuf.message_factory import GetMessageClass
 from mcap_ros2._dynamic import generate_dynamic
 
+from cwcli.logs.codecs.column_buffers import Payloads
 from cwcli.logs.codecs.decoder import Decoder
 from cwcli.logs.codecs.registry import make_decoder
 from cwcli.logs.codecs.ros2msg import SchemaError
-from cwcli.logs.codecs.slots import Payloads
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.signals.columns import Columns, Field, Ragged, Strings
 from tests.fuzz.messages import Messages
@@ -40,10 +40,10 @@ def check_messages(case: Messages) -> tuple[int, int]:
         return 0, 0
     shown: dict[str, list[bytes]] = {}
     for start in range(0, len(case.payloads), case.n_at_once):
-        decoder.add(_payloads(case.payloads[start : start + case.n_at_once]))
+        decoder.decode_batch(_payloads(case.payloads[start : start + case.n_at_once]))
         for path in case.blobs:
             with suppress(KeyError):  # the mutated schema holds no such octets
-                blobs = decoder.blobs(path)
+                blobs = decoder.blobs_of_last_batch(path)
                 shown.setdefault(path, []).extend(map(bytes, blobs))
     is_ok = decoder.outcome().is_ok
     decode = _official(case)
@@ -53,11 +53,11 @@ def check_messages(case: Messages) -> tuple[int, int]:
         if found is not None and _can_be_compared(case, row, found):
             rows.append(row)
             decoded.append(found)
-    everything = decoder.finish(np.flatnonzero(is_ok))
+    everything = decoder.build_columns(np.flatnonzero(is_ok))
     assert all(len(column) == is_ok.sum() for column in everything.values())
     official = OfficialTopic(case.encoding, [0] * len(rows), [0] * len(rows), [0] * len(rows), decoded)
     none = np.zeros(len(rows), np.int64)
-    fields = decoder.finish(np.array(rows, np.int64))
+    fields = decoder.build_columns(np.array(rows, np.int64))
     if case.encoding == "json":
         fields = {path: column for path, column in fields.items() if not _is_mixed(path, column, decoded)}
     columns = Columns("/m", case.schema_name, case.encoding, none, none, none.astype(np.uint32), fields)

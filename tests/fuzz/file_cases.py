@@ -16,9 +16,16 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.reader import NonSeekingReader, make_reader
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT, CwcliError
-from cwcli.logs.format.records import CHANNEL, CHUNK, DATA_END, MAGIC, MESSAGE, SCHEMA
+from cwcli.logs.format.records import (
+    MCAP_MAGIC,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK,
+    OPCODE_DATA_END,
+    OPCODE_MESSAGE,
+    OPCODE_SCHEMA,
+)
 from cwcli.logs.read.reader import Log
 from tests.fuzz.logs import MESSAGE_HEAD, Record, mutated_log, opened, split
 from tests.fuzz.mutate import Rng
@@ -38,7 +45,7 @@ COMMANDS = (
 WITH_COMMAND = 0.1
 N_INPUTS = 4
 BEYOND_BYTES = 1 << 16
-DEFINITIONS = {SCHEMA: mcap.records.Schema, CHANNEL: mcap.records.Channel}
+DEFINITIONS = {OPCODE_SCHEMA: mcap.records.Schema, OPCODE_CHANNEL: mcap.records.Channel}
 UNEXPECTED = {EXIT_BUG, EXIT_OUTPUT}
 SCENARIO = """description = "two cars"
 duration_s = 2
@@ -104,7 +111,7 @@ def check_log(data: bytes, command: tuple[str, ...] | None, counts: Counter[str]
             names = {"LOG": str(path), "OUT": str(out)}
             shown = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
             with redirect_stdout(shown), redirect_stderr(shown):
-                code = run([names.get(each, each) for each in command])
+                code = run_command_line([names.get(each, each) for each in command])
             counts[f"exit {code}"] += 1
             shown.flush()
             said = shown.buffer.getvalue().decode()  # type: ignore[attr-defined]
@@ -181,7 +188,7 @@ def walked_rows(data: bytes, path: Path) -> dict[str, list[Row]]:
         topics = {channel.id: channel.topic for channel in log.channels}
     found: dict[str, list[Row]] = {}
     for each, _ in _records(data):
-        if each.opcode == MESSAGE:
+        if each.opcode == OPCODE_MESSAGE:
             channel, sequence, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(each.content)
             found.setdefault(topics[channel], []).append((log_time_ns, publish_time_ns, sequence))
     return found
@@ -189,10 +196,10 @@ def walked_rows(data: bytes, path: Path) -> dict[str, list[Row]]:
 
 def _records(data: bytes) -> Iterator[tuple[Record, bool]]:
     """Those of the data section, and whether each is in a chunk; none of a chunk that can't be unpacked."""
-    for record in split(data[len(MAGIC) : -len(MAGIC)]):
-        if record.opcode == DATA_END:
+    for record in split(data[len(MCAP_MAGIC) : -len(MCAP_MAGIC)]):
+        if record.opcode == OPCODE_DATA_END:
             return
-        if record.opcode == CHUNK:
+        if record.opcode == OPCODE_CHUNK:
             with suppress(Exception):  # each library raises its own
                 yield from ((each, True) for each in split(opened(record)[3]))
         else:
@@ -219,8 +226,8 @@ def _drives() -> tuple[bytes, bytes]:
         scenario.write_text(SCENARIO, encoding="utf-8")
         shown = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
         with redirect_stdout(shown), redirect_stderr(shown):
-            assert run(["simulate", str(scenario), "-o", str(plain)]) == 0, shown.buffer.getvalue()  # type: ignore[attr-defined]
-            assert run(["run", str(plain), "-o", str(annotated)]) == 0
+            assert run_command_line(["simulate", str(scenario), "-o", str(plain)]) == 0, shown.buffer.getvalue()  # type: ignore[attr-defined]
+            assert run_command_line(["run", str(plain), "-o", str(annotated)]) == 0
         return plain.read_bytes(), annotated.read_bytes()
 
 

@@ -15,14 +15,14 @@ import zstandard
 
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
-    CHANNEL,
-    CHUNK,
-    DATA_END,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_INDEX,
-    PREFIX,
-    SCHEMA,
+    MCAP_MAGIC,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK,
+    OPCODE_DATA_END,
+    OPCODE_MESSAGE,
+    OPCODE_MESSAGE_INDEX,
+    OPCODE_SCHEMA,
+    RECORD_PREFIX,
     ChunkIndex,
     Statistics,
 )
@@ -54,15 +54,15 @@ class Record(NamedTuple):
     @property
     def bytes(self) -> bytes:
         """As it stands in a file."""
-        return PREFIX.pack(self.opcode, len(self.content)) + self.content
+        return RECORD_PREFIX.pack(self.opcode, len(self.content)) + self.content
 
 
 def split(data: bytes) -> list[Record]:
     """Whole records, one behind the other."""
     records, at = [], 0
     while at < len(data):
-        opcode, length = PREFIX.unpack_from(data, at)
-        at += PREFIX.size + length
+        opcode, length = RECORD_PREFIX.unpack_from(data, at)
+        at += RECORD_PREFIX.size + length
         records.append(Record(opcode, data[at - length : at]))
     return records
 
@@ -72,16 +72,18 @@ def mutated_log(rng: Rng, data: bytes) -> bytes:
     choice = rng.random()
     if choice < 0.15:
         return mutate(rng, data)
-    records = split(data[len(MAGIC) : -len(MAGIC)])
-    n_data = next(k for k, each in enumerate(records) if each.opcode == DATA_END)
+    records = split(data[len(MCAP_MAGIC) : -len(MCAP_MAGIC)])
+    n_data = next(k for k, each in enumerate(records) if each.opcode == OPCODE_DATA_END)
     inside, summary = records[:n_data], records[n_data + 1 : -1]
     if choice < 0.35:  # the summary's records, with a CRC that fits
         return _file(inside, mutated_records(rng, summary))
     if choice < 0.5:
         inside = mutated_records(rng, inside)
     else:
-        inside = [_mutated_chunk(rng, each) if each.opcode == CHUNK and rng.random() < 0.5 else each for each in inside]
-        if not any(each.opcode == CHUNK for each in inside):
+        inside = [
+            _mutated_chunk(rng, each) if each.opcode == OPCODE_CHUNK and rng.random() < 0.5 else each for each in inside
+        ]
+        if not any(each.opcode == OPCODE_CHUNK for each in inside):
             inside = mutated_records(rng, inside)
     choice = rng.random()
     if choice < 0.6:
@@ -111,7 +113,7 @@ def mutated_records(rng: Rng, records: list[Record]) -> list[Record]:
 
 def _mutated_record(rng: Rng, record: Record) -> Record:
     opcode, content = record
-    if opcode == MESSAGE and len(content) >= MESSAGE_HEAD.size:
+    if opcode == OPCODE_MESSAGE and len(content) >= MESSAGE_HEAD.size:
         channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(content)
         payload = content[MESSAGE_HEAD.size :]
         if rng.random() < 0.2:
@@ -121,7 +123,7 @@ def _mutated_record(rng: Rng, record: Record) -> Record:
         else:
             payload = mutate(rng, payload, JSON_TOKENS if payload[:1] == b"{" else NUMBERS)
         return Record(opcode, MESSAGE_HEAD.pack(channel, sequence, log_ns, publish_ns) + payload)
-    if opcode == SCHEMA and rng.random() < 0.8:
+    if opcode == OPCODE_SCHEMA and rng.random() < 0.8:
         return Record(opcode, mutate(rng, content, ROS_TOKENS if b"float64" in content else NUMBERS))
     return Record(opcode, mutate(rng, content))
 
@@ -141,7 +143,7 @@ def _mutated_chunk(rng: Rng, chunk: Record) -> Record:
         stored = mutate(rng, stored)
     head = CHUNK_HEAD.pack(start_ns, end_ns, size, crc)
     named = struct.pack("<I", len(compression)) + compression.encode()
-    return Record(CHUNK, head + named + struct.pack("<Q", len(stored)) + stored)
+    return Record(OPCODE_CHUNK, head + named + struct.pack("<Q", len(stored)) + stored)
 
 
 def opened(chunk: Record) -> tuple[int, int, str, bytes]:
@@ -160,9 +162,9 @@ def joined(records: list[Record]) -> bytes:
 
 def _file(inside: list[Record], summary: list[Record]) -> bytes:
     """A file with these records, and a footer that fits the summary."""
-    head = MAGIC + joined(inside) + record_bytes.data_end()
+    head = MCAP_MAGIC + joined(inside) + record_bytes.encode_data_end()
     end = joined(summary)
-    return head + end + record_bytes.footer(len(head) if end else 0, 0, end) + MAGIC
+    return head + end + record_bytes.encode_footer(len(head) if end else 0, 0, end) + MCAP_MAGIC
 
 
 def _summary(inside: list[Record]) -> list[Record]:
@@ -177,10 +179,10 @@ def _told(inside: list[Record]) -> list[Record]:
     defined: dict[bytes, Record] = {}
     indexes: list[ChunkIndex] = []
     counts: dict[int, int] = {}
-    at = len(MAGIC)
+    at = len(MCAP_MAGIC)
     for record in inside:
         within = [record]
-        if record.opcode == CHUNK:
+        if record.opcode == OPCODE_CHUNK:
             start_ns, end_ns, size, _ = CHUNK_HEAD.unpack_from(record.content)
             (n,) = struct.unpack_from("<I", record.content, CHUNK_HEAD.size)
             name_at = CHUNK_HEAD.size + 4
@@ -191,19 +193,19 @@ def _told(inside: list[Record]) -> list[Record]:
                 within = split(opened(record)[3])
             except Exception:  # what is in it can't be told
                 within = []
-        elif record.opcode == MESSAGE_INDEX and indexes and len(record.content) >= 2:
+        elif record.opcode == OPCODE_MESSAGE_INDEX and indexes and len(record.content) >= 2:
             index = indexes[-1]
             offsets = {**index.index_offsets, int.from_bytes(record.content[:2], "little"): at}
             length = at + len(record.bytes) - index.chunk_start - index.chunk_length
             indexes[-1] = index._replace(index_offsets=offsets, index_length=length)
         for each in within:
-            if each.opcode in (SCHEMA, CHANNEL):
+            if each.opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
                 defined.setdefault(bytes([each.opcode]) + each.content[:2], each)
-            elif each.opcode == MESSAGE and len(each.content) >= 2:
+            elif each.opcode == OPCODE_MESSAGE and len(each.content) >= 2:
                 channel = int.from_bytes(each.content[:2], "little")
                 counts[channel] = counts.get(channel, 0) + 1
         at += len(record.bytes)
-    n_schemas = sum(each.opcode == SCHEMA for each in defined.values())
+    n_schemas = sum(each.opcode == OPCODE_SCHEMA for each in defined.values())
     counted = Statistics(sum(counts.values()), n_schemas, len(defined) - n_schemas, 0, 0, len(indexes), 0, 0, counts)
-    written = [record_bytes.statistics(counted), *map(record_bytes.chunk_index, indexes)]
+    written = [record_bytes.encode_statistics(counted), *map(record_bytes.encode_chunk_index, indexes)]
     return [*defined.values(), *split(b"".join(written))]

@@ -23,7 +23,7 @@ from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 from osi3.osi_sensorview_pb2 import SensorView
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BUG, EXIT_CODES, EXIT_OUTPUT
 from tests.fuzz.file_cases import fast_folder
 from tests.fuzz.mutate import Rng, mutate
@@ -79,7 +79,7 @@ def check_trace(data: bytes, command: Sequence[str], counts: Counter[str]) -> No
         names = {"LOG": str(path), "OUT": str(out)}
         shown = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
         with redirect_stdout(shown), redirect_stderr(shown):
-            code = run([names.get(each, each) for each in command])
+            code = run_command_line([names.get(each, each) for each in command])
         counts[f"exit {code}"] += 1
         counts["accepted"] += code == 0
         shown.flush()

@@ -100,13 +100,13 @@ def test_a_definition_of_another_length_costs_no_message(tmp_path: Path, name: s
 
 
 def test_a_wrong_value_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    finish = CdrDecoder.finish
+    finish = CdrDecoder.build_columns
 
     def wrong(decoder: CdrDecoder, rows: Int64Array) -> dict[str, Field]:
         fields = finish(decoder, rows)
         return {path: column + 1 if isinstance(column, np.ndarray) else column for path, column in fields.items()}
 
-    monkeypatch.setattr(CdrDecoder, "finish", wrong)
+    monkeypatch.setattr(CdrDecoder, "build_columns", wrong)
     with pytest.raises(AssertionError):
         inputs_of(kernel_cases.check_case, range(30))
 
@@ -115,7 +115,7 @@ def test_a_lost_message_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     columns = Log.columns
 
     def fewer(log: Log, topic: str) -> Columns:
-        return columns(log, topic).logged_within(log.start_ns + 1, None)
+        return columns(log, topic).slice_by_log_time(log.start_ns + 1, None)
 
     file_cases.check_log(small_log(10), None, Counter())
     monkeypatch.setattr(Log, "columns", fewer)

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.control_step import SERIES, ReplayedSteps, write_replays
-from cwcli.channels.ego_viewers import write_ego
-from cwcli.channels.image_lines import LINE_LOOP, Shape, write_image_lines
+from cwcli.channels.control_step import STEP_SERIES_FIELDS, ReplayedSteps, write_replay_channels
+from cwcli.channels.ego_viewers import write_ego_channels
+from cwcli.channels.image_lines import LINE_LOOP, ImageShape, write_image_lines
 from cwcli.channels.lanes import LaneFrames, LaneRows, read_lanes, write_lane_lines, write_lanes
-from cwcli.channels.lateral_state import Observed, read_lateral_truth, read_observed, write_observed
+from cwcli.channels.lateral_state import ObservedDrive, read_lateral_truth, read_observed_drive, write_observed_drive
 from cwcli.channels.measures import write_measures
 from cwcli.channels.path_scene import write_path_scene
-from cwcli.channels.predicted_path import PredictedPaths, read_paths, write_paths
+from cwcli.channels.predicted_path import PredictedPaths, read_predicted_paths, write_predicted_paths
 from cwcli.channels.published import (
     EGO_ONLINE,
     EGO_PATH,
@@ -29,27 +29,27 @@ from cwcli.channels.published import (
     REMOTE_STATE,
     TARGETS_ONLINE,
 )
-from cwcli.channels.rejected import read_rejected, write_rejected
+from cwcli.channels.rejected import read_gated_measurements, write_rejected_measurements
 from cwcli.channels.road_event import read_road_events, write_road_events
-from cwcli.channels.target import read_targets, write_targets
-from cwcli.channels.vehicle_state import VehicleStates, read_states, write_states
-from cwcli.channels.warning import read_warnings, write_warnings
+from cwcli.channels.target import read_targets_as_states, write_target_channels
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states, write_vehicle_states
+from cwcli.channels.warning import read_warnings, write_warning_channels
 from cwcli.control.encounter import POLICIES
 from cwcli.dynamics.samples import STATE_NAMES as LATERAL_NAMES
-from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_statuses
-from cwcli.estimation.result import Gated
+from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
+from cwcli.estimation.result import GatedMeasurements
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import Columns, OutputChannel, Strings, strings_from
+from cwcli.signals.columns import Columns, OutputChannel, Strings, encode_strings
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.packed_covariances import PackedCovariances
-from cwcli.signals.precision import to_step
+from cwcli.signals.precision import round_to_binary_step
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.vehicle_state import N_STATES
 from cwcli.tracking.tracker import TargetTrack, TrackResult
 from cwcli.vision.camera import Camera
 from cwcli.vision.fit_columns import FitColumns
 from cwcli.vision.ground import LaneGeometry
-from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, warning_rows
+from cwcli.warning.rows import CLEARED, HELD, RAISED, WarningRow, build_warning_rows
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 50_000_000
@@ -87,14 +87,14 @@ def definite(rng: np.random.Generator, n: int, size: int) -> npt.NDArray[np.floa
 
 
 def names(n: int) -> Strings:
-    return strings_from([("ego", "other", "third")[k % 3] for k in range(n)])
+    return encode_strings([("ego", "other", "third")[k % 3] for k in range(n)])
 
 
 def sorted_like(given: Any, log_time_ns: npt.NDArray[np.int64]) -> Any:
     """The rows of a value in log-time order, whatever it is made of."""
     order = np.argsort(log_time_ns, kind="stable")
     if isinstance(given, Strings):
-        return given.rows(order)
+        return given.select_rows(order)
     if isinstance(given, np.ndarray):
         return given[order] if len(given) == len(order) else given
     if isinstance(given, Paths):
@@ -108,21 +108,29 @@ def sorted_like(given: Any, log_time_ns: npt.NDArray[np.int64]) -> Any:
 def of_states(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n, shuffled=rng)
     size_m = rng.uniform(1.0, 5.0, (2, n))
-    state, covariance = to_step(rng.normal(size=(n, N_STATES)), 11), PackedCovariances.of(definite(rng, n, N_STATES))
+    state, covariance = (
+        round_to_binary_step(rng.normal(size=(n, N_STATES)), 11),
+        PackedCovariances.from_dense(definite(rng, n, N_STATES)),
+    )
     flags = rng.integers(0, 8, n).astype(np.uint8)
     states = VehicleStates(names(n), stamp_ns, log_time_ns, state, covariance, *size_m, flags)
-    channels = tuple(write_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE))
+    channels = tuple(
+        write_vehicle_states(channel, states, MAP) for channel in (EGO_ONLINE, REMOTE_STATE, REMOTE_ONLINE)
+    )
     topics = [channel.topic for channel in channels]
     return Written(
-        channels, dict.fromkeys(topics, sorted_like(states, log_time_ns)), dict.fromkeys(topics, read_states)
+        channels, dict.fromkeys(topics, sorted_like(states, log_time_ns)), dict.fromkeys(topics, read_vehicle_states)
     )
 
 
 def of_ego(rng: np.random.Generator, n: int) -> Written:
-    state, covariance = to_step(rng.normal(size=(n, N_STATES)), 11), PackedCovariances.of(definite(rng, n, N_STATES))
-    states = VehicleStates.of_ego(times(n)[0], state, covariance)
-    channels = write_ego(states, MAP)
-    return Written(channels, {channels[0].topic: states}, {channels[0].topic: read_states})
+    state, covariance = (
+        round_to_binary_step(rng.normal(size=(n, N_STATES)), 11),
+        PackedCovariances.from_dense(definite(rng, n, N_STATES)),
+    )
+    states = VehicleStates.from_ego_states(times(n)[0], state, covariance)
+    channels = write_ego_channels(states, MAP)
+    return Written(channels, {channels[0].topic: states}, {channels[0].topic: read_vehicle_states})
 
 
 def paths_of(rng: np.random.Generator, n: int, *, k: int = 5) -> PredictedPaths:
@@ -137,9 +145,9 @@ def of_paths(rng: np.random.Generator, n: int) -> Written:
     for channel in (EGO_PATH, REMOTE_PATH, OBSERVER_PATH):
         stamp_ns, log_time_ns = times(n, shuffled=rng)
         predicted = dataclasses.replace(paths_of(rng, n), stamp_ns=stamp_ns, log_time_ns=log_time_ns)
-        written.append(write_paths(channel, predicted, frame_id="odom" if channel is OBSERVER_PATH else ""))
+        written.append(write_predicted_paths(channel, predicted, frame_id="odom" if channel is OBSERVER_PATH else ""))
         given[channel.topic] = sorted_like(predicted, log_time_ns) if n else paths_of(rng, 0, k=0)  # no path, no length
-    return Written(tuple(written), given, dict.fromkeys(given, read_paths))
+    return Written(tuple(written), given, dict.fromkeys(given, read_predicted_paths))
 
 
 def of_path_scene(rng: np.random.Generator, n: int) -> Written:
@@ -153,11 +161,11 @@ def of_targets(rng: np.random.Generator, n: int) -> Written:
     track = TargetTrack(4, stamp_ns, state, definite(rng, n, 5), sources, T0_NS)
     result = TrackResult((track,), "map", ("/lidar",), {}, {}, ("x_m", "y_m", "vx_mps", "vy_mps", "turn_rate_radps"))
     known_ns = stamp_ns, stamp_ns + 9
-    channels = write_targets(result, in_map=True, known_ns=known_ns)
-    online = write_targets(result, in_map=True, known_ns=known_ns, channel=TARGETS_ONLINE)
+    channels = write_target_channels(result, in_map=True, known_ns=known_ns)
+    online = write_target_channels(result, in_map=True, known_ns=known_ns, channel=TARGETS_ONLINE)
     speed = np.hypot(*state[:, 2:4].T)
     given = {
-        "ids": strings_from(["4"] * n),
+        "ids": encode_strings(["4"] * n),
         "stamp_ns": stamp_ns,
         "log_time_ns": stamp_ns + 9,
         "xy": state[:, :2],
@@ -168,7 +176,7 @@ def of_targets(rng: np.random.Generator, n: int) -> Written:
     }
 
     def read(columns: Columns) -> dict[str, Any]:
-        back = read_targets(columns)
+        back = read_targets_as_states(columns)
         heading, yaw_rate = back.state[:, 3], back.state[:, 5]
         np.testing.assert_allclose(back.state[:, 2], speed)
         return {
@@ -193,10 +201,12 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
         WarningRow(log, stamp, log - 1, 1 + k // 4, states[k % 4], f"v{k % 2}", f"says {k}", *rng.uniform(size=5))
         for k, (stamp, log) in enumerate(zip(stamp_ns.tolist(), log_time_ns.tolist(), strict=True))
     ]
-    cwcli, ttc = (warning_rows(part, rule=rule, host_id="ego") for rule, part in (("a", rows[::2]), ("b", rows[1::2])))
-    channels = write_warnings([cwcli, ttc])
-    whole = warning_rows(rows, rule="a", host_id="ego")
-    rules = strings_from(["ab"[k % 2] for k in range(n)])
+    cwcli, ttc = (
+        build_warning_rows(part, rule=rule, host_id="ego") for rule, part in (("a", rows[::2]), ("b", rows[1::2]))
+    )
+    channels = write_warning_channels([cwcli, ttc])
+    whole = build_warning_rows(rows, rule="a", host_id="ego")
+    rules = encode_strings(["ab"[k % 2] for k in range(n)])
     return Written(
         channels, {channels[0].topic: dataclasses.replace(whole, rule=rules)}, {channels[0].topic: read_warnings}
     )
@@ -204,16 +214,16 @@ def of_warnings(rng: np.random.Generator, n: int) -> Written:
 
 def of_replays(rng: np.random.Generator, n: int) -> Written:
     stamp_ns = times(n)[0]
-    states = tuple(to_step(rng.normal(size=(n, N_STATES)), 11) for _ in POLICIES)
-    series = tuple({name: rng.uniform(size=n) for name in SERIES[:-1]} for _ in POLICIES)
-    series = tuple({**each, SERIES[-1]: np.zeros(n, np.bool_)} for each in series)
+    states = tuple(round_to_binary_step(rng.normal(size=(n, N_STATES)), 11) for _ in POLICIES)
+    series = tuple({name: rng.uniform(size=n) for name in STEP_SERIES_FIELDS[:-1]} for _ in POLICIES)
+    series = tuple({**each, STEP_SERIES_FIELDS[-1]: np.zeros(n, np.bool_)} for each in series)
     replays = [ReplayedSteps(1, "car", stamp_ns, states, series)]
-    channels = write_replays(replays, host_size_m=(4.5, None), local_map=MAP)
+    channels = write_replay_channels(replays, host_size_m=(4.5, None), local_map=MAP)
     given = {
-        channel.topic: VehicleStates.of_ego(stamp_ns, states[policy], size_m=(4.5, None))
+        channel.topic: VehicleStates.from_ego_states(stamp_ns, states[policy], size_m=(4.5, None))
         for policy, channel in enumerate(channels[::3])
     }
-    return Written(channels, given, dict.fromkeys(given, read_states))
+    return Written(channels, given, dict.fromkeys(given, read_vehicle_states))
 
 
 def of_lanes(rng: np.random.Generator, n: int) -> Written:
@@ -289,8 +299,11 @@ def of_lanes(rng: np.random.Generator, n: int) -> Written:
     def read(columns: Columns) -> dict[str, Any]:
         back: LaneRows = read_lanes(columns)
         found: dict[str, Any] = {name: getattr(back, name, None) for name in given}
-        found |= {name: getattr(back.drawn, name) for name in ("parabolas", "roads", "horizon_px", "top_px", "pinhole")}
-        focal_px = [getattr(back.lenses.camera(row), "fx", None) for row in range(n)]
+        found |= {
+            name: getattr(back.image_boundaries, name)
+            for name in ("parabolas", "roads", "horizon_px", "top_px", "pinhole")
+        }
+        focal_px = [getattr(back.lenses.camera_before_rectification(row), "fx", None) for row in range(n)]
         return found | {"focal_length_px": focal_px}
 
     return Written((lanes, write_lane_lines(frames)), {lanes.topic: given}, {lanes.topic: read})
@@ -311,13 +324,13 @@ def of_observed(rng: np.random.Generator, n: int) -> Written:
         mass_kg,
         sigma_kg,
         status,
-        count_statuses(status),
+        count_frame_statuses(status),
     )
-    observed = Observed(log_time_ns, track)
-    channel = write_observed(observed)
+    observed = ObservedDrive(log_time_ns, track)
+    channel = write_observed_drive(observed)
 
     def read(columns: Columns) -> Any:
-        back = read_observed(columns)
+        back = read_observed_drive(columns)
         truth_ns, truth = read_lateral_truth(columns)
         np.testing.assert_array_equal(truth_ns, back.track.stamp_ns)
         np.testing.assert_array_equal(truth, back.track.state)
@@ -330,8 +343,8 @@ def of_path_lines(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n)
     colour = (0.1, 0.2, 0.3, 0.4)
 
-    def shapes(start: int, stop: int) -> list[list[Shape]]:
-        shape = Shape(LINE_LOOP, rng.uniform(size=(4, 2)), colour, colour, 2.0)
+    def shapes(start: int, stop: int) -> list[list[ImageShape]]:
+        shape = ImageShape(LINE_LOOP, rng.uniform(size=(4, 2)), colour, colour, 2.0)
         return [[shape] * (row % 3) for row in range(start, stop)]
 
     return Written((write_image_lines(OBSERVER_PATH_LINES, stamp_ns=stamp_ns, log_time_ns=log_time_ns, shapes=shapes),))
@@ -339,7 +352,7 @@ def of_path_lines(rng: np.random.Generator, n: int) -> Written:
 
 def of_measures(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, log_time_ns = times(n)
-    ego = VehicleStates.of_ego(stamp_ns, rng.normal(size=(n, N_STATES)))
+    ego = VehicleStates.from_ego_states(stamp_ns, rng.normal(size=(n, N_STATES)))
     ego = dataclasses.replace(ego, log_time_ns=log_time_ns)
     columns = {"stamp_ns": stamp_ns, "ego_id": ego.ids, "other_id": names(n), "ttc_s": rng.normal(size=n)}
     return Written((write_measures(ego, columns),))
@@ -347,9 +360,9 @@ def of_measures(rng: np.random.Generator, n: int) -> Written:
 
 def of_rejected(rng: np.random.Generator, n: int) -> Written:
     stamp_ns, _ = times(n)
-    gated = Gated(stamp_ns, names(n), names(n), rng.uniform(11.0, 500.0, n), np.full(n, 10.8))
-    channel = write_rejected(gated)
-    return Written((channel,), {channel.topic: gated}, {channel.topic: read_rejected})
+    gated = GatedMeasurements(stamp_ns, names(n), names(n), rng.uniform(11.0, 500.0, n), np.full(n, 10.8))
+    channel = write_rejected_measurements(gated)
+    return Written((channel,), {channel.topic: gated}, {channel.topic: read_gated_measurements})
 
 
 def of_road_events(rng: np.random.Generator, n: int) -> Written:

@@ -16,7 +16,7 @@ from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 from mcap_ros2.writer import Writer as Ros2Writer
 
-from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, schema_folder
+from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, schema_folder
 from tests.laws.input_messages import DELAY_NS, Message, stamp_of
 from tests.laws.receiver_messages import DEFINITIONS
 
@@ -93,7 +93,7 @@ def message_class(schema: str) -> Any:
         return getattr(importlib.import_module(f"foxglove_schemas_protobuf.{name}_pb2"), name)
     if package == "osi3":
         return getattr(importlib.import_module(f"osi3.osi_{name.lower()}_pb2"), name)
-    files = descriptor_pb2.FileDescriptorSet.FromString((schema_folder() / DESCRIPTOR_SET_NAME).read_bytes())
+    files = descriptor_pb2.FileDescriptorSet.FromString((schema_folder() / CWCLI_DESCRIPTOR_SET_FILE).read_bytes())
     pool = descriptor_pool.DescriptorPool()
     for file in files.file:
         pool.Add(file)

@@ -11,7 +11,7 @@ from typing import Any
 
 from cwcli.signals.columns import Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS, VAM_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
+from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
 from cwcli.signals.role import Role
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
@@ -443,7 +443,7 @@ def _nav_path(k: int) -> Sample:
 
 
 FLAGS: dict[str, int] = {}
-for _path, _bit in CARMA_PRESENCE.values():
+for _path, _bit in CARMA_PRESENCE_BITS.values():
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 
 IN_FRAME = "value.BasicSafetyMessage."
@@ -476,13 +476,13 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "etsi_its_cam_msgs/CAM": _v2x(EN_PATHS, CAM),
     "etsi_its_cam_ts_msgs/CAM": _v2x(TS_PATHS, CAM),
     "etsi_its_vam_ts_msgs/VAM": _without_size(_v2x(VAM_PATHS, VAM)),
-    "j2735_v2x_msgs/BSM": _v2x(ROS, ROS_BSM),
-    "carma_v2x_msgs/BSM": _v2x(ROS, CARMA_BSM, **FLAGS),
-    "BasicSafetyMessage": _v2x(JSON_RAW, RAW_BSM),
-    "MessageFrame": _v2x(JSON_RAW, RAW_BSM, IN_FRAME),
-    "OdeBsmData": _v2x(JSON_ODE, ODE_BSM, "payload.data."),
-    "OdeBsmJson": _v2x(JSON_ODE, ODE_BSM, "payload.data."),
-    "OdeMessageFrameData": _v2x(JSON_RAW, RAW_BSM, f"payload.data.{IN_FRAME}"),
+    "j2735_v2x_msgs/BSM": _v2x(ROS_PATHS, ROS_BSM),
+    "carma_v2x_msgs/BSM": _v2x(ROS_PATHS, CARMA_BSM, **FLAGS),
+    "BasicSafetyMessage": _v2x(JSON_RAW_PATHS, RAW_BSM),
+    "MessageFrame": _v2x(JSON_RAW_PATHS, RAW_BSM, IN_FRAME),
+    "OdeBsmData": _v2x(JSON_ODE_PATHS, ODE_BSM, "payload.data."),
+    "OdeBsmJson": _v2x(JSON_ODE_PATHS, ODE_BSM, "payload.data."),
+    "OdeMessageFrameData": _v2x(JSON_RAW_PATHS, RAW_BSM, f"payload.data.{IN_FRAME}"),
     "carma_driver_msgs/ByteArray": _radio(packed_bsm, "content"),
     "cwcli_radio/J2735": _radio(packed_bsm, "payload"),
     "udp_msgs/UdpPacket": _radio(lambda k: b"\x07\xd1\x00\x00" + packed_cam(k), "data"),

@@ -103,10 +103,10 @@ def ros_cpm(k: int, stamp_ns: int, **changes: int) -> Sample:
         "semi_minor_m": 245,
         "semi_major_compass_deg": 0,
     }
-    car = {cpm.OBJECT_PATHS[name]: code for name, code in cpm_object(**changes).items()}
-    flags = (*cpm.PRESENCE, "velocity_is_present", "acceleration_is_present")
+    car = {cpm.ROS_OBJECT_PATHS[name]: code for name, code in cpm_object(**changes).items()}
+    flags = (*cpm.QUANTITIES_BY_PRESENCE_FLAG, "velocity_is_present", "acceleration_is_present")
     car |= dict.fromkeys(flags, True) | {"velocity.choice": 0, "acceleration.choice": 0}
-    message = nested({cpm.SENDER_PATHS[name][0]: code for name, code in sender.items()})
+    message = nested({cpm.ROS_SENDER_PATHS[name][0]: code for name, code in sender.items()})
     perceived = {"perceived_objects": {"array": [nested(car)]}}
     message["payload"]["cpm_containers"] = {
         "value": {"array": [{"container_data_perceived_object_container": perceived}]}
@@ -151,13 +151,13 @@ def ros_sdsm(*, is_carma: bool) -> Callable[[int, int], Sample]:
             "width_m": 1.8 if is_carma else 180,
             "length_m": 4.5 if is_carma else 450,
         }
-        values = {sdsm.OBJECT_PATHS[name]: value for name, value in car.items()}
-        for path, bit, _ in (*sdsm.PRESENCE, *sdsm.CARMA_PRESENCE):
+        values = {sdsm.ROS_OBJECT_PATHS[name]: value for name, value in car.items()}
+        for path, bit, _ in (*sdsm.OBJECT_PRESENCE_BITS, *sdsm.CARMA_OBJECT_PRESENCE_BITS):
             values[path] = values.get(path, 0) | bit
-        values |= dict.fromkeys(sdsm.CARMA_UNAVAILABLE.values(), False)
+        values |= dict.fromkeys(sdsm.CARMA_UNAVAILABLE_PATHS.values(), False)
         values["detected_object_optional_data.choice"] = 0
-        of_sender = {sdsm.SENDER_PATHS[name]: value for name, value in sender.items()}
-        for path, bit, _ in (*sdsm.SENDER_PRESENCE, *sdsm.CARMA_SENDER_PRESENCE):
+        of_sender = {sdsm.ROS_SENDER_PATHS[name]: value for name, value in sender.items()}
+        for path, bit, _ in (*sdsm.SENDER_PRESENCE_BITS, *sdsm.CARMA_SENDER_PRESENCE_BITS):
             of_sender[path] = of_sender.get(path, 0) | bit
         message = nested(of_sender) | {"objects": {"detected_object_data": [nested(values)]}}
         more = {"accel_mps2": -3.0, "lateral_accel_mps2": 1.0, "speed_sigma_mps": 1.0 / 1.959964}

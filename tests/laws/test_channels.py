@@ -13,10 +13,10 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from cwcli.channels.published import (
-    POLICY,
-    PUBLISHED,
+    POLICY_PLACEHOLDER,
+    PUBLISHED_CHANNELS,
     Channel,
-    topics,
+    published_topics,
 )
 from cwcli.channels.warning import read_warnings
 from cwcli.control.encounter import POLICIES
@@ -54,8 +54,8 @@ def assert_same(found: Any, expected: Any, where: str = "") -> None:
 
 def test_every_published_channel_is_here_and_nothing_else() -> None:
     written = [channel for case in CASES for channel in case(np.random.default_rng(1), N).channels]
-    assert {channel.topic: channel.schema_name for channel in written} == topics()
-    roles = {channel.topic for channel in PUBLISHED if channel.role}
+    assert {channel.topic: channel.schema_name for channel in written} == published_topics()
+    roles = {channel.topic for channel in PUBLISHED_CHANNELS if channel.role}
     read = {topic for case in CASES for topic in case(np.random.default_rng(1), N).readers}
     assert roles <= read  # what later stages find has a reader
 
@@ -90,7 +90,7 @@ def test_the_file_holds_as_many_messages_and_other_libraries_decode_them(
             stream, decoder_factories=[DecoderFactory()]
         ).iter_decoded_messages():
             assert schema is not None
-            assert schema.name == topics()[channel_of.topic]
+            assert schema.name == published_topics()[channel_of.topic]
             counts[channel_of.topic] += 1
     assert counts == {channel.topic: len(channel) for channel in channels}
 
@@ -136,7 +136,7 @@ def test_a_channel_of_another_version_is_an_error_that_says_what_to_do(
 
 
 def test_a_descriptor_of_a_policy_is_one_of_its_topics() -> None:
-    own = [channel for channel in PUBLISHED if POLICY in channel.topic]
+    own = [channel for channel in PUBLISHED_CHANNELS if POLICY_PLACEHOLDER in channel.topic]
     assert len(own) == 3
-    of_all: list[Channel] = [channel.of(policy) for channel in own for policy in POLICIES]
-    assert {channel.topic for channel in of_all} <= set(topics())
+    of_all: list[Channel] = [channel.for_policy(policy) for channel in own for policy in POLICIES]
+    assert {channel.topic for channel in of_all} <= set(published_topics())

@@ -10,9 +10,9 @@ import pytest
 from cwcli.estimation import EstimatorConfig, estimate_track
 from cwcli.estimation.consistency import nees
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import Series, Start, run_pass
-from cwcli.metrics.chi_square import mean_bounds
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import FilterStart, SensorSeries, run_filter_pass
+from cwcli.metrics.chi_square import chi_square_mean_bounds
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 from tests.unit.estimation import naive_ekf
 
@@ -59,7 +59,7 @@ def test_filter_and_smoother_agree_after_the_last_measurement() -> None:
 def test_nees_of_data_drawn_from_the_model_is_inside_its_bounds() -> None:
     """Truth drawn from the filter's own process; 30 runs; mean NEES of 8 states within the 95 % bounds, widened
     by the share that linearisation takes."""
-    parameters = ModelParameters(jerk_sigma_mps3=0.5, yaw_accel_sigma_radps2=0.03, standstill_speed_mps=0.1)
+    parameters = MotionParameters(jerk_sigma_mps3=0.5, yaw_accel_sigma_radps2=0.03, standstill_speed_mps=0.1)
     sigma0 = np.array([0.5, 0.5, 0.5, 0.05, 0.3, 0.02, 0.3, 0.02])
     end = []
     for seed in range(30):
@@ -77,13 +77,15 @@ def test_nees_of_data_drawn_from_the_model_is_inside_its_bounds() -> None:
         t = np.array(time)
         r_xy, r_yaw = np.tile([0.09, 0.0, 0.09], (60, 1)), np.tile([2.5e-5, 0.0, 0.0], (60, 1))
         series = [
-            Series("p", Kind.POSITION, t, np.array(xy), r_xy),
-            Series("w", Kind.YAW_RATE, t, np.array(yaw), r_yaw),
+            SensorSeries("p", Kind.POSITION, t, np.array(xy), r_xy),
+            SensorSeries("w", Kind.YAW_RATE, t, np.array(yaw), r_yaw),
         ]
-        start = Start(0.0, mean0, np.diag(sigma0**2))
-        result = run_pass(series, start, parameters.motion(np.zeros(8)), t[-1:], smooth=True, reset_after=5)
+        start = FilterStart(0.0, mean0, np.diag(sigma0**2))
+        result = run_filter_pass(
+            series, start, parameters.to_process_model(np.zeros(8)), t[-1:], smooth=True, reset_after=5
+        )
         end.append(nees((result.state - x)[:, :8], result.covariance)[0])
-    low, high = mean_bounds(8, 30)
+    low, high = chi_square_mean_bounds(8, 30)
     assert 0.97 * low < np.mean(end) < 1.03 * high
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.canonical import CameraInfoSignal, DetectionSignal
 from cwcli.signals.columns import Columns, Field, Ragged
-from cwcli.signals.contract import KINDS, check_built
-from cwcli.signals.inputs import _BUILTIN as BUILTIN
-from cwcli.signals.inputs import INPUTS, normalise
-from cwcli.signals.leaf_fields import strings_from
+from cwcli.signals.contract import SIGNAL_TYPES_BY_ROLE, check_builder_result
+from cwcli.signals.inputs import _BUILTIN_INPUTS as BUILTIN
+from cwcli.signals.inputs import INPUTS, normalise_schema_name
+from cwcli.signals.leaf_fields import encode_strings
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
@@ -78,10 +78,10 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
     path = write_log(tmp_path / "log.mcap", schema, encoding, topic, [message for message, _ in samples])
     with Log.open(path) as log:
         columns = log.columns(topic, fields=entry.fields[encoding])
-    assert normalise(columns.schema_name) == schema
+    assert normalise_schema_name(columns.schema_name) == schema
     reading = {"ego_station": station_of(schema)} if is_v2x and entry.role != Role.REMOTE else {}
-    signal, quality = build(entry.role, columns, is_override=True, **reading)
-    check_built((signal, quality), columns, Reading(entry.role))
+    signal, quality = build_signal(entry.role, columns, is_override=True, **reading)
+    check_builder_result((signal, quality), columns, Reading(entry.role))
     assert not quality.n_faults
     assert sum(quality.set_aside.values()) == (N if schema in PERCEIVED_SAMPLES else 0)  # their objects count
     message = samples[0][0]
@@ -113,8 +113,8 @@ def test_what_a_message_says_is_what_the_signal_holds(schema, entry, encoding, t
 def test_an_empty_channel_gives_an_empty_signal(schema, entry, encoding) -> None:
     for fields in ({}, dict.fromkeys(entry.fields[encoding], np.zeros(0))):
         columns = channel(schema, encoding, 0, fields)
-        signal, quality = build(entry.role, columns)
-        check_built((signal, quality), columns, Reading(entry.role))
+        signal, quality = build_signal(entry.role, columns)
+        check_builder_result((signal, quality), columns, Reading(entry.role))
         assert quality.used == 0
 
 
@@ -126,13 +126,13 @@ def test_a_field_that_is_missing_or_of_another_kind_is_counted(schema, entry, en
         kept = [leaf for leaf in leaves if rng.random() < 0.8]
         columns = channel(schema, encoding, n, {leaf: odd_field(rng, n) for leaf in kept})
         with np.errstate(all="ignore"):
-            built = build(entry.role, columns, ego_station=str(rng.choice(STATIONS)))
-        check_built(built, columns, Reading(entry.role))
+            built = build_signal(entry.role, columns, ego_station=str(rng.choice(STATIONS)))
+        check_builder_result(built, columns, Reading(entry.role))
 
 
 def test_every_role_but_the_camera_has_its_signals() -> None:
     built = {entry.role for entries in INPUTS.values() for entry in entries if entry.build is not None}
-    assert built == set(KINDS)
+    assert built == set(SIGNAL_TYPES_BY_ROLE)
 
 
 def told() -> set[str]:
@@ -180,5 +180,7 @@ def odd_field(rng: np.random.Generator, n: int) -> Field:
         lengths = rng.integers(0, 4, n)
         return Ragged(rng.choice(odd, lengths.sum()), np.concatenate([[0], np.cumsum(lengths)]))
     if kind == 4:
-        return strings_from([str(each) for each in rng.choice(["", "1001", "map", "EV", "-1e9", "nan", "reverse"], n)])
+        return encode_strings(
+            [str(each) for each in rng.choice(["", "1001", "map", "EV", "-1e9", "nan", "reverse"], n)]
+        )
     return np.clip(rng.choice(odd, n), -1e30, 1e30).astype(np.float32)

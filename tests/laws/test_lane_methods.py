@@ -9,11 +9,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.simulation.road.sets import frame
+from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting, default_camera
 from cwcli.vision.method import LaneFit, LaneFrame, LaneSearch
-from cwcli.vision.methods import METHODS, ready_methods
+from cwcli.vision.methods import METHODS, methods_without_model
 from tests.unit.vision.lane_scene import mounted, score
 
 Grey = npt.NDArray[np.uint8]
@@ -21,9 +21,9 @@ STEP_NS = 100_000_000
 N_FRAMES = 12
 """Of a standing camera: as many as a method that searches by chance needs to find a lane that is there."""
 NOISE_GREY = 3.0
-SCENES = [frame("good", index) for index in range(10)]
+SCENES = [render_set_frame("good", index) for index in range(10)]
 
-every_method = pytest.mark.parametrize("name", ready_methods())
+every_method = pytest.mark.parametrize("name", methods_without_model())
 
 
 def prepared(name: str, image: Grey) -> Grey:
@@ -37,7 +37,7 @@ def prepared(name: str, image: Grey) -> Grey:
 def step(name: str, search: LaneSearch, image: Grey, camera: Camera, number: int = 0) -> LaneFit:
     """The next frame of a search, brought to the size that the method asks for."""
     grey = prepared(name, image)
-    seen = camera.resized(grey.shape[1], grey.shape[0])
+    seen = camera.with_image_size(grey.shape[1], grey.shape[0])
     return search.step(LaneFrame(grey, seen, number * STEP_NS, number, speed_mps=0.0, yaw_rate_radps=0.0))
 
 
@@ -117,7 +117,7 @@ def test_a_lane_is_found_after_blank_frames(name: str) -> None:
     assert score(fit, scene.truth).is_correct
 
 
-@pytest.mark.parametrize("name", [name for name in ready_methods() if METHODS[name].prepare is not None])
+@pytest.mark.parametrize("name", [name for name in methods_without_model() if METHODS[name].prepare is not None])
 def test_what_was_prepared_changes_nothing(name: str) -> None:
     method = METHODS[name]
     assert method.prepare is not None

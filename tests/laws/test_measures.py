@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cwcli.measures import MEASURES
-from cwcli.measures.base import Measure, is_column_of
+from cwcli.measures.base import Measure, is_column_named_by_measure
 from cwcli.measures.pair import ActualTrack, Pair
 
 FloatArray = npt.NDArray[np.float64]
@@ -62,7 +62,7 @@ def pair(host: ActualTrack, other: ActualTrack) -> Pair:
 
 def judged(measure: Measure, n: int = 40, seed: int = 5) -> list[Pair]:
     """Scenes for a measure: a few moments of a few where it is dear."""
-    if not measure.is_dear:
+    if not measure.is_expensive:
         return scenes(n, seed)
 
     def few(track: ActualTrack) -> ActualTrack:
@@ -139,8 +139,8 @@ CHANGES: dict[str, tuple[Callable[[FloatArray], FloatArray], int]] = {
 def test_no_place_direction_or_time_counts(name: str, change: str) -> None:
     measure = MEASURES[name]
     for scene in judged(measure):
-        found = with_state(scene, *CHANGES[change]).value(measure)
-        np.testing.assert_allclose(found, scene.value(measure), rtol=RTOL, atol=RTOL)
+        found = with_state(scene, *CHANGES[change]).evaluate_measure(measure)
+        np.testing.assert_allclose(found, scene.evaluate_measure(measure), rtol=RTOL, atol=RTOL)
 
 
 def one_after_another(parts: list[Pair], part_ns: int = 100 * N * STEP_NS) -> Pair:
@@ -166,11 +166,11 @@ def test_each_of_360_angles_says_the_same(name: str) -> None:
         for angle_deg in range(360):
             turn, mirror = turned(np.radians(angle_deg)), CHANGES["mirrored"][0] if angle_deg % 2 else np.asarray
             ways.append(with_state(scene, lambda state, turn=turn, mirror=mirror: turn(mirror(state)) + away_m))
-        expected = scene.value(measure)
+        expected = scene.evaluate_measure(measure)
         if measure.is_pointwise:
-            found = one_after_another(ways).value(measure).reshape(360, -1)
+            found = one_after_another(ways).evaluate_measure(measure).reshape(360, -1)
         else:
-            found = np.array([way.value(measure) for way in ways])
+            found = np.array([way.evaluate_measure(measure) for way in ways])
         np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), rtol=RTOL, atol=RTOL)
 
 
@@ -193,19 +193,23 @@ def test_no_place_direction_or_time_counts_in_any_scene(
             state = CHANGES["mirrored"][0](state)
         return turned(np.radians(angle_deg))(state) + np.array([*shift_m, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
-    found = with_state(scene, change, later_s * 10**9).value(measure)
-    np.testing.assert_allclose(found, scene.value(measure), rtol=RTOL, atol=RTOL)
+    found = with_state(scene, change, later_s * 10**9).evaluate_measure(measure)
+    np.testing.assert_allclose(found, scene.evaluate_measure(measure), rtol=RTOL, atol=RTOL)
 
 
 @every_measure
 def test_either_vehicle_may_be_the_host(name: str) -> None:
     measure = MEASURES[name]
     if not measure.is_symmetric:
-        values = [(scene.value(measure), swapped(scene).value(measure)) for scene in judged(measure)]
+        values = [
+            (scene.evaluate_measure(measure), swapped(scene).evaluate_measure(measure)) for scene in judged(measure)
+        ]
         assert any(not np.allclose(one, other, rtol=RTOL, equal_nan=True) for one, other in values)
         return
     for scene in judged(measure):
-        np.testing.assert_allclose(swapped(scene).value(measure), scene.value(measure), rtol=RTOL, atol=RTOL)
+        np.testing.assert_allclose(
+            swapped(scene).evaluate_measure(measure), scene.evaluate_measure(measure), rtol=RTOL, atol=RTOL
+        )
 
 
 def swapped(scene: Pair) -> Pair:
@@ -225,13 +229,13 @@ def crossing() -> Pair:
 @every_measure
 def test_a_collision_is_more_critical_than_two_that_never_meet(name: str) -> None:
     measure = MEASURES[name]
-    apart = measure.extreme(never())
-    crashes = [measure.extreme(scene) for scene in (head_on(), rear_end(), crossing())]
+    apart = measure.most_critical_value(never())
+    crashes = [measure.most_critical_value(scene) for scene in (head_on(), rear_end(), crossing())]
     known = [crash for crash in crashes if not np.isnan(crash)]
     assert known
     if measure.is_of_host:
         alone = pair(rear_end().host, never().other)
-        assert measure.extreme(rear_end()) == measure.extreme(alone)
+        assert measure.most_critical_value(rear_end()) == measure.most_critical_value(alone)
         return
     for crash in known:
         assert abs(crash) != np.inf or (crash > 0.0) == (measure.critical == "high")
@@ -244,14 +248,14 @@ def test_a_series_has_a_value_for_each_stamp_and_none_without_data(name: str) ->
     measure = MEASURES[name]
     whole = head_on()
     late = replace(whole, other=rows_of(whole.other, slice(20, 40)))
-    values = late.value(measure)
+    values = late.evaluate_measure(measure)
     assert values.dtype == np.float64
     if not measure.is_series:
         assert values.shape == ()
         return
     assert values.shape == (N,)
     assert np.isnan(np.delete(values, slice(20, 40))).all()
-    np.testing.assert_array_equal(values[20:40], whole.value(measure)[20:40])
+    np.testing.assert_array_equal(values[20:40], whole.evaluate_measure(measure)[20:40])
 
 
 ODD: dict[str, Pair] = {
@@ -273,7 +277,7 @@ ODD: dict[str, Pair] = {
 def test_odd_pairs_have_values_or_none(name: str, odd: str) -> None:
     measure, scene = MEASURES[name], replace(ODD[odd])
     with np.errstate(all="raise", under="ignore"):
-        values = scene.value(measure)
+        values = scene.evaluate_measure(measure)
     assert values.shape == ((len(scene.stamp_ns),) if measure.is_series else ())
     assert np.isnan(values).all() or odd not in ("another hour", "no other")
 
@@ -288,22 +292,24 @@ def test_a_state_that_is_no_number_spoils_no_other(name: str) -> None:
         return ActualTrack(each.stamp_ns, state, each.covariance)
 
     for scene in (replace(whole, host=holed(whole.host)), replace(whole, other=holed(whole.other))):
-        values = np.atleast_1d(scene.value(measure))
+        values = np.atleast_1d(scene.evaluate_measure(measure))
         known = np.arange(len(values)) != 7
         rtol = RTOL if measure.is_series else 2.0 / N  # one number for all moments may lack the one
-        np.testing.assert_allclose(values[known], np.atleast_1d(whole.value(measure))[known], rtol=rtol, atol=RTOL)
+        np.testing.assert_allclose(
+            values[known], np.atleast_1d(whole.evaluate_measure(measure))[known], rtol=rtol, atol=RTOL
+        )
 
 
 @every_measure
 def test_names_and_words(name: str) -> None:
     measure = MEASURES[name]
-    assert is_column_of(name, measure.column)
+    assert is_column_named_by_measure(name, measure.column)
     assert measure.summary
     assert measure.symbol
     assert measure.formula
     assert measure.source
     if measure.threshold is not None:
         assert measure.is_series
-        words = measure.words(measure.threshold)
+        words = measure.conflict_text(measure.threshold)
         assert not words.endswith(".")
-        assert words != measure.words(measure.threshold + 1.0)
+        assert words != measure.conflict_text(measure.threshold + 1.0)

@@ -6,8 +6,8 @@ import pytest
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import path_jacobian, rollout
-from cwcli.signals.vehicle_state import DERIVATIVES
+from cwcli.prediction.rollout import path_jacobian, roll_out_paths
+from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
@@ -42,7 +42,7 @@ def covariances(n: int, seed: int) -> FloatArray:
 @pytest.mark.parametrize("name", MODELS)
 def test_path_starts_at_the_state(name: str) -> None:
     state, covariance = any_starts(200, 0), covariances(200, 1)
-    paths = rollout(name, state, covariance)
+    paths = roll_out_paths(name, state, covariance)
     start = np.column_stack([paths.x_m[:, 0], paths.y_m[:, 0], paths.speed_mps[:, 0], paths.heading_rad[:, 0]])
     np.testing.assert_array_equal(start, state[:, :4])
     at_start = np.column_stack([covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]])
@@ -59,7 +59,7 @@ def test_jacobian_equals_finite_differences(name: str, discretisation: str) -> N
         ahead, behind = state.copy(), state.copy()
         ahead[:, column] += step
         behind[:, column] -= step
-        later, earlier = (rollout(name, start, None, discretisation=discretisation) for start in (ahead, behind))
+        later, earlier = (roll_out_paths(name, start, None, discretisation=discretisation) for start in (ahead, behind))
         slope = np.stack([later.x_m - earlier.x_m, later.y_m - earlier.y_m], axis=-1) / (2.0 * step)
         np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=2e-5)
 
@@ -67,11 +67,11 @@ def test_jacobian_equals_finite_differences(name: str, discretisation: str) -> N
 @pytest.mark.parametrize("name", MODELS)
 def test_covariance_is_symmetric_positive_and_grows(name: str) -> None:
     state, covariance = any_starts(300, 4), covariances(300, 5)
-    xx, xy, yy = np.moveaxis(rollout(name, state, covariance).position_covariance_m2, -1, 0)
+    xx, xy, yy = np.moveaxis(roll_out_paths(name, state, covariance).position_covariance_m2, -1, 0)
     assert (xx > 0.0).all()
     assert (yy > 0.0).all()
     assert (xx * yy - xy**2 > -1e-12 * xx * yy).all()
-    driver = rollout(name, state, None).position_covariance_m2
+    driver = roll_out_paths(name, state, None).position_covariance_m2
     assert (np.diff(driver[..., 0] + driver[..., 2], axis=1) > -1e-12).all()
 
 
@@ -80,7 +80,7 @@ def test_covariance_matches_samples(name: str) -> None:
     # small spread, so that the model is linear over it
     start = np.array([[10.0, -5.0, 15.0, 0.7, -1.0, 0.2, 0.4, -0.1]])
     covariance = covariances(1, 6) * 1e-4
-    ignored = [column for column, used in zip(DERIVATIVES, MODELS[name].uses, strict=True) if not used]
+    ignored = [column for column, used in zip(DERIVATIVE_INDICES, MODELS[name].uses, strict=True) if not used]
     start[:, ignored] = covariance[:, ignored] = covariance[:, :, ignored] = 0.0
     # a driver who adds nothing, whose derivatives last, and of whom everything is believed
     steady = DriverPrior(
@@ -97,10 +97,10 @@ def test_covariance_matches_samples(name: str) -> None:
         cross_share=0.0,
     )
     samples = np.random.default_rng(7).multivariate_normal(start[0], covariance[0], size=40_000)
-    paths = rollout(name, samples, None, prior=steady)
+    paths = roll_out_paths(name, samples, None, prior=steady)
     found = np.cov(paths.x_m[:, -1], paths.y_m[:, -1])
-    both = rollout(name, start, covariance, prior=steady).position_covariance_m2[0, -1]
-    driver = rollout(name, start, None, prior=steady).position_covariance_m2[0, -1]
+    both = roll_out_paths(name, start, covariance, prior=steady).position_covariance_m2[0, -1]
+    driver = roll_out_paths(name, start, None, prior=steady).position_covariance_m2[0, -1]
     scale = np.sqrt(found[0, 0] * found[1, 1])
     np.testing.assert_allclose(both - driver, [found[0, 0], found[0, 1], found[1, 1]], atol=0.03 * scale)
 
@@ -111,7 +111,7 @@ def test_stopped_car_stays_stopped(name: str) -> None:
     state[:, 5], state[:, 7] = 0.3, 0.1  # a gyroscope that drifts
     state[1, 4] = -2.0  # the brake is held
     state[2, 3] = 1.0
-    paths = rollout(name, state, None)
+    paths = roll_out_paths(name, state, None)
     assert (paths.x_m == 0.0).all()
     assert (paths.y_m == 0.0).all()
     assert (paths.speed_mps == 0.0).all()
@@ -122,7 +122,7 @@ def test_stopped_car_stays_stopped(name: str) -> None:
 @pytest.mark.parametrize(("name", "discretisation"), FORMS)
 def test_no_car_changes_direction(name: str, discretisation: str) -> None:
     state = any_starts(500, 8)
-    paths = rollout(name, state, None, horizon_s=5.0, discretisation=discretisation)
+    paths = roll_out_paths(name, state, None, horizon_s=5.0, discretisation=discretisation)
     assert (paths.speed_mps[state[:, 2] >= 0.0] >= 0.0).all()
     assert (paths.speed_mps[state[:, 2] < 0.0] <= 0.0).all()
     stopped = paths.speed_mps[:, 1:-1] == 0.0  # a car at rest may drive off at the start, and only there
@@ -141,7 +141,7 @@ def test_path_turns_and_moves_with_its_start(name: str) -> None:
     moved[:, :2] = state[:, :2] @ rotation.T + shift
     moved[:, 3] += turn
     full[:2, :2] = rotation
-    one, other = rollout(name, state, covariance), rollout(name, moved, full @ covariance @ full.T)
+    one, other = roll_out_paths(name, state, covariance), roll_out_paths(name, moved, full @ covariance @ full.T)
     expected = np.stack([one.x_m, one.y_m], axis=-1) @ rotation.T + shift
     np.testing.assert_allclose(np.stack([other.x_m, other.y_m], axis=-1), expected, atol=1e-9)
     sizes = [path.position_covariance_m2[..., 0] + path.position_covariance_m2[..., 2] for path in (one, other)]
@@ -151,7 +151,7 @@ def test_path_turns_and_moves_with_its_start(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_path_does_not_depend_on_the_step(name: str) -> None:
     state, covariance = any_starts(100, 11), covariances(100, 12)
-    fine, coarse = (rollout(name, state, covariance, step_s=step) for step in (0.05, 0.25))
+    fine, coarse = (roll_out_paths(name, state, covariance, step_s=step) for step in (0.05, 0.25))
     np.testing.assert_allclose(coarse.x_m, fine.x_m[:, ::5], atol=1e-6)
     np.testing.assert_allclose(coarse.y_m, fine.y_m[:, ::5], atol=1e-6)
     np.testing.assert_allclose(coarse.position_covariance_m2, fine.position_covariance_m2[:, ::5], rtol=0.01, atol=1e-3)
@@ -160,13 +160,13 @@ def test_path_does_not_depend_on_the_step(name: str) -> None:
 @pytest.mark.parametrize("name", ["cv", "ca", "ctrv", "ctra"])
 def test_two_legs_make_one_path(name: str) -> None:
     state = any_starts(100, 13)
-    whole = rollout(name, state, None, horizon_s=2.5)
+    whole = roll_out_paths(name, state, None, horizon_s=2.5)
     middle = state.copy()
     middle[:, 0], middle[:, 1] = whole.x_m[:, 20], whole.y_m[:, 20]
     middle[:, 2], middle[:, 3] = whole.speed_mps[:, 20], whole.heading_rad[:, 20]
     stopped = middle[:, 2] == 0.0
     middle[np.ix_(stopped, [4, 5, 6, 7])] = 0.0
-    second = rollout(name, middle, None, horizon_s=1.5)
+    second = roll_out_paths(name, middle, None, horizon_s=1.5)
     np.testing.assert_allclose(second.x_m, whole.x_m[:, 20:], atol=ATOL_M)
     np.testing.assert_allclose(second.y_m, whole.y_m[:, 20:], atol=ATOL_M)
 
@@ -174,10 +174,10 @@ def test_two_legs_make_one_path(name: str) -> None:
 @pytest.mark.parametrize("name", PAPER_MODELS)
 def test_paper_recursion_tends_to_the_exact_integral(name: str) -> None:
     state = any_starts(100, 14)
-    exact = rollout(name, state, None, step_s=0.5)
+    exact = roll_out_paths(name, state, None, step_s=0.5)
     errors = []
     for step in (0.05, 0.025, 0.0125):
-        paper = rollout(name, state, None, step_s=step, discretisation="paper")
+        paper = roll_out_paths(name, state, None, step_s=step, discretisation="paper")
         stride = round(0.5 / step)
         errors.append(np.hypot(paper.x_m[:, ::stride] - exact.x_m, paper.y_m[:, ::stride] - exact.y_m).max())
     if name in ("cv", "ca"):
@@ -190,8 +190,8 @@ def test_paper_recursion_tends_to_the_exact_integral(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_a_row_that_is_not_finite_spoils_no_other(name: str) -> None:
     state, covariance = moving_starts(5, 15), covariances(5, 16)
-    expected = rollout(name, state[[0, 1, 3, 4]], covariance[[0, 1, 3, 4]])
+    expected = roll_out_paths(name, state[[0, 1, 3, 4]], covariance[[0, 1, 3, 4]])
     state[2] = np.nan
-    found = rollout(name, state, covariance)
+    found = roll_out_paths(name, state, covariance)
     assert np.isnan(found.x_m[2]).all()
     np.testing.assert_array_equal(found.x_m[[0, 1, 3, 4]], expected.x_m)

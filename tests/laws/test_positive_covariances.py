@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.filter import kernel_model
+from cwcli.dynamics.filter import build_kernel_model
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import Series, Start, run_pass
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import FilterStart, SensorSeries, run_filter_pass
 from cwcli.kernels import observer
 from cwcli.kernels.observer import Begin, EventKind
 
@@ -37,7 +37,7 @@ def check_covariances(p: np.ndarray) -> None:
     assert np.linalg.eigvalsh(p / (scale[:, :, None] * scale[:, None, :])).min() > -EIGENVALUE_ROUNDING
 
 
-def any_series(rng: np.random.Generator, parameters: ModelParameters) -> list[Series]:
+def any_series(rng: np.random.Generator, parameters: MotionParameters) -> list[SensorSeries]:
     """One series of each kind of sensor."""
     series = []
     for kind in Kind:
@@ -46,7 +46,7 @@ def any_series(rng: np.random.Generator, parameters: ModelParameters) -> list[Se
         variance = 10.0 ** rng.uniform(-12, 4, N_ROWS)
         noise = np.stack([variance, 0.9 * variance * wide, variance * wide], axis=1)
         values = rng.normal(0.0, 30.0 if wide else 1.0, (N_ROWS, 2))
-        series.append(Series(kind.name, kind, 1.0 + np.cumsum(step_s), values, noise))
+        series.append(SensorSeries(kind.name, kind, 1.0 + np.cumsum(step_s), values, noise))
     return series
 
 
@@ -60,12 +60,14 @@ def test_covariances_of_the_vehicle_filter(seeds: range, smooth: bool) -> None:
 def covariances_of_any_rows(seed: int, *, smooth: bool) -> np.ndarray:
     """Of the vehicle filter at the times of all rows, shape (n, 8, 8)."""
     rng = np.random.default_rng(seed)
-    parameters = ModelParameters()
+    parameters = MotionParameters()
     series = any_series(rng, parameters)
     output_s = np.unique(np.concatenate([each.time_s for each in series]))
     variance = np.array([1e12, 1e12, 1e4, 10.0, 100.0, 1.0, 100.0, 1.0])
-    start = Start(0.0, np.array([0.0, 0, 5, 0, 0, 0, 0, 0]), np.diag(variance))
-    found = run_pass(series, start, parameters.motion(np.zeros(8)), output_s, smooth=smooth, reset_after=3)
+    start = FilterStart(0.0, np.array([0.0, 0, 5, 0, 0, 0, 0, 0]), np.diag(variance))
+    found = run_filter_pass(
+        series, start, parameters.to_process_model(np.zeros(8)), output_s, smooth=smooth, reset_after=3
+    )
     return found.covariance
 
 
@@ -88,5 +90,5 @@ def test_covariances_of_the_observer(seed: int) -> None:
         change_1pm2=rng.normal(0.0, 1e-4, n),
     )
     config = ObserverConfig(noise=replace(FilterNoise(), gate=1e9))
-    _, p, _, _ = observer.observe(events, kernel_model(load_vehicle(), config))
+    _, p, _, _ = observer.observe(events, build_kernel_model(load_vehicle(), config))
     check_covariances(p)

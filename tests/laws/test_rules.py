@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.rollout import rollout
-from cwcli.warning.evaluate import _times
+from cwcli.prediction.rollout import roll_out_paths
+from cwcli.warning.evaluate import _evaluation_times_s
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import VehicleTrack, WarningConfig
@@ -38,7 +38,7 @@ def vehicle(name: str, state: FloatArray, *, model: str, shift_ns: int) -> Vehic
     """A vehicle with these states, and paths and onset paths from them."""
     covariance = np.tile(np.diag(SIGMAS**2), (len(state), 1, 1))
     stamp_ns = stamps(TIME_S) + shift_ns
-    paths, onset = (rollout(each, state, covariance, horizon_s=3.5, step_s=0.1) for each in (model, "onset"))
+    paths, onset = (roll_out_paths(each, state, covariance, horizon_s=3.5, step_s=0.1) for each in (model, "onset"))
     return VehicleTrack(name, stamp_ns, stamp_ns, state, paths, onset_paths=onset)
 
 
@@ -56,7 +56,7 @@ def judged(name: str, pair: Tracks, config: WarningConfig | None = None) -> Pair
     """What a rule makes of a pair."""
     host, other = pair
     config = replace(config or WarningConfig(), rule=name)
-    time_s = _times(host, config, RULES[name])
+    time_s = _evaluation_times_s(host, config, RULES[name])
     return evaluate_pairs(host, [other], RULES[name], config, time_s)[0]
 
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from cwcli.tracking.config import FILTERS, MODELS, FilterConfig, TrackerConfig
+from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
-from cwcli.tracking.tracker import track_many, track_one
+from cwcli.tracking.tracker import track_many_targets, track_one_target
 
 any_number = st.one_of(
     st.floats(-50.0, 50.0), st.floats(), st.sampled_from([0.0, -0.0, np.nan, np.inf, -np.inf, 1e300, -1.0, np.pi])
@@ -41,8 +41,8 @@ def detections(draw):
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     data=detections(),
-    name=st.sampled_from(list(FILTERS)),
-    model=st.sampled_from(list(MODELS)),
+    name=st.sampled_from(list(IS_UNSCENTED_BY_FILTER)),
+    model=st.sampled_from(list(MOTION_MODELS)),
     smooth=st.booleans(),
     cartesian=st.sampled_from([0.0, 0.3]),
     with_ego=st.booleans(),
@@ -53,7 +53,7 @@ def test_any_input_is_counted_and_gives_finite_states(data, name, model, smooth,
     t = stamp * 1e-9
     ego = EgoStates(stamp, 10.0 * t, 0.0 * t, 0.1 * t, np.full(len(t), 10.0), np.full(len(t), 0.1))
     sensors = {"radar": SensorModel(x_m=3.0, field_of_view_rad=2.0)}
-    for run in (track_one, track_many):
+    for run in (track_one_target, track_many_targets):
         result = run(data, sensors, TrackerConfig(single), ego if with_ego else None)
         for source in data:
             count = result.counts[source.source]

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cwcli.kernels import track as kernel
-from cwcli.metrics.chi_square import mean_bounds
-from cwcli.simulation.dual_sensor import SEGMENTS, SensorNoise, segment
-from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
+from cwcli.metrics.chi_square import chi_square_mean_bounds
+from cwcli.simulation.dual_sensor import TARGET_PATHS, SensorNoise, simulate_target_on_path
+from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.prepare import Rows, prepare
-from cwcli.tracking.single import consistency, run_filter
+from cwcli.tracking.prepare import DetectionRows, prepare_detections
+from cwcli.tracking.single_target import nis_consistency_by_source, run_filter
 
 NOISE = SensorNoise()
 EPS = float(np.finfo(float).eps)
@@ -24,7 +24,9 @@ SOME_STATE = {
     "ca": [3.0, -2.0, 4.0, 1.0, 0.5, -1.0],
     "ctrv": [3.0, -2.0, 4.0, 1.0, 0.7],
 }
-filters_and_models = pytest.mark.parametrize(("name", "model"), [(f, m) for f in FILTERS for m in MODELS])
+filters_and_models = pytest.mark.parametrize(
+    ("name", "model"), [(f, m) for f in IS_UNSCENTED_BY_FILTER for m in MOTION_MODELS]
+)
 
 
 def moved(model, state, dt_s, p0=None, name="ekf", noise=0.0):
@@ -32,7 +34,7 @@ def moved(model, state, dt_s, p0=None, name="ekf", noise=0.0):
     x = np.array([state], float)
     p = np.zeros((1, len(state), len(state))) if p0 is None else np.array([p0], float)
     config = FilterConfig(filter=name, model=model, noise=noise, turn_noise=noise)
-    kernel.predict_many(config.kernel_filter(), x, p, dt_s)
+    kernel.predict_many(config.build_kernel_filter(), x, p, dt_s)
     return x[0], p[0]
 
 
@@ -59,26 +61,26 @@ def random_rows(seed, n=60, *, kinds=(0, 1, 2), repeat_stamps=False):
     step = rng.choice([0, 1, 50, 3000], n) if repeat_stamps else rng.integers(1, 3000, n)
     stamp = np.cumsum(step) * 1_000_000
     zero = np.zeros(n, np.int64)
-    return Rows(
+    return DetectionRows(
         stamp, zero, kind, np.ascontiguousarray(z), np.ascontiguousarray(r), rng.normal(0, 5, (n, 4)), zero, ("s",)
     )
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", MOTION_MODELS)
 def test_no_time_no_motion(model):
     x, p = moved(model, SOME_STATE[model], 0.0, np.eye(len(SOME_STATE[model])), noise=1.0)
     np.testing.assert_allclose(x, SOME_STATE[model], atol=0.0)
     np.testing.assert_allclose(p, np.eye(len(x)), atol=0.0)
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", MOTION_MODELS)
 def test_two_steps_are_one(model):
     half, _ = moved(model, SOME_STATE[model], 0.35)
     np.testing.assert_allclose(moved(model, half, 0.35)[0], moved(model, SOME_STATE[model], 0.7)[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("turn_rate", [0.0, 1e-9, 1e-5, 1e-3, 0.7, -0.7])
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", MOTION_MODELS)
 def test_the_covariance_moves_with_the_finite_difference_jacobian(model, turn_rate):
     state = np.array(SOME_STATE[model])
     if model == "ctrv":
@@ -139,12 +141,12 @@ def test_both_filters_and_the_closed_form_agree_where_all_is_linear(model):
     rows = replace(rows, stamp_ns=np.arange(25) * 100_000_000, r=np.tile(np.diag([0.04, 0.09, 1.0]), (25, 1, 1)),
                    z=np.cumsum(rng.normal(0, 0.3, (25, 3)), axis=0))  # fmt: skip
     config = FilterConfig(model=model, noise=0.8, gate_probability=1.0, start_speed_mps=5.0)
-    out = {f: run_filter(rows, replace(config, filter=f), smooth=True) for f in FILTERS}
-    causal = {f: run_filter(rows, replace(config, filter=f), smooth=False) for f in FILTERS}
+    out = {f: run_filter(rows, replace(config, filter=f), smooth=True) for f in IS_UNSCENTED_BY_FILTER}
+    causal = {f: run_filter(rows, replace(config, filter=f), smooth=False) for f in IS_UNSCENTED_BY_FILTER}
     for both in (out, causal):
         np.testing.assert_allclose(both["ukf"].state, both["ekf"].state, atol=1e-12)
         np.testing.assert_allclose(both["ukf"].covariance, both["ekf"].covariance, atol=1e-12)
-    d, n = len(MODELS[model].states), 25
+    d, n = len(MOTION_MODELS[model].states), 25
     f = np.stack([moved(model, e, 0.1)[0] for e in np.eye(d)], axis=1)
     q = moved(model, np.zeros(d), 0.1, noise=0.8)[1]
     information, vector = np.zeros((n * d, n * d)), np.zeros(n * d)
@@ -178,14 +180,14 @@ def test_what_is_seen_exactly_is_known_exactly(name, model):
 @filters_and_models
 @pytest.mark.parametrize("angle", [0.7, np.pi])
 def test_turning_the_world_turns_the_track(name, model, angle):
-    scene = segment("weave", 120, NOISE, np.random.default_rng(3))
+    scene = simulate_target_on_path("weave", 120, NOISE, np.random.default_rng(3))
     data = [
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
         Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
-    plain = run_filter(prepare(data).rows, FilterConfig(filter=name, model=model))
+    plain = run_filter(prepare_detections(data).rows, FilterConfig(filter=name, model=model))
     turned_sensors = {s: SensorModel(yaw_rad=angle) for s in ("lidar", "radar")}
-    turned = run_filter(prepare(data, turned_sensors).rows, FilterConfig(filter=name, model=model))
+    turned = run_filter(prepare_detections(data, turned_sensors).rows, FilterConfig(filter=name, model=model))
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
     # sigma points lie along the columns of a Cholesky factor: half a turn maps them onto each other, another angle
@@ -206,7 +208,7 @@ def walk(rng, n, dt, noise):
     return state
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
 def test_nees_and_nis_lie_inside_their_bounds(name):
     """50 seeded runs of 100 samples: the errors are as large as the covariances say (Bar-Shalom et al., 5.4.2)."""
     rng = np.random.default_rng(20)
@@ -231,24 +233,26 @@ def test_nees_and_nis_lie_inside_their_bounds(name):
             ),
         ]
         sensors = {"lidar": SensorModel(sigma=(0.1, 0.1)), "radar": SensorModel(sigma=(0.3, 0.02, 0.2))}
-        rows = prepare(data, sensors).rows
+        rows = prepare_detections(data, sensors).rows
         for smooth, store in nees.items():
             out = run_filter(rows, config, smooth=smooth)
             error = out.state[60] - state[60]
             store.append(error @ np.linalg.solve(out.covariance[60], error))
-        for source, check in consistency(rows.sources, rows.source, out.nis, out.n_values, out.status).items():
+        for source, check in nis_consistency_by_source(
+            rows.sources, rows.source, out.nis, out.n_values, out.status
+        ).items():
             nis[source].append(check.nis_mean)
     for store in nees.values():
-        low, high = mean_bounds(4, n_runs, 0.99)
+        low, high = chi_square_mean_bounds(4, n_runs, 0.99)
         assert low < np.mean(store) < high
     for source, dof in (("lidar", 2), ("radar", 3)):
-        low, high = mean_bounds(dof, n_runs * (49 if source == "lidar" else 50), 0.99)
+        low, high = chi_square_mean_bounds(dof, n_runs * (49 if source == "lidar" else 50), 0.99)
         assert low < np.mean(nis[source]) < high
 
 
-@pytest.mark.parametrize("name", SEGMENTS)
+@pytest.mark.parametrize("name", TARGET_PATHS)
 def test_a_scene_repeats_with_its_seed_and_its_velocity_is_the_paths(name):
-    a, b = (segment(name, 50, NOISE, np.random.default_rng(9)) for _ in range(2))
+    a, b = (simulate_target_on_path(name, 50, NOISE, np.random.default_rng(9)) for _ in range(2))
     np.testing.assert_array_equal(a.radar, b.radar)
     middle = (a.truth_state[2:, :2] - a.truth_state[:-2, :2]) / 0.1
     np.testing.assert_allclose(a.truth_state[1:-1, 2:], middle, atol=0.02)

@@ -13,19 +13,24 @@ import pytest
 
 from cwcli.reproduction.classes import (
     BETTER,
-    CLASSES,
+    CLASS_MEANINGS,
     DIFFERS,
     FITTED,
-    OPEN,
+    NOT_DETERMINABLE,
     REPRODUCED,
-    WITHIN,
+    WITHIN_OWN_BOUND,
     Expectation,
     Finding,
-    Measured,
+    MeasuredNumber,
 )
-from cwcli.reproduction.expectations import expectations_of, load_expectations
-from cwcli.reproduction.findings import Part
-from cwcli.reproduction.findings_report import counts, exit_note, reproduction, row_cells
+from cwcli.reproduction.expectations import load_expectations, parse_expectations
+from cwcli.reproduction.findings import StudyPart
+from cwcli.reproduction.findings_report import (
+    assemble_reproduction,
+    class_counts_table,
+    exit_code_sentence,
+    finding_cells,
+)
 
 DOCS = Path(__file__).parents[2] / "docs" / "papers"
 PAPERS = ("song2016", "xiang2019", "zhang2011")
@@ -42,8 +47,8 @@ def test_every_numbered_figure_and_table_has_a_row_a_picture_or_a_reason(paper: 
     drawings, tables = NUMBERED[paper]
     for name in (*drawings, *tables):
         figure = expected.figures[name]
-        assert figure.rows or figure.pictures or figure.why_none, name
-        assert len(figure.prints) > 10, name
+        assert figure.expectation_by_number or figure.plot_names or figure.reason_for_absence, name
+        assert len(figure.description) > 10, name
 
 
 @pytest.mark.parametrize("paper", PAPERS)
@@ -54,7 +59,7 @@ def test_no_row_claims_reproduced_with_a_fitted_input_or_without_a_printed_numbe
     rows = [row for figure in document["figures"].values() for row in figure.get("rows", ())]
     assert len(rows) > 20
     for row in rows:
-        assert row["class"] in CLASSES
+        assert row["class"] in CLASS_MEANINGS
         if row["class"] == "reproduced":
             assert "paper" in row
             assert "tolerance" in row
@@ -78,13 +83,16 @@ def test_the_page_in_the_docs_is_that_of_the_expectations(paper: str) -> None:
         if len(cells) == 6
     }
     for name, figure in expected.figures.items():
-        assert figure.prints in page
-        assert figure.why_none in page
-        for picture in figure.pictures:
+        assert figure.description in page
+        assert figure.reason_for_absence in page
+        for picture in figure.plot_names:
             assert f"figures/{paper}/{picture.replace(' ', '-')}.png" in page, name
             assert (DOCS / "figures" / paper / f"{picture.replace(' ', '-')}.png").exists()
-        for row in figure.rows.values():
-            cells = [str(cell).replace("<", "&lt;") for cell in row_cells(Finding(row, Measured(name, row.what, 0.0)))]
+        for row in figure.expectation_by_number.values():
+            cells = [
+                str(cell).replace("<", "&lt;")
+                for cell in finding_cells(Finding(row, MeasuredNumber(name, row.what, 0.0)))
+            ]
             assert (cells[0], cells[1], cells[3]) in rows, f"{name}, {row.what}"
     for text in expected.reasons.values():
         assert text.replace("<", "&lt;") in page
@@ -102,7 +110,7 @@ def document_with(**fields: Any) -> dict[str, Any]:
 
 
 def test_a_row_with_every_right_is_taken() -> None:
-    assert expectations_of(document_with()).figures["fig 1"].rows["speed"].paper == (1.0, 1.0)
+    assert parse_expectations(document_with()).figures["fig 1"].expectation_by_number["speed"].paper_range == (1.0, 1.0)
 
 
 WRONG = {
@@ -127,11 +135,11 @@ WRONG = {
 @pytest.mark.parametrize("case", WRONG)
 def test_a_row_without_the_right_to_its_class_is_refused(case: str) -> None:
     with pytest.raises(ValueError, match=r"fig 1|there is no|is not used"):
-        expectations_of(document_with(**WRONG[case]))
+        parse_expectations(document_with(**WRONG[case]))
 
 
-ROW = Expectation("fig 1", "speed", "m/s", REPRODUCED, paper=(1.0, 1.0), tolerance=0.1)
-SAID = Expectation("fig 1", "order", "", FITTED, says="a before b", at_least=1.0, fit="f")
+ROW = Expectation("fig 1", "speed", "m/s", REPRODUCED, paper_range=(1.0, 1.0), tolerance=0.1)
+SAID = Expectation("fig 1", "order", "", FITTED, paper_statement="a before b", at_least=1.0, fit_key="f")
 NAN = math.nan
 
 
@@ -140,45 +148,60 @@ NAN = math.nan
     [
         (ROW, (1.1, NAN, NAN), REPRODUCED, False),
         (ROW, (1.11, NAN, NAN), DIFFERS, True),
-        (ROW, (NAN, NAN, NAN), OPEN, True),
-        (replace(ROW, claim=FITTED, fit="f"), (0.95, NAN, NAN), FITTED, False),
-        (replace(ROW, claim=FITTED, fit="f"), (0.8, NAN, NAN), DIFFERS, True),
-        (replace(ROW, claim=DIFFERS), (0.8, NAN, NAN), DIFFERS, False),
-        (replace(ROW, claim=DIFFERS), (1.0, NAN, NAN), REPRODUCED, False),
-        (replace(ROW, better="lower"), (0.8, 0.7, 0.99), BETTER, False),
-        (replace(ROW, better="lower", claim=BETTER), (0.8, 0.7, 0.99), BETTER, False),
-        (replace(ROW, better="lower", claim=BETTER), (0.8, 0.7, 1.01), DIFFERS, True),  # not with all of its interval
-        (replace(ROW, better="lower", claim=BETTER), (0.95, 0.7, 0.99), REPRODUCED, True),
-        (replace(ROW, better="higher", claim=BETTER), (1.2, 1.1, 1.3), BETTER, False),
-        (replace(ROW, better="higher", claim=BETTER), (0.8, 0.7, 0.9), DIFFERS, True),
-        (replace(ROW, paper=(1.0, 5.0), tolerance=0.0), (5.0, NAN, NAN), REPRODUCED, False),
-        (replace(ROW, paper=(1.0, 5.0), tolerance=0.0), (5.1, NAN, NAN), DIFFERS, True),
-        (replace(ROW, claim=OPEN, is_comparable=False), (9.0, NAN, NAN), OPEN, False),
-        (replace(ROW, claim=OPEN, is_comparable=False, at_most=8.0), (9.0, NAN, NAN), DIFFERS, True),
-        (replace(ROW, claim=WITHIN, paper=None, at_most=2.0), (2.0, NAN, NAN), WITHIN, False),
-        (replace(ROW, claim=WITHIN, paper=None, at_most=2.0), (2.1, NAN, NAN), DIFFERS, True),
-        (replace(ROW, claim=OPEN, paper=None), (2.1, NAN, NAN), OPEN, False),
+        (ROW, (NAN, NAN, NAN), NOT_DETERMINABLE, True),
+        (replace(ROW, claimed_class=FITTED, fit_key="f"), (0.95, NAN, NAN), FITTED, False),
+        (replace(ROW, claimed_class=FITTED, fit_key="f"), (0.8, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claimed_class=DIFFERS), (0.8, NAN, NAN), DIFFERS, False),
+        (replace(ROW, claimed_class=DIFFERS), (1.0, NAN, NAN), REPRODUCED, False),
+        (replace(ROW, better_direction="lower"), (0.8, 0.7, 0.99), BETTER, False),
+        (replace(ROW, better_direction="lower", claimed_class=BETTER), (0.8, 0.7, 0.99), BETTER, False),
+        (
+            replace(ROW, better_direction="lower", claimed_class=BETTER),
+            (0.8, 0.7, 1.01),
+            DIFFERS,
+            True,
+        ),  # not with all of its interval
+        (replace(ROW, better_direction="lower", claimed_class=BETTER), (0.95, 0.7, 0.99), REPRODUCED, True),
+        (replace(ROW, better_direction="higher", claimed_class=BETTER), (1.2, 1.1, 1.3), BETTER, False),
+        (replace(ROW, better_direction="higher", claimed_class=BETTER), (0.8, 0.7, 0.9), DIFFERS, True),
+        (replace(ROW, paper_range=(1.0, 5.0), tolerance=0.0), (5.0, NAN, NAN), REPRODUCED, False),
+        (replace(ROW, paper_range=(1.0, 5.0), tolerance=0.0), (5.1, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claimed_class=NOT_DETERMINABLE, is_comparable=False), (9.0, NAN, NAN), NOT_DETERMINABLE, False),
+        (
+            replace(ROW, claimed_class=NOT_DETERMINABLE, is_comparable=False, at_most=8.0),
+            (9.0, NAN, NAN),
+            DIFFERS,
+            True,
+        ),
+        (
+            replace(ROW, claimed_class=WITHIN_OWN_BOUND, paper_range=None, at_most=2.0),
+            (2.0, NAN, NAN),
+            WITHIN_OWN_BOUND,
+            False,
+        ),
+        (replace(ROW, claimed_class=WITHIN_OWN_BOUND, paper_range=None, at_most=2.0), (2.1, NAN, NAN), DIFFERS, True),
+        (replace(ROW, claimed_class=NOT_DETERMINABLE, paper_range=None), (2.1, NAN, NAN), NOT_DETERMINABLE, False),
         (SAID, (1.0, NAN, NAN), FITTED, False),
         (SAID, (0.0, NAN, NAN), DIFFERS, True),
-        (replace(SAID, claim=DIFFERS, fit=""), (0.0, NAN, NAN), DIFFERS, False),
+        (replace(SAID, claimed_class=DIFFERS, fit_key=""), (0.0, NAN, NAN), DIFFERS, False),
     ],
 )
 def test_the_class_follows_from_the_number(
     row: Expectation, ours: tuple[float, float, float], reached: str, has_failed: bool
 ) -> None:
-    finding = Finding(row, Measured(row.figure, row.what, *ours))
-    assert (finding.reached, finding.has_failed) == (reached, has_failed)
+    finding = Finding(row, MeasuredNumber(row.figure, row.what, *ours))
+    assert (finding.reached_class, finding.has_failed) == (reached, has_failed)
 
 
 def test_the_note_tells_the_exit_code_and_why() -> None:
-    good, bad = (Finding(ROW, Measured("fig 1", "speed", ours)) for ours in (1.0, 2.0))
-    may_miss = Finding(replace(ROW, what="level", claim=DIFFERS), Measured("fig 1", "level", 3.0))
-    assert exit_note([good, may_miss]) == "exit code 0: all 1 claims are met"
-    assert exit_note([good, bad, may_miss]) == (
+    good, bad = (Finding(ROW, MeasuredNumber("fig 1", "speed", ours)) for ours in (1.0, 2.0))
+    may_miss = Finding(replace(ROW, what="level", claimed_class=DIFFERS), MeasuredNumber("fig 1", "level", 3.0))
+    assert exit_code_sentence([good, may_miss]) == "exit code 0: all 1 claims are met"
+    assert exit_code_sentence([good, bad, may_miss]) == (
         "exit code 1: 1 of 2 claims are not met: fig 1, speed: differs instead of reproduced"
     )
-    assert [row[:2] for row in counts([good, bad, may_miss]).rows[:1]] == [("reproduced", 1)]
-    assert [row[1] for row in counts([good, bad, may_miss]).rows] == [1, 0, 0, 0, 2, 0]
+    assert [row[:2] for row in class_counts_table([good, bad, may_miss]).rows[:1]] == [("reproduced", 1)]
+    assert [row[1] for row in class_counts_table([good, bad, may_miss]).rows] == [1, 0, 0, 0, 2, 0]
 
 
 FLIPS = {
@@ -191,16 +214,19 @@ FLIPS = {
 @pytest.mark.parametrize("paper", PAPERS)
 def test_another_number_makes_another_class_sentence_and_exit_code(paper: str) -> None:
     figure, what, right, wrong = FLIPS[paper]
-    good, bad = (reproduction(paper, [Part((Measured(figure, what, ours),))], "1 seed") for ours in (right, wrong))
-    assert not good.failed
-    assert len(bad.failed) == 1
+    good, bad = (
+        assemble_reproduction(paper, [StudyPart((MeasuredNumber(figure, what, ours),))], "1 seed")
+        for ours in (right, wrong)
+    )
+    assert not good.failed_findings
+    assert len(bad.failed_findings) == 1
     assert good.summary.notes[-1] == "exit code 0: all 1 claims are met"
     assert bad.summary.notes[-1].startswith(f"exit code 1: 1 of 1 claims are not met: {figure}, {what}: differs")
-    assert [row["class"] for row in bad.table.records()] == [DIFFERS]
+    assert [row["class"] for row in bad.table.rows_as_dicts()] == [DIFFERS]
     [row] = next(section.rows for section in bad.summary.sections if section.key == figure.replace(" ", "_"))
-    assert row[4] == f"differs (claimed: {good.findings[0].expected.claim})"
+    assert row[4] == f"differs (claimed: {good.findings[0].expected.claimed_class})"
 
 
 def test_a_number_without_an_expectation_is_a_mistake() -> None:
     with pytest.raises(KeyError):
-        reproduction("song2016", [Part((Measured("fig 9", "something else", 1.0),))], "1 seed")
+        assemble_reproduction("song2016", [StudyPart((MeasuredNumber("fig 9", "something else", 1.0),))], "1 seed")

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.control.closed_loop import fuzzy_policy, replay
-from cwcli.reproduction.song2016.control import true_motion
+from cwcli.control.closed_loop import fuzzy_controller_pedals, replay_with_policy
+from cwcli.reproduction.song2016.control import true_recorded_motion
 from cwcli.reproduction.song2016.estimation import table1_part
-from cwcli.reproduction.song2016.methods import sense
-from cwcli.reproduction.song2016.prediction import WARM_UP_S, prediction_errors
-from cwcli.reproduction.song2016.sensitivity import paper_warnings
+from cwcli.reproduction.song2016.methods import measure_vehicle
+from cwcli.reproduction.song2016.prediction import WARM_UP_S, compute_prediction_errors
+from cwcli.reproduction.song2016.sensitivity import paper_warning_times_s
 from cwcli.reproduction.song2016.warning import collision_time_s
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 from tests.papers import own_song2016 as own
 
 OTHERS = {"rear-end": "lead", "intersection": "other"}
@@ -40,10 +40,10 @@ def test_the_own_computations_share_no_code(name: str) -> None:
 @pytest.mark.parametrize("drive", ["straight", "curve"])
 def test_table_1_of_the_papers_filter(drive: str) -> None:
     """Number 1 and 2: every row of table 1 by a filter with full matrices."""
-    found = {each.what: each.ours for each in table1_part(drive, 2, lambda: None).measured}
+    found = {each.what: each.ours for each in table1_part(drive, 2, lambda: None).numbers}
     changes: dict[str, list[float]] = {}
     for seed in range(2):
-        run = sense(load_scenario(drive), HOST, seed)
+        run = measure_vehicle(load_scenario(drive), HOST_NAME, seed)
         error, noise = (values - run.truth[:, :6] for values in (own.filtered(run.vectors, run.sigma), run.vectors))
         for each in (error, noise):
             each[:, 3] = own.wrapped(each[:, 3])
@@ -62,9 +62,10 @@ def test_warning_moments_of_figures_9_and_11(name: str) -> None:
     scenario = load_scenario(name)
     for seed in range(3):
         states = [
-            own.filtered(run.vectors, run.sigma) for run in (sense(scenario, car, seed) for car in (HOST, OTHERS[name]))
+            own.filtered(run.vectors, run.sigma)
+            for run in (measure_vehicle(scenario, car, seed) for car in (HOST_NAME, OTHERS[name]))
         ]
-        for family, moment in paper_warnings(scenario, OTHERS[name], seed).items():
+        for family, moment in paper_warning_times_s(scenario, OTHERS[name], seed).items():
             np.testing.assert_allclose(
                 own.first_warning(*states, family), moment, atol=1e-9, err_msg=f"{family} {seed}"
             )
@@ -85,14 +86,14 @@ def test_prediction_errors_of_figures_3_and_7() -> None:
 
     Starts at which the filter says less than 1 m/s are left out: a car that comes to rest has a rule of its own.
     """
-    errors = prediction_errors("straight", 2, lambda: None)
-    run = sense(load_scenario("straight"), HOST, 0)
-    motion = load_scenario("straight").vehicles[HOST].motion
+    errors = compute_prediction_errors("straight", 2, lambda: None)
+    run = measure_vehicle(load_scenario("straight"), HOST_NAME, 0)
+    motion = load_scenario("straight").vehicles[HOST_NAME].motion
     states = own.filtered(run.vectors, run.sigma)
     cases = [(family, 2.5, errors.example_m[family]) for family in ("speed", "acceleration", "jerk")]
     for family, horizon_s, theirs in [*cases, ("jerk", 2.9, errors.horizon_example_m[2.9][1])]:
         rows = (run.time_s >= WARM_UP_S) & (run.time_s + horizon_s <= 22.0 + 1e-9)
-        later = motion.at(run.time_s[rows] + horizon_s)[:, :2]
+        later = motion.states_at(run.time_s[rows] + horizon_s)[:, :2]
         ours = np.linalg.norm(own.predicted(states, family, round(horizon_s / own.DT))[rows] - later, axis=1)
         moves = states[rows, 2] > 1.0
         assert moves.mean() > 0.8
@@ -104,6 +105,6 @@ def test_prediction_errors_of_figures_3_and_7() -> None:
 def test_least_distances_of_figure_12(warned_s: float) -> None:
     """Number 9: fuzzy inference, brake, and motion of both cars on our own."""
     scenario = load_scenario("rear-end")
-    host, other = true_motion(scenario, HOST), true_motion(scenario, "lead")
-    theirs = float(replay(host, other, np.array([warned_s]), fuzzy_policy).min_distance_m[0])
+    host, other = true_recorded_motion(scenario, HOST_NAME), true_recorded_motion(scenario, "lead")
+    theirs = float(replay_with_policy(host, other, np.array([warned_s]), fuzzy_controller_pedals).min_distance_m[0])
     assert theirs == pytest.approx(own.least_distance(warned_s), abs=0.03)

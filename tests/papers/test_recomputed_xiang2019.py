@@ -5,8 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.reproduction.xiang2019.reproduce import N_SEGMENT, NOISE, figures_5_and_6, table_1
-from cwcli.simulation.dual_sensor import PAPER_RANGES_M, SEGMENTS, DualSensorScene, segment_truth, static_target, watch
+from cwcli.reproduction.xiang2019.reproduce import (
+    N_SEGMENT_SAMPLES,
+    SCENE_NOISE,
+    distance_error_table,
+    segment_error_table,
+)
+from cwcli.simulation.dual_sensor import (
+    PAPER_STATIC_RANGES_M,
+    TARGET_PATHS,
+    DualSensorScene,
+    observe_single_target,
+    simulate_static_target,
+    true_states_on_path,
+)
 from tests.papers import own_xiang2019 as own
 
 
@@ -22,15 +34,18 @@ def rows(scene: DualSensorScene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_table_1_and_its_gap() -> None:
     """Number 10 and 11: the mean square errors of both filters on the four segments, and the UKF's gain."""
     n_seeds = 3
-    table = table_1(n_seeds)
-    for k, name in enumerate(SEGMENTS):
+    table = segment_error_table(n_seeds)
+    for k, name in enumerate(TARGET_PATHS):
         errors = {}
         for unscented in (False, True):
             squares = np.zeros(2)
             for seed in range(n_seeds):
-                scene = watch(*segment_truth(name, N_SEGMENT), NOISE, np.random.default_rng([seed, k]))
+                scene = observe_single_target(
+                    *true_states_on_path(name, N_SEGMENT_SAMPLES), SCENE_NOISE, np.random.default_rng([seed, k])
+                )
                 state = own.filtered(
-                    *rows(scene), lidar_m=NOISE.lidar_m, radar=(NOISE.range_m, NOISE.azimuth_rad), noise=0.3,
+                    *rows(scene), lidar_m=SCENE_NOISE.lidar_m, radar=(SCENE_NOISE.range_m, SCENE_NOISE.azimuth_rad),
+                    noise=0.3,
                     speed_mps=2.0, unscented=unscented,
                 )  # fmt: skip
                 squares += np.square(state[:, :2] - scene.truth_state[:, :2]).mean(axis=0) / n_seeds
@@ -46,13 +61,14 @@ def test_table_1_and_its_gap() -> None:
 def test_figure_6_and_its_gains() -> None:
     """Number 12: the error of both together, and how much worse the mean of four looks of one sensor is."""
     n_seeds = 20
-    table = figures_5_and_6(n_seeds)
-    for k, true_m in enumerate(PAPER_RANGES_M):
+    table = distance_error_table(n_seeds)
+    for k, true_m in enumerate(PAPER_STATIC_RANGES_M):
         errors = np.zeros((n_seeds, 3))
         for seed in range(n_seeds):
-            scene = static_target(true_m, 8, NOISE, np.random.default_rng([seed, round(100 * true_m)]))
+            scene = simulate_static_target(true_m, 8, SCENE_NOISE, np.random.default_rng([seed, round(100 * true_m)]))
             state = own.filtered(
-                *rows(scene), lidar_m=NOISE.lidar_m, radar=(NOISE.range_m, NOISE.azimuth_rad), noise=0.01,
+                *rows(scene), lidar_m=SCENE_NOISE.lidar_m, radar=(SCENE_NOISE.range_m, SCENE_NOISE.azimuth_rad),
+                noise=0.01,
                 speed_mps=0.01, unscented=True,
             )[-1]  # fmt: skip
             found = (np.hypot(*scene.lidar_xy.T).mean(), scene.radar[:, 0].mean(), np.hypot(state[0], state[1]))

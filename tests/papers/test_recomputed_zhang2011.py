@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.reproduction.zhang2011.example import example_part, tables_part
-from cwcli.reproduction.zhang2011.motion import run_part
+from cwcli.reproduction.zhang2011.example import printed_tables_part, worked_example_part
+from cwcli.reproduction.zhang2011.motion import simulated_run_part
 from cwcli.simulation.road.camera import paper_camera
 from tests.papers import own_zhang2011 as own
 
@@ -15,7 +15,7 @@ KMH = 1 / 3.6
 
 @pytest.fixture(scope="module")
 def example() -> dict[str, float]:
-    return {each.what: each.ours for each in example_part().measured}
+    return {each.what: each.ours for each in worked_example_part().numbers}
 
 
 def test_correction_of_the_angle(example: dict[str, float]) -> None:
@@ -79,7 +79,7 @@ def test_static_errors_of_figures_14_and_16(
     figure: str, kmh: float, delta: float, mass: float, told: float, label: str
 ) -> None:
     """Number 17, 18 and 19: with the load known, and the 22.4 % with half load told."""
-    found = {each.what: each.ours for each in run_part(figure).measured}
+    found = {each.what: each.ours for each in simulated_run_part(figure).numbers}
     errors = own.static_errors(kmh, delta, mass, told)
     for k, name in enumerate(("v_y", "gamma")):
         assert found[f"{label}: static error of {name}"] == pytest.approx(errors[k], abs=0.01)
@@ -89,7 +89,7 @@ def test_static_errors_of_figures_14_and_16(
 
 def test_the_worked_example_of_decoding() -> None:
     """Number 20."""
-    found = {each.what: each.ours for each in tables_part().measured}
+    found = {each.what: each.ours for each in printed_tables_part().numbers}
     ours = own.decoded("01010100011100001011101", ((-0.005, 0.005, 7, 4), (0.3, 2.3, 8, 2), (-100.0, 150.0, 8, 0)))
     assert ours == [-0.0017, 0.74, -9.0]
     assert [found[f"worked example: {letter}"] for letter in "abc"] == pytest.approx(ours)
@@ -99,7 +99,7 @@ def test_the_camera_that_the_pictures_are_drawn_with() -> None:
     """Number 21: where points of the road lie in figures 17b to 19b; the optical axis meets the road 33.5 m ahead."""
     camera = paper_camera()
     points = np.array([[10.0, 1.5], [20.0, -2.0], [33.5, 0.0], [60.0, 3.0]])
-    u, v = camera.project(points[:, 0], points[:, 1], np.zeros(len(points)))
+    u, v = camera.project_to_image_px(points[:, 0], points[:, 1], np.zeros(len(points)))
     pitch = np.arctan(1.65 / 33.5)
     ours = own.seen(points, height_m=1.65, focal_px=800.0, centre=(camera.cx, camera.cy), pitch_rad=float(pitch))
     np.testing.assert_allclose(np.column_stack([u, v]), ours, atol=1e-6)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.predicted_path import PlannedChannel
+from cwcli.channels.predicted_path import LazyPathChannel
 from cwcli.estimation.config import EstimatorConfig
-from cwcli.estimation.song2016 import STEP_S, with_derivatives
+from cwcli.estimation.song2016 import SAMPLING_TIME_S, append_jerk_and_yaw_acceleration
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import FloatArray, OutputChannel
 from cwcli.stages.estimate import EstimateConfig, estimate
@@ -36,8 +36,8 @@ def outcome(request: pytest.FixtureRequest) -> tuple[FloatArray, dict[str, Float
 
 def ends(channels: tuple[OutputChannel, ...]) -> FloatArray:
     """Of all the paths, those that are not published, too, (n, 2)."""
-    (channel,) = (each for each in channels if isinstance(each, PlannedChannel) and each.topic == "/cwcli/ego/path")
-    paths = channel.planned.plan.take(slice(None))
+    (channel,) = (each for each in channels if isinstance(each, LazyPathChannel) and each.topic == "/cwcli/ego/path")
+    paths = channel.lazy_paths.plan.take(slice(None))
     return np.stack([paths.x_m[:, -1], paths.y_m[:, -1]], axis=1)
 
 
@@ -49,7 +49,7 @@ def column(channels: tuple[OutputChannel, ...], topic: str, name: str) -> FloatA
 
 def slopes(values: FloatArray) -> FloatArray:
     """Slope per second of the line through each WINDOW of values, by NumPy's polynomial fit, n - WINDOW + 1 of them."""
-    time_s = STEP_S * np.arange(WINDOW)
+    time_s = SAMPLING_TIME_S * np.arange(WINDOW)
     return np.array([np.polyfit(time_s, values[k : k + WINDOW], 1)[0] for k in range(len(values) - WINDOW + 1)])
 
 
@@ -80,16 +80,16 @@ def test_cj_cya_is_the_paper_s_model_and_not_ctra(outcome: tuple[FloatArray, dic
 
 def test_derivatives_begin_anew_after_a_pause() -> None:
     steps = np.concatenate([np.arange(20), np.arange(100, 120)])
-    accel, turn = 0.3 * STEP_S * steps, -0.2 * STEP_S * steps
+    accel, turn = 0.3 * SAMPLING_TIME_S * steps, -0.2 * SAMPLING_TIME_S * steps
     state = np.column_stack([np.zeros((40, 4)), accel, turn])
     variances = np.array([1.0, 1.0, 1.0, 1.0, 0.04, 0.01])
-    whole, covariance = with_derivatives(state, np.tile(np.diag(variances), (40, 1, 1)), steps)
+    whole, covariance = append_jerk_and_yaw_acceleration(state, np.tile(np.diag(variances), (40, 1, 1)), steps)
     is_known = (np.arange(40) % 20) >= WINDOW - 1
     np.testing.assert_allclose(whole[:, 6], np.where(is_known, 0.3, 0.0), atol=1e-12)
     np.testing.assert_allclose(whole[:, 7], np.where(is_known, -0.2, 0.0), atol=1e-12)
     # of a least-squares slope: variance of a value / sum of the squared offsets in time, 42 (0.05 s)^2 for eight
-    np.testing.assert_allclose(covariance[is_known, 6, 6], 0.04 / (42.0 * STEP_S**2))
-    np.testing.assert_allclose(covariance[is_known, 7, 7], 0.01 / (42.0 * STEP_S**2))
+    np.testing.assert_allclose(covariance[is_known, 6, 6], 0.04 / (42.0 * SAMPLING_TIME_S**2))
+    np.testing.assert_allclose(covariance[is_known, 7, 7], 0.01 / (42.0 * SAMPLING_TIME_S**2))
     np.testing.assert_allclose(covariance[~is_known, 6, 6], 1.0)  # as the default model begins: 1 m/s^3, 0.2 rad/s^2
     np.testing.assert_allclose(covariance[~is_known, 7, 7], 0.04)
     np.testing.assert_array_equal(covariance[:, :6, :6], np.tile(np.diag(variances), (40, 1, 1)))

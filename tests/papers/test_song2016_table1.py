@@ -7,9 +7,9 @@ import pytest
 
 from cwcli.reproduction.classes import BETTER, DIFFERS, FITTED, Finding
 from cwcli.reproduction.expectations import load_expectations
-from cwcli.reproduction.song2016.estimation import LABELS, QUANTITIES, table1_part, table1_rows
-from cwcli.reproduction.song2016.methods import sense
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.reproduction.song2016.estimation import ESTIMATOR_LABELS, QUANTITY_LABELS, table1_error_rows, table1_part
+from cwcli.reproduction.song2016.methods import measure_vehicle
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
 N_SEEDS = 20
 PAPER_CHANGE_PERCENT = {"position": -75.0, "speed": -80.0, "heading": -79.0, "accel": -46.0, "yaw_rate": -57.0}
@@ -22,17 +22,19 @@ def findings() -> dict[str, dict[tuple[str, str], Finding]]:
     expected = load_expectations("song2016")
     for scenario in ("straight", "curve"):
         by_text = {
-            each.what: Finding(expected.row("table 1", each.what), each)
-            for each in table1_part(scenario, N_SEEDS, lambda: None).measured
+            each.what: Finding(expected.expectation_of("table 1", each.what), each)
+            for each in table1_part(scenario, N_SEEDS, lambda: None).numbers
         }
         assert not [what for what, finding in by_text.items() if finding.has_failed]
         found[scenario] = {
-            (method, quantity): by_text[f"{scenario}: change of the {QUANTITIES[quantity]} error, {LABELS[method]}"]
-            for method in LABELS
-            for quantity in QUANTITIES
+            (method, quantity): by_text[
+                f"{scenario}: change of the {QUANTITY_LABELS[quantity]} error, {ESTIMATOR_LABELS[method]}"
+            ]
+            for method in ESTIMATOR_LABELS
+            for quantity in QUANTITY_LABELS
         }
         levels = [finding for what, finding in by_text.items() if "change" not in what]
-        assert [finding.reached for finding in levels] == [FITTED] * 5 + [BETTER] * 3 + [DIFFERS] * 2
+        assert [finding.reached_class for finding in levels] == [FITTED] * 5 + [BETTER] * 3 + [DIFFERS] * 2
         assert len(by_text) == len(found[scenario]) + 10 == 30
     return found
 
@@ -46,8 +48,8 @@ def test_smoother_reduces_every_row_at_least_as_much_as_the_paper(
 ) -> None:
     """The upper end of the interval over the seeds, not only the mean."""
     row = findings["straight"]["smoothed", quantity]
-    assert row.expected.paper == (paper_percent, paper_percent)
-    assert row.expected.claim == row.reached == BETTER
+    assert row.expected.paper_range == (paper_percent, paper_percent)
+    assert row.expected.claimed_class == row.reached_class == BETTER
     assert row.measured.high <= paper_percent
 
 
@@ -70,8 +72,8 @@ def test_smoother_reaches_the_papers_rows_in_the_curve_too(
 
 
 def test_measured_column_is_the_papers() -> None:
-    run = sense(load_scenario("straight"), HOST, seed=0)
-    measured = {row.name: row.measured_sigma for row in table1_rows(run, run.vectors)}
+    run = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0)
+    measured = {row.name: row.measured_sigma for row in table1_error_rows(run, run.vectors)}
     assert measured["position"] == pytest.approx(0.6, rel=0.1)
     assert measured["speed"] == pytest.approx(0.5, rel=0.1)
     assert measured["heading"] == pytest.approx(1.0, rel=0.1)  # deg
@@ -80,13 +82,13 @@ def test_measured_column_is_the_papers() -> None:
 
 
 def test_measurements_instead_of_an_estimate_change_nothing() -> None:
-    run = sense(load_scenario("straight"), HOST, seed=0)
-    assert [row.change_percent for row in table1_rows(run, run.vectors)] == [0.0] * 5
+    run = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0)
+    assert [row.change_percent for row in table1_error_rows(run, run.vectors)] == [0.0] * 5
 
 
 def test_truth_is_the_papers_scenarios() -> None:
-    straight = sense(load_scenario("straight"), HOST, seed=0).truth
-    curve = sense(load_scenario("curve"), HOST, seed=0).truth
+    straight = measure_vehicle(load_scenario("straight"), HOST_NAME, seed=0).truth
+    curve = measure_vehicle(load_scenario("curve"), HOST_NAME, seed=0).truth
     assert straight[0, 2] == 0.0
     assert straight[-1, 2] == pytest.approx(15.0, abs=0.01)
     assert np.count_nonzero(np.diff((straight[:, 4] > 1.0).astype(int)) == 1) == 2

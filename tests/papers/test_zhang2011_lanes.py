@@ -8,20 +8,20 @@ import pytest
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.method import LaneFrame
 from cwcli.vision.methods import METHODS
-from cwcli.vision.objective import WEIGHTS
+from cwcli.vision.objective import BLOCK_WEIGHTS_TENTHS
 from cwcli.vision.zhang2011 import (
     CROSSOVER_RATE,
-    FIRST,
-    FIRST_LEFT,
-    FIRST_RIGHT,
+    FIRST_LEFT_REGION,
+    FIRST_PHASE,
+    FIRST_RIGHT_REGION,
+    LATER_PHASE,
     MUTATION_RATE,
-    SECOND,
-    THIRD,
-    crossover,
-    decode,
-    mutate,
-    n_bits,
-    phase_of,
+    SECOND_PHASE,
+    count_parameter_bits,
+    cross_chromosomes,
+    decode_chromosome,
+    mutate_chromosome,
+    phase_after_frames,
 )
 from tests.unit.vision.scenes import LEFT, RIGHT, road_image
 
@@ -29,37 +29,43 @@ DECIMALS = (4, 2, 0)
 
 
 def test_decoding_of_the_worked_example() -> None:
-    low, high = np.array([r[0] for r in FIRST_LEFT]), np.array([r[1] for r in FIRST_LEFT])
-    assert decode("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
+    low, high = np.array([r[0] for r in FIRST_LEFT_REGION]), np.array([r[1] for r in FIRST_LEFT_REGION])
+    assert decode_chromosome("01010100011100001011101", low, high, (7, 8, 8)) == (-0.0017, 0.74, -9.0)
 
 
 def test_crossover_of_the_worked_example() -> None:
     # The printed second parent lost a 1: 10110001001101111100 has the 20 bits that the children need.
-    children = crossover("10101001010001011010", "10110001001101111100", (4, 13, 18))
+    children = cross_chromosomes("10101001010001011010", "10110001001101111100", (4, 13, 18))
     assert children == ("10100001001101011000", "10111001010001111110")
 
 
 def test_mutation_of_the_worked_example() -> None:
-    assert mutate("011001000100110", 9) == "011001000000110"
+    assert mutate_chromosome("011001000100110", 9) == "011001000000110"
 
 
 def test_lengths_of_table_3_follow_from_eq_4() -> None:
-    for region in (FIRST_LEFT, FIRST_RIGHT):
-        assert tuple(n_bits(*bounds, m) for bounds, m in zip(region, DECIMALS, strict=True)) == FIRST.bits
-    for phase in (SECOND, THIRD):
-        assert phase.reach is not None
-        assert tuple(n_bits(-r, r, m) for r, m in zip(phase.reach, DECIMALS, strict=True)) == phase.bits
-    assert [sum(phase.bits) for phase in (FIRST, SECOND, THIRD)] == [23, 20, 15]
+    for region in (FIRST_LEFT_REGION, FIRST_RIGHT_REGION):
+        assert (
+            tuple(count_parameter_bits(*bounds, m) for bounds, m in zip(region, DECIMALS, strict=True))
+            == FIRST_PHASE.bits
+        )
+    for phase in (SECOND_PHASE, LATER_PHASE):
+        assert phase.region_half_widths is not None
+        assert (
+            tuple(count_parameter_bits(-r, r, m) for r, m in zip(phase.region_half_widths, DECIMALS, strict=True))
+            == phase.bits
+        )
+    assert [sum(phase.bits) for phase in (FIRST_PHASE, SECOND_PHASE, LATER_PHASE)] == [23, 20, 15]
 
 
 def test_phases_of_table_4() -> None:
-    assert [phase_of(n) for n in range(8)] == [FIRST, *[SECOND] * 5, THIRD, THIRD]
-    assert [phase.generations for phase in (FIRST, SECOND, THIRD)] == [180, 120, 25]
+    assert [phase_after_frames(n) for n in range(8)] == [FIRST_PHASE, *[SECOND_PHASE] * 5, LATER_PHASE, LATER_PHASE]
+    assert [phase.generations for phase in (FIRST_PHASE, SECOND_PHASE, LATER_PHASE)] == [180, 120, 25]
     assert (CROSSOVER_RATE, MUTATION_RATE) == (0.45, 0.05)
 
 
 def test_weights_of_tables_1_and_2() -> None:
-    assert WEIGHTS == ((4, 6, 0), (2, 5, 3), (2, 5, 3))
+    assert BLOCK_WEIGHTS_TENTHS == ((4, 6, 0), (2, 5, 3), (2, 5, 3))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,52 +6,59 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.reproduction.classes import DIFFERS, FITTED, OPEN, REPRODUCED, Finding
+from cwcli.reproduction.classes import DIFFERS, FITTED, NOT_DETERMINABLE, REPRODUCED, Finding
 from cwcli.reproduction.expectations import load_expectations
-from cwcli.reproduction.findings import Part
-from cwcli.reproduction.zhang2011.drives import DRIVES, drive_part
-from cwcli.reproduction.zhang2011.example import example_part, tables_part
-from cwcli.reproduction.zhang2011.motion import observers, run_errors, run_part, run_table
+from cwcli.reproduction.findings import StudyPart
+from cwcli.reproduction.zhang2011.drives import DRIVE_BY_FIGURE, drive_part
+from cwcli.reproduction.zhang2011.example import printed_tables_part, worked_example_part
+from cwcli.reproduction.zhang2011.motion import (
+    compute_observer_errors,
+    observer_setups_for_run,
+    simulated_run_part,
+    simulated_run_table,
+)
 from cwcli.simulation.single_track import PAPER_RUNS, simulate_paper_run
 
 CAR = load_vehicle()
 
 
-def findings(part: Part) -> dict[str, Finding]:
+def findings(part: StudyPart) -> dict[str, Finding]:
     expected = load_expectations("zhang2011")
-    made = [Finding(expected.row(each.figure, each.what), each) for each in part.measured]
+    made = [Finding(expected.expectation_of(each.figure, each.what), each) for each in part.numbers]
     assert [
-        f"{each.expected.what}: {each.measured.ours:.4g}" for each in made if each.has_failed or each.is_stale
+        f"{each.expected.what}: {each.measured.ours:.4g}"
+        for each in made
+        if each.has_failed or each.has_unclaimed_class
     ] == []
     return {f"{each.expected.figure}, {each.expected.what}": each for each in made}
 
 
 def test_the_worked_example() -> None:
-    found = findings(example_part())
-    assert found["eq 13, f(v) - 1 over v^2, half load"].reached == REPRODUCED
+    found = findings(worked_example_part())
+    assert found["eq 13, f(v) - 1 over v^2, half load"].reached_class == REPRODUCED
     for state in ("v_y", "gamma", "y_L", "e_L"):
-        assert found[f"eq 22, blend of the two printed observers: {state}"].reached == REPRODUCED
+        assert found[f"eq 22, blend of the two printed observers: {state}"].reached_class == REPRODUCED
     for state, reached in (("v_y", FITTED), ("gamma", FITTED), ("y_L", DIFFERS), ("e_L", DIFFERS)):
-        assert found[f"eq 22, car at 88 km/h: {state}"].reached == reached
-    assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].reached == DIFFERS
-    assert {each.reached for name, each in found.items() if name.startswith("eq 17")} == {DIFFERS}
+        assert found[f"eq 22, car at 88 km/h: {state}"].reached_class == reached
+    assert found["eq 22, observer of 80 km/h at 88 km/h: v_y"].reached_class == DIFFERS
+    assert {each.reached_class for name, each in found.items() if name.startswith("eq 17")} == {DIFFERS}
 
 
 def test_the_tables_and_the_worked_examples_of_the_search() -> None:
-    found = findings(tables_part())
+    found = findings(printed_tables_part())
     bits = [each.measured.ours for name, each in found.items() if name.startswith("table 3")]
     assert bits == [7, 8, 8, 23, 6, 7, 7, 20, 5, 5, 5, 15]
-    assert [found[f"eq 5, worked example: {letter}"].reached for letter in "abc"] == [REPRODUCED] * 3
+    assert [found[f"eq 5, worked example: {letter}"].reached_class for letter in "abc"] == [REPRODUCED] * 3
 
 
 @pytest.mark.parametrize("figure", PAPER_RUNS)
 def test_simulated_runs(figure: str) -> None:
-    part = run_part(figure)
+    part = simulated_run_part(figure)
     found = findings(part)
     if figure == "fig 16":
-        assert found["fig 16, zhang2011, told half load: static error of v_y"].reached == DIFFERS
+        assert found["fig 16, zhang2011, told half load: static error of v_y"].reached_class == DIFFERS
         assert found["fig 16, zhang2011, told half load: static error of v_y"].measured.ours == pytest.approx(
             22.4, abs=0.1
         )
@@ -65,8 +72,8 @@ def test_static_errors_and_convergence_whatever_the_start(figure: str, start: st
     run = simulate_paper_run(settings, CAR, start=start)  # type: ignore[arg-type]
     bound = 3.0 if settings.load == "half" else 10.0
     found = {
-        name: run_errors(run, observe(run.lanes, run.speed, *chosen))
-        for name, chosen in observers(settings, CAR).items()
+        name: compute_observer_errors(run, observe_lateral_motion(run.lanes, run.speed, *chosen))
+        for name, chosen in observer_setups_for_run(settings, CAR).items()
     }
     assert max(found["zhang2011"].static_percent) < bound
     assert max(found["zhang2011"].converged_s) <= 1.0
@@ -78,14 +85,14 @@ def test_static_errors_and_convergence_whatever_the_start(figure: str, start: st
 
 def test_the_other_reading_of_the_noise_also_settles() -> None:
     run = simulate_paper_run(PAPER_RUNS["fig 14"], CAR)
-    track = observe(run.lanes, run.speed, CAR, ObserverConfig("zhang2011", noise_reading="discrete"))
-    assert max(run_errors(run, track).static_percent) < 3.0
+    track = observe_lateral_motion(run.lanes, run.speed, CAR, ObserverConfig("zhang2011", noise_reading="discrete"))
+    assert max(compute_observer_errors(run, track).static_percent) < 3.0
 
 
 def test_a_run_as_a_table() -> None:
-    table = run_table("fig 14")
+    table = simulated_run_table("fig 14")
     assert len(table) == 51
-    row = table.records()[-1]
+    row = table.rows_as_dicts()[-1]
     assert row["zhang2011_yaw_rate_radps"] == pytest.approx(row["yaw_rate_radps"], rel=0.01)
     assert row["yaw_rate_radps"] == pytest.approx(2.0 * 0.41463, abs=1e-3)  # twice the worked example's angle
 
@@ -98,13 +105,18 @@ def test_the_linear_runs_are_exact() -> None:
     np.testing.assert_allclose(coarse.state, fine.state, atol=1e-9)
 
 
-@pytest.mark.parametrize("figure", DRIVES)
+@pytest.mark.parametrize("figure", DRIVE_BY_FIGURE)
 def test_drives(figure: str) -> None:
-    assert {each.reached for each in findings(drive_part(figure, 3)).values()} == {"within own bound", OPEN}
+    assert {each.reached_class for each in findings(drive_part(figure, 3)).values()} == {
+        "within own bound",
+        NOT_DETERMINABLE,
+    }
 
 
 def test_the_path_is_drawn_into_a_rendered_frame(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(DRIVES, "fig 17", replace(DRIVES["fig 17"], duration_s=17.5))  # a little past the frame shown
+    monkeypatch.setitem(
+        DRIVE_BY_FIGURE, "fig 17", replace(DRIVE_BY_FIGURE["fig 17"], duration_s=17.5)
+    )  # a little past the frame shown
     plots = {plot.figure: plot for plot in drive_part("fig 17", 1, lane_method="zhang2011").plots}
     assert set(plots) == {"fig 17 rendered", "fig 17b"}
     shown = plots["fig 17b"]

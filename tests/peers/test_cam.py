@@ -10,7 +10,7 @@ import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
 from cwcli.signals.radio import cam, tables
-from cwcli.signals.radio.messages import FAULTS, MISSING, decode
+from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
 from cwcli.signals.radio.program import compile_type
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
@@ -75,7 +75,7 @@ def paths_of(node: Type, path: str = "") -> list[str]:
 def check_random(message: str, n: int, seed: int) -> None:
     """Every component of any message is what the official encoder packed."""
     rng = np.random.default_rng(seed)
-    node, official = tables.load(message), OFFICIAL[message]
+    node, official = tables.load_message_type(message), OFFICIAL[message]
     packed, expected = [], []
     for _ in range(n):
         found: dict[str, int] = {}
@@ -83,31 +83,33 @@ def check_random(message: str, n: int, seed: int) -> None:
         packed.append(official.to_uper())
         expected.append(found)
     names = paths_of(node)
-    decoded = decode(compile_type(node, names), octets_of(packed))
+    decoded = decode_messages(compile_type(node, names), octets_of(packed))
     assert not decoded.status.any()
     for row, found in enumerate(expected):
-        assert {name: int(decoded.codes(name)[row]) for name in names} == dict.fromkeys(names, MISSING) | found
+        assert {name: int(decoded.component_codes(name)[row]) for name in names} == dict.fromkeys(
+            names, MISSING_CODE
+        ) | found
 
 
 def check_mutated(message: str, n: int, seed: int) -> dict[str, int]:
     """Any octets are decoded or counted, and what is decoded lies inside the type's ranges."""
     rng = np.random.default_rng(seed)
-    node, official = tables.load(message), OFFICIAL[message]
+    node, official = tables.load_message_type(message), OFFICIAL[message]
     some = []
     for _ in range(50):
         official.set_val(any_value(rng, node, official, "", {}))
         some.append(official.to_uper())
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
     names = paths_of(node)
-    decoded = decode(compile_type(node, names), octets_of(broken))
-    assert set(decoded.status.tolist()) <= {0, *FAULTS}
+    decoded = decode_messages(compile_type(node, names), octets_of(broken))
+    assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
     for name in names:
-        codes = decoded.codes(name)
-        assert (codes[decoded.status != 0] == MISSING).all()
+        codes = decoded.component_codes(name)
+        assert (codes[decoded.status != 0] == MISSING_CODE).all()
         if name.endswith(("latitude", "longitude")):
-            assert (np.abs(codes[codes != MISSING]) <= 1_800_000_001).all()
-    counts = np.bincount(decoded.status, minlength=max(FAULTS) + 1)
-    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in FAULTS.items()}
+            assert (np.abs(codes[codes != MISSING_CODE]) <= 1_800_000_001).all()
+    counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
+    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 
 
 @pytest.mark.parametrize("message", sorted(OFFICIAL))
@@ -128,14 +130,14 @@ def test_the_tables_are_those_of_the_official_modules(message: str) -> None:
 
 
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
-    decoded = decode(cam.program(), octets_of([CAM_ASN1TOOLS, CAM_PYCRATE]))
+    decoded = decode_messages(cam.compile_cam_program(), octets_of([CAM_ASN1TOOLS, CAM_PYCRATE]))
     assert not decoded.status.any()
-    assert {name: int(decoded.codes(name)[0]) for name in CAM_OF_ISSUE} == CAM_OF_ISSUE
-    assert decoded.codes("header.stationID")[1] == 55_552
-    assert decoded.codes("cam.generationDeltaTime")[1] == 45_543
+    assert {name: int(decoded.component_codes(name)[0]) for name in CAM_OF_ISSUE} == CAM_OF_ISSUE
+    assert decoded.component_codes("header.stationID")[1] == 55_552
+    assert decoded.component_codes("cam.generationDeltaTime")[1] == 45_543
     official = OFFICIAL["cam"]
     for row, message in enumerate((CAM_ASN1TOOLS, CAM_PYCRATE)):
         official.from_uper(message)
         for path in ("latitude", "longitude"):
             at = ["cam", "camParameters", "basicContainer", "referencePosition", path]
-            assert decoded.codes(".".join(at))[row] == official.get_val_at(at)
+            assert decoded.component_codes(".".join(at))[row] == official.get_val_at(at)

@@ -10,19 +10,19 @@ import pytest
 from mcap_ros2.writer import Writer
 from pycrate_asn1dir import ITS_DENM_3, ITS_IEEE1609_2
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.stations import stations_heard
-from cwcli.signals.build import build
+from cwcli.pipeline.stations import count_messages_by_station
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns, Strings
-from cwcli.signals.j2735 import json_fields
+from cwcli.signals.j2735 import json_bsm_leaf_fields
 from cwcli.signals.quality import Quality
-from cwcli.signals.radio.frames import CONTENTS
+from cwcli.signals.radio.frames import OCTET_FIELD_NAMES
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.security import secured
 from tests.unit.signals.v2x_messages import LOG_NS, packed_bsm, packed_cam, radio
@@ -32,7 +32,7 @@ BTP_CAM = b"\x07\xd1\x00\x00"
 
 
 def remote(schema: str, *messages: bytes) -> tuple[RemoteSignal, Quality]:
-    signal, quality = build(Role.REMOTE, radio(schema, "data", *messages))
+    signal, quality = build_signal(Role.REMOTE, radio(schema, "data", *messages))
     assert isinstance(signal, RemoteSignal)
     assert (
         quality.read == len(messages) == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
@@ -173,7 +173,7 @@ def test_a_flag_stands_at_the_stamp_that_its_message_is_given(clock: Clock) -> N
     codes = dict.fromkeys(packing.CORE, 1)  # secMark 1 ms: the minute's begin
     part = [(0, packing.safety_bits({"events": 0b0000000100000}))]
     columns = radio("carma_driver_msgs/ByteArray", "data", packing.framed(packing.bsm(codes | {"part_two": part})))
-    signal, _ = build(Role.REMOTE, columns, clock)
+    signal, _ = build_signal(Role.REMOTE, columns, clock)
     assert isinstance(signal, RemoteSignal)
     assert signal.events is not None
     assert signal.stamp_ns.tolist() == LOG_NS.tolist()  # 10 s later: no clock to go by
@@ -186,7 +186,7 @@ def test_numbers_that_are_no_octets_make_no_message() -> None:
     values = field.values.astype(np.float64)
     values[3] = 256.0
     broken = {"content": type(field)(values, field.offsets)}
-    _, quality = build(Role.REMOTE, type(columns)(**{**vars(columns), "fields": broken}))
+    _, quality = build_signal(Role.REMOTE, type(columns)(**{**vars(columns), "fields": broken}))
     assert quality.rejected["truncated frame"] == 1
 
 
@@ -211,10 +211,10 @@ def test_a_log_of_the_official_writer_is_read(
             writer.write_message("/comms/inbound", registered, texts, log_time=at, publish_time=at)
         writer.finish()
     with Log.open(path) as log:
-        bound = bind(log.channels, {}, required=[Role.REMOTE])
-        columns = log.load(bound.wanted())["/comms/inbound"]
-        assert stations_heard(log) == {station: 1}
-    signal, quality = build(Role.REMOTE, columns)
+        bound = bind_roles(log.channels, {}, required=[Role.REMOTE])
+        columns = log.load_topics(bound.fields_to_load())["/comms/inbound"]
+        assert count_messages_by_station(log) == {station: 1}
+    signal, quality = build_signal(Role.REMOTE, columns)
     assert isinstance(signal, RemoteSignal)
     assert (quality.read, quality.used) == (2, 1)  # the second repeats the first
     assert signal.station.values == (station,)
@@ -230,7 +230,7 @@ def test_a_topic_of_any_schema_can_be_named_with_its_format(tmp_path: Path) -> N
         writer.write_message("/raw", registered, {"payload": [*packed_cam()]}, log_time=at, publish_time=at)
         writer.finish()
     with Log.open(path) as log:
-        sources = read_sources(
+        sources = read_sensor_signals(
             log, SourceConfig(topics={"remote": "/raw:its"}), command="estimate", required=(Role.REMOTE,)
         )
         (signal,) = sources.by_role[Role.REMOTE]
@@ -238,27 +238,27 @@ def test_a_topic_of_any_schema_can_be_named_with_its_format(tmp_path: Path) -> N
         assert signal.station.values == ("1001",)
         for named, said in (("/raw:uper", "there is no format uper"), ("/other:its", "the log has no topic /other")):
             with pytest.raises(UsageError, match=said):
-                bind(log.channels, {"remote": named}, required=[Role.REMOTE])
+                bind_roles(log.channels, {"remote": named}, required=[Role.REMOTE])
 
 
 def test_the_same_drive_as_octets_gives_the_same_signal(tmp_path: Path) -> None:
     """The BSMs of a simulated drive, packed bit by bit and written by the official writer."""
     with Log.open(SAMPLES / "rear-end.mcap") as log:
-        said = log.columns("/v2x/bsm", fields=json_fields())
+        said = log.columns("/v2x/bsm", fields=json_bsm_leaf_fields())
     path = tmp_path / "packed.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
         registered = writer.register_msgdef("carma_driver_msgs/msg/ByteArray", "string message_type\nuint8[] content")
         for row, at in enumerate(said.log_time_ns.tolist()):
-            codes = {name: code_of(said, name, row) for name in packing.CORE if name in json_fields()}
+            codes = {name: code_of(said, name, row) for name in packing.CORE if name in json_bsm_leaf_fields()}
             packed = packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))
             message = {"message_type": "BSM", "content": [*packed]}
             writer.write_message("/comms/inbound", registered, message, log_time=at, publish_time=at)
         writer.finish()
     with Log.open(path) as log:
-        packed_columns = log.columns("/comms/inbound", fields=CONTENTS)
-    expected, _ = build(Role.REMOTE, said)
-    found, quality = build(Role.REMOTE, packed_columns)
+        packed_columns = log.columns("/comms/inbound", fields=OCTET_FIELD_NAMES)
+    expected, _ = build_signal(Role.REMOTE, said)
+    found, quality = build_signal(Role.REMOTE, packed_columns)
     assert isinstance(expected, RemoteSignal)
     assert isinstance(found, RemoteSignal)
     assert quality.used == len(expected.stamp_ns) > 150

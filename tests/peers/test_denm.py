@@ -11,11 +11,11 @@ from pycrate_asn1dir import ITS_DENM_3
 
 from cwcli.logs.read.reader import Log
 from cwcli.signals import denm
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.etsi import CAM
 from cwcli.signals.quality import Quality
-from cwcli.signals.road_events import HARD_BRAKING, RoadEvents, no_events, says_hard_braking
+from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_states_mask
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, stamp_of
@@ -45,7 +45,7 @@ def message(reference_ms: int, **changes: Any) -> dict[str, Any]:
         "has_relevance": True,
         "validity_s": 2,
     }
-    return nested({denm.PATHS[name]: code for name, code in (codes | changes).items()})
+    return nested({denm.ROS_PATHS[name]: code for name, code in (codes | changes).items()})
 
 
 def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Quality]:
@@ -53,7 +53,7 @@ def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Qu
     schema = "etsi_its_denm_msgs/DENM"
     write_log(path / "log.mcap", schema, "cdr", "/denm", messages)
     with Log.open(path / "log.mcap") as log:
-        signal, quality = build(Role.REMOTE, log.columns("/denm", fields=denm.ros_fields()))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/denm", fields=denm.ros_fields()))
     assert isinstance(signal, RemoteSignal)
     assert signal.events is not None
     assert quality.read == sum(quality.set_aside.values()) == len(messages)
@@ -72,10 +72,10 @@ def test_a_ros_channel_is_events_with_place_and_validity(tmp_path: Path) -> None
     ]
     events, quality = notified(tmp_path, made)
     assert [events.kind.values[code] for code in events.kind.codes] == [
-        HARD_BRAKING,
+        HARD_BRAKING_KIND,
         "dangerous situation",
         "stationary vehicle",
-        HARD_BRAKING,
+        HARD_BRAKING_KIND,
         "without a cause",
     ]
     assert events.stamp_ns.tolist() == [stamp_of(0)] * 5
@@ -108,11 +108,11 @@ def test_off_the_radio_it_is_the_same(validity_s: int | None) -> None:
     header = {"protocolVersion": 2, "messageID": 1, "stationID": 1001}
     official = ITS_DENM_3.DENM_PDU_Descriptions.DENM
     official.set_val({"header": header, "denm": {"management": management, "situation": situation}})
-    signal, _ = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xd2\x00\x00" + official.to_uper()))
+    signal, _ = build_signal(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xd2\x00\x00" + official.to_uper()))
     assert isinstance(signal, RemoteSignal)
     events = signal.events
     assert events is not None
-    assert events.kind.values == (HARD_BRAKING,)
+    assert events.kind.values == (HARD_BRAKING_KIND,)
     assert events.stamp_ns.tolist() == [int(LOG_NS[0]) - 30 * MS]
     assert ((events.until_ns - events.stamp_ns) / S).tolist() == [600.0 if validity_s is None else 2.0]  # the default
     assert events.relevance_m.tolist() == [200.0]
@@ -121,14 +121,14 @@ def test_off_the_radio_it_is_the_same(validity_s: int | None) -> None:
 def test_who_says_so_brakes_hard_from_then_on_and_only_as_far_as_it_was_known(tmp_path: Path) -> None:
     events, _ = notified(tmp_path, [message(stamp_of(0) // MS)])
     state_ns = stamp_of(0) + np.array([-1, 0, 1, 2, 3]) * S
-    known = says_hard_braking(events, "1001", state_ns, state_ns + DELAY_NS)
+    known = hard_braking_states_mask(events, "1001", state_ns, state_ns + DELAY_NS)
     assert known is not None
     assert known.tolist() == [False, True, True, True, False]
-    early = says_hard_braking(events, "1001", state_ns, state_ns)  # known before the message had come
+    early = hard_braking_states_mask(events, "1001", state_ns, state_ns)  # known before the message had come
     assert early is not None
     assert early.tolist() == [False, False, True, True, False]
-    assert says_hard_braking(events, "1002", state_ns, state_ns) is None
-    assert says_hard_braking(no_events(), "1001", state_ns, state_ns) is None
+    assert hard_braking_states_mask(events, "1002", state_ns, state_ns) is None
+    assert hard_braking_states_mask(empty_road_events(), "1001", state_ns, state_ns) is None
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_a_later_denm_of_the_same_action_takes_the_place_of_the_earlier(
     events, _ = notified(tmp_path, messages)
     received_ns = second_ns + DELAY_NS
     state_ns = np.array([received_ns - 1, received_ns + 1, received_ns + S])
-    said = says_hard_braking(events, "1001", state_ns, state_ns + DELAY_NS)
+    said = hard_braking_states_mask(events, "1001", state_ns, state_ns + DELAY_NS)
     assert said is not None
     assert said.tolist() == [True, *expected]
 
@@ -157,7 +157,7 @@ def test_a_later_denm_of_the_same_action_takes_the_place_of_the_earlier(
 def test_no_car_brakes_hard_for_ten_minutes(tmp_path: Path) -> None:
     events, _ = notified(tmp_path, [message(stamp_of(0) // MS, validity_s=600)])
     state_ns = stamp_of(0) + np.array([1, 5, 6, 60]) * S
-    said = says_hard_braking(events, "1001", state_ns, state_ns)
+    said = hard_braking_states_mask(events, "1001", state_ns, state_ns)
     assert said is not None
     assert said.tolist() == [True, True, False, False]
 
@@ -183,8 +183,10 @@ def test_a_number_that_is_no_code_tells_nothing_and_is_counted(name: str) -> Non
     codes = {"station": 7, "cause": 94, "sub_cause": 0, "reference_time_ms": 0, "has_situation": 1, "validity_s": 60}
     codes |= {"action_station": 7, "action_number": 1, "termination": np.nan, "relevance": 3, "has_relevance": 1}
     codes |= {"has_termination": 1, "latitude_deg": 500_000_000, "longitude_deg": 80_000_000}
-    rows = {denm.PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()}
-    signal, quality = build(Role.REMOTE, columns_of("etsi_its_denm_msgs/DENM", rows, message_encoding="json"))
+    rows = {
+        denm.ROS_PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()
+    }
+    signal, quality = build_signal(Role.REMOTE, columns_of("etsi_its_denm_msgs/DENM", rows, message_encoding="json"))
     assert isinstance(signal, RemoteSignal)
     events = signal.events
     assert events is not None
@@ -202,5 +204,5 @@ def test_no_two_senders_become_one_where_numbers_are_no_station_ids() -> None:
     senders = CAM.identify(columns)
     assert senders.station.values == ("7",)
     assert senders.station.codes.tolist() == [0, -1, -1, -1]
-    _, quality = build(Role.REMOTE, columns)
+    _, quality = build_signal(Role.REMOTE, columns)
     assert quality.repaired["StationID outside its range, left out"] == 3

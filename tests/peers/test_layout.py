@@ -16,11 +16,11 @@ from typing import Any, Literal
 import foxglove.layouts as fl
 import pytest
 
-from cwcli.channels.published import topics
+from cwcli.channels.published import published_topics
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import message_schema
-from cwcli.report.layout import STAGE_TABS, CameraTopics, LogTopics, layout, log_topics
-from cwcli.report.layout_panels import PANEL_TYPES, Panels, path, quoted
+from cwcli.logs.write.schemas import find_message_schema
+from cwcli.report.viewer_layout import TAB_TITLES, CameraTopics, LogTopics, build_viewer_layout, find_log_topics
+from cwcli.report.viewer_panels import PANEL_TYPES, PanelCollection, message_path, quote_topic
 
 ROOT = Path(__file__).parents[2]
 CONFIGS: dict[str, type[Any]] = {
@@ -33,12 +33,12 @@ CONFIGS: dict[str, type[Any]] = {
     "StateTransitions": fl.StateTransitionsConfig,
 }
 TITLE = "foxglovePanelTitle"
-GENERAL = layout()
-BOUND = layout(
+GENERAL = build_viewer_layout()
+BOUND = build_viewer_layout(
     LogTopics(
         fixes=("/gps/fix",),
         cameras=(CameraTopics("/front/image", "/front/camera_info"), CameraTopics("/rear/image", None)),
-        drawn=("/detections",),
+        scene_topics=("/detections",),
         truth=("/truth/ego",),
         speed=("/vehicle/velocity.longitudinal_velocity",),
         yaw_rate=("/imu/data.angular_velocity.z",),
@@ -77,13 +77,13 @@ def shown_topics(document: dict[str, Any]) -> set[str]:
 
 @DOCUMENTS
 def test_every_published_channel_is_shown(document: dict[str, Any]) -> None:
-    assert set(topics()) - shown_topics(document) == set()
+    assert set(published_topics()) - shown_topics(document) == set()
 
 
 def test_a_logs_own_channels_are_shown() -> None:
     own = {"/gps/fix", "/front/image", "/front/camera_info", "/rear/image", "/detections", "/truth/ego", "/imu/data"}
     assert own - shown_topics(BOUND) == set()
-    assert shown_topics(GENERAL) - set(topics()) == set()
+    assert shown_topics(GENERAL) - set(published_topics()) == set()
     assert [settings["imageMode"].get("imageTopic") for settings in panels(BOUND, "Image")] == [
         "/front/image",
         "/front/image",
@@ -96,9 +96,9 @@ def test_every_field_is_in_the_schema_of_its_channel(document: dict[str, Any]) -
     n = 0
     for value in message_paths(document):
         topic, _, names = value.partition(".")
-        if topic not in topics():
+        if topic not in published_topics():
             continue
-        message: Any = message_schema(topics()[topic]).descriptor
+        message: Any = find_message_schema(published_topics()[topic]).descriptor
         for name in names.split("."):
             plain = name.removesuffix("[:]")
             assert plain in message.fields_by_name, value
@@ -182,13 +182,13 @@ def test_every_panel_stands_in_one_place(document: dict[str, Any]) -> None:
     [root] = leaves(document["layout"])
     tabs = document["configById"][root]["tabs"]
     placed = [root, *(name for tab in tabs for name in leaves(tab["layout"]))]
-    assert tuple(tab["title"] for tab in tabs) == STAGE_TABS
+    assert tuple(tab["title"] for tab in tabs) == TAB_TITLES
     assert sorted(placed) == sorted(document["configById"])
 
 
 def test_topics_of_a_real_log() -> None:
     with Log.open(ROOT / "sample_logs" / "intersection.mcap") as log:
-        found = log_topics(log)
+        found = find_log_topics(log)
     assert found == LogTopics(
         fixes=("/gps/fix",),
         truth=("/truth/ego", "/simulation/vehicles"),
@@ -212,7 +212,7 @@ def test_cameras_find_their_calibration_and_own_channels_are_not_repeated() -> N
             channel("/cwcli/camera", "foxglove.CompressedImage"),
         ]
     )
-    found = log_topics(log)
+    found = find_log_topics(log)
     assert found.cameras == (
         CameraTopics("/front/image", "/front/info"),
         CameraTopics("/rear/image", "/rear/info"),
@@ -223,13 +223,13 @@ def test_cameras_find_their_calibration_and_own_channels_are_not_repeated() -> N
 
 
 def test_topics_with_characters_of_the_path_syntax_are_quoted() -> None:
-    assert quoted("/cwcli/ego/state") == "/cwcli/ego/state"
-    assert path('/a b."c"{x==1}', "y") == '"/a b.\\"c\\"{x==1}".y'
+    assert quote_topic("/cwcli/ego/state") == "/cwcli/ego/state"
+    assert message_path('/a b."c"{x==1}', "y") == '"/a b.\\"c\\"{x==1}".y'
 
 
 def test_a_panel_name_is_taken_once_and_its_kind_is_known() -> None:
-    panels = Panels()
-    panels.raw("one", "/a")
+    panels = PanelCollection()
+    panels.add_raw_messages("one", "/a")
     for kind, name in (("RawMessages", "one"), ("Gauge", "two")):
         with pytest.raises(ValueError, match="can't add"):
-            panels.add(kind, name, "")
+            panels.add_panel(kind, name, "")

@@ -16,12 +16,12 @@ from mcap.stream_reader import StreamReader
 from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi_utilities import MultiTraceReader, create_reader
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from cwcli.export.formats.base import Track
-from cwcli.export.formats.osi import _ids, encode
+from cwcli.export.formats.osi import _unique_numeric_ids, encode
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import OSI_SET_NAME, _descriptor_set, schema_folder
+from cwcli.logs.write.schemas import OSI_DESCRIPTOR_SET_FILE, _serialize_descriptor_set, schema_folder
 from tests.osi_traces import Actor, along, time_to_contact_s, write_trace
 
 VERSION = re.compile(r"\d+\.\d+\.\d+")
@@ -31,7 +31,7 @@ LEAD = Actor(8, along(66.86, 20.68, 0.3, 15.0, -1.5), size_m=(12.0, 2.5))
 
 
 def run_trace(trace: Path, out: Path) -> Path:
-    assert run(["run", str(trace), "--stage", "estimate,measure", "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["run", str(trace), "--stage", "estimate,measure", "-o", str(out), "--quiet"]) == 0
     return out
 
 
@@ -44,14 +44,14 @@ def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def exported(annotated: Path) -> Path:
     target = annotated.with_name("exported.mcap")
-    assert run(["export", str(annotated), "--format", "osi", "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["export", str(annotated), "--format", "osi", "-o", str(target), "--quiet"]) == 0
     return target
 
 
 def test_the_schema_is_the_official_one() -> None:
-    kept = (schema_folder() / OSI_SET_NAME).read_bytes()
+    kept = (schema_folder() / OSI_DESCRIPTOR_SET_FILE).read_bytes()
     assert FileDescriptorSet.FromString(kept) == FileDescriptorSet.FromString(
-        _descriptor_set(GroundTruth.DESCRIPTOR.file)
+        _serialize_descriptor_set(GroundTruth.DESCRIPTOR.file)
     )
 
 
@@ -140,7 +140,7 @@ def test_times_to_contact_survive_where_a_simulators_car_brakes_without_delay(tm
     host, lead = Actor(3, along(0.0, 0.0, 0.0, 20.0)), Actor(8, braking_at_once)
     annotated = run_trace(write_trace(tmp_path / "trace.mcap", (host, lead), host=3), tmp_path / "out.mcap")
     exported = tmp_path / "exported.mcap"
-    assert run(["export", str(annotated), "--format", "osi", "-o", str(exported), "--quiet"]) == 0
+    assert run_command_line(["export", str(annotated), "--format", "osi", "-o", str(exported), "--quiet"]) == 0
     again = run_trace(exported, tmp_path / "again.mcap")
     for path in (annotated, again):
         with Log.open(path) as log:
@@ -155,7 +155,7 @@ def test_ids_are_kept_where_they_are_numbers_and_free_ones_else() -> None:
     one = np.zeros(1)
     names = ["ego", "1", "2a3c", "0", "007", "1", str(2**64)]
     tracks = [Track(name, np.array([5]), one, one, one, one, one, one) for name in names]
-    ids = _ids(tracks)
+    ids = _unique_numeric_ids(tracks)
     assert (ids[1], ids[3]) == (1, 0)
     assert len(set(ids)) == len(names)
 
@@ -176,5 +176,7 @@ def test_others_are_there_only_while_they_were_heard_and_unix_time_is_said() -> 
 @pytest.mark.parametrize("what", ["ego,warnings", "ego,nothing"])
 def test_what_is_no_track_is_refused(annotated: Path, what: str, tmp_path: Path) -> None:
     target = tmp_path / "a.mcap"
-    assert run(["export", str(annotated), "--what", what, "--format", "osi", "-o", str(target)]) == EXIT_USAGE
+    assert (
+        run_command_line(["export", str(annotated), "--what", what, "--format", "osi", "-o", str(target)]) == EXIT_USAGE
+    )
     assert not target.exists()

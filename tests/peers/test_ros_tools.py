@@ -21,10 +21,10 @@ from rosbags.highlevel import AnyReader
 from rosbags.highlevel.anyreader import AnyReaderError
 
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
-from cwcli.export.ros.messages import ROS_MESSAGES
+from cwcli.export.ros.messages import ROS_CONVERSIONS
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.writer import LogWriter
-from cwcli.signals.columns import OutputChannel, Repeated, strings_from
+from cwcli.signals.columns import OutputChannel, Repeated, encode_strings
 from cwcli.stages import STAGES
 from tests.cli.conftest import SAMPLES, Run
 
@@ -33,9 +33,9 @@ Messages = dict[str, list[tuple[int, bytes]]]
 
 
 def run_once(*arguments: str | Path) -> None:
-    from cwcli.cli.main import run
+    from cwcli.cli.main import run_command_line
 
-    assert run([*map(str, arguments), "--quiet"]) == 0
+    assert run_command_line([*map(str, arguments), "--quiet"]) == 0
 
 
 @pytest.fixture(scope="module")
@@ -204,10 +204,10 @@ def test_a_warning_stands_until_it_is_cleared(exported: Path) -> None:
 
 
 def test_every_type_that_stages_write_is_known_or_a_picture() -> None:
-    from cwcli.channels.published import PUBLISHED
+    from cwcli.channels.published import PUBLISHED_CHANNELS
 
-    assert {each.stage for each in PUBLISHED} <= set(STAGES)
-    assert {each.schema for each in PUBLISHED} - set(ROS_MESSAGES) == {
+    assert {each.stage for each in PUBLISHED_CHANNELS} <= set(STAGES)
+    assert {each.schema for each in PUBLISHED_CHANNELS} - set(ROS_CONVERSIONS) == {
         "foxglove.SceneUpdate",
         "foxglove.ImageAnnotations",
     }
@@ -228,13 +228,13 @@ def test_a_target_moves_where_its_odometry_points(cwcli: Run, tmp_path: Path) ->
     covariance = np.diag([0.25, 1.0, 1.0, 9.0])
     fields = {
         "stamp_ns": np.array([10**9]),
-        "id": strings_from(["7"]),
+        "id": encode_strings(["7"]),
         **{
             name: np.array([value])
             for name, value in zip(("x_m", "y_m", "vx_mps", "vy_mps"), (1, 2, 3, 4), strict=True)
         },
         "covariance": covariance.reshape(1, 16),
-        "frame_id": strings_from(["base_link"]),
+        "frame_id": encode_strings(["base_link"]),
         "yaw_rate_radps": np.array([np.nan]),
     }
     with LogWriter(tmp_path / "targets.mcap") as log:
@@ -269,7 +269,7 @@ def test_hostile_names_become_topics_and_texts(cwcli: Run, tmp_path: Path) -> No
     state = np.zeros(1)
     fields = {
         "stamp_ns": np.array([10**9]),
-        "id": strings_from(["</x>\x1b[31m'\""]),
+        "id": encode_strings(["</x>\x1b[31m'\""]),
         **dict.fromkeys(("x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps"), state),
         **dict.fromkeys(("jerk_mps3", "yaw_accel_radps2", "length_m", "width_m"), state),
     }
@@ -302,7 +302,11 @@ def test_a_recorders_channel_that_lacks_a_field_is_named_and_the_rest_is_there(c
 def test_no_two_topics_become_one(cwcli: Run, tmp_path: Path) -> None:
     names = ("stamp_ns", "x_m", "y_m", "speed_mps", "heading_rad", "accel_mps2", "yaw_rate_radps")
     more = ("jerk_mps3", "yaw_accel_radps2", "length_m", "width_m")
-    fields = {**dict.fromkeys((*names[1:], *more), np.zeros(1)), "stamp_ns": np.array([10**9]), "id": strings_from("a")}
+    fields = {
+        **dict.fromkeys((*names[1:], *more), np.zeros(1)),
+        "stamp_ns": np.array([10**9]),
+        "id": encode_strings("a"),
+    }
     with LogWriter(tmp_path / "alike.mcap") as log:
         for topic in ("/a b", "/a_b", "/a_b_2", "/"):
             log.write_columns(OutputChannel(topic, "cwcli.v1.VehicleState", np.array([10**9]), fields))

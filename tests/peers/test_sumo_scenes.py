@@ -63,7 +63,7 @@ def test_one_that_follows(name: str) -> None:
         n_judged += int(judged.sum())
         for measure, bound in BOUNDS.items():
             theirs = numbers(conflict, f"{measure.upper()}Span")[there]
-            ours = pair.value(MEASURES[measure])[rows]
+            ours = pair.evaluate_measure(MEASURES[measure])[rows]
             in_time = judged & (ttc > REACTION_S) if measure == "mdrac" else judged  # later SUMO says a negative one
             np.testing.assert_allclose(ours[in_time], theirs[in_time], rtol=0.0, atol=bound, err_msg=measure)
     assert n_judged > 40
@@ -74,22 +74,24 @@ def test_two_whose_ways_cross(name: str) -> None:
     pair, (conflict,) = seen(name)
     pet = conflict.find("PET")
     assert pet is not None
-    assert float(pair.value(MEASURES["pet"])) == pytest.approx(float(pet.attrib["value"]), abs=STEP_S)
+    assert float(pair.evaluate_measure(MEASURES["pet"])) == pytest.approx(float(pet.attrib["value"]), abs=STEP_S)
     there, rows = rows_of(pair, conflict)
-    theirs, ours = numbers(conflict, "PPETSpan")[there], pair.value(MEASURES["ppet"])[rows]
+    theirs, ours = numbers(conflict, "PPETSpan")[there], pair.evaluate_measure(MEASURES["ppet"])[rows]
     steady = np.abs(np.gradient(pair.host.state[:, 2]))[rows] < 1e-6  # SUMO's time of arrival foresees a braking
     judged = np.isfinite(theirs) & steady
     assert judged.sum() > 40
     # SUMO goes on below 0 where both would be there at once
     np.testing.assert_allclose(ours[judged], np.maximum(theirs[judged], 0.0), rtol=0.0, atol=STEP_S)
     ttc = numbers(conflict, "TTCSpan")[there]
-    both = np.isfinite(ttc) & np.isfinite(pair.value(MEASURES["ttc"])[rows])
-    np.testing.assert_allclose(pair.value(MEASURES["ttc"])[rows][both], ttc[both], rtol=0.0, atol=BOUNDS["ttc"])
+    both = np.isfinite(ttc) & np.isfinite(pair.evaluate_measure(MEASURES["ttc"])[rows])
+    np.testing.assert_allclose(
+        pair.evaluate_measure(MEASURES["ttc"])[rows][both], ttc[both], rtol=0.0, atol=BOUNDS["ttc"]
+    )
 
 
 def test_two_that_pass_each_other() -> None:
     pair, conflicts = seen("opposite")
-    assert np.isnan(pair.value(MEASURES["ttc"])).all()
+    assert np.isnan(pair.evaluate_measure(MEASURES["ttc"])).all()
     for conflict in conflicts:
         assert np.isnan(numbers(conflict, "TTCSpan")).all()
 

@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from tests.cli.conftest import ROOT, SAMPLES, Run
 
 FOLDER = ROOT / "tests" / "peers" / "typescript"
@@ -36,7 +36,7 @@ def node() -> str:
 @pytest.fixture(scope="module")
 def annotated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("typescript") / "annotated.mcap"
-    assert run(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["run", str(SAMPLES / "intersection.mcap"), "-o", str(target), "--quiet"]) == 0
     return target
 
 
@@ -83,7 +83,7 @@ def test_it_decodes_the_states_with_the_schema_in_the_log(node: str, annotated: 
 @pytest.mark.parametrize("form", ["ros2", "osi"])
 def test_it_reads_what_is_exported_to_other_tools(node: str, annotated: Path, tmp_path: Path, form: str) -> None:
     target = tmp_path / "exported.mcap"
-    assert run(["export", str(annotated), "--format", form, "-o", str(target), "--quiet"]) == 0
+    assert run_command_line(["export", str(annotated), "--format", form, "-o", str(target), "--quiet"]) == 0
     found = by_typescript(node, target)
     assert found["topics"] == by_python(target)
     assert found["is_whole"] and found["profile"] == {"ros2": "ros2", "osi": ""}[form]

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_MISSING_SIGNAL, EXIT_USAGE
 from cwcli.logs.read.reader import Log
 
@@ -217,9 +217,9 @@ def test_frames_decide_what_is_drawn() -> None:
 def test_what_can_not_be_shown_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], annotated: Path) -> None:
     target = tmp_path / "x.rrd"
     raw = ROOT / "sample_logs" / "straight.mcap"
-    assert run(["view", str(raw), "-o", str(target)]) == EXIT_MISSING_SIGNAL
+    assert run_command_line(["view", str(raw), "-o", str(target)]) == EXIT_MISSING_SIGNAL
     assert "run `cwcli run` first" in capsys.readouterr().err
-    assert run(["view", str(annotated), "-o", str(tmp_path / "x.mcap")]) == EXIT_USAGE
+    assert run_command_line(["view", str(annotated), "-o", str(tmp_path / "x.mcap")]) == EXIT_USAGE
     assert "a recording ends in .rrd" in capsys.readouterr().err
-    assert run(["view", "-", "-o", str(target)]) == EXIT_USAGE
+    assert run_command_line(["view", "-", "-o", str(target)]) == EXIT_USAGE
     assert list(tmp_path.iterdir()) == []

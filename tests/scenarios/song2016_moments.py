@@ -13,7 +13,7 @@ import sys
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.simulation.scenario import HOST, Scenario, load_scenario
+from cwcli.simulation.scenario import HOST_NAME, Scenario, load_scenario
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -55,8 +55,8 @@ def delayed(state: FloatArray, lag_s: FloatArray) -> FloatArray:
 def moments(scenario: Scenario, other: str, lag_s: FloatArray | None = None) -> dict[str, float]:
     """Ideal moment and warning moment of each model, seconds of the run; NaN where there is none."""
     time_s = np.arange(0.0, scenario.duration_s, GRID_S)
-    host = scenario.vehicles["host"].motion.at(time_s)
-    remote = scenario.vehicles[other].motion.at(time_s)
+    host = scenario.vehicles["host"].motion.states_at(time_s)
+    remote = scenario.vehicles[other].motion.states_at(time_s)
     found = {"ideal": _first_below(time_s, host[:, :2], remote[:, :2]) - STEP_S * N_STEPS}
     seen = remote if lag_s is None else delayed(remote, lag_s)
     for model in ("jerk", "accel", "speed"):
@@ -71,5 +71,5 @@ def _first_below(time_s: FloatArray, a: FloatArray, b: FloatArray) -> float:
 
 if __name__ == "__main__":
     varied = load_scenario(sys.argv[1], tuple(sys.argv[2:]))
-    remote_name = next(name for name in varied.vehicles if name != HOST)
+    remote_name = next(name for name in varied.vehicles if name != HOST_NAME)
     print("  ".join(f"{model} {moment:.3f} s" for model, moment in moments(varied, remote_name).items()))

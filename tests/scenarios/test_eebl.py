@@ -15,9 +15,9 @@ from mcap.writer import Writer
 from cwcli.channels.road_event import read_road_events
 from cwcli.channels.warning import WarningEvent, read_warnings, warning_events
 from cwcli.logs.read.reader import Log
-from cwcli.signals.road_events import HARD_BRAKING
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.signals.road_events import HARD_BRAKING_KIND
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import parse_scenario
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.predict import PredictConfig, predict
@@ -78,7 +78,7 @@ def without_acceleration(message: dict[str, Any]) -> bytes:
 def radio_log(path: Path, made: dict[str, Any], rewrite: Rewrite) -> Path:
     """The simulated log with its BSMs as a radio hands them over, by the official writer."""
     plain = path.with_name("plain.mcap")
-    write_log(simulate(parse_scenario(made, name="eebl"), 3), plain)
+    write_simulated_log(simulate_scenario(parse_scenario(made, name="eebl"), 3), plain)
     with plain.open("rb") as source, path.open("wb") as target:
         writer = Writer(target)
         writer.start()
@@ -127,7 +127,7 @@ def test_a_hidden_car_that_brakes_hard_is_warned_of(flags: bool, tmp_path: Path)
     assert ("/cwcli/remote/events" in {channel.topic for channel in log.channels}) == flags
     if flags:
         notified = read_road_events(log.columns("/cwcli/remote/events"))
-        assert notified.kind.values == (HARD_BRAKING,)
+        assert notified.kind.values == (HARD_BRAKING_KIND,)
         assert notified.station.values == ("0a0b0c0d",)
     log.close()
 

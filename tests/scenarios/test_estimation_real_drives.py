@@ -9,12 +9,12 @@ import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.consistency import nees
-from cwcli.estimation.from_signals import ego_measurements
+from cwcli.estimation.from_signals import ego_signal_to_measurements
 from cwcli.estimation.parameter import ParameterStatus
 from cwcli.logs.read.reader import Log
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 
 LOGS = Path(__file__).parents[2].parent / "shared" / "logs"
 EGO = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.IMU)
@@ -29,7 +29,7 @@ def read(name: str, origin: tuple[float, float, float] | None = None):
         pytest.skip("the development logs in ../shared/logs are not here")
     topics = {"truth": "/truth/pose_imu"} if name == KITTI else {}
     with Log.open(path) as log:
-        sources = read_sources(
+        sources = read_sensor_signals(
             log,
             SourceConfig(topics=topics),
             command="estimate",
@@ -39,7 +39,12 @@ def read(name: str, origin: tuple[float, float, float] | None = None):
     (position,) = sources.by_role[Role.EGO_POSITION]
     first = (position.latitude_deg[0], position.longitude_deg[0], position.altitude_m[0])
     local_map = LocalMap(*(origin or (float(v) for v in first)))
-    found = [m for role in EGO for signal in sources.by_role.get(role, ()) for m in ego_measurements(signal, local_map)]
+    found = [
+        m
+        for role in EGO
+        for signal in sources.by_role.get(role, ())
+        for m in ego_signal_to_measurements(signal, local_map)
+    ]
     truth = sources.by_role.get(Role.TRUTH, ())
     return found, (truth[0] if truth else None)
 

@@ -14,7 +14,7 @@ SEED = 7
 
 def counts_of(kind: str) -> Counts:
     drive = planned(kind, SEED, SECONDS)
-    return counted(watched(drive, drive.frames()))
+    return counted(watched(drive, drive.iter_rendered_frames()))
 
 
 @pytest.mark.parametrize("kind", ["bridges", "joints", "mountain", "exit", "merge"])
@@ -39,7 +39,7 @@ def test_a_lane_change_is_told_within_a_second_and_nothing_jumps() -> None:
 def test_a_ramp_is_followed_and_tells_the_yaw_rate() -> None:
     """25 deg/s at 10 m/s: a radius of 23 m; camera and speed alone. docs/lanes.md and docs/observer.md have more."""
     drive = planned("ramp", SEED, SECONDS)
-    seen = watched(drive, drive.frames(), with_yaw_rate=False)
+    seen = watched(drive, drive.iter_rendered_frames(), with_yaw_rate=False)
     counts = counted(seen)
     assert counts.right >= 0.97 * counts.frames
     assert counts.untrue == 0

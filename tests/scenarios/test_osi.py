@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from osi3.osi_object_pb2 import MovingObject
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
 from tests.osi_traces import Actor, along, time_to_contact_s, write_trace
 
@@ -52,7 +52,10 @@ def test_run_and_measure_find_the_time_to_contact_of_a_made_up_world(name: str, 
     world = WORLDS[name]
     trace = write_trace(tmp_path / "trace.mcap", world.actors, **world.how)
     out = tmp_path / "out.mcap"
-    assert run(["run", str(trace), "--stage", "estimate,predict,warn,measure", "-o", str(out), "--quiet"]) == 0
+    assert (
+        run_command_line(["run", str(trace), "--stage", "estimate,predict,warn,measure", "-o", str(out), "--quiet"])
+        == 0
+    )
     host, other = world.actors[:2]
     with Log.open(out) as log:
         assert "/cwcli/warnings" in {channel.topic for channel in log.channels}
@@ -80,7 +83,10 @@ def test_run_and_warn_work_on_a_simulators_trace(name: str, tmp_path: Path) -> N
     if not trace.exists():
         pytest.skip(f"no {trace.name} beside the repository")
     out = tmp_path / "out.mcap"
-    assert run(["run", str(trace), "--stage", "estimate,predict,warn,measure", "-o", str(out), "--quiet"]) == 0
+    assert (
+        run_command_line(["run", str(trace), "--stage", "estimate,predict,warn,measure", "-o", str(out), "--quiet"])
+        == 0
+    )
     with Log.open(out) as log:
         world = log.columns("ground_truth").fields
         states = {topic: log.columns(f"/cwcli/{topic}/state").fields for topic in ("ego", "remote")}
@@ -108,6 +114,6 @@ def test_run_and_warn_work_on_a_simulators_trace(name: str, tmp_path: Path) -> N
 def test_a_host_that_is_named_by_an_option_sees_the_others(tmp_path: Path) -> None:
     trace = write_trace(tmp_path / "trace.mcap", (HOST, LEAD), host=3)
     out = tmp_path / "out.mcap"
-    assert run(["estimate", str(trace), "--ego-station", "8", "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["estimate", str(trace), "--ego-station", "8", "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
         assert log.columns("/cwcli/remote/state").fields["id"].values == ("3",)

@@ -12,7 +12,7 @@ import pytest
 from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_hostvehicledata_pb2 import HostVehicleData
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_DATA, EXIT_MISSING_SIGNAL
 from cwcli.logs.read.reader import Log
 from tests.osi_traces import fill_world, write_messages, write_trace
@@ -89,36 +89,36 @@ LACKS = {
 @pytest.mark.parametrize("name", TRACES)
 def test_every_command_works_on_an_osi_trace(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trace, ran = TRACES[name](tmp_path / "trace.mcap"), tmp_path / "run.mcap"
-    assert run(["run", str(trace), "-o", str(ran), "--quiet"]) == 0, capsys.readouterr().err
+    assert run_command_line(["run", str(trace), "-o", str(ran), "--quiet"]) == 0, capsys.readouterr().err
     for k, command in enumerate(COMMANDS):
         words = {"TRACE": str(trace), "RUN": str(ran)}
         line = [words.get(word, word.replace("OUT", str(tmp_path / f"made{k}"))) for word in command]
         expected = EXIT_MISSING_SIGNAL if command[0] in LACKS.get(name, ()) else 0
-        assert run(line) == expected, (command, capsys.readouterr().err)
+        assert run_command_line(line) == expected, (command, capsys.readouterr().err)
         capsys.readouterr()
 
 
 def test_a_place_on_the_globe_alone_is_a_fix(tmp_path: Path) -> None:
     trace, out = own_data(tmp_path / "trace.mcap"), tmp_path / "out.mcap"
-    assert run(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
         states = log.columns("/cwcli/ego/state").fields
     np.testing.assert_allclose(states["latitude_deg"][[0, -1]], [48.0, 48.0 + 59.5 * sin(0.8) / 111_200.0], atol=1e-5)
     np.testing.assert_allclose(states["speed_mps"][10:], 10.0, atol=0.05)
     np.testing.assert_allclose(states["heading_rad"][10:], 0.8, atol=0.02)
-    assert run(["export", str(out), "--format", "gpx", "-o", str(tmp_path / "a.gpx"), "--quiet"]) == 0
+    assert run_command_line(["export", str(out), "--format", "gpx", "-o", str(tmp_path / "a.gpx"), "--quiet"]) == 0
 
 
 def test_traces_of_no_place_on_the_globe_are_no_maps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trace, out = bare(tmp_path / "trace.mcap"), tmp_path / "out.mcap"
-    assert run(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
-    assert run(["export", str(out), "--format", "gpx", "-o", str(tmp_path / "a.gpx")]) == EXIT_BAD_DATA
+    assert run_command_line(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["export", str(out), "--format", "gpx", "-o", str(tmp_path / "a.gpx")]) == EXIT_BAD_DATA
     assert "no place on the earth" in capsys.readouterr().err
 
 
 def test_of_two_hosts_the_one_of_most_messages_is_the_ego(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     trace, out = two_hosts(tmp_path / "trace.mcap"), tmp_path / "out.mcap"
-    assert run(["estimate", str(trace), "-o", str(out)]) == 0
+    assert run_command_line(["estimate", str(trace), "-o", str(out)]) == 0
     told = " ".join(capsys.readouterr().err.split())
     assert "several host vehicles, 3 (120 messages), 8 (80 messages): 3 is the ego" in told
     with Log.open(out) as log:

@@ -11,9 +11,9 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_hostvehicledata_pb2 import HostVehicleData
 from osi3.osi_sensordata_pb2 import SensorData
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.records import inputs_of, run_records
+from cwcli.pipeline.records import read_input_counts, read_run_records
 from tests.osi_traces import Actor, along, fill_world, write_messages
 
 HOST = Actor(3, along(0.0, 0.0, pi / 2, 10.0), size_m=(4.4, 1.9), rear_m=-1.3)
@@ -54,7 +54,7 @@ def test_detections_become_targets_about_the_middle_of_the_car(tmp_path: Path) -
         ("SensorDataOut", k * STEP_NS + 20_000_000, detection(k)) for k in range(120)
     ]
     trace, out = write_messages(tmp_path / "trace.mcap", messages), tmp_path / "out.mcap"
-    assert run(["run", str(trace), "--stage", "estimate,track,measure", "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["run", str(trace), "--stage", "estimate,track,measure", "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
         targets = log.columns("/cwcli/targets").fields
         ego = log.columns("/cwcli/ego/state").fields
@@ -73,9 +73,9 @@ def test_the_hosts_own_data_come_before_the_truth(tmp_path: Path) -> None:
         fill_world(world, (HOST, OTHER), k * STEP_NS / 1e9, stamp_ns=k * STEP_NS, host=3, at_m=(0.0, 0.0))
         messages += [("/world", k * STEP_NS, world), ("/host", k * STEP_NS, own(k))]
     trace, out = write_messages(tmp_path / "trace.mcap", messages), tmp_path / "out.mcap"
-    assert run(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
+    assert run_command_line(["estimate", str(trace), "-o", str(out), "--quiet"]) == 0
     with Log.open(out) as log:
-        used = {str(each["role"]): each["topic"] for each in inputs_of(run_records(log)["estimate"])}
+        used = {str(each["role"]): each["topic"] for each in read_input_counts(read_run_records(log)["estimate"])}
         states = log.columns("/cwcli/ego/state").fields
         others = log.columns("/cwcli/remote/state").fields
     middle = len(states["stamp_ns"]) // 2

@@ -44,7 +44,7 @@ def records(request: pytest.FixtureRequest) -> list[Row]:
         result = run_stage(
             STAGES["predict"], log.with_channels(states.channels), PredictConfig(horizon_s=HORIZONS_S[-1])
         )
-    return list(result.tables["prediction"].records())
+    return list(result.tables["prediction"].rows_as_dicts())
 
 
 def groups(records: list[Row], model: str, horizon_s: float) -> dict[str, list[Row]]:

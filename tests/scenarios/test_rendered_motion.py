@@ -7,18 +7,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.reproduction.zhang2011.drives import (
-    BAND_NAME,
-    DRIVES,
-    FRAME_HZ,
-    ROAD,
-    SETTLED_FRAMES,
-    drive_errors,
+    BAND_SHARE_NAME,
+    DRIVE_BY_FIGURE,
+    FRAME_RATE_HZ,
+    N_SETTLING_FRAMES,
+    WINDING_ROAD,
+    compute_drive_errors,
 )
-from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
+from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.signals.units import MPS_PER_KMH
-from cwcli.simulation.lane_drive import Runs, Truth, drive_lane
+from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, simulate_lane_runs
 from tests.studies.rendered_motion import (
     CAR,
     OVERLAY_PX,
@@ -46,13 +46,13 @@ SEED = 4
 
 
 @cache
-def drive() -> tuple[Truth, RenderedDrive]:
+def drive() -> tuple[LaneDriveTruth, RenderedDrive]:
     """14 s on a gently winding road, 20 frames a second, without a drift."""
     road = gentle_road(SEED)
-    truth = drive_lane(
-        road, CAR, Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, DURATION_S), seed=SEED
+    truth = simulate_lane_runs(
+        road, CAR, LaneRuns(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, DURATION_S), seed=SEED
     )
-    return truth, sense_rendered(truth, 0, road, CAR, seed=SEED)
+    return truth, sense_rendered_drive(truth, 0, road, CAR, seed=SEED)
 
 
 @pytest.mark.parametrize("sensors", SENSORS)
@@ -60,21 +60,23 @@ def test_motion_and_path_are_within_the_bounds(sensors: str) -> None:
     truth, seen = drive()
     track, paths = observed(seen, with_gyro=SENSORS[sensors])
     xy = (paths.x_m, paths.y_m)
-    errors = drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
+    errors = compute_drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
     for what, bound in BOUNDS[sensors].items():
         assert errors[what] <= bound, what
-    assert errors[BAND_NAME] > 0.75  # of one short drive; over all drives of the study: see docs/observer.md
+    assert errors[BAND_SHARE_NAME] > 0.75  # of one short drive; over all drives of the study: see docs/observer.md
 
 
 def test_noise_does_not_move_a_horizon_that_the_mounting_tells() -> None:
     """A drive of zhang2011's figure 18: with other pitches tried first the yaw rate was wrong by 0.87 deg/s."""
-    drive, run = DRIVES["fig 18"], 2
+    drive, run = DRIVE_BY_FIGURE["fig 18"], 2
     start = np.full(10, drive.start_kmh * MPS_PER_KMH)
-    runs = Runs(start, np.zeros(10), np.full(10, np.inf), drive.accel_mps2, drive.duration_s)
-    truth = drive_lane(ROAD, CAR.loaded(drive.load), runs, seed=0)
-    sensed = sense_rendered(truth, run, ROAD, CAR, look=Look(rate_hz=FRAME_HZ), seed=run).sensed
-    track = observe(sensed.lanes, sensed.speed, CAR)
-    errors = np.degrees(track.state[:, 1] - truth.yaw_rate_radps[sensed.index, run])[SETTLED_FRAMES:]
+    runs = LaneRuns(start, np.zeros(10), np.full(10, np.inf), drive.accel_mps2, drive.duration_s)
+    truth = simulate_lane_runs(WINDING_ROAD, CAR.with_load(drive.load), runs, seed=0)
+    sensed = sense_rendered_drive(
+        truth, run, WINDING_ROAD, CAR, settings=RenderSettings(rate_hz=FRAME_RATE_HZ), seed=run
+    ).sensed
+    track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR)
+    errors = np.degrees(track.state[:, 1] - truth.yaw_rate_radps[sensed.index, run])[N_SETTLING_FRAMES:]
     assert np.sqrt(np.mean(errors**2)) <= 0.35
 
 
@@ -82,7 +84,7 @@ def test_drawn_path_lies_on_the_true_one() -> None:
     truth, seen = drive()
     _, paths = observed(seen, with_gyro=True)
     error = overlay_error(seen, paths, truth)
-    assert np.nanmedian(error.path_px[SETTLED_FRAMES:]) <= OVERLAY_PX
+    assert np.nanmedian(error.path_px[N_SETTLING_FRAMES:]) <= OVERLAY_PX
     assert np.nanmax(error.geometry_px) <= OVERLAY_PX
 
 
@@ -94,7 +96,7 @@ def test_drive_without_a_drift_is_silent() -> None:
 @pytest.mark.parametrize("number", [120, 121, 178, 199])
 def test_drifts_are_warned_of_between_isos_lines(number: int) -> None:
     """Of the study's 200: about 0.5 and 0.8 m/s to both sides, straight and in the bend, at 10 frames a second."""
-    found = departure(number, Setting(look=Look(rate_hz=10.0)), 200)
+    found = departure(number, Setting(look=RenderSettings(rate_hz=10.0)), 200)
     assert found.is_in_time, found
     assert found.wrong_events == 0
 

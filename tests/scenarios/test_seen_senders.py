@@ -13,8 +13,8 @@ from cwcli.channels.warning import read_warnings, warning_events
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.signals.v2x_time import its_ms_from_unix_ns
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
@@ -55,7 +55,7 @@ def seen(message: Logged, rng: np.random.Generator, number: int) -> Logged:
 
 def drive(path: Path, scenario: str, seed: int, *, with_objects: bool) -> Path:
     """The simulated log, with what a third station sees of each sender."""
-    write_log(simulate(load_scenario(scenario), seed), path)
+    write_simulated_log(simulate_scenario(load_scenario(scenario), seed), path)
     messages, rng = read(path), np.random.default_rng(seed)
     numbers: dict[str, int] = {}
     told = []

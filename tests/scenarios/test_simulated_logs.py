@@ -16,8 +16,8 @@ from mcap_ros2.decoder import DecoderFactory as Ros2Factory
 from pyproj import Geod
 
 from cwcli.errors import OutputError
-from cwcli.simulate.sensor_log import SAMPLES, regenerate_samples, write_log
-from cwcli.simulation.drive import SimulatedDrive, simulate
+from cwcli.simulate.sensor_log import SAMPLE_SCENARIOS, regenerate_sample_logs, write_simulated_log
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario, parse_scenario
 
 NS = 1_000_000_000
@@ -49,9 +49,9 @@ def crossing(tmp_path_factory: pytest.TempPathFactory) -> tuple[SimulatedDrive, 
         "host.length_m=4.2",
         "start_time=2021-06-01T10:59:55.5+03:00",
     )
-    drive = simulate(load_scenario("intersection", overrides), 7)
+    drive = simulate_scenario(load_scenario("intersection", overrides), 7)
     path = tmp_path_factory.mktemp("logs") / "crossing.mcap"
-    write_log(drive, path)
+    write_simulated_log(drive, path)
     return drive, path
 
 
@@ -133,7 +133,7 @@ def test_one_bsm_by_hand(tmp_path: Path) -> None:
         },
     }
     path = tmp_path / "bus.mcap"
-    write_log(simulate(parse_scenario(document, name="bus")), path)
+    write_simulated_log(simulate_scenario(parse_scenario(document, name="bus")), path)
     ((_, body),) = messages(path, "/v2x/bsm")
     core = body["coreData"]
     # 2.5 m north of the equator: 2.5 / 110574.3 deg = 2.261e-5 deg; 8:00:00.25 UTC; north is course 0.
@@ -144,8 +144,8 @@ def test_one_bsm_by_hand(tmp_path: Path) -> None:
 
 
 def test_ode_records_decode_to_the_same_state_as_the_bsm(tmp_path: Path) -> None:
-    drive = simulate(load_scenario("intersection", ("v2x.format=ode-json",)), 7)
-    write_log(drive, tmp_path / "ode.mcap")
+    drive = simulate_scenario(load_scenario("intersection", ("v2x.format=ode-json",)), 7)
+    write_simulated_log(drive, tmp_path / "ode.mcap")
     records = messages(tmp_path / "ode.mcap", "/v2x/ode_bsm")
     sent = drive.v2x["other"]
     core = [body["payload"]["data"]["coreData"] for _, body in records]
@@ -165,7 +165,7 @@ def test_truth_channels_hold_exact_states_in_map_and_wgs84(crossing: tuple[Simul
         rows = [state for _, state in messages(path, topic)]
         assert {row.id for row in rows} == {ident}
         got = np.array([[row.x_m, row.y_m, row.speed_mps, row.heading_rad, row.yaw_rate_radps] for row in rows])
-        np.testing.assert_allclose(got, drive.truth[name][::50][:, [0, 1, 2, 3, 5]], atol=1e-9)
+        np.testing.assert_allclose(got, drive.true_states_by_vehicle[name][::50][:, [0, 1, 2, 3, 5]], atol=1e-9)
         distance = Geod(ellps="WGS84").inv(112.9388, 28.1795, rows[0].longitude_deg, rows[0].latitude_deg)[2]
         assert distance == pytest.approx(np.hypot(got[0, 0], got[0, 1]), abs=2e-3)
     assert messages(path, "/truth/ego")[0][1].length_m == 4.2
@@ -173,8 +173,8 @@ def test_truth_channels_hold_exact_states_in_map_and_wgs84(crossing: tuple[Simul
 
 def test_two_remote_vehicles_share_the_topics_in_order(tmp_path: Path) -> None:
     third = ("vehicles.third.speed_mps=5", "vehicles.third.y_m=50", "v2x.jitter_s=0.1")
-    drive = simulate(load_scenario("rear-end", third), 3)
-    written = {entry.topic: entry for entry in write_log(drive, tmp_path / "three.mcap")}
+    drive = simulate_scenario(load_scenario("rear-end", third), 3)
+    written = {entry.topic: entry for entry in write_simulated_log(drive, tmp_path / "three.mcap")}
     received = messages(tmp_path / "three.mcap", "/v2x/bsm")
     assert len(received) == written["/v2x/bsm"].n_messages == 2 * 201
     times = [message.log_time for message, _ in received]
@@ -187,8 +187,8 @@ def test_metadata_is_enough_to_make_the_log_again(crossing: tuple[SimulatedDrive
     _, path = crossing
     with path.open("rb") as stream:
         (record,) = [m.metadata for m in make_reader(stream).iter_metadata() if m.name == "cwcli.scenario"]
-    again = simulate(parse_scenario(json.loads(record["scenario"]), name=record["name"]), int(record["seed"]))
-    write_log(again, tmp_path / "again.mcap")
+    again = simulate_scenario(parse_scenario(json.loads(record["scenario"]), name=record["name"]), int(record["seed"]))
+    write_simulated_log(again, tmp_path / "again.mcap")
     assert (tmp_path / "again.mcap").read_bytes() == path.read_bytes()
     resolved = json.loads(record["resolved"])
     assert resolved["sensors"]["gnss"] | {"sigma_m": 0.6, "delay_s": 0.08} == resolved["sensors"]["gnss"]
@@ -198,7 +198,7 @@ def test_another_seed_gives_another_log_with_the_same_truth(
     crossing: tuple[SimulatedDrive, Path], tmp_path: Path
 ) -> None:
     drive, path = crossing
-    write_log(simulate(drive.scenario, 8), tmp_path / "other.mcap")
+    write_simulated_log(simulate_scenario(drive.scenario, 8), tmp_path / "other.mcap")
     fixes = [[fix.latitude for _, fix in messages(p, "/gps/fix")] for p in (path, tmp_path / "other.mcap")]
     assert not set(fixes[0]) & set(fixes[1])
     truths = [[m.data for m, _ in messages(p, "/truth/ego")] for p in (path, tmp_path / "other.mcap")]
@@ -206,13 +206,13 @@ def test_another_seed_gives_another_log_with_the_same_truth(
 
 
 def test_existing_target_is_kept_unless_forced(tmp_path: Path) -> None:
-    drive = simulate(load_scenario("rear-end"))
+    drive = simulate_scenario(load_scenario("rear-end"))
     target = tmp_path / "log.mcap"
     target.write_text("mine")
     with pytest.raises(OutputError):
-        write_log(drive, target)
+        write_simulated_log(drive, target)
     assert target.read_text() == "mine"
-    write_log(drive, target, force=True)
+    write_simulated_log(drive, target, force=True)
     assert len(messages(target, "/gps/fix")) == 201
 
 
@@ -226,8 +226,10 @@ def records(path: Path) -> list[tuple[str, object]]:
 
 
 def test_samples_are_made_again_byte_for_byte(tmp_path: Path) -> None:
-    made = regenerate_samples(tmp_path)
-    assert {path.name for path in made} == {f"{name}{suffix}" for name in SAMPLES for suffix in (".mcap", ".toml")}
+    made = regenerate_sample_logs(tmp_path)
+    assert {path.name for path in made} == {
+        f"{name}{suffix}" for name in SAMPLE_SCENARIOS for suffix in (".mcap", ".toml")
+    }
     for path in made:
         committed = SAMPLE_DIR / path.name
         if path.suffix == ".mcap":

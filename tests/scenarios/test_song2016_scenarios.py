@@ -25,7 +25,7 @@ FILTER_LAG_S = np.array([0, 0, 0.03, 0.02, 0.05, 0.03, 0.12, 0.12])
 
 def host_states(scenario: Scenario, step_s: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
     time_s = np.arange(0.0, scenario.duration_s, step_s)
-    return time_s, scenario.vehicles["host"].motion.at(time_s)
+    return time_s, scenario.vehicles["host"].motion.states_at(time_s)
 
 
 @pytest.mark.parametrize("name", PUBLISHED_S)
@@ -58,15 +58,15 @@ def test_collision_is_a_hit_and_not_a_graze(name: str) -> None:
 
 def test_rear_end_starts_at_20_m_and_20_mps() -> None:
     vehicles = load_scenario("rear-end").vehicles
-    host, lead = (vehicles[name].motion.at(np.array([0.0]))[0] for name in ("host", "lead"))
+    host, lead = (vehicles[name].motion.states_at(np.array([0.0]))[0] for name in ("host", "lead"))
     assert (lead[0] - host[0], host[2], lead[2]) == (20.0, 20.0, 20.0)
 
 
 def test_intersection_speeds_sides_and_lanes() -> None:
     scenario = load_scenario("intersection")
     time_s = np.arange(0.0, scenario.duration_s, 0.01)
-    host = scenario.vehicles["host"].motion.at(time_s)
-    other = scenario.vehicles["other"].motion.at(time_s)
+    host = scenario.vehicles["host"].motion.states_at(time_s)
+    other = scenario.vehicles["other"].motion.states_at(time_s)
     np.testing.assert_allclose(host[:, 2], 9.0)
     np.testing.assert_allclose(other[:, 2], 10.0)
     assert np.ptp(host[:, 3]) == 0  # straight on
@@ -100,8 +100,8 @@ def test_order_of_the_three_families_on_exact_states(name: str) -> None:
     scenario = load_scenario(name)
     time_s = np.arange(0.0, scenario.duration_s - 2.5, 0.01)
     motion = scenario.vehicles["host"].motion
-    later = motion.at(time_s + 2.5)[:, :2]
-    errors = {m: np.hypot(*(predict(motion.at(time_s), m) - later).T) for m in ("jerk", "accel", "speed")}
+    later = motion.states_at(time_s + 2.5)[:, :2]
+    errors = {m: np.hypot(*(predict(motion.states_at(time_s), m) - later).T) for m in ("jerk", "accel", "speed")}
     for statistic in (np.mean, np.max):
         assert statistic(errors["jerk"]) < 0.75 * statistic(errors["accel"])
         assert statistic(errors["accel"]) < 0.75 * statistic(errors["speed"])

@@ -13,7 +13,7 @@ import pytest
 
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.tracker import track_many, track_one
+from cwcli.tracking.tracker import track_many_targets, track_one_target
 
 LOG = Path(__file__).parents[2].parent / "shared" / "logs" / "udacity-obj-pose.ros2.mcap"
 CAUSAL_LIMIT = (0.069, 0.086, 0.34, 0.23)
@@ -59,26 +59,26 @@ def settings(name="ukf", *, smooth, tune=True):
 
 def test_causal_and_smoothed_ukf_with_tuned_noise(drive):
     detections, stamp, truth = drive
-    causal = track_one(detections, config=settings(smooth=False))
-    smoothed = track_one(detections, config=settings(smooth=True))
+    causal = track_one_target(detections, config=settings(smooth=False))
+    smoothed = track_one_target(detections, config=settings(smooth=True))
     assert len(causal.tracks[0]) == 500  # start-up included
     assert (rmse(causal.tracks[0], stamp, truth) <= CAUSAL_LIMIT).all()
     assert (rmse(smoothed.tracks[0], stamp, truth) <= SMOOTHED_LIMIT).all()
     for check in causal.consistency.values():
-        assert check.is_inside
+        assert check.is_within_bounds
         assert check.n_gated == 0
 
 
 def test_the_default_setting_without_tuning_reaches_the_causal_pass_mark(drive):
     detections, stamp, truth = drive
-    causal = track_one(detections, config=settings(smooth=False, tune=False))
+    causal = track_one_target(detections, config=settings(smooth=False, tune=False))
     assert (rmse(causal.tracks[0], stamp, truth) <= (0.09, 0.10, 0.40, 0.30)).all()
 
 
 def test_the_noise_that_is_found_is_the_noise_of_the_detections(drive):
     """The data were made with 0.15 m; 0.3 m, 0.03 rad, 0.3 m/s."""
     detections, stamp, truth = drive
-    tuned = track_one(detections, config=settings(smooth=False)).tuned
+    tuned = track_one_target(detections, config=settings(smooth=False)).tuned
     error = detections[0].values - truth[np.searchsorted(stamp, detections[0].stamp_ns), :2]
     assert 0.15 * tuned.scale["/lidar/objects"][0] == pytest.approx(error.std(), rel=0.06)
     assert np.array(tuned.scale["/radar/scan"]) == pytest.approx(1.0, abs=0.1)
@@ -90,21 +90,22 @@ def test_wrong_noise_by_fifteen_times_is_repaired_by_tuning(drive):
         "/lidar/objects": SensorModel(sigma=(0.01, 0.01)),
         "/radar/scan": SensorModel(sigma=(4.5, 0.002, 0.02)),
     }
-    smoothed = track_one(detections, wrong, settings(smooth=True))
+    smoothed = track_one_target(detections, wrong, settings(smooth=True))
     assert (rmse(smoothed.tracks[0], stamp, truth) <= SMOOTHED_LIMIT).all()
 
 
 def test_the_ekf_reaches_nearly_the_same(drive):
     detections, stamp, truth = drive
     ukf, ekf = (
-        rmse(track_one(detections, config=settings(f, smooth=True)).tracks[0], stamp, truth) for f in ("ukf", "ekf")
+        rmse(track_one_target(detections, config=settings(f, smooth=True)).tracks[0], stamp, truth)
+        for f in ("ukf", "ekf")
     )
     np.testing.assert_allclose(ekf, ukf, rtol=0.05)
 
 
 def test_the_tracker_of_many_finds_one_target_and_is_as_good(drive):
     detections, stamp, truth = drive
-    result = track_many(detections, config=settings(smooth=True))
+    result = track_many_targets(detections, config=settings(smooth=True))
     assert [t.id for t in result.tracks] == [1]
     assert len(result.tracks[0]) == 500
     assert (rmse(result.tracks[0], stamp, truth) <= SMOOTHED_LIMIT).all()

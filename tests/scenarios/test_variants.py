@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.simulation.truth import closest_approach, first_time_below
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.simulation.truth import closest_approach, first_time_nearer_than_s
 
 CONFLICT_M = 2.5
 CONFLICTS = ("rear-end", "intersection", "cut-in", "oncoming-left-turn", "stopped-behind-curve")
@@ -16,8 +16,8 @@ TRAPS = {"brake-and-release": 20.0, "following": 20.0, "near-miss-crossing": 4.0
 
 def pair(name: str) -> tuple[object, object, float]:
     scenario = load_scenario(name)
-    (other,) = [key for key in scenario.vehicles if key != HOST]
-    return scenario.vehicles[HOST].motion, scenario.vehicles[other].motion, scenario.duration_s
+    (other,) = [key for key in scenario.vehicles if key != HOST_NAME]
+    return scenario.vehicles[HOST_NAME].motion, scenario.vehicles[other].motion, scenario.duration_s
 
 
 def test_every_scenario_with_two_cars_is_a_conflict_or_a_trap() -> None:
@@ -28,7 +28,7 @@ def test_every_scenario_with_two_cars_is_a_conflict_or_a_trap() -> None:
 @pytest.mark.parametrize("name", CONFLICTS)
 def test_conflicts_collide_after_there_was_time_to_warn(name: str) -> None:
     host, other, end_s = pair(name)
-    assert first_time_below(host, other, end_s, CONFLICT_M) > 5.0
+    assert first_time_nearer_than_s(host, other, end_s, CONFLICT_M) > 5.0
     assert closest_approach(host, other, end_s)[1] < 1.5
 
 
@@ -49,23 +49,23 @@ def test_near_miss_leaves_room_between_the_outlines() -> None:
     scenario = load_scenario("near-miss-crossing")
     host, crosser = scenario.vehicles["host"], scenario.vehicles["crosser"]
     time_s = np.arange(0, scenario.duration_s, 0.001)
-    apart = np.abs(host.motion.at(time_s)[:, :2] - crosser.motion.at(time_s)[:, :2])
+    apart = np.abs(host.motion.states_at(time_s)[:, :2] - crosser.motion.states_at(time_s)[:, :2])
     half = np.array([host.width_m + crosser.length_m, host.length_m + crosser.width_m]) / 2
     clearance_m = np.hypot(*np.maximum(apart - half, 0.0).T)
     assert clearance_m.min() == pytest.approx(0.71, abs=0.02)
 
 
 def test_cutter_ends_in_the_hosts_lane_and_turner_faces_east() -> None:
-    cutter = load_scenario("cut-in").vehicles["cutter"].motion.at(np.array([9.0]))[0]
+    cutter = load_scenario("cut-in").vehicles["cutter"].motion.states_at(np.array([9.0]))[0]
     assert cutter[[1, 3]] == pytest.approx([0.0, 0.0], abs=0.01)
-    turner = load_scenario("oncoming-left-turn").vehicles["turner"].motion.at(np.array([9.0]))[0]
+    turner = load_scenario("oncoming-left-turn").vehicles["turner"].motion.states_at(np.array([9.0]))[0]
     assert np.degrees(turner[3]) == pytest.approx(360.0, abs=0.1)
 
 
 def test_city_stops_starts_and_turns() -> None:
     scenario = load_scenario("city")
     time_s = np.arange(0, scenario.duration_s, 0.1)
-    state = scenario.vehicles["host"].motion.at(time_s)
+    state = scenario.vehicles["host"].motion.states_at(time_s)
     stops = np.diff((state[:, 2] < 1e-6).astype(int))
     assert np.count_nonzero(stops == 1) == 3  # besides the start
     assert np.count_nonzero(np.diff((np.abs(state[:, 5]) > 0.3).astype(int)) == 1) == 3  # right-angled turns

@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.estimation.config import EstimatorConfig, Senders
 from cwcli.logs.read.reader import Log
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import Scenario, parse_scenario
 from cwcli.stages.estimate import EstimateConfig, estimate
 
@@ -58,21 +58,21 @@ def errors(seed: int, senders: Senders, folder: Path, **link: Any) -> dict[str, 
     made = scenario(**link)
     path = folder / f"{seed}-{'-'.join(map(str, link.values()))}.mcap"
     if not path.exists():
-        write_log(simulate(made, seed), path)
+        write_simulated_log(simulate_scenario(made, seed), path)
     with Log.open(path) as log:
         result = estimate(log, EstimateConfig(estimator=EstimatorConfig(senders=senders)))
-        states = read_states(log.with_channels(result.channels).columns("/cwcli/remote/online"))
-    assert result.made.local_map is not None
+        states = read_vehicle_states(log.with_channels(result.channels).columns("/cwcli/remote/online"))
+    assert result.evaluation_inputs.local_map is not None
     origin = made.origin
     true_map = LocalMap(*(origin[name] for name in ("latitude_deg", "longitude_deg", "altitude_m")))
     time_s = (states.stamp_ns - made.start_ns) * 1e-9
     rows = np.flatnonzero((time_s >= BRAKES_S + AROUND_S[0]) & (time_s <= BRAKES_S + AROUND_S[1]))
     motion = made.vehicles["lead"].motion
-    truth, later = motion.at(time_s[rows]), motion.at(time_s[rows] + AHEAD_S)
+    truth, later = motion.states_at(time_s[rows]), motion.states_at(time_s[rows] + AHEAD_S)
     covariance = np.asarray(states.covariance[rows])
-    paths = rollout("auto", states.state[rows], covariance, horizon_s=AHEAD_S, step_s=0.1)
+    paths = roll_out_paths("auto", states.state[rows], covariance, horizon_s=AHEAD_S, step_s=0.1)
     # the map begins at the first fix, which is off by its noise
-    shift = np.array(true_map.map_from_wgs84(*_origin_of(result.made.local_map)))[:2, 0]
+    shift = np.array(true_map.map_from_wgs84(*_origin_of(result.evaluation_inputs.local_map)))[:2, 0]
     found = np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]]) + shift
     state = states.state[rows]
     return {

@@ -17,7 +17,7 @@ import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Kind, estimate_track
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
-from cwcli.estimation.pooling import Drive, calibrated
+from cwcli.estimation.pooling import DriveEvidence, calibrate_from_drives
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.vehicle_state import HEADING, SPEED
 from tests.studies.city_drive import EPOCH_NS, Sensors, city_drive, measure
@@ -87,15 +87,15 @@ def errors(seed: int, duration_s: float, config: EstimatorConfig) -> list[float]
     return [float(np.sqrt(np.mean(each**2))) for each in off]
 
 
-def intervals(drives: list[Drive], pooled: Calibration) -> bool:
+def intervals(drives: list[DriveEvidence], pooled: Calibration) -> bool:
     """Print the table of the constants; whether the bounds hold."""
-    single = [calibrated([drive]) for drive in drives]
+    single = [calibrate_from_drives([drive]) for drive in drives]
     print("| constant | truth | pooled | interval | a single log's (median) | narrower by | chi-square |")
     print("|---|---|---|---|---|---|---|")
     holds = True
     for row in constants():
-        found = pooled.of(row.source, row.kind, row.name)
-        one = float(np.median([1.96 * each.of(row.source, row.kind, row.name).sigma for each in single]))
+        found = pooled.find_constant(row.source, row.kind, row.name)
+        one = float(np.median([1.96 * each.find_constant(row.source, row.kind, row.name).sigma for each in single]))
         narrower = one / (1.96 * found.sigma)
         allowed = NOISE_PART * row.truth if row.name == "noise_sigma" else 3.0 * found.sigma
         is_right = abs(found.value - row.truth) < allowed
@@ -117,13 +117,13 @@ def main() -> int:
     parser.add_argument("--drives", type=int, default=10, help="further drives, on which it is tried")
     arguments = parser.parse_args()
     drives = [
-        Drive(
+        DriveEvidence(
             f"drive {seed}",
             estimate_track(measure(city_drive(seed, arguments.duration), seed, LATENCY_S), EstimatorConfig()),
         )
         for seed in range(N_LOGS)
     ]
-    pooled = calibrated(drives, "car.toml")
+    pooled = calibrate_from_drives(drives, "car.toml")
     holds = intervals(drives, pooled)
     print("\n| causal, further drives (root mean square) | " + " | ".join(QUANTITIES) + " |\n|---|---|---|---|")
     ways = {

@@ -21,11 +21,11 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation.calibration import Calibration
-from cwcli.estimation.pooling import Drive, calibrated
+from cwcli.estimation.pooling import DriveEvidence, calibrate_from_drives
 from cwcli.logs.read.reader import Log
-from cwcli.simulate.sensor_log import write_log
+from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.drive import simulate
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.inputs.sources import SourceConfig
@@ -41,7 +41,7 @@ def simulated(folder: Path) -> Iterator[Path]:
     for k, name in enumerate(islice(cycle(scenario_names()), N_SIMULATED)):
         seed = 1 + k // len(scenario_names())
         path = folder / f"{name}-{seed}.mcap"
-        write_log(simulate(load_scenario(name, ()), seed), path)
+        write_simulated_log(simulate_scenario(load_scenario(name, ()), seed), path)
         yield path
 
 
@@ -52,7 +52,7 @@ def calibration_of(path: Path, ego_station: str | None) -> Calibration | None:
             result = estimate(log, EstimateConfig(SourceConfig(ego_station=ego_station)))
         except CwcliError:
             return None
-    return calibrated([Drive(path.name, result.made.ego)], path.name)
+    return calibrate_from_drives([DriveEvidence(path.name, result.evaluation_inputs.ego)], path.name)
 
 
 def changes_of(path: Path, n_cuts: int, *, is_calibrated: bool) -> tuple[list[Change], int]:

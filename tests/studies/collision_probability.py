@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.measures.collision_probability import collision_probability
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 Size = tuple[float, float]
@@ -60,10 +60,10 @@ def random_encounter(rng: np.random.Generator) -> Encounter:
         sigma = [*np.exp(rng.normal(-0.5, 0.8, 2)), np.exp(rng.normal(-1.2, 0.6)), rng.uniform(0.02, 0.12)]
         sigma += [rng.uniform(0.2, 1.2), rng.uniform(0.01, 0.08), 0.3, 0.1]
         covariance = np.diag(np.square(sigma))[None]
-        mean = rollout("auto", state, None, horizon_s=4.0)
+        mean = roll_out_paths("auto", state, None, horizon_s=4.0)
         at = round(meet_s / 0.05)
         state[0, :2] = rng.normal(0.0, 2.0, 2) - [mean.x_m[0, at], mean.y_m[0, at]]
-        paths.append(rollout("auto", state, covariance, horizon_s=HORIZON_S))
+        paths.append(roll_out_paths("auto", state, covariance, horizon_s=HORIZON_S))
     host, other = paths
     sizes = SIZES[rng.integers(len(SIZES))], SIZES[rng.integers(len(SIZES))]
     return Encounter(

@@ -19,15 +19,15 @@ import numpy as np
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
 from cwcli.estimation.contradiction import Contradiction
-from cwcli.estimation.prepare import epoch_ns, prepare
-from cwcli.estimation.source_vote import vote
+from cwcli.estimation.prepare import earliest_stamp_ns, clean_measurements
+from cwcli.estimation.source_vote import leave_out_outvoted_sources
 from cwcli.logs.read.reader import Log
 from cwcli.signals.role import Role
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, load_scenario
-from cwcli.stages.estimate import EGO_ROLES, _ego_measurements, _local_map
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
+from cwcli.stages.estimate import EGO_SENSOR_ROLES, _collect_ego_measurements, _map_at_first_fix
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies.sensor_model import measurements_of
 
 LEAN = (Kind.POSITION, Kind.IMU)
@@ -89,8 +89,8 @@ FAULTS: Mapping[str, tuple[Kind, Fault]] = {
 
 def contradictions_of(measurements: Sequence[Measurements]) -> tuple[Contradiction, ...]:
     """What the comparison alone says."""
-    prepared, _ = prepare(measurements, epoch_ns(measurements))
-    return vote(prepared).contradictions
+    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
+    return leave_out_outvoted_sources(prepared).contradictions
 
 
 def variants(measurements: Sequence[Measurements]) -> dict[str, list[Measurements]]:
@@ -102,12 +102,12 @@ def read_log(path: Path) -> list[Measurements]:
     """The ego's measurements of a log, as `cwcli estimate` takes them; none where it has no position."""
     with Log.open(path) as log:
         try:
-            sources = read_sources(
-                log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_ROLES[1:]
+            sources = read_sensor_signals(
+                log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_SENSOR_ROLES[1:]
             )
         except CwcliError:
             return []
-        return _ego_measurements(sources, _local_map(sources))
+        return _collect_ego_measurements(sources, _map_at_first_fix(sources))
 
 
 def check_right_sources(seeds: Sequence[int], logs: Sequence[Path]) -> bool:
@@ -115,11 +115,11 @@ def check_right_sources(seeds: Sequence[int], logs: Sequence[Path]) -> bool:
     n, wrong = 0, 0
     cases = [(f"{name} {seed}", name, seed) for name in scenario_names() for seed in seeds]
     for title, name, seed in cases:
-        for variant, measurements in variants(measurements_of(simulate(load_scenario(name), seed))).items():
+        for variant, measurements in variants(measurements_of(simulate_scenario(load_scenario(name), seed))).items():
             n += 1
             for each in contradictions_of(measurements):
                 wrong += 1
-                print(f"{title} {variant}: {each.sentence}")
+                print(f"{title} {variant}: {each.contradiction_sentence}")
     for path in logs:
         if not (measurements := read_log(path)):
             continue
@@ -127,7 +127,7 @@ def check_right_sources(seeds: Sequence[int], logs: Sequence[Path]) -> bool:
             n += 1
             for each in contradictions_of(own):
                 wrong += 1
-                print(f"{path.name} {variant}: {each.sentence}")
+                print(f"{path.name} {variant}: {each.contradiction_sentence}")
     print(f"right sources: {wrong} wrongly named in {n} drives")
     return wrong == 0
 
@@ -136,7 +136,7 @@ def estimated(drive: SimulatedDrive, measurements: Sequence[Measurements]) -> tu
     """The position's root mean square error over both axes, m, and the track."""
     stamp_ns = drive.truth_stamp_ns[::50]
     track = estimate_track(measurements, EstimatorConfig(), stamp_ns)
-    error = track.state[:, :2] - drive.truth[HOST][::50, :2]
+    error = track.state[:, :2] - drive.true_states_by_vehicle[HOST_NAME][::50, :2]
     return float(np.sqrt((error**2).sum(axis=1).mean())), track
 
 
@@ -146,7 +146,7 @@ def check_faults(scenarios: Sequence[str], seeds: Sequence[int]) -> bool:
     missed = n = 0
     for name in scenarios:
         for seed in seeds:
-            drive = simulate(load_scenario(name), seed)
+            drive = simulate_scenario(load_scenario(name), seed)
             for variant, right in variants(measurements_of(drive)).items():
                 least_m, _ = estimated(drive, right)
                 for title, (kind, fault) in FAULTS.items():
@@ -156,7 +156,7 @@ def check_faults(scenarios: Sequence[str], seeds: Sequence[int]) -> bool:
                     error_m, track = estimated(drive, [fault(m) for m in right])
                     kinds = {Kind.IMU: (Kind.IMU, Kind.ACCEL, Kind.YAW_RATE)}.get(kind, (kind,))
                     named = any(each.who.kind in kinds for each in track.contradictions)
-                    told = "; ".join(each.sentence for each in track.contradictions)
+                    told = "; ".join(each.contradiction_sentence for each in track.contradictions)
                     is_missed = not named and error_m > HARMLESS * least_m
                     missed += is_missed
                     print(

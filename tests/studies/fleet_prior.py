@@ -29,11 +29,17 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.prediction import fleet
-from cwcli.prediction.fleet import KNOTS_S, PARTS, QUANTILES, FleetPrior, acted_s
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, DERIVATIVE_PARTS, QUANTILE_LEVELS, FleetPrior, acting_time_s
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome import horizon_errors
-from cwcli.prediction.record import followed_m, known_tracks, measured_acted, parts_of, promised_m
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.outcome_history import (
+    actual_displacement_m,
+    state_histories_by_vehicle,
+    measure_acting_time_s,
+    derivative_parts,
+    promised_displacement_m,
+)
+from cwcli.prediction.rollout import roll_out_paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.simulation.catalogue import scenario_names
@@ -41,7 +47,7 @@ from tests.studies.prediction_bounds import LOGS, Known, known_states, scenario_
 
 LEARNED_FROM = ("balzer-dresden-2014-03-26.ros2", "openacc-dynamic-part23.ros2")
 SEEDS = (11, 12, 13, 14)
-TARGET = Path(fleet.__file__).with_name(fleet.FILE)
+TARGET = Path(fleet.__file__).with_name(fleet.FLEET_PRIOR_FILE)
 TOO_SURE = 0.5
 STEPS = (0.2, 0.1, 0.05)
 MAX_STARTS = 600  # of a group: more of a longer one say little more
@@ -68,7 +74,7 @@ class Group:
     def errors_m(self, share: FloatArray, k: int) -> FloatArray:
         """Distances at knot k of the known starts, if `share` (n, 2) of what was promised follows."""
         is_known = np.isfinite(self.followed_m[:, 0, k])
-        reach_m = self.speed_mps[is_known] * KNOTS_S[k]
+        reach_m = self.speed_mps[is_known] * HORIZON_KNOTS_S[k]
 
         def point(added_m: FloatArray) -> FloatArray:
             along = reach_m + added_m[:, 0]
@@ -85,7 +91,7 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     tracks = [
         track
         for states in several
-        for track in known_tracks(
+        for track in state_histories_by_vehicle(
             states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance * too_sure**2
         )
         if len(track.rows) > 1
@@ -93,16 +99,16 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
     thinned = slice(None, None, max(sum(len(track.rows) for track in tracks) // MAX_STARTS, 1))
     return Group(
         np.concatenate([track.state[:, SPEED] for track in tracks])[thinned],
-        np.concatenate([promised_m(track.state) for track in tracks])[thinned],
-        np.concatenate([parts_of(track) for track in tracks])[thinned],
-        np.concatenate([followed_m(track) for track in tracks])[thinned],
+        np.concatenate([promised_displacement_m(track.state) for track in tracks])[thinned],
+        np.concatenate([derivative_parts(track) for track in tracks])[thinned],
+        np.concatenate([actual_displacement_m(track) for track in tracks])[thinned],
     )
 
 
 def learned_gains(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:
     """Gains (2, k, 3) and what they leave over (2, k)."""
     baselines = [_baselines(each) for each in groups]
-    gain = np.zeros((2, len(KNOTS_S), 3))
+    gain = np.zeros((2, len(HORIZON_KNOTS_S), 3))
     gain[:, :, 1:] = (0.5, 0.3)
     gain = _searched(gain, partial(_cost, groups=groups, baselines=baselines))
     left_m = [np.nanmean(np.abs(_left(each, gain)), axis=0) for each in groups]
@@ -112,7 +118,7 @@ def learned_gains(groups: Sequence[Group]) -> tuple[FloatArray, FloatArray]:
 def _baselines(group: Group) -> list[tuple[float, float] | None]:
     """Mean and 95th percentile of the errors of constant velocity by knot; None where few outcomes are known."""
     found: list[tuple[float, float] | None] = []
-    for k in range(len(KNOTS_S)):
+    for k in range(len(HORIZON_KNOTS_S)):
         errors = group.errors_m(np.zeros((len(group.speed_mps), 2)), k)
         found.append((float(errors.mean()), float(np.quantile(errors, 0.95))) if len(errors) > MIN_OUTCOMES else None)
     return found
@@ -121,7 +127,7 @@ def _baselines(group: Group) -> list[tuple[float, float] | None]:
 def _cost(gain: FloatArray, groups: Sequence[Group], baselines: Sequence[list[tuple[float, float] | None]]) -> float:
     shares = [reached(each, gain) for each in groups]
     cost = 0.0
-    for k in range(len(KNOTS_S)):
+    for k in range(len(HORIZON_KNOTS_S)):
         ratios = []
         for each, share, baseline in zip(groups, shares, baselines, strict=True):
             judged = baseline[k]
@@ -139,10 +145,10 @@ def _left(group: Group, gain: FloatArray) -> FloatArray:
 
 def reached(group: Group, gain: FloatArray) -> FloatArray:
     """The share of what is promised that a path reaches at each knot, (n, 2, k)."""
-    acted = acted_s(np.einsum("naki,aki->nak", group.parts, gain))
-    steps_s = np.diff(KNOTS_S, prepend=0.0)
+    acted = acting_time_s(np.einsum("naki,aki->nak", group.parts, gain))
+    steps_s = np.diff(HORIZON_KNOTS_S, prepend=0.0)
     before = np.concatenate([np.zeros((*acted.shape[:2], 1)), acted[:, :, :-1]], axis=2)
-    return np.asarray(((before + acted) * steps_s / 2.0).cumsum(axis=2) / (KNOTS_S**2 / 2.0))
+    return np.asarray(((before + acted) * steps_s / 2.0).cumsum(axis=2) / (HORIZON_KNOTS_S**2 / 2.0))
 
 
 def _searched(gain: FloatArray, cost: Callable[[FloatArray], float]) -> FloatArray:
@@ -152,7 +158,7 @@ def _searched(gain: FloatArray, cost: Callable[[FloatArray], float]) -> FloatArr
         improves = True
         while improves:
             improves = False
-            for axis, k, part, move in product((0, 1), range(len(KNOTS_S)), (1, 2), (-step, step)):
+            for axis, k, part, move in product((0, 1), range(len(HORIZON_KNOTS_S)), (1, 2), (-step, step)):
                 trial = gain.copy()
                 trial[axis, k, part] = np.clip(round(trial[axis, k, part] + move, 2), 0.0, 1.0)
                 found = cost(trial)
@@ -170,24 +176,28 @@ def learned_quantiles(classes: Sequence[Sequence[VehicleStates]], prior: FleetPr
         found.append(squared)
         weights.append(1.0 / np.maximum(np.isfinite(squared).sum(axis=0), 1) * np.ones_like(squared))
     out = []
-    for k in range(len(KNOTS_S)):
+    for k in range(len(HORIZON_KNOTS_S)):
         value, weight = np.concatenate([r[:, k] for r in found]), np.concatenate([w[:, k] for w in weights])
         value, weight = value[np.isfinite(value)], weight[np.isfinite(value)]
         order = np.argsort(value)
         share = np.cumsum(weight[order]) / weight.sum()
-        out.append(value[order][np.searchsorted(share, QUANTILES)])
+        out.append(value[order][np.searchsorted(share, QUANTILE_LEVELS)])
     return np.array(out)
 
 
 def _squared(states: VehicleStates, prior: FleetPrior) -> FloatArray:
     """Squared Mahalanobis distances before any scale, (n, k)."""
-    acted = measured_acted(
+    acted = measure_acting_time_s(
         states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance, prior
     )
-    paths = rollout(DEFAULT_MODEL, states.state, states.covariance, horizon_s=KNOTS_S[-1], acted=acted)
-    tracks = known_tracks(states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance)
+    paths = roll_out_paths(
+        DEFAULT_MODEL, states.state, states.covariance, horizon_s=HORIZON_KNOTS_S[-1], acting_s=acted
+    )
+    tracks = state_histories_by_vehicle(
+        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance
+    )
     out = [
-        horizon_errors(paths.take(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], KNOTS_S.tolist())
+        horizon_errors(paths.take(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], HORIZON_KNOTS_S.tolist())
         for t in tracks
         if len(t.rows) > 1
     ]
@@ -206,11 +216,15 @@ def classes_of(logs: Sequence[Mapping[str, Known]]) -> list[list[VehicleStates]]
 def written(prior: FleetPrior, source: str) -> str:
     """The file."""
     out = ["# Made by `python -m tests.studies.fleet_prior --write`. Learned from", f"# {source}.", ""]
-    out.append(f"knots_s = {KNOTS_S.tolist()}")
+    out.append(f"knots_s = {HORIZON_KNOTS_S.tolist()}")
     for name, gain, error_m in zip(("along", "across"), prior.gain, prior.error_m, strict=True):
-        out += ["", f"[{name}]", *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(PARTS))]
+        out += [
+            "",
+            f"[{name}]",
+            *(f"{part} = {gain[:, i].round(2).tolist()}" for i, part in enumerate(DERIVATIVE_PARTS)),
+        ]
         out.append(f"error_m = {error_m.round(3).tolist()}")
-    out += ["", "[ellipse]", f"quantiles = {QUANTILES.tolist()}", "squared = ["]
+    out += ["", "[ellipse]", f"quantiles = {QUANTILE_LEVELS.tolist()}", "squared = ["]
     out += [f"    {row.round(3).tolist()}," for row in np.exp(prior.log_squared)]
     out.append("]")
     return "\n".join(out) + "\n"
@@ -227,7 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in scenario_names():
         classes += classes_of([scenario_states(name, seed) for seed in asked.seeds])
     gain, error_m = learned_gains([group_of(each, sure) for sure in (1.0, TOO_SURE) for each in classes])
-    prior = FleetPrior(gain, error_m, np.zeros((len(KNOTS_S), len(QUANTILES))))
+    prior = FleetPrior(gain, error_m, np.zeros((len(HORIZON_KNOTS_S), len(QUANTILE_LEVELS))))
     prior = replace(prior, log_squared=np.log(learned_quantiles(classes, prior)))
     names = ", ".join(scenario_names())
     source = f"scenarios {names} (seeds {', '.join(map(str, asked.seeds))})\n# and logs {', '.join(asked.logs)}"

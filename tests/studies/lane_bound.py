@@ -11,13 +11,19 @@ import sys
 
 import numpy as np
 
-from cwcli.reproduction.zhang2011.lane_drives import is_right
+from cwcli.reproduction.zhang2011.lane_drives import is_fit_correct
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.sets import SETS, frames
+from cwcli.simulation.road.sets import FRAME_SETS, iter_set_frames
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.method import LaneFit
-from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, ResponseArray, block_responses, objective
-from cwcli.vision.zhang2011 import DECIMALS, FIRST_LEFT, FIRST_RIGHT, MIN_BLOCKS
+from cwcli.vision.objective import (
+    PAPER_HEIGHT_PX,
+    PAPER_WIDTH_PX,
+    ResponseArray,
+    compute_block_responses,
+    parabola_objectives,
+)
+from cwcli.vision.zhang2011 import PARAMETER_DECIMALS, FIRST_LEFT_REGION, FIRST_RIGHT_REGION, MIN_SHOWN_BLOCKS
 
 EVERY = 2
 
@@ -26,15 +32,15 @@ def grid(is_left: bool) -> FloatArray:
     """Shape (n, 3): a, b, c."""
     axes = [
         np.arange(round(low * 10**m), round(high * 10**m) + 1, EVERY) / 10**m
-        for (low, high), m in zip(FIRST_LEFT if is_left else FIRST_RIGHT, DECIMALS, strict=True)
+        for (low, high), m in zip(FIRST_LEFT_REGION if is_left else FIRST_RIGHT_REGION, PARAMETER_DECIMALS, strict=True)
     ]
     return np.ascontiguousarray(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3))
 
 
 def best(responses: ResponseArray, lines: FloatArray, *, is_left: bool) -> Boundary:
     """The line of the highest objective."""
-    value, n_blocks = objective(responses, lines, is_left=is_left)
-    value[n_blocks < MIN_BLOCKS] = -np.inf
+    value, n_blocks = parabola_objectives(responses, lines, is_left=is_left)
+    value[n_blocks < MIN_SHOWN_BLOCKS] = -np.inf
     at = int(value.argmax())
     a, b, c = lines[at].tolist()
     return Boundary(a, b, c, float(value[at]), float("nan"), True)
@@ -43,13 +49,14 @@ def best(responses: ResponseArray, lines: FloatArray, *, is_left: bool) -> Bound
 def main(n_frames: int) -> None:
     """Print the shares."""
     left, right = grid(True), grid(False)
-    for name in SETS:
+    for name in FRAME_SETS:
         right_ones = np.zeros((n_frames, 2), np.bool_)
-        for k, frame in enumerate(frames(name, n_frames)):
-            both = block_responses(frame.grey)
+        for k, frame in enumerate(iter_set_frames(name, n_frames)):
+            both = compute_block_responses(frame.grey)
             fit = LaneFit(best(both.left, left, is_left=True), best(both.right, right, is_left=False))
             right_ones[k] = [
-                is_right(frame, fit, (WIDTH_PX, HEIGHT_PX), by_stripe=by_stripe) for by_stripe in (True, False)
+                is_fit_correct(frame, fit, (PAPER_WIDTH_PX, PAPER_HEIGHT_PX), by_stripe=by_stripe)
+                for by_stripe in (True, False)
             ]
         shares = right_ones.mean(axis=0)
         print(

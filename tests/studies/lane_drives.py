@@ -29,28 +29,34 @@ from functools import partial
 import numpy as np
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe
-from cwcli.dynamics.samples import PREVIEW_M, LateralTrack, Samples
+from cwcli.dynamics.observer import observe_lateral_motion
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LateralTrack, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_within
-from cwcli.prediction.lateral import lateral_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
-from cwcli.reproduction.zhang2011.rendered import lane_samples, told_camera
-from cwcli.signals.arcs import arc_places_m
+from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
+from cwcli.prediction.lateral import predict_paths_from_observer
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry, camera_with_pitch_error
+from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
-from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
-from cwcli.simulation.road.junctions import is_marked
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
+from cwcli.simulation.road.junctions import painted_station_mask
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.truth import BoolArray, LaneTruth
-from cwcli.simulation.streams import stream, to_ns
+from cwcli.simulation.streams import random_stream, seconds_to_ns
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.fit_columns import FitColumns, FitRecorder
-from cwcli.vision.ground import LaneGeometry, image_roads, lane_geometry, line_tops, pinholes
+from cwcli.vision.fit_columns import FitColumns, FitCollector
+from cwcli.vision.ground import (
+    LaneGeometry,
+    road_curves_in_image,
+    compute_lane_geometry,
+    boundary_end_rows_px,
+    repeat_pinhole_per_frame,
+)
 from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
-from cwcli.warning.lane_departure import Boundaries, LaneDepartureResult, evaluate_lane_departure
+from cwcli.warning.lane_departure import LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
 from tests.studies.rendered_motion import each
 
 KINDS: dict[str, dict[str, float | str]] = {
@@ -93,8 +99,8 @@ class Seen:
     share: FloatArray
     is_bare: BoolArray
     is_near_change: BoolArray
-    speed: Samples
-    yaw_rate: Samples
+    speed: ScalarSamples
+    yaw_rate: ScalarSamples
 
 
 @dataclass
@@ -128,7 +134,7 @@ class Counts:
 def planned(kind: str, seed: int, seconds: float) -> RoadDrive:
     """A drive of a kind."""
     config = RoadDriveConfig(seed=seed, duration_s=seconds, rate_hz=RATE_HZ, **KINDS[kind])  # type: ignore[arg-type]
-    return plan_drive(config, wide_camera(*SIZE))
+    return plan_road_drive(config, wide_camera(*SIZE))
 
 
 def watched(
@@ -140,13 +146,13 @@ def watched(
     method: str = DEFAULT_METHOD,
 ) -> Seen:
     """Find the lanes in a drive's frames, told speed and yaw rate, or the speed alone, or neither."""
-    chosen, camera = METHODS[method], told_camera(drive.camera)
-    search, recorder = chosen.make(0), FitRecorder()
-    rng = stream(drive.config.seed, "study", "motion")
+    chosen, camera = METHODS[method], camera_with_pitch_error(drive.camera)
+    search, recorder = chosen.make(0), FitCollector()
+    rng = random_stream(drive.config.seed, "study", "motion")
     n = len(drive)
-    speed_mps = drive.speed_at(drive.time_s) + rng.normal(0.0, SPEED_SIGMA_MPS, n)
+    speed_mps = drive.speed_at_mps(drive.time_s) + rng.normal(0.0, SPEED_SIGMA_MPS, n)
     yaw_rate = drive.states_at(drive.time_s)[:, YAW_RATE] + rng.normal(0.0, YAW_RATE_SIGMA_RADPS, n)
-    stamp_ns = to_ns(drive.time_s)
+    stamp_ns = seconds_to_ns(drive.time_s)
     told = np.column_stack([speed_mps, yaw_rate]) if with_motion else np.full((n, 2), np.nan)
     if not with_yaw_rate:
         told[:, 1] = np.nan
@@ -154,13 +160,19 @@ def watched(
     for number, made in enumerate(frames):
         truths.append(made.truth)
         frame = LaneFrame(made.grey, camera, int(stamp_ns[number]), number, *told[number].tolist())
-        recorder.append(search.step(frame))
-    fits = recorder.columns()
-    horizon_px = np.asarray(camera.horizon_v_px(fits.pitch_rad))
-    top_px = line_tops(fits, camera, horizon_px)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
+        recorder.append_fit(search.step(frame))
+    fits = recorder.to_columns()
+    horizon_px = np.asarray(camera.horizon_row_px(fits.pitch_rad))
+    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    lines = BoundaryLines(
+        fits.parabolas,
+        road_curves_in_image(fits, camera),
+        horizon_px,
+        top_px,
+        repeat_pinhole_per_frame(camera, len(fits)),
+    )
     rows = np.arange(SIZE[1], dtype=np.float64)
-    u_px = lines.columns_px(np.tile(SIZE[1] - rows, (n, 1)), SIZE[1]) - 1.0
+    u_px = lines.columns_at_heights_px(np.tile(SIZE[1] - rows, (n, 1)), SIZE[1]) - 1.0
     offset_m = drive.states_at(drive.time_s)[:, OFFSET]
     lane = np.rint(offset_m / drive.scene.lane_width_m)
     crossed_s = drive.time_s[np.flatnonzero(np.diff(lane)) + 1]
@@ -176,24 +188,33 @@ def watched(
             pair = []
             for side, own in enumerate((truth.left_visible, truth.right_visible)):
                 at = truth.lane_m + shift_m + (0.5 - side) * truth.lane_width_m
-                true_px = truth.road.column_of(truth.camera, at, truth.x_m)
+                true_px = truth.road.line_column_at_distance_px(truth.camera, at, truth.x_m)
                 visible = own
                 if shift_m:
                     with np.errstate(invalid="ignore"):
                         visible = (true_px >= 0) & (true_px < SIZE[0]) & (truth.x_m <= 60.0)
-                pair.append(share_within(u_px[i, side], true_px, visible, tolerance_px=tolerance_px))
+                pair.append(share_of_rows_within_tolerance(u_px[i, side], true_px, visible, tolerance_px=tolerance_px))
             shares.append(pair)
         share[i] = max(shares, key=lambda pair: np.nan_to_num(np.array(pair), nan=1.0).min())
-    geometry = lane_geometry(fits, camera, preview_m=PREVIEW_M)
+    geometry = compute_lane_geometry(fits, camera, preview_m=DEFAULT_PREVIEW_M)
     is_bare = np.array([_bare(drive, truth) for truth in truths])
-    return Seen(drive, fits, geometry, share, is_bare, near, Samples(stamp_ns, speed_mps), Samples(stamp_ns, yaw_rate))
+    return Seen(
+        drive,
+        fits,
+        geometry,
+        share,
+        is_bare,
+        near,
+        ScalarSamples(stamp_ns, speed_mps),
+        ScalarSamples(stamp_ns, yaw_rate),
+    )
 
 
 def _bare(drive: RoadDrive, truth: LaneTruth) -> list[bool]:
     made = []
     for marking, visible in ((drive.scene.left, truth.left_visible), (drive.scene.right, truth.right_visible)):
-        station_m = truth.road.arc_at(marking.offset_m, truth.x_m[visible])
-        made.append(bool(visible.any()) and is_marked(drive.scene, marking, station_m).mean() < 0.5)
+        station_m = truth.road.line_station_at_distance_m(marking.offset_m, truth.x_m[visible])
+        made.append(bool(visible.any()) and painted_station_mask(drive.scene, marking, station_m).mean() < 0.5)
     return made
 
 
@@ -201,11 +222,11 @@ def places_m(seen: Seen) -> tuple[FloatArray, FloatArray]:
     """Shape (n, 2) each: the boundaries' places `JUMP_AT_M` ahead, found and true, left positive."""
     ahead = np.array([JUMP_AT_M])
     change = -seen.geometry.curvature_change_1pm2
-    found = np.stack([arc_places_m(road, ahead, change) for road in _bodies(seen)], axis=1)
+    found = np.stack([lateral_positions_of_arcs_m(road, ahead, change) for road in _bodies(seen)], axis=1)
     true = np.array(
         [
             [float(truth.boundary_y_m(side, ahead)[0]) for side in ("left", "right")]
-            for truth in map(seen.drive.truth, range(len(seen.drive)))
+            for truth in map(seen.drive.lane_truth_at, range(len(seen.drive)))
         ]
     )
     return found, true
@@ -220,8 +241,8 @@ def _bodies(seen: Seen) -> tuple[FloatArray, FloatArray]:
 
 def motion(seen: Seen) -> LateralTrack:
     """The default observer on the lanes, with the gyroscope."""
-    return observe(
-        lane_samples(seen.drive.time_s, seen.geometry, seen.fits),
+    return observe_lateral_motion(
+        lane_samples_from_geometry(seen.drive.time_s, seen.geometry, seen.fits),
         seen.speed,
         load_vehicle(),
         ObserverConfig(),
@@ -232,13 +253,13 @@ def motion(seen: Seen) -> LateralTrack:
 def departures(seen: Seen) -> LaneDepartureResult:
     """Lane departure with the default observer and rule."""
     car, track = load_vehicle(), motion(seen)
-    paths = calibrate_paths(lateral_paths(track, car), track)
+    paths = scale_lateral_covariance(predict_paths_from_observer(track, car), track)
     left, right = _bodies(seen)
     return evaluate_lane_departure(
         seen.speed.stamp_ns,
         seen.speed.stamp_ns,
         paths,
-        Boundaries(
+        LaneBoundaries(
             *(left, right, car.camera_forward_m, seen.fits.state != LaneState.HELD, seen.fits.steady_s),
             -seen.geometry.curvature_change_1pm2,
         ),
@@ -291,7 +312,7 @@ def one(job: tuple[str, int], seconds: float, with_motion: bool) -> Counts:
     """A drive of a kind, from its seed."""
     kind, seed = job
     drive = planned(kind, seed, seconds)
-    return counted(watched(drive, drive.frames(), with_motion=with_motion))
+    return counted(watched(drive, drive.iter_rendered_frames(), with_motion=with_motion))
 
 
 def main() -> None:

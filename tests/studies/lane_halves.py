@@ -20,17 +20,17 @@ import cv2
 import numpy as np
 
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.lane_scores import TuSimpleScore, ego_lanes, tusimple_score
+from cwcli.metrics.lane_scores import TuSimpleScore, lanes_beside_ego, tusimple_score
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.leaf_fields import row_of
+from cwcli.signals.leaf_fields import numbers_of_row
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.fit_columns import FitRecorder
+from cwcli.vision.fit_columns import FitCollector
 from cwcli.vision.frames import DecodedFrame, SizeOf, decode_frames
-from cwcli.vision.ground import image_roads, line_tops, pinholes
+from cwcli.vision.ground import road_curves_in_image, boundary_end_rows_px, repeat_pinhole_per_frame
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
 
 LOG = Path(__file__).parents[2].parent / "shared" / "logs" / "tusimple-0313-dev.mcap"
 IMAGES, LABELS = "/camera/image", "/truth/lanes"
@@ -70,21 +70,27 @@ def labels_of(path: Path) -> list[tuple[FloatArray, FloatArray]]:
     """Lanes (k, h) and rows (h,) of each labelled frame."""
     with Log.open(path) as log:
         truth = log.columns(LABELS)
-    rows = [row_of(truth.fields["h_samples"], k) for k in range(len(truth.log_time_ns))]
-    return [(row_of(truth.fields["lanes"], k).reshape(-1, len(each)), each) for k, each in enumerate(rows)]
+    rows = [numbers_of_row(truth.fields["h_samples"], k) for k in range(len(truth.log_time_ns))]
+    return [(numbers_of_row(truth.fields["lanes"], k).reshape(-1, len(each)), each) for k, each in enumerate(rows)]
 
 
 def drawn(fit: LaneFit, camera: Camera, rows_px: FloatArray, height_px: int) -> FloatArray:
     """Shape (2, h): the columns of both boundaries in an image of `height_px` rows, as `cwcli lanes` draws them."""
-    recorder = FitRecorder()
-    recorder.append(fit)
-    fits = recorder.columns()
+    recorder = FitCollector()
+    recorder.append_fit(fit)
+    fits = recorder.to_columns()
     pitch = np.where(np.isfinite(fits.pitch_rad), fits.pitch_rad, camera.mounting.pitch_rad)
-    horizon_px = np.asarray(camera.horizon_v_px(pitch))
-    top_px = line_tops(fits, camera, horizon_px)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
+    horizon_px = np.asarray(camera.horizon_row_px(pitch))
+    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    lines = BoundaryLines(
+        fits.parabolas,
+        road_curves_in_image(fits, camera),
+        horizon_px,
+        top_px,
+        repeat_pinhole_per_frame(camera, len(fits)),
+    )
     scale = height_px / camera.height_px
-    x_px = lines.columns_px(camera.height_px + 0.5 - (rows_px[None] + 0.5) / scale, camera.height_px)[0]
+    x_px = lines.columns_at_heights_px(camera.height_px + 0.5 - (rows_px[None] + 0.5) / scale, camera.height_px)[0]
     with np.errstate(invalid="ignore"):
         x_px = np.where((x_px < 0.5) | (x_px > camera.width_px + 0.5), np.nan, x_px)
     return np.asarray((x_px - 0.5) * scale - 0.5)
@@ -105,12 +111,12 @@ def judged(path: Path, method_name: str) -> Iterator[Judged]:
     for number, (frame, lanes, rows_px) in enumerate(labelled(path, method.search_size)):
         assert frame.image is not None
         size = frame.image.shape[1], frame.image.shape[0]
-        camera = default_camera(frame.width_px, frame.height_px, Mounting()).resized(*size)
+        camera = default_camera(frame.width_px, frame.height_px, Mounting()).with_image_size(*size)
         prepared = None if method.prepare is None else method.prepare(frame.image)
         search = method.make(number)
         fit = search.step(LaneFrame(frame.image, camera, frame.stamp_ns, 0, prepared=prepared))
         lines = drawn(fit, camera, rows_px, frame.height_px)
-        beside = ego_lanes(lanes, rows_px, frame.width_px, frame.height_px)
+        beside = lanes_beside_ego(lanes, rows_px, frame.width_px, frame.height_px)
         found = [fit.left.found, fit.right.found]
         score = tusimple_score([line for line, is_found in zip(lines, found, strict=True) if is_found], beside, rows_px)
         right = [
@@ -188,7 +194,7 @@ def picture(frame: Judged) -> GreyImage:
 def main() -> None:
     """Score, and draw."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", default=DEFAULT_METHOD, choices=ready_methods())
+    parser.add_argument("--method", default=DEFAULT_METHOD, choices=methods_without_model())
     parser.add_argument("--log", type=Path, default=LOG)
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--all", action="store_true")

@@ -18,12 +18,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.reproduction.zhang2011.rendered import told_camera
+from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.simulation.road.camera import paper_camera, wide_camera
-from cwcli.simulation.road.defects import DOT_WIDTH_M, DOTS_M
-from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
+from cwcli.simulation.road.defects import DOT_WIDTH_M, DOT_AND_GAP_M
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.scene import Marking
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import LineColour, LineKind
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
@@ -50,7 +50,7 @@ DASHES = {"3 + 9": (3.0, 9.0), "4 + 6": (4.0, 6.0), "6 + 9": (6.0, 9.0), "dashed
 def painted(marking: Marking, name: str) -> Marking:
     """A marking of a name of `DRAWN`."""
     if name == "dots":
-        return replace(marking, dash_m=DOTS_M, width_m=DOT_WIDTH_M, kept=1.0, is_double=False)
+        return replace(marking, dash_m=DOT_AND_GAP_M, width_m=DOT_WIDTH_M, remaining_paint_share=1.0, is_double=False)
     dash_m = next((dash for key, dash in DASHES.items() if name.endswith(key)), (0.0, 0.0))
     return replace(marking, dash_m=dash_m, is_double=name.startswith("double"))
 
@@ -60,7 +60,7 @@ Sides = tuple[tuple[str, LineKind], tuple[str, LineKind]]
 
 def planned(seed: int, road: str, seconds: float) -> tuple[RoadDrive, Sides, tuple[LineColour, LineColour]]:
     """A drive, and the kind (with its name) and the colour of both sides."""
-    rng = stream(seed, "study", "kinds")
+    rng = random_stream(seed, "study", "kinds")
     names = list(DRAWN)
     # each kind comes as often on either side
     kinds = names[seed % len(names)], names[int(rng.integers(len(names)))]
@@ -76,7 +76,7 @@ def planned(seed: int, road: str, seconds: float) -> tuple[RoadDrive, Sides, tup
         rate_hz=RATE_HZ,
         speed_mps=float(rng.uniform(8.0, 33.0)),
     )
-    drive = plan_drive(config, camera)
+    drive = plan_road_drive(config, camera)
     scene = drive.scene
     scene = replace(scene, left=painted(scene.left, kinds[0]), right=painted(scene.right, kinds[1]))
     left, right = ((name, DRAWN[name]) for name in kinds)
@@ -85,19 +85,19 @@ def planned(seed: int, road: str, seconds: float) -> tuple[RoadDrive, Sides, tup
 
 def in_colour(drive: RoadDrive, colours: tuple[LineColour, LineColour], index: int) -> np.ndarray:
     """A frame as blue, green and red, shape (height, width, 3)."""
-    own = drive.frame(index).grey
+    own = drive.render_frame_at(index).grey
     scene = drive.scene
     for side, colour in zip(("left", "right"), colours, strict=True):
         if colour is LineColour.YELLOW:
             marking = getattr(scene, side)
             scene = replace(scene, **{side: replace(marking, grey=YELLOW_BLUE * marking.grey)})
-    blue = replace(drive, scene=scene).frame(index).grey
+    blue = replace(drive, scene=scene).render_frame_at(index).grey
     return np.stack([(CAST * blue).astype(np.uint8), own, own], axis=-1)
 
 
 def watched(drive: RoadDrive, pictures: Iterator[np.ndarray]) -> list[LaneFit]:
     """What the default method finds in a drive's pictures (blue, green, red)."""
-    camera, search = told_camera(drive.camera), LaneTracker()
+    camera, search = camera_with_pitch_error(drive.camera), LaneTracker()
     made = []
     for number, picture in enumerate(pictures):
         stamp_ns = round(float(drive.time_s[number]) * 1e9)

@@ -15,11 +15,11 @@ import argparse
 import numpy as np
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.prediction.lateral import LateralPathConfig, lateral_paths
-from cwcli.reproduction.zhang2011.rendered import lane_samples
+from cwcli.prediction.lateral import LateralPathConfig, predict_paths_from_observer
+from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry
 from cwcli.simulation.road.car import BEARING, LATERAL_SPEED, YAW_RATE, X, Y
 from tests.studies.lane_drives import KINDS, RATE_HZ, Seen, planned, watched
 
@@ -35,8 +35,10 @@ OBSERVERS = {
 def observed(seen: Seen, name: str) -> LateralTrack:
     """The motion of a drive by one of `OBSERVERS`."""
     config, with_gyro = OBSERVERS[name]
-    lanes = lane_samples(seen.drive.time_s, seen.geometry, seen.fits)
-    return observe(lanes, seen.speed, load_vehicle(), config, yaw_rate=seen.yaw_rate if with_gyro else None)
+    lanes = lane_samples_from_geometry(seen.drive.time_s, seen.geometry, seen.fits)
+    return observe_lateral_motion(
+        lanes, seen.speed, load_vehicle(), config, yaw_rate=seen.yaw_rate if with_gyro else None
+    )
 
 
 def yaw_rate_error_degps(seen: Seen, track: LateralTrack) -> np.ndarray:
@@ -46,7 +48,9 @@ def yaw_rate_error_degps(seen: Seen, track: LateralTrack) -> np.ndarray:
 
 def path_error_m(seen: Seen, track: LateralTrack, model: str) -> np.ndarray:
     """Distance of the path's end, 2 s ahead, from where the car then was; of each settled frame."""
-    paths = lateral_paths(track, load_vehicle(), LateralPathConfig(model=model, horizon_s=AHEAD / RATE_HZ))
+    paths = predict_paths_from_observer(
+        track, load_vehicle(), LateralPathConfig(model=model, horizon_s=AHEAD / RATE_HZ)
+    )
     states = seen.drive.states_at(seen.drive.time_s)
     at = np.arange(SETTLED, len(states) - AHEAD)
     dx, dy = (states[at + AHEAD, each] - states[at, each] for each in (X, Y))
@@ -79,7 +83,7 @@ def main() -> None:
     for kind in given.kinds:
         for seed in range(first, last + 1):
             drive = planned(kind, seed, given.seconds)
-            seen = watched(drive, drive.frames(), with_yaw_rate=given.with_yaw_rate)
+            seen = watched(drive, drive.iter_rendered_frames(), with_yaw_rate=given.with_yaw_rate)
             for name in OBSERVERS:
                 print(f"{kind} {seed} | {name:16} | {row(seen, name)}", flush=True)
 

@@ -8,7 +8,7 @@ Rendered drives of the sets `good` and `complex`, of the paper's camera (320 x 2
 its curvature at the preview point: root mean square error, median sigma, and the mean of the squared error over its
 variance, which is 1 where the sigmas are right. The mounting's own errors are none. Lanes that are off by more than
 half a metre are counted, and left out: no sigma knows of a wrong line. Seed 3 was in sight of the constants in
-`cwcli.vision.lane_covariance`.
+`cwcli.vision.measure_lane_covariance`.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.reproduction.zhang2011.rendered import told_camera
+from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera, paper_camera, wide_camera
-from cwcli.simulation.road.drive import set_drives
-from cwcli.simulation.streams import to_ns
-from cwcli.vision.fit_columns import FitRecorder
-from cwcli.vision.ground import GeometrySigmas, lane_geometry
+from cwcli.simulation.road.drive import iter_set_drives
+from cwcli.simulation.streams import seconds_to_ns
+from cwcli.vision.fit_columns import FitCollector
+from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
 
@@ -55,15 +55,15 @@ class Errors:
 def errors(name: str, n_drives: int, seed: int, camera: RoadCamera, preview_m: float) -> Errors:
     """Errors and sigmas on some drives of a set."""
     error, sigma = [], []
-    told = told_camera(camera)
-    for drive in set_drives(name, n_drives, seed=seed, camera=camera, n_frames=N_FRAMES):
-        search, recorder, truths = LaneTracker(), FitRecorder(), []
-        stamp_ns, speed_mps = to_ns(drive.time_s), drive.speed_at(drive.time_s)
-        for k, made in enumerate(drive.frames()):
+    told = camera_with_pitch_error(camera)
+    for drive in iter_set_drives(name, n_drives, seed=seed, camera=camera, n_frames=N_FRAMES):
+        search, recorder, truths = LaneTracker(), FitCollector(), []
+        stamp_ns, speed_mps = seconds_to_ns(drive.time_s), drive.speed_at_mps(drive.time_s)
+        for k, made in enumerate(drive.iter_rendered_frames()):
             frame = LaneFrame(made.grey, told, int(stamp_ns[k]), k, speed_mps=float(speed_mps[k]))
-            recorder.append(search.step(frame))
-            truths.append([-part for part in made.truth.at_preview(preview_m)])
-        geometry = lane_geometry(recorder.columns(), told, preview_m=preview_m, sigmas=EXACT)
+            recorder.append_fit(search.step(frame))
+            truths.append([-part for part in made.truth.lane_centre_at_preview(preview_m)])
+        geometry = compute_lane_geometry(recorder.to_columns(), told, preview_m=preview_m, sigmas=EXACT)
         values = (geometry.lateral_deviation_m, geometry.heading_deviation_rad, geometry.curvature_1pm)
         sigmas = (
             geometry.lateral_deviation_sigma_m,

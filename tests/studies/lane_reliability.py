@@ -6,7 +6,7 @@ Frames: the rendered sets `complex` and `hard`, roads with hardly any paint, wit
 noise, each with the camera's mounting known and not known. A boundary is right if 85 % of its visible rows are within 6
 pixels; without paint it never is. Fitted on four seeds, shown on another. Beside them, with `LABELLED_SHARE` of the
 weight, the labelled frames of `lane_halves` and their mirror images, right as TuSimple's benchmark has it. Prints the
-coefficients for `vision/lane_belief.py`, those of each half with the reliability on the other one, and the reliability
+coefficients for `vision/boundary_probability.py`, those of each half with the reliability on the other one, and the reliability
 tables of docs/lanes.md.
 """
 
@@ -21,21 +21,21 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from cwcli.metrics.lane_scores import VISUAL_SHARE, ego_lanes, visual_score
+from cwcli.metrics.lane_scores import VISUAL_SHARE, lanes_beside_ego, visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.geometry import RoadAhead, clothoid
-from cwcli.simulation.road.render import RoadFrame, render
+from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.render import RoadFrame, render_frame
 from cwcli.simulation.road.scene import Marking
-from cwcli.simulation.road.sets import SETS, draw_scene, frames
-from cwcli.simulation.streams import stream
+from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
+from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, features
-from cwcli.vision.lane_detect import acquire, with_vanishing_point
-from cwcli.vision.lane_model import parabolas_of_lane, pitch_of, prior_of
-from cwcli.vision.lane_tracker import FOUND_PROBABILITY, search_size
+from cwcli.vision.boundary_probability import LOG_ODDS_COEFFICIENTS, LAPSE_PROBABILITY, probability_features
+from cwcli.vision.lane_detect import search_first_frame, prior_with_vanishing_point
+from cwcli.vision.lane_model import fit_boundary_parabolas, pitch_from_horizon_rad, first_frame_prior
+from cwcli.vision.lane_tracker import MIN_FOUND_PROBABILITY, search_size
 from cwcli.vision.method import LaneFit
 from tests.studies.lane_halves import LOG, labelled, matches
 from tests.studies.lane_halves import drawn as lines_of
@@ -58,23 +58,26 @@ def drawn(name: str, n: int, seed: int) -> Iterator[RoadFrame]:
     """Frames of `complex` roads, `bare` of paint, `worn` as far as the renderer can, or with `dots`; or `noise`."""
     names = sorted(CONDITIONS)
     for index in range(n):
-        rng = stream(seed, "road", name, str(index))
-        scene = draw_scene(SETS["complex"], names[index % len(names)], rng)
+        rng = random_stream(seed, "road", name, str(index))
+        scene = draw_scene(FRAME_SETS["complex"], names[index % len(names)], rng)
 
         def changed(marking: Marking, asphalt: float = scene.asphalt) -> Marking:
             match name:
                 case "worn":
-                    return replace(marking, kept=0.0)
+                    return replace(marking, remaining_paint_share=0.0)
                 case "dots":
-                    return replace(marking, kept=1.0, dash_m=DOTS_M)
+                    return replace(marking, remaining_paint_share=1.0, dash_m=DOTS_M)
             return replace(marking, width_m=1e-4, grey=asphalt)
 
         left, right, others = changed(scene.left), changed(scene.right), tuple(map(changed, scene.others))
         scene = replace(scene, left=left, right=right, others=others)
         road = RoadAhead(
-            clothoid(0.0005 * rng.normal(), 0.0), offset_m=0.2 * rng.normal(), heading_rad=0.0, vertical_1pm=0.0
+            clothoid_curvature_1pm(0.0005 * rng.normal(), 0.0),
+            offset_m=0.2 * rng.normal(),
+            heading_rad=0.0,
+            vertical_1pm=0.0,
         )
-        made = render(scene, paper_camera(), road, rng)
+        made = render_frame(scene, paper_camera(), road, rng)
         if name == "noise":  # of any strength, and as fine as the pixels or coarser
             grain: FloatArray = rng.normal(size=made.grey.shape)
             if index % 2:
@@ -91,16 +94,16 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     mounted = Camera(320, 240, paper.fx, paper.fy, paper.cx, paper.cy, mounting=mounting)
     rows, right, empty = [], [], []
     for name in ("complex", "hard", "worn", "dots", *EMPTY):
-        made = drawn(name, n, seed) if name in ("worn", "dots", *EMPTY) else frames(name, n, seed=seed)
+        made = drawn(name, n, seed) if name in ("worn", "dots", *EMPTY) else iter_set_frames(name, n, seed=seed)
         for frame in made:
             for camera in (mounted, default_camera(320, 240, Mounting())):
-                prior = prior_of(camera)
-                if not prior.is_mounted:
-                    prior = with_vanishing_point(frame.grey, prior)
-                lanes, values, evidence = acquire(frame.grey, camera, prior)
-                u = _columns(parabolas_of_lane(lanes[0], camera))
+                prior = first_frame_prior(camera)
+                if not prior.is_mounting_known:
+                    prior = prior_with_vanishing_point(frame.grey, prior)
+                lanes, values, evidence = search_first_frame(frame.grey, camera, prior)
+                u = _columns(fit_boundary_parabolas(lanes[0], camera))
                 truth, low = frame.truth, np.arange(240) >= 90
-                score = visual_score(
+                score = visual_standard_score(
                     *u,
                     truth.left_u_px,
                     truth.right_u_px,
@@ -110,7 +113,7 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                 for side, share in enumerate((score.left_share, score.right_share)):
                     if np.isnan(share):
                         continue
-                    rows.append(features(evidence, lanes[0], float(values[0]))[side])
+                    rows.append(probability_features(evidence, lanes[0], float(values[0]))[side])
                     right.append(float(share >= VISUAL_SHARE and name not in EMPTY))
                     empty.append(float(EMPTY.index(name) + 1 if name in EMPTY else 0))
     return np.array(rows), np.array(right), np.array(empty)
@@ -128,14 +131,16 @@ def labelled_samples() -> tuple[FloatArray, FloatArray, FloatArray]:
         assert frame.image is not None
         mirrored = np.where(lanes >= 0.0, frame.width_px - 1.0 - lanes, lanes)
         for grey, labels in ((frame.image, lanes), (np.ascontiguousarray(frame.image[:, ::-1]), mirrored)):
-            camera = default_camera(frame.width_px, frame.height_px, Mounting()).resized(grey.shape[1], grey.shape[0])
-            prior = with_vanishing_point(grey, prior_of(camera))
-            found, values, evidence = acquire(grey, camera, prior)
-            sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in parabolas_of_lane(found[0], camera).tolist()]
-            fit = LaneFit(sides[0], sides[1], pitch_rad=pitch_of(found[0], camera))
-            beside = ego_lanes(labels, rows_px, frame.width_px, frame.height_px)
+            camera = default_camera(frame.width_px, frame.height_px, Mounting()).with_image_size(
+                grey.shape[1], grey.shape[0]
+            )
+            prior = prior_with_vanishing_point(grey, first_frame_prior(camera))
+            found, values, evidence = search_first_frame(grey, camera, prior)
+            sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(found[0], camera).tolist()]
+            fit = LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(found[0], camera))
+            beside = lanes_beside_ego(labels, rows_px, frame.width_px, frame.height_px)
             lines = lines_of(fit, camera, rows_px, frame.height_px)
-            rows.extend(features(evidence, found[0], float(values[0])))
+            rows.extend(probability_features(evidence, found[0], float(values[0])))
             right.extend(float(matches(line, beside, rows_px)) for line in lines)
             numbers.extend([number, number])
     return np.array(rows), np.array(right), np.array(numbers)
@@ -194,12 +199,12 @@ def main() -> None:
         print(f"fitted on the {name} labelled frames: {np.round(made, 2).tolist()}; on the others:")
         print(reliability(chances(real_x[~fit_half], made), real_right[~fit_half]))
     made = fitted_on_both(rendered, (real_x, real_right))
-    in_use = np.array([*COEFFICIENTS, LAPSE])
+    in_use = np.array([*LOG_ODDS_COEFFICIENTS, LAPSE_PROBABILITY])
     print("coefficients and lapse", np.round(made, 2).tolist(), "in use", in_use.tolist())
     x, right, empty = samples(SHOWN_SEED, n)
     p = chances(x, in_use)
     print(f"{len(p)} boundaries, {right.mean():.3f} right, Brier score {np.mean((p - right) ** 2):.3f}\n")
-    found = p >= FOUND_PROBABILITY
+    found = p >= MIN_FOUND_PROBABILITY
     there = empty == 0
     print(f"found: {found[there].mean():.3f} of those with paint, {right[found & there].mean():.3f} of them right")
     for kind, name in enumerate(EMPTY, 1):

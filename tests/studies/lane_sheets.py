@@ -24,19 +24,24 @@ import cv2
 import numpy as np
 
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
-from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, is_right, vision_camera
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.reproduction.zhang2011.lane_drives import (
+    N_UNSTABLE_FRAMES,
+    N_JUDGED_FRAMES,
+    is_fit_correct,
+    camera_for_lane_methods,
+)
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.car import YAW_RATE
-from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive, set_drives
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive, iter_set_drives
 from cwcli.simulation.road.render import RoadFrame
-from cwcli.simulation.road.sets import SETS
+from cwcli.simulation.road.sets import FRAME_SETS
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.fit_columns import FitRecorder
-from cwcli.vision.ground import image_roads, line_tops, pinholes
+from cwcli.vision.fit_columns import FitCollector
+from cwcli.vision.ground import road_curves_in_image, boundary_end_rows_px, repeat_pinhole_per_frame
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.methods import DEFAULT_METHOD, METHODS, ready_methods
+from cwcli.vision.methods import DEFAULT_METHOD, METHODS, methods_without_model
 from tests.studies.road_sheets import DOCS, sheet, write
 
 TILES = 20
@@ -61,15 +66,15 @@ def rendered(name: str, method_name: str) -> list[np.ndarray]:
     """The tiles of a set."""
     method = METHODS[method_name]
     tiles = []
-    for number, drive in enumerate(set_drives(name, TILES, n_frames=FIRST_FRAMES + JUDGED_FRAMES)):
+    for number, drive in enumerate(iter_set_drives(name, TILES, n_frames=N_UNSTABLE_FRAMES + N_JUDGED_FRAMES)):
         search = method.make(number)
-        for k, frame in enumerate(drive.frames()):
+        for k, frame in enumerate(drive.iter_rendered_frames()):
             height, width = frame.grey.shape
             size = method.search_size(width, height)
             assert size == (width, height), "the sets are as small as any method wants"
             prepared = None if method.prepare is None else method.prepare(frame.grey)
             stamp_ns = round(float(drive.time_s[k]) * 1e9)
-            fit = search.step(LaneFrame(frame.grey, vision_camera(*size), stamp_ns, k, prepared=prepared))
+            fit = search.step(LaneFrame(frame.grey, camera_for_lane_methods(*size), stamp_ns, k, prepared=prepared))
         tiles.append(tile(frame, fit, f"{number} {drive.config.weather}"))
     return tiles
 
@@ -79,19 +84,19 @@ def with_defects(method_name: str) -> list[np.ndarray]:
     method = METHODS[method_name]
     tiles = []
     for name, changes in DEFECTS.items():
-        drive = plan_drive(
+        drive = plan_road_drive(
             RoadDriveConfig(rate_hz=DEFECT_RATE_HZ, duration_s=DEFECT_SHOWN_S[-1], **changes), paper_camera()
         )
         states, search = drive.states_at(drive.time_s), method.make(1)
-        for k, frame in enumerate(drive.frames()):
+        for k, frame in enumerate(drive.iter_rendered_frames()):
             time_s = float(drive.time_s[k])
             height, width = frame.grey.shape
             seen = LaneFrame(
                 frame.grey,
-                vision_camera(width, height),
+                camera_for_lane_methods(width, height),
                 round(time_s * 1e9),
                 k,
-                speed_mps=float(drive.speed_at(drive.time_s)[k]),
+                speed_mps=float(drive.speed_at_mps(drive.time_s)[k]),
                 yaw_rate_radps=float(states[k, YAW_RATE]),
                 prepared=None if method.prepare is None else method.prepare(frame.grey),
             )
@@ -109,21 +114,27 @@ def tile(frame: RoadFrame, fit: LaneFit, label: str) -> np.ndarray:
         for v, u in enumerate(columns):
             if 0 <= u < width:
                 cv2.circle(image, (round(float(u)), v), 1, colour, -1)
-    colour = GREEN if is_right(frame, fit, (width, height), by_stripe=True) else RED
+    colour = GREEN if is_fit_correct(frame, fit, (width, height), by_stripe=True) else RED
     cv2.putText(image, label, (5, 15), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
     return image
 
 
 def drawn(fit: LaneFit, width_px: int, height_px: int) -> np.ndarray:
     """Shape (2, height): the boundaries' columns in every row as `cwcli lanes` draws them, NaN where it does not."""
-    recorder = FitRecorder()
-    recorder.append(fit)
-    fits, camera = recorder.columns(), vision_camera(width_px, height_px)
+    recorder = FitCollector()
+    recorder.append_fit(fit)
+    fits, camera = recorder.to_columns(), camera_for_lane_methods(width_px, height_px)
     is_found = np.isfinite(fits.pitch_rad)
-    horizon_px = camera.horizon_v_px(np.where(is_found, fits.pitch_rad, camera.mounting.pitch_rad))
-    top_px = line_tops(fits, camera, horizon_px)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, camera), horizon_px, top_px, pinholes(camera, len(fits)))
-    return lines.columns_px(height_px - np.arange(float(height_px))[None], height_px)[0] - 1.0
+    horizon_px = camera.horizon_row_px(np.where(is_found, fits.pitch_rad, camera.mounting.pitch_rad))
+    top_px = boundary_end_rows_px(fits, camera, horizon_px)
+    lines = BoundaryLines(
+        fits.parabolas,
+        road_curves_in_image(fits, camera),
+        horizon_px,
+        top_px,
+        repeat_pinhole_per_frame(camera, len(fits)),
+    )
+    return lines.columns_at_heights_px(height_px - np.arange(float(height_px))[None], height_px)[0] - 1.0
 
 
 def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:
@@ -133,7 +144,7 @@ def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:
         target = Path(folder) / "rendered.mcap"
         with Log.open(path) as log:
             result = lanes(log, LanesConfig(method=method_name, render=RENDERED))
-            annotate(log, result.channels, {}, target)
+            annotate_log(log, result.channels, {}, target)
         with Log.open(target) as log:
             for number, frame in enumerate(log.frames(RENDERED)):
                 if number % every:
@@ -149,7 +160,7 @@ def of_log(path: Path, method_name: str, every: int) -> list[np.ndarray]:
 def main() -> None:
     """Make the sheets."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--method", default=DEFAULT_METHOD, choices=ready_methods())
+    parser.add_argument("--method", default=DEFAULT_METHOD, choices=methods_without_model())
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--log", type=Path)
     parser.add_argument("--every", type=int, default=1)
@@ -157,7 +168,7 @@ def main() -> None:
     if options.log is None:
         folder = options.folder or DOCS
         folder.mkdir(parents=True, exist_ok=True)
-        for name in SETS:
+        for name in FRAME_SETS:
             write(folder / f"lanes-{name}-{options.method}.jpg", sheet(rendered(name, options.method)), 70)
         write(folder / f"lanes-defects-{options.method}.jpg", sheet(with_defects(options.method)), 60)
         return

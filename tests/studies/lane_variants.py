@@ -16,12 +16,18 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cwcli.metrics.lane_scores import ego_lanes, tusimple_score
+from cwcli.metrics.lane_scores import lanes_beside_ego, tusimple_score
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Mounting, default_camera
-from cwcli.vision.lane_detect import acquire, with_vanishing_point
-from cwcli.vision.lane_model import parabolas_of_lane, pinhole_of, pitch_of, prior_of, roads_of_lane
+from cwcli.vision.lane_detect import search_first_frame, prior_with_vanishing_point
+from cwcli.vision.lane_model import (
+    fit_boundary_parabolas,
+    pinhole_of_camera,
+    pitch_from_horizon_rad,
+    first_frame_prior,
+    boundary_road_curves,
+)
 from cwcli.vision.lane_tracker import search_size
 from cwcli.vision.method import GreyImage, LaneFit
 from tests.studies.lane_halves import LOG, drawn, labelled
@@ -104,15 +110,18 @@ OTHERS: dict[str, Change] = {
 def score(picture: Picture) -> tuple[float, float]:
     """TuSimple's accuracy and the share of false boundaries."""
     size = search_size(WIDTH_PX, HEIGHT_PX)
-    camera = default_camera(WIDTH_PX, HEIGHT_PX, Mounting()).resized(*size)
+    camera = default_camera(WIDTH_PX, HEIGHT_PX, Mounting()).with_image_size(*size)
     grey: GreyImage = np.asarray(cv2.resize(picture.grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-    lane = acquire(grey, camera, with_vanishing_point(grey, prior_of(camera)))[0][0]
-    sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in parabolas_of_lane(lane, camera).tolist()]
-    roads = roads_of_lane(lane, pinhole_of(camera))
+    lane = search_first_frame(grey, camera, prior_with_vanishing_point(grey, first_frame_prior(camera)))[0][0]
+    sides = [Boundary(a, b, c, 0.0, 1.0, True) for a, b, c in fit_boundary_parabolas(lane, camera).tolist()]
+    roads = boundary_road_curves(lane, pinhole_of_camera(camera))
     lines = drawn(
-        LaneFit(sides[0], sides[1], pitch_rad=pitch_of(lane, camera), roads=roads), camera, picture.rows, HEIGHT_PX
+        LaneFit(sides[0], sides[1], pitch_rad=pitch_from_horizon_rad(lane, camera), roads=roads),
+        camera,
+        picture.rows,
+        HEIGHT_PX,
     )
-    made = tusimple_score(list(lines), ego_lanes(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX), picture.rows)
+    made = tusimple_score(list(lines), lanes_beside_ego(picture.lanes, picture.rows, WIDTH_PX, HEIGHT_PX), picture.rows)
     return made.accuracy, made.false_positive
 
 

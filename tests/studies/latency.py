@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Latency, LatencyStatus, estimate_track
-from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, SIDE_SLIP_M
+from cwcli.estimation.latency_search import LOOSE_JERK_MPS3, LOOSE_YAW_ACCEL_RADPS2, SEARCH_SIDE_SLIP_M
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import run_pass
-from cwcli.estimation.prepare import epoch_ns, prepare
-from cwcli.estimation.start import start_with_parameters
-from cwcli.estimation.tune import with_bias_states
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import run_filter_pass
+from cwcli.estimation.prepare import earliest_stamp_ns, clean_measurements
+from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.tune import add_bias_states
 from tests.studies.city_drive import Sensors, city_drive, measure
 
 FOUND = (LatencyStatus.APPLIED, LatencyStatus.DRIFTS, LatencyStatus.NOT_SIGNIFICANT)
@@ -93,16 +93,16 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
         Kind.POSITION: sensors.position_m, Kind.SPEED: sensors.speed_mps, Kind.HEADING: sensors.heading_rad,
         Kind.ACCEL: sensors.accel_mps2, Kind.YAW_RATE: sensors.yaw_rate_radps,
     }  # fmt: skip
-    parameters = ModelParameters(
-        jerk_sigma_mps3=LOOSE_JERK_MPS3, yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2, side_slip_m=SIDE_SLIP_M
+    parameters = MotionParameters(
+        jerk_sigma_mps3=LOOSE_JERK_MPS3, yaw_accel_sigma_radps2=LOOSE_YAW_ACCEL_RADPS2, side_slip_m=SEARCH_SIDE_SLIP_M
     )
-    prepared, _ = prepare(measurements, epoch_ns(measurements))
-    series, walk, prior = with_bias_states(prepared, parameters)
+    prepared, _ = clean_measurements(measurements, earliest_stamp_ns(measurements))
+    series, walk, prior = add_bias_states(prepared, parameters)
     series = [
         replace(
             s,
             latency_s=planted.get(s.source, 0.0),
-            noise=np.tile([sigma[s.kind] ** 2, 0.0, sigma[s.kind] ** 2 * (s.width == 2)], (len(s), 1)),
+            noise=np.tile([sigma[s.kind] ** 2, 0.0, sigma[s.kind] ** 2 * (s.n_values_per_row == 2)], (len(s), 1)),
         )
         for s in series
     ]
@@ -112,9 +112,9 @@ def bound(measurements: Sequence[Measurements], planted: dict[str, float]) -> di
         if s.source not in SOURCES:
             continue
         used = [replace(s, latency_state=n), *(other for other in series if other.source == "imu")]
-        start = start_with_parameters(used, np.append(prior, PRIOR_S**2), causal=False)
-        result = run_pass(
-            used, start, parameters.motion(np.append(walk, 0.0)), np.zeros(0), smooth=False, reset_after=50
+        start = find_start_with_parameter_states(used, np.append(prior, PRIOR_S**2), causal=False)
+        result = run_filter_pass(
+            used, start, parameters.to_process_model(np.append(walk, 0.0)), np.zeros(0), smooth=False, reset_after=50
         )
         found[s.source] = float(np.sqrt(result.last_covariance[n, n]))
     return found

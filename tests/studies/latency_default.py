@@ -25,8 +25,8 @@ import numpy as np
 from cwcli.estimation import EstimatorConfig
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
@@ -60,7 +60,7 @@ def one_run(scenario: str, seed: int, overrides: tuple[str, ...] = ()) -> Run:
     """Simulate a log and estimate it in both ways."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
-        write_log(simulate(load_scenario(scenario, overrides), seed), path)
+        write_simulated_log(simulate_scenario(load_scenario(scenario, overrides), seed), path)
         default_m, applied_ms = _estimated(path, EstimatorConfig())
         none_m, _ = _estimated(path, EstimatorConfig(latency="none"))
     return Run(default_m / none_m, applied_ms)

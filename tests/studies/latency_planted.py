@@ -18,13 +18,13 @@ import numpy as np
 
 from cwcli.errors import CwcliError
 from cwcli.estimation import EstimatorConfig, Measurements, estimate_track
-from cwcli.estimation.from_signals import ego_measurements
+from cwcli.estimation.from_signals import ego_signal_to_measurements
 from cwcli.estimation.latency import Latency, LatencyStatus
 from cwcli.logs.read.reader import Log
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
-from cwcli.stages.estimate import EGO_ROLES
-from cwcli.stages.inputs.sources import SourceConfig, read_sources
+from cwcli.stages.estimate import EGO_SENSOR_ROLES
+from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 from tests.studies.latency import FOUND, against
 
 SHIFTS_MS = (-100.0, 50.0, 100.0, 300.0)
@@ -75,14 +75,14 @@ class Planted:
 def read(path: Path) -> list[Measurements]:
     """The ego's measurements of a log."""
     with Log.open(path) as log:
-        sources = read_sources(
-            log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_ROLES[1:]
+        sources = read_sensor_signals(
+            log, SourceConfig(), command="estimate", required=(Role.EGO_POSITION,), optional=EGO_SENSOR_ROLES[1:]
         )
     (position, *_) = sources.by_role[Role.EGO_POSITION]
     place = (position.latitude_deg[0], position.longitude_deg[0], np.nan_to_num(position.altitude_m[0]))
     local_map = LocalMap(*map(float, place))
-    signals = [signal for role in EGO_ROLES for signal in sources.by_role.get(role, ())]
-    return [m for signal in signals for m in ego_measurements(signal, local_map)]
+    signals = [signal for role in EGO_SENSOR_ROLES for signal in sources.by_role.get(role, ())]
+    return [m for signal in signals for m in ego_signal_to_measurements(signal, local_map)]
 
 
 def latencies(measurements: Sequence[Measurements]) -> Latencies:
@@ -147,7 +147,7 @@ def windows(measurements: Sequence[Measurements], length_s: float) -> list[Laten
     for k in range(int((last_ns - first_ns) / 1e9 / length_s)):
         begin_ns = first_ns + round(1e9 * k * length_s)
         end_ns = begin_ns + round(1e9 * length_s)
-        cut = [m.at((m.stamp_ns >= begin_ns) & (m.stamp_ns < end_ns)) for m in measurements]
+        cut = [m.select_rows((m.stamp_ns >= begin_ns) & (m.stamp_ns < end_ns)) for m in measurements]
         try:
             found.append(latencies([m for m in cut if len(m)]))
         except CwcliError:

@@ -14,7 +14,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.logs.read.reader import Log
 from cwcli.measures import MEASURES
 from cwcli.signals.columns import FloatArray
@@ -54,8 +54,8 @@ def measured(scenario: str) -> Measured:
         source = ROOT / "sample_logs" / f"{scenario}.mcap"
         if not source.exists():
             source = Path(folder) / f"{scenario}.mcap"
-            assert run(["simulate", scenario, "-o", str(source), "--quiet"]) == 0
-        code = run(["run", str(source), "--stage", "estimate,measure", "-o", str(target), "--quiet"])
+            assert run_command_line(["simulate", scenario, "-o", str(source), "--quiet"]) == 0
+        code = run_command_line(["run", str(source), "--stage", "estimate,measure", "-o", str(target), "--quiet"])
         assert code == 0
         with Log.open(target) as log:
             fields = log.columns("/cwcli/measures").fields

@@ -19,18 +19,18 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.estimation import EstimatorConfig
-from cwcli.evaluation.truth import PER_AXIS
+from cwcli.evaluation.truth import QUANTITY_LABELS
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
-from cwcli.simulate.sensor_log import write_log
-from cwcli.simulation.drive import simulate
+from cwcli.simulate.sensor_log import write_simulated_log
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
 from cwcli.stages.inputs.sources import SourceConfig
 
 SCENARIOS = ("straight", "curve", "rear-end", "intersection", "city", "following", "cut-in", "brake-and-release")
-QUANTITIES = {PER_AXIS["position"]: "position", "speed": "speed", "heading": "heading"}
+QUANTITIES = {QUANTITY_LABELS["position"]: "position", "speed": "speed", "heading": "heading"}
 """What the summary calls an error -> what the table here does."""
 FIRST_SEED = 2000
 WORSE, MAX_SHARE = 1.02, 0.05
@@ -76,7 +76,7 @@ def seed_ratios(scenario: str, seed: int) -> Ratios:
     """Those of one seed."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "drive.mcap"
-        write_log(simulate(load_scenario(scenario), seed), path)
+        write_simulated_log(simulate_scenario(load_scenario(scenario), seed), path)
         return ratios(path, EstimateConfig())
 
 

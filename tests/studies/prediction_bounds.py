@@ -20,19 +20,19 @@ from typing import NamedTuple
 import numpy as np
 
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, read_states
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
-from cwcli.prediction.calibrate import predict_vehicles
+from cwcli.prediction.calibrate import predict_vehicle_paths
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.outcome import ELLIPSE_50, ELLIPSE_90, HorizonErrors, horizon_errors
+from cwcli.prediction.outcome import ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_RADIUS, HorizonErrors, horizon_errors
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.row_order import tracks_of
+from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
-from cwcli.simulate.sensor_log import write_log
+from cwcli.simulate.sensor_log import write_simulated_log
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.drive import simulate
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
@@ -79,12 +79,12 @@ class Judged:
     @property
     def inside_50(self) -> float:
         """The share of outcomes within the 50 % ellipse."""
-        return float(np.mean(self.squared_50 <= ELLIPSE_50))
+        return float(np.mean(self.squared_50 <= ELLIPSE_50_SQUARED_RADIUS))
 
     @property
     def inside_90(self) -> float:
         """The share of outcomes within the 90 % ellipse."""
-        return float(np.mean(self.squared_90 <= ELLIPSE_90))
+        return float(np.mean(self.squared_90 <= ELLIPSE_90_SQUARED_RADIUS))
 
 
 class Known(NamedTuple):
@@ -104,7 +104,7 @@ def known_states(path: Path) -> dict[str, Known]:
         topics = {channel.topic for channel in made.channels}
         channels = {"ego": (EGO_ONLINE, EGO_STATE), "remote": (REMOTE_ONLINE, REMOTE_STATE)}
         return {
-            who: Known(*(read_states(made.columns(channel.topic)) for channel in both))
+            who: Known(*(read_vehicle_states(made.columns(channel.topic)) for channel in both))
             for who, both in channels.items()
             if topics.issuperset(channel.topic for channel in both)
         }
@@ -114,7 +114,7 @@ def scenario_states(name: str, seed: int) -> dict[str, Known]:
     """The same of a simulated log."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "log.mcap"
-        write_log(simulate(load_scenario(name, ()), seed), path)
+        write_simulated_log(simulate_scenario(load_scenario(name, ()), seed), path)
         return known_states(path)
 
 
@@ -144,8 +144,8 @@ def judged(log: str, states: dict[str, Known]) -> Iterator[Judged]:
 
 def _errors(model: str, known: Known) -> list[HorizonErrors]:
     """One per vehicle: online paths against how it really moved."""
-    states, tracks = known.online, dict(tracks_of(known.happened.ids, known.happened.stamp_ns))
-    paths = predict_vehicles(
+    states, tracks = known.online, dict(iter_track_rows(known.happened.ids, known.happened.stamp_ns))
+    paths = predict_vehicle_paths(
         model,
         states.ids.codes,
         states.stamp_ns,
@@ -156,7 +156,7 @@ def _errors(model: str, known: Known) -> list[HorizonErrors]:
         has_core=True,
     )
     found = []
-    for name, rows in tracks_of(states.ids, states.stamp_ns):
+    for name, rows in iter_track_rows(states.ids, states.stamp_ns):
         track_ns, track_xy = known.happened.stamp_ns[tracks[name]], known.happened.state[tracks[name], :2]
         found.append(horizon_errors(paths.take(rows), states.stamp_ns[rows], track_ns, track_xy, HORIZONS_S))
     return found
@@ -175,7 +175,7 @@ def broken(rows: Sequence[Judged]) -> list[str]:
             out.append(f"{where}: {row.inside_90:.0%} in the 90 % ellipse")
     for horizon_s in HORIZONS_S:
         some = [row for row in rows if row.horizon_s == horizon_s]
-        inside = float(np.mean(np.concatenate([row.squared_90 for row in some]) <= ELLIPSE_90))
+        inside = float(np.mean(np.concatenate([row.squared_90 for row in some]) <= ELLIPSE_90_SQUARED_RADIUS))
         if not POOLED_90[0] <= inside <= POOLED_90[1]:
             out.append(f"all at {horizon_s:g} s: {inside:.0%} in the 90 % ellipse")
     mean = float(np.mean([row.mean_ratio for row in rows]))
@@ -202,8 +202,8 @@ def lines(rows: Sequence[Judged]) -> Iterator[str]:
         for horizon_s in HORIZONS_S:
             some = [row for row in rows if row.horizon_s == horizon_s and kind_of[row.log] == kind]
             if some:
-                inside_50 = np.concatenate([row.squared_50 for row in some]) <= ELLIPSE_50
-                inside_90 = np.concatenate([row.squared_90 for row in some]) <= ELLIPSE_90
+                inside_50 = np.concatenate([row.squared_50 for row in some]) <= ELLIPSE_50_SQUARED_RADIUS
+                inside_90 = np.concatenate([row.squared_90 for row in some]) <= ELLIPSE_90_SQUARED_RADIUS
                 mean = np.mean([row.mean_ratio for row in some])
                 worst, p95 = max(row.mean_ratio for row in some), max(row.p95_ratio for row in some)
                 yield (

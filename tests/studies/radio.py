@@ -17,7 +17,7 @@ import numpy as np
 from pycrate_asn1dir import ITS_CAM_2
 
 from cwcli.signals.radio import bsm, cam, cpm, sdsm
-from cwcli.signals.radio.messages import Octets, decode
+from cwcli.signals.radio.messages import Octets, decode_messages
 from cwcli.signals.radio.program import Program
 from tests.unit.signals.pseudonyms import score
 from tests.unit.signals.radio import packing, test_bsm, test_cam, test_cpm, test_sdsm
@@ -54,12 +54,14 @@ def main() -> None:
         for seed, n in parts_of(n_mutated // len(MUTATED)):
             total.update(count(n, seed))
         print(f"{n_mutated // len(MUTATED)} mutated {name}s: {dict(total)}", flush=True)
-    print(f"BSM: {rate(bsm.core_program(), packing.bsm(dict.fromkeys(packing.CORE, 1))):,.0f} messages/s")
+    print(f"BSM: {rate(bsm.compile_core_program(), packing.bsm(dict.fromkeys(packing.CORE, 1))):,.0f} messages/s")
     objects = packing_of_objects()
-    print(f"CPM (ten objects): {rate(cpm.program(), objects['CPM'], 20_000):,.0f} messages/s")
-    print(f"SDSM (five objects): {rate(sdsm.program(), objects['SDSM'], 20_000):,.0f} messages/s")
+    print(f"CPM (ten objects): {rate(cpm.compile_cpm_program(), objects['CPM'], 20_000):,.0f} messages/s")
+    print(f"SDSM (five objects): {rate(sdsm.compile_sdsm_program(), objects['SDSM'], 20_000):,.0f} messages/s")
     for name, message in (("asn1tools #179, 23 path points", CAM_ASN1TOOLS), ("pycrate #156", CAM_PYCRATE)):
-        print(f"CAM ({name}): {rate(cam.program(), message):,.0f} messages/s; pycrate {official_rate(message):,.0f}")
+        print(
+            f"CAM ({name}): {rate(cam.compile_cam_program(), message):,.0f} messages/s; pycrate {official_rate(message):,.0f}"
+        )
     n_changes, n_right, n_wrong = score(n_scenes, SEED)
     print(f"{n_scenes} scenes: {n_right} of {n_changes} changed ids found, {n_wrong} wrong")
 
@@ -74,7 +76,7 @@ def rate(program: Program, message: bytes, n: int = 200_000) -> float:
     """Messages decoded per second of processor time."""
     octets = Octets(np.frombuffer(message * n, np.uint8), *(len(message) * (np.arange(n) + k) for k in (0, 1)))
     start_s = time.process_time()
-    assert not decode(program, octets).status.any()
+    assert not decode_messages(program, octets).status.any()
     return n / (time.process_time() - start_s)
 
 

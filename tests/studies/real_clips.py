@@ -19,7 +19,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Mounting, default_camera
 from cwcli.vision.frames import decode_frames
-from cwcli.vision.lane_model import LANE_WIDTH_M
+from cwcli.vision.lane_model import LANE_WIDTH_MEAN_AND_SIGMA_M
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
 from tests.studies.lane_halves import IMAGES, drawn
@@ -78,14 +78,14 @@ def read_video(path: Path = VIDEO, frames: int | None = None) -> Video:
             if len(greys) == frames:
                 break
     height, width = greys[0].shape
-    camera = default_camera(width, height, Mounting()).resized(*search_size(width, height))
+    camera = default_camera(width, height, Mounting()).with_image_size(*search_size(width, height))
     search, rows = LaneTracker(), np.arange(float(height))
     lines, horizons = [], []
     for k, grey in enumerate(greys):
         small = cv2.resize(grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
         fit = search.step(LaneFrame(small, camera, round(k * SECOND_NS / RATE_HZ), k))
         lines.append(drawn(fit, camera, rows, height))
-        horizons.append((float(camera.horizon_v_px(np.array(fit.pitch_rad))) + 0.5) * height / camera.height_px - 0.5)
+        horizons.append((float(camera.horizon_row_px(np.array(fit.pitch_rad))) + 0.5) * height / camera.height_px - 0.5)
     return Video(greys, np.array(lines), np.array(horizons))
 
 
@@ -159,7 +159,7 @@ def _erased(scene: Scene, share: float = 1.0, every: int = 75, last: int = 25) -
     if scene.number % every < every - last:
         return as_bytes(scene.grey)
     made = scene.grey.copy()
-    per_m = (scene.lines[1] - scene.lines[0]) / LANE_WIDTH_M[0]
+    per_m = (scene.lines[1] - scene.lines[0]) / LANE_WIDTH_MEAN_AND_SIGMA_M[0]
     side = 0 if not scene.is_aside else 1  # the dashed one
     for row in range(len(made)):
         if np.isfinite(per_m[row]) and row > scene.horizon_px + 3:

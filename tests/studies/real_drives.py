@@ -27,22 +27,22 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from cwcli.dynamics.observer import observe
-from cwcli.dynamics.samples import PREVIEW_M, Samples
+from cwcli.dynamics.observer import observe_lateral_motion
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, ScalarSamples
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_within
+from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
 from cwcli.metrics.table import Table
-from cwcli.prediction.lateral import lateral_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
-from cwcli.reproduction.zhang2011.rendered import lane_samples
+from cwcli.prediction.lateral import predict_paths_from_observer
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
+from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.fit_columns import FitColumns, FitRecorder
-from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_model import LANE_WIDTH_M
+from cwcli.vision.fit_columns import FitColumns, FitCollector
+from cwcli.vision.ground import compute_lane_geometry
+from cwcli.vision.lane_model import LANE_WIDTH_MEAN_AND_SIGMA_M
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneState
-from cwcli.warning.lane_departure import Boundaries, evaluate_lane_departure
+from cwcli.warning.lane_departure import LaneBoundaries, evaluate_lane_departure
 from tests.studies.lane_halves import GREEN, ORANGE, YELLOW, drawn
 from tests.studies.real_clips import SPEED_MPS, VIDEO_KINDS, Shot, read_video, video_clip
 from tests.studies.real_stills import read_stills, still_clip
@@ -106,17 +106,17 @@ class Seen:
 
 def watched(shots: Iterable[Shot], folder: Path | None = None, name: str = "") -> Seen:
     """Find the lanes in a clip; with a folder, a picture of every jump and the frames around it."""
-    search, recorder, errors, shares, stamps, cuts = LaneTracker(), FitRecorder(), [], [], [], []
+    search, recorder, errors, shares, stamps, cuts = LaneTracker(), FitCollector(), [], [], [], []
     pictures: list[GreyImage] = []
     camera = default_camera(64, 64, Mounting())
     for number, shot in enumerate(shots):
         height, width = shot.grey.shape
         if not number:
-            camera = default_camera(width, height, Mounting()).resized(*search_size(width, height))
+            camera = default_camera(width, height, Mounting()).with_image_size(*search_size(width, height))
         small = cv2.resize(shot.grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
         motion = shot.speed_mps, shot.yaw_rate_radps
         fit = search.step(LaneFrame(small, camera, shot.stamp_ns, number, *motion))
-        recorder.append(fit)
+        recorder.append_fit(fit)
         stamps.append(shot.stamp_ns)
         if shot.is_cut:
             cuts.append(shot.stamp_ns)
@@ -128,7 +128,7 @@ def watched(shots: Iterable[Shot], folder: Path | None = None, name: str = "") -
     stamp_ns = np.array(stamps)
     since = stamp_ns[:, None] - np.array(cuts, np.int64)[None]
     is_cut = ((since >= 0) & (since <= CUT_S * 1e9)).any(axis=1)
-    seen = Seen(recorder.columns(), camera, stamp_ns, np.array(errors), np.array(shares), is_cut)
+    seen = Seen(recorder.to_columns(), camera, stamp_ns, np.array(errors), np.array(shares), is_cut)
     if folder is not None:
         save(pictures, seen, folder, name)
     return seen
@@ -144,12 +144,12 @@ def judged(shot: Shot, fit: LaneFit, camera: Camera) -> tuple[FloatArray, FloatA
             line[:] = np.nan
     depth = height - 1.0 - shot.horizon_px
     at = np.clip(np.rint(shot.horizon_px + np.array(PLACES) * depth), 0, height - 1).astype(int)
-    wide = np.abs(shot.lines[1] - shot.lines[0]) / LANE_WIDTH_M[0]
+    wide = np.abs(shot.lines[1] - shot.lines[0]) / LANE_WIDTH_MEAN_AND_SIGMA_M[0]
     error = (lines - shot.lines)[:, at] / wide[at]
     inside = (shot.lines >= 0.0) & (shot.lines <= width - 1.0) & (rows > shot.horizon_px + 0.15 * depth)
     tolerance = VISUAL_PIXELS * width / VISUAL_WIDTH_PX
     share = [
-        share_within(line, true, use, tolerance_px=tolerance)
+        share_of_rows_within_tolerance(line, true, use, tolerance_px=tolerance)
         for line, true, use in zip(lines, shot.lines, inside, strict=True)
     ]
     return error, np.array(share), lines
@@ -166,14 +166,16 @@ def jumped(seen: Seen) -> tuple[FloatArray, FloatArray]:
 def departures(seen: Seen) -> Table:
     """Warnings of the default observer and rule."""
     car, n = load_vehicle(), len(seen.stamp_ns)
-    geometry = lane_geometry(seen.fits, seen.camera, preview_m=PREVIEW_M)
-    speed = Samples(seen.stamp_ns, np.full(n, SPEED_MPS))
-    track = observe(lane_samples(seen.stamp_ns / 1e9, geometry, seen.fits), speed, car)
-    paths = calibrate_paths(lateral_paths(track, car), track)
+    geometry = compute_lane_geometry(seen.fits, seen.camera, preview_m=DEFAULT_PREVIEW_M)
+    speed = ScalarSamples(seen.stamp_ns, np.full(n, SPEED_MPS))
+    track = observe_lateral_motion(lane_samples_from_geometry(seen.stamp_ns / 1e9, geometry, seen.fits), speed, car)
+    paths = scale_lateral_covariance(predict_paths_from_observer(track, car), track)
     found = seen.fits.found[..., None]
     sides = [np.where(found[:, k], (geometry.left_body, geometry.right_body)[k], np.nan) for k in range(2)]
     is_seen = seen.fits.state != LaneState.HELD
-    boundaries = Boundaries(*sides, car.camera_forward_m, is_seen, seen.fits.steady_s, -geometry.curvature_change_1pm2)
+    boundaries = LaneBoundaries(
+        *sides, car.camera_forward_m, is_seen, seen.fits.steady_s, -geometry.curvature_change_1pm2
+    )
     stamp_ns, wide = seen.stamp_ns, {"width_m": car.width_m, "front_axle_m": car.front_axle_m}
     result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, boundaries, track.speed_mps, **wide)
     return result.events

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from cwcli.metrics.lane_scores import ego_lanes
+from cwcli.metrics.lane_scores import lanes_beside_ego
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_model import bend_unit
+from cwcli.vision.lane_model import bend_px2_per_curvature
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFrame
 from tests.studies.lane_halves import drawn, labelled
@@ -76,7 +76,7 @@ def read_stills() -> list[Still]:
     for number, (frame, lanes, rows) in enumerate(labelled(LABELLED, lambda width, height: (width, height))):
         assert frame.image is not None
         height, width = frame.image.shape
-        beside = ego_lanes(lanes, rows, width, height)
+        beside = lanes_beside_ego(lanes, rows, width, height)
         points = [np.column_stack([each, rows])[each >= 0.0] for each in beside]
         points = [each for each in points if len(each) >= 3]
         if len(points) == 2:
@@ -94,7 +94,7 @@ def read_pictures() -> list[Still]:
             grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
             assert grey is not None
             height, width = grey.shape
-            camera = default_camera(width, height, Mounting()).resized(*search_size(width, height))
+            camera = default_camera(width, height, Mounting()).with_image_size(*search_size(width, height))
             small = cv2.resize(grey, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
             fit = LaneTracker().step(LaneFrame(small, camera, 0, 0))
             rows = np.arange(0.66 * height, height - 1.0, 8.0)
@@ -117,7 +117,7 @@ def still_clip(still: Still, *, with_motion: bool, seed: int = 0) -> Iterator[Sh
     height, width = still.grey.shape
     camera = default_camera(width, height, Mounting())
     u0, left, right, bend, horizon = still.lane
-    curvature_1pm = bend / bend_unit(camera)
+    curvature_1pm = bend / bend_px2_per_curvature(camera)
     phase, pitch_phase = rng.uniform(0.0, 2.0 * math.pi, 2)
     omega = 2.0 * math.pi / WEAVE_S
     centre_m = 0.5 * (left + right) * camera.mounting.height_m * camera.fy / camera.fx
@@ -165,7 +165,7 @@ def _views(
         heading_rad: To the right.
         place_m: To the right and ahead.
     """
-    inside = camera.matrix()
+    inside = camera.intrinsic_matrix()
     still_pitch = math.atan((camera.cy - horizon_px) / camera.fy)
 
     def level_from_camera(pitch: float) -> FloatArray:

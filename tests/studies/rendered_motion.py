@@ -21,26 +21,26 @@ from typing import TypeVar
 import numpy as np
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.prediction.lateral import lateral_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.prediction.lateral import predict_paths_from_observer
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.reproduction.zhang2011.drives import ROAD as BENDS
-from cwcli.reproduction.zhang2011.drives import SETTLED_FRAMES, drive_errors
-from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
+from cwcli.reproduction.zhang2011.drives import WINDING_ROAD as BENDS
+from cwcli.reproduction.zhang2011.drives import N_SETTLING_FRAMES, compute_drive_errors
+from cwcli.reproduction.zhang2011.rendered import RenderSettings, RenderedDrive, sense_rendered_drive
 from cwcli.simulation.drivers import TargetLineDriver
-from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
+from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, Road, LaneRuns, LaneDriveTruth, simulate_lane_runs
 from cwcli.simulation.road.camera import wide_camera
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 from cwcli.vision.methods import DEFAULT_METHOD
-from cwcli.vision.path_overlay import BodyPath, path_lines
+from cwcli.vision.path_overlay import BodyPath, project_path_into_image
 from cwcli.warning.lane_departure import (
-    Boundaries,
+    LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
-    earliest_line_m,
+    earliest_warning_line_m,
     evaluate_lane_departure,
 )
 
@@ -65,7 +65,7 @@ RAMPS = {
 RAMP_MPS, RAMP_S = 10.0, 30.0
 RAMP_DRIFT_S = 9.0
 """On the ramp: its spiral ends after 6.5 s."""
-RAMP_LOOK = Look(rate_hz=10.0, camera=wide_camera(480, 270))
+RAMP_LOOK = RenderSettings(rate_hz=10.0, camera=wide_camera(480, 270))
 SLOW_RULE = LaneDepartureConfig(min_speed_mps=5.0)
 SENSORS = {"camera and speed": False, "with a gyroscope": True}
 
@@ -73,7 +73,7 @@ SENSORS = {"camera and speed": False, "with a gyroscope": True}
 def gentle_road(seed: int) -> Road:
     """A road as `cwcli simulate road` draws it: curvature changes evenly between knots every 90 m."""
     station_m = np.arange(0.0, 1800.0, 90.0)
-    drawn = stream(seed, "study", "gentle").normal(0.0, 0.00065, len(station_m))
+    drawn = random_stream(seed, "study", "gentle").normal(0.0, 0.00065, len(station_m))
     return Road(station_m, np.clip(drawn, -0.001, 0.001))
 
 
@@ -82,7 +82,7 @@ class Setting:
     """What is run: a lane method, the look of the frames, and how many runs."""
 
     method: str = DEFAULT_METHOD
-    look: Look = field(default_factory=Look)
+    look: RenderSettings = field(default_factory=RenderSettings)
     n: int = 0
 
 
@@ -90,8 +90,8 @@ def observed(seen: RenderedDrive, *, with_gyro: bool) -> tuple[LateralTrack, Pat
     """The default observer and its paths in the body frame."""
     sensed = seen.sensed
     yaw_rate = sensed.yaw_rate if with_gyro else None
-    track = observe(sensed.lanes, sensed.speed, CAR, ObserverConfig(), yaw_rate=yaw_rate)
-    return track, calibrate_paths(lateral_paths(track, CAR), track)
+    track = observe_lateral_motion(sensed.lanes, sensed.speed, CAR, ObserverConfig(), yaw_rate=yaw_rate)
+    return track, scale_lateral_covariance(predict_paths_from_observer(track, CAR), track)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class OverlayError:
     geometry_px: np.ndarray
 
 
-def overlay_error(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0) -> OverlayError:
+def overlay_error(seen: RenderedDrive, paths: Paths, truth: LaneDriveTruth, run: int = 0) -> OverlayError:
     """The overlay against what the car then drove, seen by the true camera of that moment on the true surface."""
     drive = seen.drive
     error = np.full((2, len(drive)), np.nan)
@@ -120,12 +120,14 @@ def overlay_error(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0)
         if forward[-1] < OVERLAY_M or not np.isfinite(paths.x_m[i]).all():
             continue
         beside = np.interp(ahead, forward, left)
-        shown = drive.truth(i)
-        true_u, true_v = shown.camera.project(ahead, beside, shown.road.z_at(ahead))
-        camera = seen.camera.turned(pitch_rad=float(seen.fits.pitch_rad[i]), yaw_rad=float(seen.fits.yaw_rad[i]))
+        shown = drive.lane_truth_at(i)
+        true_u, true_v = shown.camera.project_to_image_px(ahead, beside, shown.road.surface_height_at_distance_m(ahead))
+        camera = seen.camera.with_pitch_and_yaw(
+            pitch_rad=float(seen.fits.pitch_rad[i]), yaw_rad=float(seen.fits.yaw_rad[i])
+        )
         path = BodyPath(paths.x_m[i], paths.y_m[i], paths.heading_rad[i], paths.position_covariance_m2[i])
-        u, v = path_lines(path, camera, width_m=CAR.width_m).points[0].T
-        placed_u, placed_v = camera.image_from_ground(ahead, beside)
+        u, v = project_path_into_image(path, camera, width_m=CAR.width_m).points[0].T
+        placed_u, placed_v = camera.image_points_from_ground(ahead, beside)
         error[0, i] = np.abs(np.interp(-true_v, -v, u) - true_u)[0]
         error[1, i] = np.hypot(placed_u - true_u, placed_v - true_v)[0]
     return OverlayError(*error)
@@ -134,20 +136,20 @@ def overlay_error(seen: RenderedDrive, paths: Paths, truth: Truth, run: int = 0)
 def drive(number: int, setting: Setting) -> dict[str, dict[str, float]]:
     """One drive: sensors -> what -> error. Even numbers are gentle roads, odd ones bends of 500 and 330 m."""
     road = gentle_road(number) if number % 2 == 0 else BENDS
-    runs = Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, DRIVE_S)
-    truth = drive_lane(road, CAR, runs, seed=number)
-    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    runs = LaneRuns(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, DRIVE_S)
+    truth = simulate_lane_runs(road, CAR, runs, seed=number)
+    seen = sense_rendered_drive(truth, 0, road, CAR, settings=setting.look, method=setting.method, seed=number)
     found = {}
     for name, with_gyro in SENSORS.items():
         track, paths = observed(seen, with_gyro=with_gyro)
         xy = (paths.x_m, paths.y_m)
-        found[name] = drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
+        found[name] = compute_drive_errors(truth, 0, seen.sensed, track, xy, paths.position_covariance_m2)
         overlay = overlay_error(seen, paths, truth)
-        beside = overlay.path_px[SETTLED_FRAMES:]
+        beside = overlay.path_px[N_SETTLING_FRAMES:]
         found[name] |= {
             "overlay at 30 m, median [px]": float(np.nanmedian(beside)),
             "overlay at 30 m, share within 3 px": float(np.mean(beside[np.isfinite(beside)] <= OVERLAY_PX)),
-            "overlay at 30 m, its geometry, worst [px]": float(np.nanmax(overlay.geometry_px[SETTLED_FRAMES:])),
+            "overlay at 30 m, its geometry, worst [px]": float(np.nanmax(overlay.geometry_px[N_SETTLING_FRAMES:])),
         }
     return found
 
@@ -162,7 +164,7 @@ def warned(
         sensed.stamp_ns,
         sensed.stamp_ns,
         paths,
-        Boundaries(
+        LaneBoundaries(
             sensed.left_body,
             sensed.right_body,
             CAR.camera_forward_m,
@@ -180,7 +182,7 @@ def drift_rates(n: int) -> np.ndarray:
     return np.linspace(0.1, 0.8, (n + 1) // 2).repeat(2)[:n] * np.tile([1.0, -1.0], (n + 1) // 2)[:n]
 
 
-def until_outside(truth: Truth) -> Truth:
+def until_outside(truth: LaneDriveTruth) -> LaneDriveTruth:
     """A single run up to where the tyre is `OUTSIDE_M` beyond a boundary."""
     gap_m = np.minimum(truth.left_gap_m, truth.right_gap_m)[:, 0]
     outside = np.flatnonzero(gap_m < -OUTSIDE_M)
@@ -209,7 +211,7 @@ def departure(number: int, setting: Setting, n: int) -> Departure:
     """One of n drifts; half of them on each road."""
     name = tuple(ROADS)[number % 2]
     rate = float(drift_rates((n + 1) // 2)[number // 2])
-    runs = Runs(np.full(1, SPEED_MPS), np.full(1, rate), np.full(1, DRIFT_START_S), 0.0, LONGEST_DRIFT_S)
+    runs = LaneRuns(np.full(1, SPEED_MPS), np.full(1, rate), np.full(1, DRIFT_START_S), 0.0, LONGEST_DRIFT_S)
     return judged(name, ROADS[name], runs, setting, number)
 
 
@@ -217,44 +219,44 @@ def ramp_departure(number: int, setting: Setting, n: int) -> Departure:
     """One of n drifts on a ramp of 23 m; half of them to each side."""
     name = tuple(RAMPS)[number % 2]
     rate = float(drift_rates((n + 1) // 2)[number // 2])
-    runs = Runs(np.full(1, RAMP_MPS), np.full(1, rate), np.full(1, RAMP_DRIFT_S), 0.0, RAMP_S)
+    runs = LaneRuns(np.full(1, RAMP_MPS), np.full(1, rate), np.full(1, RAMP_DRIFT_S), 0.0, RAMP_S)
     return judged(name, RAMPS[name], runs, setting, number, SLOW_RULE)
 
 
 def ramp_undisturbed(number: int, setting: Setting) -> int:
     """Events on a ramp that the car keeps to."""
     road = tuple(RAMPS.values())[number % 2]
-    runs = Runs(np.full(1, RAMP_MPS), np.zeros(1), np.full(1, np.inf), 0.0, RAMP_S)
-    truth = drive_lane(road, CAR, runs, driver=TargetLineDriver(), seed=number)
-    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    runs = LaneRuns(np.full(1, RAMP_MPS), np.zeros(1), np.full(1, np.inf), 0.0, RAMP_S)
+    truth = simulate_lane_runs(road, CAR, runs, driver=TargetLineDriver(), seed=number)
+    seen = sense_rendered_drive(truth, 0, road, CAR, settings=setting.look, method=setting.method, seed=number)
     return len(warned(seen, rule=SLOW_RULE).events)
 
 
 def judged(
-    name: str, road: Road, runs: Runs, setting: Setting, number: int, rule: LaneDepartureConfig | None = None
+    name: str, road: Road, runs: LaneRuns, setting: Setting, number: int, rule: LaneDepartureConfig | None = None
 ) -> Departure:
     """A drift, rendered until the car is outside."""
     rate = float(runs.drift_mps[0])
-    truth = until_outside(drive_lane(road, CAR, runs, seed=number))
-    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
-    events = warned(seen, rule=rule).events.records()
+    truth = until_outside(simulate_lane_runs(road, CAR, runs, seed=number))
+    seen = sense_rendered_drive(truth, 0, road, CAR, settings=setting.look, method=setting.method, seed=number)
+    events = warned(seen, rule=rule).events.rows_as_dicts()
     side = "left" if rate > 0.0 else "right"
     own = [event for event in events if event["side"] == side]
     if not own:
         return Departure(name, rate, np.nan, np.nan, len(events), len(seen.drive))
-    at = min(round(own[0]["raised_stamp_ns"] / 1e9 / STEP_S), len(truth.time_s) - 1)
+    at = min(round(own[0]["raised_stamp_ns"] / 1e9 / INTEGRATION_STEP_S), len(truth.time_s) - 1)
     gap_m = float((truth.left_gap_m if rate > 0.0 else truth.right_gap_m)[at, 0])
     approach = float(np.sign(rate) * truth.approach_mps[at, 0])
-    line_m = float(earliest_line_m(np.array([approach]))[0])
+    line_m = float(earliest_warning_line_m(np.array([approach]))[0])
     return Departure(name, rate, gap_m, line_m, len(events) - len(own), len(seen.drive))
 
 
 def undisturbed(number: int, setting: Setting) -> tuple[int, float, int]:
     """A minute of lane keeping: events, the nearest that the car came to a boundary (m), frames."""
     road = tuple(ROADS.values())[number % 2] if number % 3 else gentle_road(number)
-    runs = Runs(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, UNDISTURBED_S)
-    truth = drive_lane(road, CAR, runs, driver=TargetLineDriver(), seed=number)
-    seen = sense_rendered(truth, 0, road, CAR, look=setting.look, method=setting.method, seed=number)
+    runs = LaneRuns(np.full(1, SPEED_MPS), np.zeros(1), np.full(1, np.inf), 0.0, UNDISTURBED_S)
+    truth = simulate_lane_runs(road, CAR, runs, driver=TargetLineDriver(), seed=number)
+    seen = sense_rendered_drive(truth, 0, road, CAR, settings=setting.look, method=setting.method, seed=number)
     nearest_m = float(min(truth.left_gap_m.min(), truth.right_gap_m.min()))
     return len(warned(seen).events), nearest_m, len(seen.drive)
 
@@ -341,8 +343,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     camera = wide_camera(640, 360) if given.wide else None
-    look = Look(given.look, given.weather, given.rate, camera, float(np.radians(given.pitch_error)))
-    if given.study == "ramps" and look != Look():
+    look = RenderSettings(given.look, given.weather, given.rate, camera, float(np.radians(given.pitch_error)))
+    if given.study == "ramps" and look != RenderSettings():
         parser.error("the ramps have a look of their own (`RAMP_LOOK`): only --method, --n and --jobs change them")
     STUDIES[given.study](Setting(given.method, look, given.n), given.jobs)
 

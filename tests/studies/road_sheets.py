@@ -13,9 +13,9 @@ import numpy as np
 
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.render import RoadFrame
-from cwcli.simulation.road.sets import frames
+from cwcli.simulation.road.sets import iter_set_frames
 
 DOCS = Path(__file__).parents[2] / "docs" / "images"
 COLUMNS = 5
@@ -50,12 +50,17 @@ def main(folder: Path) -> None:
     """Make the sheets."""
     folder.mkdir(parents=True, exist_ok=True)
     for name in ("good", "complex"):
-        tiles = [tile(frame, f"{i} {frame.truth.condition}") for i, frame in enumerate(frames(name, 20))]
+        tiles = [tile(frame, f"{i} {frame.truth.condition}") for i, frame in enumerate(iter_set_frames(name, 20))]
         write(folder / f"road-{name}.jpg", sheet(tiles))
-    tiles = [tile(frame, f"{i}", with_truth=True) for i, frame in enumerate(frames("complex", 10))]
+    tiles = [tile(frame, f"{i}", with_truth=True) for i, frame in enumerate(iter_set_frames("complex", 10))]
     write(folder / "road-truth.jpg", sheet(tiles))
     drives = [
-        tile(plan_drive(RoadDriveConfig(weather=name, road="complex", seed=9), wide_camera(480, 270)).frame(60), name)
+        tile(
+            plan_road_drive(
+                RoadDriveConfig(weather=name, road="complex", seed=9), wide_camera(480, 270)
+            ).render_frame_at(60),
+            name,
+        )
         for name in CONDITIONS
     ]
     write(folder / "road-weather.jpg", sheet(drives, 4))

@@ -13,10 +13,15 @@ import sys
 import numpy as np
 
 from cwcli.measures import MEASURES
-from cwcli.measures.contact import Projections, accelerated_contact
-from cwcli.measures.cpi import HIGHEST_MPS2, LOWEST_MPS2, MEAN_MPS2, SIGMA_MPS2
+from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
+from cwcli.measures.cpi import (
+    MAX_AVAILABLE_BRAKING_MPS2,
+    MIN_AVAILABLE_BRAKING_MPS2,
+    AVAILABLE_BRAKING_MEAN_MPS2,
+    AVAILABLE_BRAKING_SIGMA_MPS2,
+)
 from cwcli.measures.p_mc import HORIZON_S
-from cwcli.measures.p_mc import SIGMA_MPS2 as MANOEUVRE_MPS2
+from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2 as MANOEUVRE_MPS2
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.signals.columns import FloatArray
 
@@ -37,14 +42,14 @@ def moments(n: int, rng: np.random.Generator) -> Pair:
 
 def sampled_p_mc(pair: Pair, n_samples: int, rng: np.random.Generator) -> FloatArray:
     """At each moment, (n,): the share of random accelerations of the host that touch the other."""
-    at = Projections.of(pair)
+    at = EdgeProjections.from_pair(pair)
     found = []
     for row in range(len(pair.stamp_ns)):
         n_hit = 0
         for first in range(0, n_samples, AT_ONCE):
             n = min(AT_ONCE, n_samples - first)
             ax, ay = rng.normal(0.0, MANOEUVRE_MPS2, (2, n))
-            n_hit += int((accelerated_contact(at.rows(np.full(n, row)), ax, ay) <= HORIZON_S).sum())
+            n_hit += int((accelerated_contact_time_s(at.select_rows(np.full(n, row)), ax, ay) <= HORIZON_S).sum())
         found.append(n_hit / n_samples)
     return np.array(found)
 
@@ -63,10 +68,12 @@ def approach(rng: np.random.Generator) -> Pair:
 
 def sampled_cpi(pair: Pair, n_samples: int, rng: np.random.Generator) -> float:
     """Mean over the moments of the share of cars that can't brake as hard as is needed."""
-    available = rng.normal(MEAN_MPS2, SIGMA_MPS2, 2 * n_samples)
-    available = available[(available >= LOWEST_MPS2) & (available <= HIGHEST_MPS2)][:n_samples]
+    available = rng.normal(AVAILABLE_BRAKING_MEAN_MPS2, AVAILABLE_BRAKING_SIGMA_MPS2, 2 * n_samples)
+    available = available[(available >= MIN_AVAILABLE_BRAKING_MPS2) & (available <= MAX_AVAILABLE_BRAKING_MPS2)][
+        :n_samples
+    ]
     assert len(available) == n_samples
-    needed = np.nan_to_num(-pair.value(MEASURES["a-long-req"]), nan=0.0)
+    needed = np.nan_to_num(-pair.evaluate_measure(MEASURES["a-long-req"]), nan=0.0)
     return float(np.mean([(available < each).mean() for each in needed]))
 
 
@@ -74,11 +81,11 @@ def worst(n_encounters: int, n_samples: int, seed: int) -> dict[str, float]:
     """Measure -> the greatest difference from the samples."""
     rng = np.random.default_rng(seed)
     pair = moments(n_encounters, rng)
-    p_mc = np.abs(pair.value(MEASURES["p-mc"]) - sampled_p_mc(pair, n_samples, rng))
+    p_mc = np.abs(pair.evaluate_measure(MEASURES["p-mc"]) - sampled_p_mc(pair, n_samples, rng))
     cpi = []
     for _ in range(n_encounters):
         closing = approach(rng)
-        cpi.append(abs(float(closing.value(MEASURES["cpi"])) - sampled_cpi(closing, n_samples, rng)))
+        cpi.append(abs(float(closing.evaluate_measure(MEASURES["cpi"])) - sampled_cpi(closing, n_samples, rng)))
     return {"p-mc": float(p_mc.max()), "cpi": max(cpi)}
 
 

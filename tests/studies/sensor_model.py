@@ -22,8 +22,8 @@ from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimat
 from cwcli.estimation.config import LatencyOption
 from cwcli.estimation.consistency import nees
 from cwcli.signals.angles import wrap_angle
-from cwcli.simulation.drive import SimulatedDrive, simulate
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
 SPEED_BOUND_MPS = 0.03
 NEES_BOUNDS = (0.5, 2.0)
@@ -64,12 +64,12 @@ def one_run(
     made = load_scenario(scenario)
     planted = {"gnss": {"ahead_m": ahead_m}, "imu": {"ahead_m": imu_ahead_m}}
     sensors = {name: {**own, **planted.get(name, {})} for name, own in made.sensors.items()}
-    drive = simulate(replace(made, sensors=sensors), seed)
+    drive = simulate_scenario(replace(made, sensors=sensors), seed)
     given: LatencyOption = {s: float(v["latency_s"]) for s, v in drive.scenario.sensors.items()}
     if latency in ("auto", "none"):
         given = latency  # type: ignore[assignment]
     stamp_ns = drive.truth_stamp_ns[::50]
-    truth = drive.truth[HOST][::50].copy()
+    truth = drive.true_states_by_vehicle[HOST_NAME][::50].copy()
     truth[:, :2] += ahead_m * np.column_stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])])
     track = estimate_track(measurements_of(drive), EstimatorConfig(latency=given, **config), stamp_ns)  # type: ignore[arg-type]
     error = track.state - truth

@@ -16,11 +16,11 @@ import numpy as np
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, noise
 from cwcli.estimation.consistency import nees
-from cwcli.estimation.track import estimate_both
+from cwcli.estimation.track import estimate_hindsight_and_online
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
-from cwcli.simulation.drive import simulate
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.simulation.drive import simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 from tests.studies.sensor_model import measurements_of
 
 LEAD_IN_S = 10.0
@@ -57,15 +57,15 @@ def one_run(
     made = load_scenario(scenario)
     if fix_m is not None:
         made = replace(made, sensors={**made.sensors, "gnss": {**made.sensors["gnss"], "sigma_m": fix_m}})
-    drive = simulate(made, seed)
+    drive = simulate_scenario(made, seed)
     measurements = jittered(measurements_of(drive), sigma_s, shape, seed)
     if alone:
         measurements = [m for m in measurements if m.kind is Kind.POSITION]
     first = max(int(m.stamp_ns.min()) for m in measurements)
     last = min(int(m.stamp_ns.max()) for m in measurements)
     rows = np.flatnonzero((drive.truth_stamp_ns >= first) & (drive.truth_stamp_ns <= last))[::50]
-    tracks = estimate_both(measurements, EstimatorConfig(), drive.truth_stamp_ns[rows], blind=False)
-    truth = drive.truth[HOST][rows]
+    tracks = estimate_hindsight_and_online(measurements, EstimatorConfig(), drive.truth_stamp_ns[rows], blind=False)
+    truth = drive.true_states_by_vehicle[HOST_NAME][rows]
     found = {
         f"{when} {name}": value
         for when, track in zip(("hindsight", "online"), tracks, strict=True)
@@ -85,7 +85,7 @@ def main() -> None:
     parser.add_argument("--fix-m", type=float, default=None, help="noise of the fixes, else the scenario's")
     parser.add_argument("--alone", action="store_true", help="the fixes alone")
     arguments = parser.parse_args()
-    look = noise.with_stamp_errors
+    look = noise.fit_stamp_errors
     print(
         "| scenario | stamps [ms] | shape | found [ms] | position, m: hindsight | online | speed, m/s | NEES | online |"
     )
@@ -95,14 +95,14 @@ def main() -> None:
             for shape in arguments.shapes if sigma_ms else arguments.shapes[:1]:
                 found: list[list[tuple[float, Mapping[str, float]]]] = []
                 for looks in (False, True):
-                    noise.with_stamp_errors = look if looks else lambda fit, *_: fit  # type: ignore[assignment]
+                    noise.fit_stamp_errors = look if looks else lambda fit, *_: fit  # type: ignore[assignment]
                     found.append(
                         [
                             one_run(scenario, seed, sigma_ms / 1e3, shape, alone=arguments.alone, fix_m=arguments.fix_m)
                             for seed in range(arguments.seeds)
                         ]
                     )
-                noise.with_stamp_errors = look
+                noise.fit_stamp_errors = look
 
                 def of(name: str, both: list[list[tuple[float, Mapping[str, float]]]] = found) -> str:
                     return " to ".join(f"{np.mean([values[name] for _, values in each]):.3g}" for each in both)

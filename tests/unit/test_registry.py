@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cwcli.errors import EXIT_TERMINATED, EXIT_USAGE, DataError, PluginError, Terminated, UsageError
-from cwcli.registry import Plugin, Registry, guarded, plugin_entry
+from cwcli.registry import Plugin, Registry, accept_dataclass_of, guard_plugin_function
 from tests.cli.plugin_package import install
 
 
@@ -19,7 +19,7 @@ class Thing:
 
 
 def registry(**builtin: Thing | str) -> Registry[Thing]:
-    return Registry("thing", "cwcli.things", builtin, plugin_entry(Thing, {}))
+    return Registry("thing", "cwcli.things", builtin, accept_dataclass_of(Thing, {}))
 
 
 def test_plugins_come_last_and_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -31,8 +31,8 @@ def test_plugins_come_last_and_by_name(tmp_path: Path, monkeypatch: pytest.Monke
     assert list(things) == ["own", "ape", "zebra"]
     assert len(things) == 3
     assert things.describe() == {"own": "ours", "ape": "a", "zebra": "b"}
-    assert things.help() == "own: ours; ape: a; zebra: b."
-    assert things.complete("z") == [("zebra", "b")]
+    assert things.format_help() == "own: ours; ape: a; zebra: b."
+    assert things.completions("z") == [("zebra", "b")]
     assert things["ape"] is things["ape"]
 
 
@@ -73,11 +73,11 @@ def test_whatever_a_plugin_raises_is_an_error_that_names_it(raised: BaseExceptio
         raise raised
 
     with pytest.raises(PluginError, match=r"rule 'near' of the package extra 1\.2 raised in decide: ") as told:
-        guarded(decide, "decide", None, PLUGIN)()
+        guard_plugin_function(decide, "decide", None, PLUGIN)()
     assert type(raised).__name__ in str(told.value)
     assert told.value.exit_code == EXIT_USAGE
     with pytest.raises(PluginError, match="returned from decide what it must not: "):
-        guarded(int, "decide", lambda result: decide(), PLUGIN)()
+        guard_plugin_function(int, "decide", lambda result: decide(), PLUGIN)()
 
 
 @pytest.mark.parametrize("raised", [KeyboardInterrupt(), Terminated(), DataError("known")], ids=repr)
@@ -86,7 +86,7 @@ def test_what_is_not_the_plugins_fault_passes(raised: BaseException) -> None:
         raise raised
 
     with pytest.raises(type(raised)) as passed:
-        guarded(decide, "decide", None, PLUGIN)()
+        guard_plugin_function(decide, "decide", None, PLUGIN)()
     assert passed.value is raised
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from cwcli import toml_text
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from cwcli.toml_text import MAX_CHARS, MAX_KEY_PARTS, parse_toml
 
@@ -64,5 +64,5 @@ def test_every_command_that_reads_a_file_of_users_is_guarded(
     path.write_text(f"{LONG_KEY} = 1\n")
     log = Path(__file__).parents[2] / "cwcli" / "sample_logs" / "intersection.mcap"
     names: dict[str, Any] = {"LOG": str(log), "FILE": str(path), "OUT": str(tmp_path / "out.mcap")}
-    assert run([names.get(each, each) for each in command]) == EXIT_USAGE
+    assert run_command_line([names.get(each, each) for each in command]) == EXIT_USAGE
     assert f"a key has more than {MAX_KEY_PARTS} parts" in " ".join(capsys.readouterr().err.split())

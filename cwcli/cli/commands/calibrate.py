@@ -13,32 +13,32 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, ReadingOptions, SensorOptions
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import count, finite
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import Cell, format_table
+from cwcli.cli.text import finite_or_none, format_count
 from cwcli.errors import EXIT_DONE, CwcliError, UsageError
 from cwcli.url import name_url
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration, Constant
-    from cwcli.estimation.pooling import Drive
+    from cwcli.estimation.pooling import DriveEvidence
 
 EXAMPLES = (
     "cwcli calibrate monday.mcap tuesday.mcap wednesday.mcap -o car.toml",
     "cwcli estimate drive.mcap --calibration car.toml -o estimated.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-COLUMNS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
+TABLE_HEADINGS = ("source", "quantity", "constant", "value", "+- (95 %)", "logs", "chi2/dof", "")
 """Headings of the table of constants."""
-TOLD = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale", "stamp_sigma_s",
-        "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
+SHOWN_CONSTANTS = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "noise_sigma", "noise_scale",
+        "stamp_sigma_s", "slow_sigma", "slow_time_s", "nose_up_rad", "left_up_rad", "pitch_rad")  # fmt: skip
 """Names of the constants that the table shows; the file holds some more."""
-CLOCK_ERROR_S = 0.01
+MAX_CLOCK_ERROR_S = 0.01
 """Largest difference of synchronised clocks in one car, s; chosen: NTP over a vehicle network keeps milliseconds."""
-MOST_NAMED = 4
+MAX_NAMED_LOGS = 4
 """Largest number of logs that a note names; chosen by hand."""
-NOTED = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad", "left_up_rad",
-         "pitch_rad")  # fmt: skip
+CONSTANTS_WITH_NOTES = ("latency_s", "bias", "scale", "lever_arm_m", "ahead_m", "stamp_sigma_s", "nose_up_rad",
+         "left_up_rad", "pitch_rad")  # fmt: skip
 """Names of the constants on which notes are printed."""
 
 
@@ -62,8 +62,8 @@ def command(
     car.toml` of estimate, lanes, observe and run uses the file. A log that fails is reported and left out; the exit
     code is then that of its error.
     """
-    from cwcli.estimation.calibration import calibration_text
-    from cwcli.estimation.pooling import calibrated
+    from cwcli.estimation.calibration import format_calibration_toml
+    from cwcli.estimation.pooling import calibrate_from_drives
     from cwcli.output import check_targets, write_file
 
     if output is not None and not output.endswith(".toml"):
@@ -74,49 +74,49 @@ def command(
         raise UsageError("a log is named twice: it would count twice")
     check_targets([output] if output is not None else [], force=force, inputs=logs)
     console = Console(quiet=talk.quiet)
-    drives: list[Drive] = []
+    drives: list[DriveEvidence] = []
     worst: CwcliError | None = None
     with Progress(quiet=talk.quiet) as progress:
         for log in logs:
-            progress.step(f"estimating {log}")
+            progress.begin_step(f"estimating {log}")
             try:
-                drives.append(_drive(log, reading, sensors))
+                drives.append(_estimate_drive(log, reading, sensors))
             except CwcliError as error:
                 if len(logs) == 1:
                     raise
                 worst = error if worst is None or error.exit_code > worst.exit_code else worst
-                console.note(f"{error.where or name_url(log)}: {error.what}; left out")
+                console.print_note(f"{error.where or name_url(log)}: {error.what}; left out")
     if not drives:
         assert worst is not None
         raise worst
-    found = calibrated(drives, output or "")
+    found = calibrate_from_drives(drives, output or "")
     if output is not None:
-        write_file(output, calibration_text(found).encode(), force=force)
+        write_file(output, format_calibration_toml(found).encode(), force=force)
     if talk.json:
-        console.document("calibrate", _document(found))
+        console.print_document("calibrate", _calibration_document(found))
     else:
-        _show(console, found)
-        print_written(console, [output] if output is not None else [])
+        _print_calibration(console, found)
+        print_written_files(console, [output] if output is not None else [])
     return EXIT_DONE if worst is None else worst.exit_code
 
 
-def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
+def _estimate_drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> DriveEvidence:
     """One log, estimated from the whole of it.
 
     Raises:
         CwcliError: As reading and estimating do.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.cli.options.stage import call_of, stage_options
-    from cwcli.estimation.pooling import Drive
+    from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
+    from cwcli.estimation.pooling import DriveEvidence
     from cwcli.logs.read.reader import Log
-    from cwcli.pipeline.call import with_selection
-    from cwcli.pipeline.camera_pitch import camera_pitch
-    from cwcli.pipeline.execute import Outcome, refuse_faults
-    from cwcli.pipeline.selection import select
+    from cwcli.pipeline.call import replace_selection
+    from cwcli.pipeline.camera_pitch import estimate_camera_pitch
+    from cwcli.pipeline.execute import RunOutcome, raise_on_data_faults
+    from cwcli.pipeline.selection import resolve_selection
 
     bound_array_memory()
-    call = call_of(stage_options("estimate")(), sensors)
+    call = stage_call_from_options(make_stage_options_class("estimate")(), sensors)
     with Log.open(
         name,
         recover=reading.recover,
@@ -124,29 +124,31 @@ def _drive(name: str, reading: ReadingOptions, sensors: SensorOptions) -> Drive:
         max_pipe_bytes=reading.max_pipe_bytes,
         max_ratio=reading.max_ratio,
     ) as log:
-        selection = select(log, reading.topics, reading.start, reading.end)
-        result = call.stage.function(log, with_selection(call.config, selection))
+        selection = resolve_selection(log, reading.topics_and_mappings, reading.start, reading.end)
+        result = call.stage.stage_function(log, replace_selection(call.config, selection))
         if reading.strict:
-            refuse_faults(Outcome(log.name, results=[result], faults=log.faults.counts()), log.start_ns)
-        pitch = camera_pitch(log)
+            raise_on_data_faults(
+                RunOutcome(log.name, results=[result], faults=log.faults.counts_by_reason()), log.start_ns
+            )
+        pitch = estimate_camera_pitch(log)
     cameras = {} if pitch is None else {pitch.topic: (pitch.pitch_rad, pitch.sigma_rad)}
-    return Drive(Path(log.name).name, result.made.ego, cameras)
+    return DriveEvidence(Path(log.name).name, result.evaluation_inputs.ego, cameras)
 
 
-def _rows(found: Calibration) -> list[tuple[Cell, ...]]:
+def _table_rows(found: Calibration) -> list[tuple[Cell, ...]]:
     from cwcli.estimation.calibration import ConstantStatus
 
     rows: list[tuple[Cell, ...]] = []
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():
             for name, constant in constants.items():
-                if name not in TOLD:
+                if name not in SHOWN_CONSTANTS:
                     continue
                 is_reference = constant.status is ConstantStatus.REFERENCE
                 status = "" if constant.status is ConstantStatus.FOUND else constant.status.value
                 if constant.status is ConstantStatus.DISAGREE:
-                    status += f" (I^2 {100 * constant.between_drives:.0f} %)"
-                numbers = (constant.value, 1.96 * constant.drive_sigma)
+                    status += f" (I^2 {100 * constant.i_squared_between_drives:.0f} %)"
+                numbers = (constant.value, 1.96 * constant.sigma_in_another_drive)
                 rows.append(
                     (source, quantity.replace("_", " "), name, *((math.nan, math.nan) if is_reference else numbers),
                      constant.n_logs, constant.chi_square, status)
@@ -154,37 +156,37 @@ def _rows(found: Calibration) -> list[tuple[Cell, ...]]:
     return rows
 
 
-def _show(console: Console, found: Calibration) -> None:
+def _print_calibration(console: Console, found: Calibration) -> None:
     """Print the table of constants, and notes on those that the logs disagree on."""
-    console.heading(f"Calibration from {count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
+    console.print_heading(f"Calibration from {format_count(len(found.logs), 'log')}, {found.minutes:.1f} minutes")
     evidence = [f"{name} {value:.3g}" for name, value in found.evidence.items()]
     if evidence:
-        console.summary(f"evidence: {', '.join(evidence)}")
-    console.summary(table(COLUMNS, _rows(found)))
+        console.print_summary(f"evidence: {', '.join(evidence)}")
+    console.print_summary(format_table(TABLE_HEADINGS, _table_rows(found)))
     for source, quantities in found.sensors.items():
         for quantity, constants in quantities.items():
             for name, constant in constants.items():
-                if name in NOTED:
-                    for note in _notes(constant, name):
-                        console.note(f"{source}: {name} of {quantity.replace('_', ' ')}: {note}")
+                if name in CONSTANTS_WITH_NOTES:
+                    for note in _notes_on_constant(constant, name):
+                        console.print_note(f"{source}: {name} of {quantity.replace('_', ' ')}: {note}")
     if len(found.logs) == 1:
-        console.note("one log: the spread between drives is unknown")
+        console.print_note("one log: the spread between drives is unknown")
 
 
-def _notes(constant: Constant, name: str) -> list[str]:
+def _notes_on_constant(constant: Constant, name: str) -> list[str]:
     """Notes on a constant: that the logs disagree on it, or that a latency is negative."""
     from cwcli.estimation.calibration import ConstantStatus
 
     notes = []
     if constant.status is ConstantStatus.DISAGREE:
         values = [f"{log} {value:.3g} +- {sigma:.2g}" for log, value, sigma in constant.of_logs]
-        more = f", and {len(values) - MOST_NAMED} more" if len(values) > MOST_NAMED else ""
-        used = "" if name != "latency_s" or constant.is_clear_in_any_drive else "; it will not be used"
+        more = f", and {len(values) - MAX_NAMED_LOGS} more" if len(values) > MAX_NAMED_LOGS else ""
+        used = "" if name != "latency_s" or constant.is_usable_in_any_drive else "; it will not be used"
         notes.append(
-            f"the logs disagree ({', '.join(values[:MOST_NAMED])}{more}), one drive differs from the next by "
+            f"the logs disagree ({', '.join(values[:MAX_NAMED_LOGS])}{more}), one drive differs from the next by "
             f"{constant.spread:.3g}{used}"
         )
-    if name == "latency_s" and constant.value < -max(CLOCK_ERROR_S, 3.0 * constant.sigma):
+    if name == "latency_s" and constant.value < -max(MAX_CLOCK_ERROR_S, 3.0 * constant.sigma):
         notes.append(
             "below zero: nothing is stamped before it is measured, so the reference is late by at least as much, "
             "or the clocks differ"
@@ -192,14 +194,14 @@ def _notes(constant: Constant, name: str) -> list[str]:
     return notes
 
 
-def _document(found: Calibration) -> dict[str, Any]:
+def _calibration_document(found: Calibration) -> dict[str, Any]:
     """Make the content of `--json`: that of the file, with null for numbers that are not finite."""
-    return {key: _finite(value) for key, value in asdict(found).items()}
+    return {key: _replace_non_finite(value) for key, value in asdict(found).items()}
 
 
-def _finite(value: Any) -> Any:
+def _replace_non_finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
+        return {key: _replace_non_finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return finite(value) if isinstance(value, float) else value
+        return [_replace_non_finite(each) for each in value]
+    return finite_or_none(value) if isinstance(value, float) else value

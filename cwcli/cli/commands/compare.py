@@ -9,21 +9,28 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cwcli.cli import markdown
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.tables import Cell, table
-from cwcli.cli.targets import check_outputs
-from cwcli.cli.text import count, finite, interval, join_names, number, printable
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import Cell, format_table
+from cwcli.cli.targets import check_output_files
+from cwcli.cli.text import (
+    escape_control_characters,
+    finite_or_none,
+    format_count,
+    format_interval,
+    format_number,
+    join_names,
+)
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError, UsageError, names_hint
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
-    from cwcli.metrics.compare import Change, RunComparison
-    from cwcli.report.addresses import Differing
+    from cwcli.metrics.compare import MetricChange, RunComparison
+    from cwcli.report.addresses import WarningDifferences
 
 EXAMPLES = (
     "cwcli compare baseline/ out/",
@@ -31,14 +38,14 @@ EXAMPLES = (
     "cwcli compare old.mcap new.mcap --exact",
 )
 """Command lines at the end of the command's `--help`."""
-FAIL_ON = ("worse", "missing", "unclear")
+FAILING_VERDICTS = ("worse", "missing", "unclear")
 """Verdicts that `--fail-on` takes."""
-MAX_NAMES = 5
+MAX_NAMED_LOGS = 5
 """Largest number of logs that a note names; chosen by hand."""
-COLUMNS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
+TABLE_HEADINGS = ("verdict", "metric", "before", "after", "change", "95 % interval", "logs")
 """Headings of the table of metrics."""
 
-CHANGES = {"new": "new", "other": "another verdict", "gone": "gone"}
+CHANGE_TEXT = {"new": "new", "other": "another verdict", "gone": "gone"}
 """Kind of change of a warning or conflict -> the word that the table shows."""
 PageOption = Annotated[
     str | None,
@@ -67,7 +74,7 @@ def command(
             "--fail-on",
             metavar="VERDICT",
             show_default=False,
-            help=f"Exit with 1 if a metric is this: {', '.join(FAIL_ON)}. Repeatable.",
+            help=f"Exit with 1 if a metric is this: {', '.join(FAILING_VERDICTS)}. Repeatable.",
         ),
     ] = None,
     tolerance: Annotated[
@@ -94,58 +101,61 @@ def command(
     that any of them is called improved or worse without reason is at most 2 %. The exit code is 4 where no stage has
     run on a log, and 2 where no log is in both. See docs/evaluation.md.
     """
-    from cwcli.fleet.results import read_metrics
+    from cwcli.fleet.results import read_run_metrics
     from cwcli.metrics.compare import compare_runs, comparison_table
     from cwcli.metrics.table import write_table
-    from cwcli.output import Together, write_file
+    from cwcli.output import AtomicGroup, write_file
 
-    _check(fail_on or (), tolerance, seed)
+    _check_options(fail_on or (), tolerance, seed)
     pages = None
     if report_at is not None:
-        from cwcli.report.addresses import Addresses, differences
+        from cwcli.report.addresses import PageAddresses, compare_warnings_of_runs
 
-        pages = Addresses(baseline, report_at), Addresses(candidate, report_at)
-    differing: Differing | None = None
-    summary_file = stdout_or_file(markdown_file)
-    targets = check_outputs([baseline, candidate], talk, metrics=metrics, texts=(summary_file,), force=force)
+        pages = PageAddresses(baseline, report_at), PageAddresses(candidate, report_at)
+    differing: WarningDifferences | None = None
+    summary_file = normalise_stdout_name(markdown_file)
+    targets = check_output_files([baseline, candidate], talk, metrics=metrics, texts=(summary_file,), force=force)
     with Progress(quiet=talk.quiet) as progress:
         runs = []
         for source in (baseline, candidate):
-            progress.step(f"reading {source}")
-            runs.append(read_metrics(source, truth=truth, step=progress.step))
+            progress.begin_step(f"reading {source}")
+            runs.append(read_run_metrics(source, truth=truth, step=progress.begin_step))
         if pages is not None:
-            progress.step("comparing warnings")
-            differing = differences(*pages)
+            progress.begin_step("comparing warnings")
+            differing = compare_warnings_of_runs(*pages)
     for run in runs:
         _require_stage_results(run)
-    before, after = _paired(*runs)
+    before, after = _pair_single_logs(*runs)
     comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
     if not comparison.n_pairs and not fail_on:
         raise UsageError(
             f"{before.source} and {after.source} have no log in common, so nothing can be compared",
-            hint=f"logs are paired by their id: {_ids(before)} in the first, {_ids(after)} in the second",
+            hint=f"logs are paired by their id: {_scored_log_ids_text(before)} in the first, "
+            f"{_scored_log_ids_text(after)} in the second",
         )
-    failed = _failed(comparison, fail_on or ())
-    with Together() as together:
+    failed = _failure_lines(comparison, fail_on or ())
+    with AtomicGroup() as together:
         if metrics is not None:
             write_table(comparison_table(comparison), metrics, force=force, together=together)
         if summary_file is not None:
-            text = _markdown(before, after, comparison, failed, differing, exact=exact)
+            text = _format_markdown_summary(before, after, comparison, failed, differing, exact=exact)
             write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        document = _document(before, after, comparison, failed, targets, differing)
-        console.document("compare", document)
+        document = _comparison_document(before, after, comparison, failed, targets, differing)
+        console.print_document("compare", document)
     else:
-        _show(console, before, after, comparison, failed, differing, everything=everything, exact=exact)
-        print_written(console, targets)
+        _print_comparison(console, before, after, comparison, failed, differing, everything=everything, exact=exact)
+        print_written_files(console, targets)
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 
-def _check(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
+def _check_options(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
     for verdict in fail_on:
-        if verdict not in FAIL_ON:
-            raise UsageError(f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAIL_ON))
+        if verdict not in FAILING_VERDICTS:
+            raise UsageError(
+                f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAILING_VERDICTS)
+            )
     if not 0.0 <= tolerance < 1.0:
         raise UsageError(f"--tolerance {tolerance:g} is not between 0 and 1")
     if seed < 0:
@@ -172,7 +182,7 @@ def _require_stage_results(run: RunMetrics) -> None:
     )
 
 
-def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetrics]:
+def _pair_single_logs(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetrics]:
     """Give two single logs the same id, so that they are compared whatever their names."""
     from dataclasses import replace
 
@@ -181,21 +191,25 @@ def _paired(before: RunMetrics, after: RunMetrics) -> tuple[RunMetrics, RunMetri
     return before, after
 
 
-def _ids(run: RunMetrics) -> str:
+def _scored_log_ids_text(run: RunMetrics) -> str:
     """The first ids of the scored logs as text, or "none"."""
-    return _some([log.id for log in run.logs if not log.error]) or "none"
+    return _join_first_names([log.id for log in run.logs if not log.error]) or "none"
 
 
-def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
+def _failure_lines(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
     """List one line for each finding that `--fail-on` asks for."""
-    from cwcli.metrics.compare import Verdict
+    from cwcli.metrics.compare import ChangeVerdict
 
-    found = [f"{verdict}: {change.metric}" for verdict in fail_on for change in comparison.of(Verdict(verdict))]
+    found = [
+        f"{verdict}: {change.metric}"
+        for verdict in fail_on
+        for change in comparison.changes_with_verdict(ChangeVerdict(verdict))
+    ]
     if "missing" in fail_on:
         found += [
-            f"missing: {change.metric} in {count(change.n_missing, 'log')}"
+            f"missing: {change.metric} in {format_count(change.n_missing, 'log')}"
             for change in comparison.changes
-            if change.n_missing and change.verdict not in (Verdict.MISSING, Verdict.NOT_JUDGED)
+            if change.n_missing and change.verdict not in (ChangeVerdict.MISSING, ChangeVerdict.NOT_JUDGED)
         ]
         found += [f"missing: log {name}" for name in (*comparison.only_baseline, *comparison.failed)]
     if not comparison.n_pairs:
@@ -203,43 +217,48 @@ def _failed(comparison: RunComparison, fail_on: Sequence[str]) -> list[str]:
     return found if fail_on else []
 
 
-def _judged(comparison: RunComparison, *, everything: bool) -> list[Change]:
+def _judged_changes(comparison: RunComparison, *, everything: bool) -> list[MetricChange]:
     return [change for change in comparison.changes if everything or change.verdict.value != "-"]
 
 
-def _show(
+def _print_comparison(
     console: Console,
     before: RunMetrics,
     after: RunMetrics,
     comparison: RunComparison,
     failed: Sequence[str],
-    differing: Differing | None,
+    differing: WarningDifferences | None,
     *,
     everything: bool,
     exact: bool,
 ) -> None:
-    console.heading(f"{before.source} -> {after.source}: {count(comparison.n_pairs, 'log')} in both")
+    console.print_heading(f"{before.source} -> {after.source}: {format_count(comparison.n_pairs, 'log')} in both")
     rows: list[tuple[Cell, ...]] = [
         (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
-        for change in _judged(comparison, everything=everything)
+        for change in _judged_changes(comparison, everything=everything)
     ]
-    console.summary(table(*_without_empty(COLUMNS, rows)) if rows else "  no metric is in both")
+    console.print_summary(
+        format_table(*_drop_empty_columns(TABLE_HEADINGS, rows)) if rows else "  no metric is in both"
+    )
     if differing is not None:
-        console.summary("")
-        console.summary("Warnings and conflicts that differ")
-        rows = [(CHANGES[each.change], printable(each.words), printable(each.address)) for each in differing.listed]
-        console.summary(table(("what", "which", "where"), rows) if rows else "  none")
-    for note in [*_notes(comparison, exact=exact), *_left_out(differing)]:
-        console.note(note)
+        console.print_summary("")
+        console.print_summary("Warnings and conflicts that differ")
+        rows = [
+            (CHANGE_TEXT[each.change], escape_control_characters(each.words), escape_control_characters(each.address))
+            for each in differing.listed
+        ]
+        console.print_summary(format_table(("what", "which", "where"), rows) if rows else "  none")
+    for note in [*_comparison_notes(comparison, exact=exact), *_unlisted_warning_notes(differing)]:
+        console.print_note(note)
     if failed:
-        console.summary("")
-        console.summary("Failed")
+        console.print_summary("")
+        console.print_summary("Failed")
         for line in failed:
-            console.summary(f"  {printable(line)}")
-    console.summary("")
+            console.print_summary(f"  {escape_control_characters(line)}")
+    console.print_summary("")
 
 
-def _without_empty(
+def _drop_empty_columns(
     columns: Sequence[str], rows: Sequence[tuple[Cell, ...]]
 ) -> tuple[list[str], list[tuple[Cell, ...]]]:
     """Drop the columns of a table that are empty in all rows."""
@@ -247,26 +266,27 @@ def _without_empty(
     return [columns[k] for k in kept], [tuple(row[k] for k in kept) for row in rows]
 
 
-def _change_cells(change: Change) -> tuple[Cell, ...]:
+def _change_cells(change: MetricChange) -> tuple[Cell, ...]:
     """Format the cells of change, interval and number of logs."""
     if not math.isfinite(change.change):
         return "", "", change.n_pairs
     scale, unit = (100.0, " %") if change.is_relative else (1.0, "")
     return (
         f"{scale * change.change:+.3g}{unit}",
-        interval(scale * change.low, scale * change.high),
+        format_interval(scale * change.low, scale * change.high),
         change.n_pairs,
     )
 
 
-def _notes(comparison: RunComparison, *, exact: bool) -> list[str]:
+def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     """Notes on logs that are too few, missing, failed, or made from another input."""
     from cwcli.metrics.pooling import MIN_LOGS
 
     notes = []
     if 0 < comparison.n_pairs < MIN_LOGS and not exact:
         notes.append(
-            f"{count(comparison.n_pairs, 'log')} can't tell a change from chance; the differences are exact for these "
+            f"{format_count(comparison.n_pairs, 'log')} can't tell a change from chance; the differences are exact "
+            "for these "
             "logs (--exact judges them as they are)"
         )
     for names, what in (
@@ -276,17 +296,17 @@ def _notes(comparison: RunComparison, *, exact: bool) -> list[str]:
         (comparison.other_input, "made from another input than in the baseline"),
     ):
         if names:
-            notes.append(f"{count(len(names), 'log')} {what}: {_some(names)}")
+            notes.append(f"{format_count(len(names), 'log')} {what}: {_join_first_names(names)}")
     return notes
 
 
-def _document(
+def _comparison_document(
     before: RunMetrics,
     after: RunMetrics,
     comparison: RunComparison,
     failed: Sequence[str],
     written: Sequence[str],
-    differing: Differing | None,
+    differing: WarningDifferences | None,
 ) -> Document:
     """Make the content of `--json`."""
     told: Document = {}
@@ -314,13 +334,13 @@ def _document(
             change.metric: {
                 "verdict": change.verdict.value,
                 "unit": change.unit,
-                "baseline": finite(change.baseline),
-                "candidate": finite(change.candidate),
-                "change": finite(change.change),
-                "low": finite(change.low),
-                "high": finite(change.high),
+                "baseline": finite_or_none(change.baseline),
+                "candidate": finite_or_none(change.candidate),
+                "change": finite_or_none(change.change),
+                "low": finite_or_none(change.low),
+                "high": finite_or_none(change.high),
                 "is_relative": change.is_relative,
-                "p": finite(change.p),
+                "p": finite_or_none(change.p),
                 "pairs": change.n_pairs,
                 "changed": change.n_changed,
                 "missing": change.n_missing,
@@ -332,7 +352,7 @@ def _document(
     }
 
 
-def _left_out(differing: Differing | None) -> list[str]:
+def _unlisted_warning_notes(differing: WarningDifferences | None) -> list[str]:
     """Notes on differing warnings that are not listed, and on logs whose warnings were not compared."""
     if differing is None:
         return []
@@ -341,8 +361,9 @@ def _left_out(differing: Differing | None) -> list[str]:
         notes.append(f"{len(differing.listed)} of the {differing.n} warnings and conflicts that differ are listed")
     if differing.unread:
         notes.append(
-            f"warnings are not compared of {count(len(differing.unread), 'log')} that failed or whose annotated log "
-            f"can't be read: {_some(differing.unread)}"
+            f"warnings are not compared of {format_count(len(differing.unread), 'log')} that failed or whose "
+            "annotated log "
+            f"can't be read: {_join_first_names(differing.unread)}"
         )
     if differing.n_left_out:
         n_read = differing.n_logs + len(differing.unread)
@@ -350,22 +371,22 @@ def _left_out(differing: Differing | None) -> list[str]:
     return notes
 
 
-def _some(names: Sequence[str]) -> str:
+def _join_first_names(names: Sequence[str]) -> str:
     """Join the first names to a text, with "others" for the rest."""
-    return join_names([*names[:MAX_NAMES], *(["others"] if len(names) > MAX_NAMES else [])])
+    return join_names([*names[:MAX_NAMED_LOGS], *(["others"] if len(names) > MAX_NAMED_LOGS else [])])
 
 
-def _markdown(
+def _format_markdown_summary(
     before: RunMetrics,
     after: RunMetrics,
     comparison: RunComparison,
     failed: Sequence[str],
-    differing: Differing | None,
+    differing: WarningDifferences | None,
     *,
     exact: bool,
 ) -> str:
     """Format the summary for a CI job's page: changed metrics first, the others folded."""
-    judged = _judged(comparison, everything=False)
+    judged = _judged_changes(comparison, everything=False)
     told = [change for change in judged if change.verdict.value not in {"same", "new"}]
     counts = {
         verdict: sum(c.verdict.value == verdict for c in judged)
@@ -374,36 +395,44 @@ def _markdown(
     heading = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n) or "nothing to compare"
     parts = [
         f"### cwcli compare: {heading}",
-        f"{markdown.code(before.source)} to {markdown.code(after.source)}, {count(comparison.n_pairs, 'log')} in both",
+        f"{markdown.format_code(before.source)} to {markdown.format_code(after.source)}, "
+        f"{format_count(comparison.n_pairs, 'log')} in both",
     ]
     if told:
-        parts.append(_markdown_table(told))
+        parts.append(_format_markdown_table_of_changes(told))
     rest = [change for change in judged if change not in told]
     if rest:
-        summary = f"<details><summary>{count(len(rest), 'metric')} the same</summary>"
-        parts += [summary, _markdown_table(rest), "</details>"]
+        summary = f"<details><summary>{format_count(len(rest), 'metric')} the same</summary>"
+        parts += [summary, _format_markdown_table_of_changes(rest), "</details>"]
     if differing is not None and differing.listed:
         lines = [
-            f"- {CHANGES[each.change]}: "
-            + (f"[{markdown.code(each.words)}]({each.address})" if each.address else markdown.code(each.words))
+            f"- {CHANGE_TEXT[each.change]}: "
+            + (
+                f"[{markdown.format_code(each.words)}]({each.address})"
+                if each.address
+                else markdown.format_code(each.words)
+            )
             for each in differing.listed
         ]
         parts.append("\n".join(["Warnings and conflicts that differ:", "", *lines]))
-    parts += [f"- {markdown.code(note)}" for note in [*_notes(comparison, exact=exact), *_left_out(differing)]]
+    parts += [
+        f"- {markdown.format_code(note)}"
+        for note in [*_comparison_notes(comparison, exact=exact), *_unlisted_warning_notes(differing)]
+    ]
     if failed:
-        parts.append("\n".join(["Failed:", "", *(f"- {markdown.code(line)}" for line in failed)]))
+        parts.append("\n".join(["Failed:", "", *(f"- {markdown.format_code(line)}" for line in failed)]))
     return "\n\n".join(parts) + "\n"
 
 
-def _markdown_table(changes: Sequence[Change]) -> str:
+def _format_markdown_table_of_changes(changes: Sequence[MetricChange]) -> str:
     rows: list[tuple[Cell, ...]] = [
         (
             change.verdict.value,
-            markdown.code(change.metric),
-            number(change.baseline),
-            number(change.candidate),
+            markdown.format_code(change.metric),
+            format_number(change.baseline),
+            format_number(change.candidate),
             *_change_cells(change),
         )
         for change in changes
     ]
-    return markdown.table(*_without_empty(COLUMNS, rows))
+    return markdown.format_markdown_table(*_drop_empty_columns(TABLE_HEADINGS, rows))

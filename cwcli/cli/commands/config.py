@@ -9,10 +9,10 @@ import typer
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.expand import expand
-from cwcli.cli.options.respelled import say_notes
-from cwcli.cli.options.stage import every_stage
-from cwcli.cli.options.toml import toml
+from cwcli.cli.options.expand import expand_dataclass_parameters
+from cwcli.cli.options.respelled import print_former_option_notes
+from cwcli.cli.options.stage import make_all_stage_options_classes
+from cwcli.cli.options.toml import format_toml
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli config", "cwcli config > pipeline.toml")
@@ -33,12 +33,12 @@ def command(
     What is printed is itself a pipeline file for `cwcli run --config` that means the same: values of the environment
     and defaults are in it too. An option without a value stands in a comment.
     """
-    document, notes = resolved(file)
-    say_notes(TalkOptions(), notes)
-    Console().data(json.dumps(document, indent=2, allow_nan=False) if as_json else toml(document).rstrip())
+    document, notes = resolve_all_options(file)
+    print_former_option_notes(TalkOptions(), notes)
+    Console().print_data(json.dumps(document, indent=2, allow_nan=False) if as_json else format_toml(document).rstrip())
 
 
-def resolved(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
+def resolve_all_options(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Resolve all options of `cwcli run` that change its results, from the file, the environment and the defaults.
 
     Returns:
@@ -48,16 +48,18 @@ def resolved(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
         UsageError: The file can't be read, or holds an unknown key or a value that does not fit.
     """
     from cwcli.cli.app import load_command
-    from cwcli.cli.commands.run import all_options
-    from cwcli.pipeline.selection import check_selection
+    from cwcli.cli.commands.run import gather_all_options
+    from cwcli.pipeline.selection import check_selection_options
 
     arguments = ["LOG", *(() if file is None else ("--config", file))]
     with load_command("run").make_context("run", arguments) as context:
         values = dict(context.params)
     try:
-        options = expand(all_options, "run", stages=every_stage())(**values)
-        check_selection(options.reading.topics, options.reading.start, options.reading.end)
-        document: dict[str, Any] = options.document()
+        options = expand_dataclass_parameters(gather_all_options, "run", stages=make_all_stage_options_classes())(
+            **values
+        )
+        check_selection_options(options.reading.topics, options.reading.start, options.reading.end)
+        document: dict[str, Any] = options.to_document()
         notes: tuple[str, ...] = options.notes
     except UsageError as error:
         raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error

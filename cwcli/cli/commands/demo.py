@@ -9,15 +9,15 @@ from typing import Annotated
 
 import typer
 
-from cwcli.cli.commands.run import default_options, with_all_stages
+from cwcli.cli.commands.run import add_all_stages, gather_default_options
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ReadingOptions, WritingOptions
-from cwcli.cli.pipeline import Job, document, execute, tell
+from cwcli.cli.pipeline import Job, job_document, print_outcome, run_and_write
 
 EXAMPLES = ("cwcli demo", "cwcli demo -d /tmp/demo")
 """Command lines at the end of the command's `--help`."""
-SAMPLES = ("intersection", "rear-end")
+SAMPLE_LOG_NAMES = ("intersection", "rear-end")
 """Names of the bundled logs that hold another vehicle."""
 
 
@@ -36,8 +36,8 @@ def command(
     console = Console(quiet=talk.quiet)
     make_folder(directory)
     documents = []
-    for name in SAMPLES:
-        with sample_log(name) as source:
+    for name in SAMPLE_LOG_NAMES:
+        with open_sample_log(name) as source:
             annotated = Path(directory) / f"{name}.annotated.mcap"
             metrics = Path(directory) / f"{name}-metrics"
             job = Job(
@@ -49,21 +49,21 @@ def command(
                 talk=talk,
                 metrics_dir=str(metrics),
             )
-            outcome = execute(with_all_stages(job, default_options()))
+            outcome = run_and_write(add_all_stages(job, gather_default_options()))
         if talk.json:
-            documents.append(document(job, outcome))
+            documents.append(job_document(job, outcome))
         else:
-            console.heading(f"$ cwcli run {name}.mcap -o {annotated} \\")
-            console.heading(f"      --metrics-dir {metrics}")
-            console.summary("")
-            tell(job, console, outcome)
-            console.summary("")
+            console.print_heading(f"$ cwcli run {name}.mcap -o {annotated} \\")
+            console.print_heading(f"      --metrics-dir {metrics}")
+            console.print_summary("")
+            print_outcome(job, console, outcome)
+            console.print_summary("")
     if talk.json:
-        console.document("demo", {"runs": documents})
+        console.print_document("demo", {"runs": documents})
 
 
 @contextmanager
-def sample_log(name: str) -> Iterator[Path]:
+def open_sample_log(name: str) -> Iterator[Path]:
     """Give the path of a bundled log, from the installed package or else from the checkout."""
     from importlib.resources import as_file, files
 

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cwcli.cli import markdown
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, GatesOption, MarkdownOption, PageAddressOption, SystemOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.tables import Cell, table
-from cwcli.cli.targets import check_outputs
-from cwcli.cli.text import count, finite, interval, paragraph, printable
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import Cell, format_table
+from cwcli.cli.targets import check_output_files
+from cwcli.cli.text import escape_control_characters, finite_or_none, format_count, format_interval, wrap_paragraph
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, MissingSignalError
 
 if TYPE_CHECKING:
     from cwcli.fleet.results import RunMetrics
-    from cwcli.metrics.gates import Check, GateResult
+    from cwcli.metrics.gates import GateCheck, GateResult
     from cwcli.metrics.pooling import MetricRow
-    from cwcli.report.addresses import Addresses
+    from cwcli.report.addresses import PageAddresses
 
 EXAMPLES = (
     "cwcli evaluate annotated.mcap",
@@ -33,11 +33,11 @@ EXAMPLES = (
     "cwcli evaluate annotated.mcap --topic warning=/adas/fcw:data==true",
 )
 """Command lines at the end of the command's `--help`."""
-BESIDE = ("metric", "the system", "cwcli", "states", "n")
+SYSTEM_TABLE_HEADINGS = ("metric", "the system", "cwcli", "states", "n")
 """Headings of the table of another system's metrics."""
-MAX_SHOWN = 20
+MAX_SHOWN_FAILURES = 20
 """Failed logs, and failed checks of a gate, that the terminal shows; chosen by hand."""
-MAX_IN_MARKDOWN = 200
+MAX_MARKDOWN_ROWS = 200
 """Failed checks that the Markdown summary shows; chosen by hand."""
 
 Document = dict[str, Any]
@@ -80,65 +80,67 @@ def command(
     run's manifest. The exit code is 1 if a gate failed, and 4 where no stage has run and no gate asks for the data
     alone.
     """
-    from cwcli.evaluation.system.topics import parse_system
-    from cwcli.fleet.results import read_metrics
-    from cwcli.metrics.gate_syntax import parse
+    from cwcli.evaluation.system.topics import parse_other_system_options
+    from cwcli.fleet.results import read_run_metrics
+    from cwcli.metrics.gate_syntax import parse_gate
     from cwcli.metrics.gates import check_gates
-    from cwcli.metrics.pooling import QUALITY, pooled_rows, run_table
+    from cwcli.metrics.pooling import QUALITY, metrics_table_of_run, pool_all_metrics
     from cwcli.metrics.table import write_table
-    from cwcli.output import Together, write_file
+    from cwcli.output import AtomicGroup, write_file
 
     for gate in gates or ():
-        parse(gate)
-    system = parse_system(topics) if topics else None
-    summary_file = stdout_or_file(markdown_file)
+        parse_gate(gate)
+    system = parse_other_system_options(topics) if topics else None
+    summary_file = normalise_stdout_name(markdown_file)
     addresses = None
     if report_at is not None:
-        from cwcli.report.addresses import Addresses
+        from cwcli.report.addresses import PageAddresses
 
-        addresses = Addresses(source, report_at)
-    targets = check_outputs([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
+        addresses = PageAddresses(source, report_at)
+    targets = check_output_files([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
     with Progress(quiet=talk.quiet) as progress:
-        progress.step(f"reading {source}")
-        run = read_metrics(source, truth=truth, system=system, step=progress.step)
+        progress.begin_step(f"reading {source}")
+        run = read_run_metrics(source, truth=truth, system=system, step=progress.begin_step)
     results = check_gates(list(dict.fromkeys((*run.gates, *(gates or ())))), run.logs, allow_missing=allow_missing)
-    pooled = pooled_rows([log for log in run.logs if not log.error])
-    with Together() as together:
+    pooled = pool_all_metrics([log for log in run.logs if not log.error])
+    with AtomicGroup() as together:
         if metrics is not None:
-            write_table(run_table(run.logs), metrics, force=force, together=together)
+            write_table(metrics_table_of_run(run.logs), metrics, force=force, together=together)
         if junit is not None:
-            from cwcli.cli.junit import junit_xml
+            from cwcli.cli.junit import format_junit_xml
 
-            write_file(junit, junit_xml(results, addresses), force=force, together=together)
+            write_file(junit, format_junit_xml(results, addresses), force=force, together=together)
         if summary_file is not None:
-            text = _markdown(run, pooled, results, addresses)
+            text = _format_markdown_summary(run, pooled, results, addresses)
             write_file(summary_file, text.encode(), force=force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        console.document("evaluate", _document(run, truth, pooled, results, targets))
+        console.print_document("evaluate", _evaluation_document(run, truth, pooled, results, targets))
     else:
-        _show(console, run, pooled, results, everything=everything)
-        print_written(console, targets)
+        _print_evaluation(console, run, pooled, results, everything=everything)
+        print_written_files(console, targets)
     if not results and pooled and all(name.startswith(QUALITY) for name in pooled):
         raise MissingSignalError(
             "no stage of cwcli has run on it, so there is nothing to score but the quality of its data",
             where=run.source,
             hint="run `cwcli run` first, or give gates on the data (--gate 'data.faults_count < 1')",
         )
-    failed = [result for result in results if result.failed]
+    failed = [result for result in results if result.failed_checks]
     for result in failed if talk.quiet else ():
-        console.failure(f"gate failed: {result.gate} ({len(result.failed)} of {count(len(result.checks), 'check')})")
+        console.print_failure(
+            f"gate failed: {result.gate} ({len(result.failed_checks)} of {format_count(len(result.checks), 'check')})"
+        )
     return EXIT_GATE_FAILED if failed else EXIT_DONE
 
 
-def _is_telling(name: str) -> bool:
-    from cwcli.metrics.headline import metric_of
+def _is_shown_by_default(name: str) -> bool:
+    from cwcli.metrics.headline import find_metric
 
-    metric = metric_of(name)
+    metric = find_metric(name)
     return metric is not None and metric.is_compared
 
 
-def _show(
+def _print_evaluation(
     console: Console,
     run: RunMetrics,
     pooled: dict[str, MetricRow],
@@ -147,43 +149,47 @@ def _show(
     everything: bool,
 ) -> None:
     done = [log for log in run.logs if not log.error]
-    what = "Headline metrics" if run.is_one_log else f"Headline metrics, {count(len(done), 'log')} pooled"
-    console.heading(f"{run.source}: {what}")
-    shown = [row for name, row in pooled.items() if everything or _is_telling(name)]
+    what = "Headline metrics" if run.is_one_log else f"Headline metrics, {format_count(len(done), 'log')} pooled"
+    console.print_heading(f"{run.source}: {what}")
+    shown = [row for name, row in pooled.items() if everything or _is_shown_by_default(name)]
     own = [row for row in shown if row.stage != "system"]
-    console.summary(table(("metric", "value", "states", "95 % interval", "n"), [_metric_cells(row) for row in own]))
+    console.print_summary(
+        format_table(("metric", "value", "states", "95 % interval", "n"), [_metric_cells(row) for row in own])
+    )
     if len(shown) < len(pooled):
-        console.summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
-    beside = _beside(pooled)
+        console.print_summary(f"and {len(pooled) - len(shown)} more with --all, --json or --metrics")
+    beside = _system_metric_rows(pooled)
     if beside:
-        console.summary("")
-        console.summary("The other system beside cwcli")
-        console.summary(table(BESIDE, beside))
-    for log in [log for log in run.logs if log.error][:MAX_SHOWN]:
-        console.note(f"{log.id} failed: {log.error}")
-    for note, ids in _notes(run).items():
-        console.note(f"{ids[0] if len(ids) == 1 else count(len(ids), 'log')}: {note}")
+        console.print_summary("")
+        console.print_summary("The other system beside cwcli")
+        console.print_summary(format_table(SYSTEM_TABLE_HEADINGS, beside))
+    for log in [log for log in run.logs if log.error][:MAX_SHOWN_FAILURES]:
+        console.print_note(f"{log.id} failed: {log.error}")
+    for note, ids in _log_ids_by_note(run).items():
+        console.print_note(f"{ids[0] if len(ids) == 1 else format_count(len(ids), 'log')}: {note}")
     if not results:
         return
-    console.summary("")
-    console.summary("Gates")
-    console.summary(table(("result", "gate", "checks", "failed"), [_gate_cells(result) for result in results]))
+    console.print_summary("")
+    console.print_summary("Gates")
+    console.print_summary(
+        format_table(("result", "gate", "checks", "failed"), [_gate_cells(result) for result in results])
+    )
     for result in results:
-        _show_failed(console, result)
-    console.summary("")
+        _print_failed_gate(console, result)
+    console.print_summary("")
 
 
-def _beside(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
+def _system_metric_rows(pooled: dict[str, MetricRow]) -> list[tuple[Cell, ...]]:
     """Table rows of another system's metrics, each with cwcli's own value."""
-    from cwcli.metrics.beside import beside
+    from cwcli.metrics.system_pairs import pair_with_own
 
     return [
-        (name, row.value, "" if own is None else own.value, _short(row.states), row.n)
-        for name, row, own in beside(pooled)
+        (name, row.value, "" if own is None else own.value, _abbreviate_states(row.states), row.n)
+        for name, row, own in pair_with_own(pooled)
     ]
 
 
-def _notes(run: RunMetrics) -> dict[str, list[str]]:
+def _log_ids_by_note(run: RunMetrics) -> dict[str, list[str]]:
     """Collect the notes of all logs: note -> ids of the logs that have it."""
     notes: dict[str, list[str]] = {}
     for log in run.logs:
@@ -193,34 +199,34 @@ def _notes(run: RunMetrics) -> dict[str, list[str]]:
 
 
 def _metric_cells(row: MetricRow) -> tuple[Cell, ...]:
-    return row.metric, row.value, _short(row.states), interval(row.low, row.high, 2), row.n
+    return row.metric, row.value, _abbreviate_states(row.states), format_interval(row.low, row.high, 2), row.n
 
 
-def _short(states: str) -> str:
+def _abbreviate_states(states: str) -> str:
     """Shorten `online vs truth` to `online/truth`, so that names of metrics are not wrapped."""
     return states.replace(" vs ", "/")
 
 
 def _gate_cells(result: GateResult) -> tuple[Cell, ...]:
-    return result.status.value, result.gate, len(result.checks), len(result.failed)
+    return result.status.value, result.gate, len(result.checks), len(result.failed_checks)
 
 
-def _show_failed(console: Console, result: GateResult) -> None:
-    if not result.failed:
+def _print_failed_gate(console: Console, result: GateResult) -> None:
+    if not result.failed_checks:
         return
-    console.summary("")
-    console.summary(paragraph(printable(f"failed: {result.gate}"), rest="  "))
-    for check in result.failed[:MAX_SHOWN]:
-        console.summary(paragraph(printable(_words(check)), first="  ", rest="    "))
-    if len(result.failed) > MAX_SHOWN:
-        console.summary(f"  and {len(result.failed) - MAX_SHOWN} more")
+    console.print_summary("")
+    console.print_summary(wrap_paragraph(escape_control_characters(f"failed: {result.gate}"), rest="  "))
+    for check in result.failed_checks[:MAX_SHOWN_FAILURES]:
+        console.print_summary(wrap_paragraph(escape_control_characters(_check_text(check)), first="  ", rest="    "))
+    if len(result.failed_checks) > MAX_SHOWN_FAILURES:
+        console.print_summary(f"  and {len(result.failed_checks) - MAX_SHOWN_FAILURES} more")
 
 
-def _words(check: Check) -> str:
+def _check_text(check: GateCheck) -> str:
     return f"{check.log}: {check.detail}" if check.log else check.detail
 
 
-def _document(
+def _evaluation_document(
     run: RunMetrics, truth: str, pooled: dict[str, MetricRow], results: Sequence[GateResult], written: Sequence[str]
 ) -> Document:
     """Make the content of `--json`."""
@@ -229,10 +235,10 @@ def _document(
         "truth": truth,
         "written": list(written),
         "logs": [
-            {"id": log.id, "error": log.error or None, "metrics": _numbers(log.rows), "notes": list(log.notes)}
+            {"id": log.id, "error": log.error or None, "metrics": _metric_documents(log.rows), "notes": list(log.notes)}
             for log in run.logs
         ],
-        "pooled": _numbers(pooled),
+        "pooled": _metric_documents(pooled),
         "gates": [
             {
                 "gate": result.gate,
@@ -241,80 +247,82 @@ def _document(
             }
             for result in results
         ],
-        "failed": sum(bool(result.failed) for result in results),
+        "failed": sum(bool(result.failed_checks) for result in results),
     }
 
 
-def _numbers(rows: Any) -> Document:
+def _metric_documents(rows: Any) -> Document:
     return {
         name: {
-            "value": finite(row.value),
+            "value": finite_or_none(row.value),
             "unit": row.unit,
             "states": row.states,
             "n": row.n,
-            "low": finite(row.low),
-            "high": finite(row.high),
+            "low": finite_or_none(row.low),
+            "high": finite_or_none(row.high),
         }
         for name, row in rows.items()
     }
 
 
-def _markdown(
-    run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult], addresses: Addresses | None
+def _format_markdown_summary(
+    run: RunMetrics, pooled: dict[str, MetricRow], results: Sequence[GateResult], addresses: PageAddresses | None
 ) -> str:
     """Format the summary for a CI job's page."""
-    failed = [result for result in results if result.failed]
+    failed = [result for result in results if result.failed_checks]
     n_failed_logs = sum(bool(log.error) for log in run.logs)
-    verdict = "no gates" if not results else f"{len(failed)} of {count(len(results), 'gate')} failed"
+    verdict = "no gates" if not results else f"{len(failed)} of {format_count(len(results), 'gate')} failed"
     parts = [
         f"### cwcli evaluate: {verdict}",
-        f"{markdown.code(run.source)}: {count(len(run.logs), 'log')}, {n_failed_logs} failed",
+        f"{markdown.format_code(run.source)}: {format_count(len(run.logs), 'log')}, {n_failed_logs} failed",
     ]
     if results:
         rows = [
             (
                 result.status.value,
-                markdown.code(result.gate),
+                markdown.format_code(result.gate),
                 len(result.checks),
-                len(result.failed),
+                len(result.failed_checks),
             )
             for result in results
         ]
-        parts.append(markdown.table(("result", "gate", "checks", "failed"), rows))
-    checks = [(result, check) for result in failed for check in result.failed]
+        parts.append(markdown.format_markdown_table(("result", "gate", "checks", "failed"), rows))
+    checks = [(result, check) for result in failed for check in result.failed_checks]
     if checks:
         cells = [
             (
-                markdown.code(result.gate),
-                markdown.code(check.log) if check.log else "all",
-                "<br>".join((markdown.code(check.detail), *_links(addresses, result.gate, check))),
+                markdown.format_code(result.gate),
+                markdown.format_code(check.log) if check.log else "all",
+                "<br>".join((markdown.format_code(check.detail), *_warning_links(addresses, result.gate, check))),
             )
-            for result, check in checks[:MAX_IN_MARKDOWN]
+            for result, check in checks[:MAX_MARKDOWN_ROWS]
         ]
-        parts.append(markdown.table(("failed gate", "log", "because"), cells))
-        if len(checks) > MAX_IN_MARKDOWN:
-            parts.append(f"and {len(checks) - MAX_IN_MARKDOWN} more")
-    shown = [row for name, row in pooled.items() if _is_telling(name)]
+        parts.append(markdown.format_markdown_table(("failed gate", "log", "because"), cells))
+        if len(checks) > MAX_MARKDOWN_ROWS:
+            parts.append(f"and {len(checks) - MAX_MARKDOWN_ROWS} more")
+    shown = [row for name, row in pooled.items() if _is_shown_by_default(name)]
     metric_rows = [
         (
-            markdown.code(row.metric),
+            markdown.format_code(row.metric),
             row.value,
-            markdown.code(row.unit) if row.unit else "",
+            markdown.format_code(row.unit) if row.unit else "",
             row.states,
-            interval(row.low, row.high),
+            format_interval(row.low, row.high),
             row.n,
         )
         for row in shown
     ]
     parts.append(
-        markdown.table(("metric, all logs pooled", "value", "unit", "states", "95 % interval", "n"), metric_rows)
+        markdown.format_markdown_table(
+            ("metric, all logs pooled", "value", "unit", "states", "95 % interval", "n"), metric_rows
+        )
     )
-    beside = [(markdown.code(str(name)), *cells) for name, *cells in _beside(pooled)]
+    beside = [(markdown.format_code(str(name)), *cells) for name, *cells in _system_metric_rows(pooled)]
     if beside:
-        parts.append(markdown.table(BESIDE, beside))
+        parts.append(markdown.format_markdown_table(SYSTEM_TABLE_HEADINGS, beside))
     return "\n\n".join(parts) + "\n"
 
 
-def _links(addresses: Addresses | None, gate: str, check: Check) -> list[str]:
-    links = [] if addresses is None else addresses.of_check(gate, check)
-    return [f"[{markdown.code(link.words)}]({link.address})" for link in links]
+def _warning_links(addresses: PageAddresses | None, gate: str, check: GateCheck) -> list[str]:
+    links = [] if addresses is None else addresses.links_of_check(gate, check)
+    return [f"[{markdown.format_code(link.words)}]({link.address})" for link in links]

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cwcli.cli.console import Console, is_terminal, stdout_or_file
+from cwcli.cli.console import Console, is_terminal, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, one_log
-from cwcli.cli.report import print_written
+from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
+from cwcli.cli.report import print_written_files
 from cwcli.errors import UsageError, names_hint
 from cwcli.export.formats import TRACK_FORMATS
-from cwcli.text import join_names, printable
+from cwcli.text import escape_control_characters, join_names
 
 if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
@@ -28,20 +28,20 @@ EXAMPLES = (
     "cwcli export annotated.mcap --format ros2 -o ros.mcap",
 )
 """Command lines at the end of the command's `--help`."""
-WHAT = (
+CONTENT_NAMES_TEXT = (
     "ego, ego-online, remote, remote-online, targets, lanes, observer, paths, remote-paths, warnings, measures, "
     "rejected"
 )
 """Names of all contents, for the help."""
-TABLES = ("csv", "parquet")
+TABLE_FORMATS = ("csv", "parquet")
 """Names of the formats of tables."""
-ROS_LOG = "ros2"
+ROS_FORMAT = "ros2"
 """Name of the format of ROS 2 logs."""
 LOG_SUFFIX = ".mcap"
 """Suffix of the files of all formats that are logs."""
-FORMATS = (*TABLES, *TRACK_FORMATS, ROS_LOG)
+EXPORT_FORMATS = (*TABLE_FORMATS, *TRACK_FORMATS, ROS_FORMAT)
 """Names of all formats."""
-MOST_NAMED = 10
+MAX_NAMED_CHANNELS = 10
 """Largest number of channels that a note names; chosen by hand."""
 
 
@@ -54,7 +54,7 @@ def command(
             "--what",
             metavar="WHAT",
             show_default="ego; osi: ego, remote and targets; ros2: the whole log",
-            help=f"What is exported: {WHAT}. Several tracks with commas.",
+            help=f"What is exported: {CONTENT_NAMES_TEXT}. Several tracks with commas.",
         ),
     ] = None,
     form: Annotated[
@@ -63,7 +63,8 @@ def command(
             "--format",
             metavar="FORMAT",
             show_default="by the end of the file's name (logs: .osi.mcap, .ros2.mcap); without one csv",
-            help=f"{', '.join(FORMATS[:-1])} or {FORMATS[-1]}. Tracks alone (ego, remote, targets) have all of them.",
+            help=f"{', '.join(EXPORT_FORMATS[:-1])} or {EXPORT_FORMATS[-1]}. Tracks alone (ego, remote, targets) have "
+            "all of them.",
         ),
     ] = None,
     vehicle: Annotated[
@@ -84,56 +85,58 @@ def command(
     were recorded, and cwcli's as standard messages and cwcli_msgs below /cwcli/ros.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.export.content import contents_of_world, require_content
-    from cwcli.export.formats import track_format
+    from cwcli.export.content import names_of_ego_and_others, require_content_in_log
+    from cwcli.export.formats import load_track_format
     from cwcli.logs.read.reader import Log
     from cwcli.output import check_targets, write_file
 
-    output = "-" if output is None else str(stdout_or_file(output))
+    output = "-" if output is None else str(normalise_stdout_name(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
     names = [] if what is None else what.split(",")
-    form = form or _format_of(output)
-    _check(names, form, vehicle)
-    is_text = track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
+    form = form or _format_of_file_name(output)
+    _check_format_and_contents(names, form, vehicle)
+    is_text = load_track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
     bound_array_memory()
     console = Console(quiet=talk.quiet)
-    with Log.open(one_log(log, as_one)) as opened:
-        if form == ROS_LOG:
-            said = _write_ros(opened, output, force, console)
+    with Log.open(source_of_logs(log, as_one)) as opened:
+        if form == ROS_FORMAT:
+            said = _write_ros_log(opened, output, force, console)
         else:
             if not names:
-                of_all = form in TRACK_FORMATS and track_format(form).is_of_all
-                names = contents_of_world(opened) if of_all else ["ego"]
+                of_all = form in TRACK_FORMATS and load_track_format(form).holds_all_vehicles
+                names = names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
-                require_content(opened, name)
-            content, n = _encode(opened, names, form, vehicle)
+                require_content_in_log(opened, name)
+            content, n = _encode_contents(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
-                console.data("\n".join(map(printable, bytes(content).decode().removesuffix("\n").split("\n"))))
+                console.print_data(
+                    "\n".join(map(escape_control_characters, bytes(content).decode().removesuffix("\n").split("\n")))
+                )
             else:
                 write_file(output, content, force=force)
     if talk.json:
-        console.document("export", {"format": form, "output": output, **said})
+        console.print_document("export", {"format": form, "output": output, **said})
     elif output != "-":
-        print_written(console, [output])
+        print_written_files(console, [output])
 
 
-def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[str, object]:
+def _write_ros_log(opened: Log, output: str, force: bool, console: Console) -> dict[str, object]:
     """Write a ROS 2 log; returns the content of `--json`."""
     from cwcli.export.ros.convert import write_ros_log
 
     made = write_ros_log(opened, output, force=force)
     if made.left_out:
-        console.note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
+        console.print_note(f"left out, because no ROS message fits: {join_names(list(made.left_out))}")
     for topic, counts in made.left_messages.items():
         said = join_names([f"{n} whose {field} it can't hold" for field, n in counts.items()])
-        console.note(f"{topic}: the ROS message does without messages: {said}")
+        console.print_note(f"{topic}: the ROS message does without messages: {said}")
     for topic, fields in made.left_fields.items():
-        console.note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
+        console.print_note(f"{topic}: the ROS message has no field {join_names(fields)}: left out")
     if made.replaced:
-        console.note(f"{join_names(made.replaced)}: the recorded channel is replaced by the converted one")
+        console.print_note(f"{join_names(made.replaced)}: the recorded channel is replaced by the converted one")
     return {
         "what": "log",
         "rows": made.n_messages_made,
@@ -145,80 +148,83 @@ def _write_ros(opened: Log, output: str, force: bool, console: Console) -> dict[
     }
 
 
-def _check(names: Sequence[str], form: str, vehicle: str | None) -> None:
+def _check_format_and_contents(names: Sequence[str], form: str, vehicle: str | None) -> None:
     """Check that the contents exist and that the format can hold them.
 
     Raises:
         UsageError: A content or the format does not exist, or the format can't hold the contents.
     """
-    from cwcli.export.content import CONTENTS
+    from cwcli.export.content import EXPORT_CONTENTS
 
     for name in names:
-        if name not in CONTENTS:
+        if name not in EXPORT_CONTENTS:
             raise UsageError(
-                f"--what {name!r}: there is no such thing to export", hint=names_hint(name, CONTENTS, "it is one of")
+                f"--what {name!r}: there is no such thing to export",
+                hint=names_hint(name, EXPORT_CONTENTS, "it is one of"),
             )
-    if form not in FORMATS:
-        raise UsageError(f"--format {form!r}: there is no such format", hint=names_hint(form, FORMATS, "it is one of"))
-    if form == ROS_LOG and (names or vehicle is not None):
+    if form not in EXPORT_FORMATS:
+        raise UsageError(
+            f"--format {form!r}: there is no such format", hint=names_hint(form, EXPORT_FORMATS, "it is one of")
+        )
+    if form == ROS_FORMAT and (names or vehicle is not None):
         option = "--what" if names else "--id"
         raise UsageError(f"{option}: --format ros2 writes the whole log", hint=f"leave {option} out")
     for name in names if form in TRACK_FORMATS else ():
-        if not CONTENTS[name].is_tracks:
+        if not EXPORT_CONTENTS[name].is_tracks:
             raise UsageError(f"--format {form} holds tracks, and `{name}` are none", hint="export it as csv or parquet")
-    if form in TABLES and len(names) > 1:
+    if form in TABLE_FORMATS and len(names) > 1:
         raise UsageError(f"--what {','.join(names)}: a table holds one of them", hint="export them one by one")
 
 
-def known_suffixes() -> dict[str, str]:
+def format_of_each_suffix() -> dict[str, str]:
     """Suffix of a file's name -> the format that it selects."""
-    from cwcli.export.formats import track_format
+    from cwcli.export.formats import load_track_format
 
-    of_tracks = {suffix: name for name in TRACK_FORMATS for suffix in track_format(name).suffixes}
-    return {f".{name}": name for name in TABLES} | of_tracks | {f".{ROS_LOG}{LOG_SUFFIX}": ROS_LOG}
+    of_tracks = {suffix: name for name in TRACK_FORMATS for suffix in load_track_format(name).suffixes}
+    return {f".{name}": name for name in TABLE_FORMATS} | of_tracks | {f".{ROS_FORMAT}{LOG_SUFFIX}": ROS_FORMAT}
 
 
-def _format_of(output: str) -> str:
+def _format_of_file_name(output: str) -> str:
     """The format that a file's name selects; csv for a name without a suffix.
 
     Raises:
         UsageError: No format, or more than one, has files of that suffix.
     """
     name = Path(output).name.lower()
-    known = known_suffixes()
+    known = format_of_each_suffix()
     for ending, form in known.items():
         if name.endswith(ending):
             return form
     suffix = Path(name).suffix
     if not suffix:
-        return TABLES[0]
+        return TABLE_FORMATS[0]
     if suffix == LOG_SUFFIX:
         forms = [(form, ending) for ending, form in known.items() if ending.endswith(LOG_SUFFIX)]
         raise UsageError(
             f"-o {output}: {join_names([form for form, _ in forms])} are both written as {LOG_SUFFIX}",
             hint=f"choose one with --format, or end the name in {' or '.join(ending for _, ending in forms)}",
         )
-    endings = [f"{form} ({', '.join(each for each in known if known[each] == form)})" for form in FORMATS]
+    endings = [f"{form} ({', '.join(each for each in known if known[each] == form)})" for form in EXPORT_FORMATS]
     raise UsageError(
         f"-o {output}: no format ends in {suffix}",
         hint=f"choose one with --format, or by the end of the name: {', '.join(endings)}",
     )
 
 
-def _encode(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
+def _encode_contents(opened: Log, names: list[str], form: str, vehicle: str | None) -> tuple[bytes | memoryview, int]:
     """Encode contents of a log; returns the bytes of the file and the number of rows."""
-    from cwcli.export.content import require_globe, table_to_export, tracks_to_export
-    from cwcli.export.formats import track_format
-    from cwcli.metrics.table import table_bytes
+    from cwcli.export.content import require_geographic_positions, table_to_export, tracks_to_export
+    from cwcli.export.formats import load_track_format
+    from cwcli.metrics.table import encode_table_to_bytes
 
-    if form in TABLES:
+    if form in TABLE_FORMATS:
         table = table_to_export(opened, names[0], vehicle)
-        return table_bytes(table, f".{form}"), len(table)
+        return encode_table_to_bytes(table, f".{form}"), len(table)
     tracks = [track for name in names for track in tracks_to_export(opened, name, vehicle)]
-    wanted = track_format(form)
-    if wanted.on_globe:
-        require_globe(tracks, opened, form)
-    if wanted.is_of_one and len(tracks) > 1:
+    wanted = load_track_format(form)
+    if wanted.is_geographic:
+        require_geographic_positions(tracks, opened, form)
+    if wanted.holds_one_track and len(tracks) > 1:
         known = ", ".join(track.id for track in tracks[:10])
         raise UsageError(
             f"--format {form} holds one track, and `{','.join(names)}` has {len(tracks)}", hint=f"--id one of {known}"

@@ -10,16 +10,23 @@ import typer
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, one_log
-from cwcli.cli.options.values import utc
-from cwcli.cli.tables import Cell, table
-from cwcli.cli.text import count, duration, join_names, paragraph, shown, size
+from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions, source_of_logs
+from cwcli.cli.options.values import format_utc_time
+from cwcli.cli.tables import Cell, format_table
+from cwcli.cli.text import (
+    escape_and_shorten,
+    format_byte_size,
+    format_count,
+    format_duration,
+    join_names,
+    wrap_paragraph,
+)
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.channels.binding import Bindings
-    from cwcli.channels.reasons import Reason
+    from cwcli.channels.reasons import UnboundReason
     from cwcli.logs.read.reader import Log
     from cwcli.pipeline.recording_contract import RecordingContract
 
@@ -32,9 +39,9 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 
 Document = dict[str, Any]
-MAX_NAMES = 100
+MAX_LISTED_NAMES = 100
 """Largest number of attachments or metadata records that are named; chosen by hand."""
-MAX_FACT = 5000
+MAX_FACT_CHARS = 5000
 """Longest text of one fact about a log, in characters; chosen by hand."""
 
 
@@ -68,38 +75,38 @@ def command(
     from cwcli.logs.read.reader import Log
 
     console = Console(quiet=talk.quiet)
-    contract = None if expect is None else _contract(expect)
+    contract = None if expect is None else _read_contract(expect)
     with Log.open(
-        one_log(log, reading.as_one),
+        source_of_logs(log, reading.as_one),
         recover=reading.recover,
         max_chunk_bytes=reading.max_chunk_bytes,
         max_pipe_bytes=reading.max_pipe_bytes,
         max_ratio=reading.max_ratio,
     ) as opened:
-        document = describe(opened, reading, sensors)
+        document = describe_log(opened, reading, sensors)
         if doctor or reading.map or contract:
-            document["health"] = _health(opened)
+            document["health"] = _health_of_topics(opened)
         if doctor or reading.map:
-            _look_for_fields(opened, document)
-            document["inputs"] = _inputs(opened, document, reading, sensors)
+            _suggest_fields_of_unknown_types(opened, document)
+            document["inputs"] = _count_usable_messages(opened, document, reading, sensors)
         if contract:
-            document["contract"] = _judged(contract, document)
+            document["contract"] = _judge_contract(contract, document)
     if talk.json:
-        console.document("info", document)
+        console.print_document("info", document)
     else:
-        show(console, document)
+        print_log_description(console, document)
     keeps = all(verdict["holds"] for verdict in document.get("contract", ()))
     return EXIT_DONE if keeps else EXIT_GATE_FAILED
 
 
-def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
+def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Document:
     """Describe a log without reading its messages: the content of `--json`."""
-    from cwcli.channels.binding import EVERY_ROLE, bind, parse_overrides
-    from cwcli.channels.reasons import reasons
+    from cwcli.channels.binding import EVERY_ROLE, bind_roles, parse_role_overrides
+    from cwcli.channels.reasons import unbound_reasons_by_topic
 
-    bindings = bind(
+    bindings = bind_roles(
         log.channels,
-        parse_overrides(reading.topics),
+        parse_role_overrides(reading.topics_and_mappings),
         required=(),
         optional=EVERY_ROLE,
         ego_station=sensors.ego_station,
@@ -109,77 +116,86 @@ def describe(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> Docum
     for role, bound in bindings.by_role.items():
         for binding in (each for one in bound for each in (one, *one.parts)):
             roles.setdefault(binding.topic, []).append(str(role))
-    why = reasons(log.channels, bindings)
+    why = unbound_reasons_by_topic(log.channels, bindings)
     if reading.dbc:
         _explain_can_channels(log, why, reading.dbc)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
     return {
         "name": log.name,
-        "size_bytes": sum(map(len, log.file.files)),
+        "size_bytes": sum(map(len, log.file.disk_files)),
         "profile": log.profile,
-        "library": _container(log) or log.library,
+        "library": _converted_from_text(log) or log.library,
         "start_ns": log.start_ns,
         "end_ns": log.end_ns,
-        "start": utc(log.start_ns),
+        "start": format_utc_time(log.start_ns),
         "duration_s": duration_s,
         "messages": log.n_messages,
         "chunks": log.n_chunks,
-        "compression": [] if _container(log) else list(log.compressions),
+        "compression": [] if _converted_from_text(log) else list(log.compressions),
         "channels": [
-            _channel(channel, duration_s, roles.get(channel.topic, []), why.get(channel.topic))
+            _channel_document(channel, duration_s, roles.get(channel.topic, []), why.get(channel.topic))
             for channel in log.channels
         ],
         "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
         "metadata": list(log.metadata_names),
-        "commands": _commands(set(map(str, bindings.by_role)), set(map(str, bindings.undecided))),
-        "notes": [*bindings.notes, *_of_stations(log, bindings)],
-        "faults": log.faults.counts(),
+        "commands": _readiness_of_commands(set(map(str, bindings.by_role)), set(map(str, bindings.undecided))),
+        "notes": [*bindings.notes, *_ego_station_notes(log, bindings)],
+        "faults": log.faults.counts_by_reason(),
     }
 
 
-def _container(log: Log) -> str:
+def _converted_from_text(log: Log) -> str:
     """A text on the format that the log was converted from, by its first file; "" for an MCAP file."""
-    from cwcli.logs.read.converted import BAG_MAGIC, DATABASE_MAGIC
+    from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC
 
-    head = bytes(log.file.files[0][:16])
-    kinds = {BAG_MAGIC: "converted from a ROS 1 bag", DATABASE_MAGIC: "converted from a rosbag2 database"}
+    head = bytes(log.file.disk_files[0][:16])
+    kinds = {ROS1_BAG_MAGIC: "converted from a ROS 1 bag", SQLITE_MAGIC: "converted from a rosbag2 database"}
     return next((words for magic, words in kinds.items() if head.startswith(magic)), "")
 
 
-def _explain_can_channels(log: Log, why: dict[str, Reason], files: list[str]) -> None:
+def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[str]) -> None:
     """Say of each channel of CAN frames without a role which signals of the DBC files a role could take."""
     from cwcli.channels.reasons import explain_can_frames
     from cwcli.signals.can import list_signals
-    from cwcli.signals.input_rows import CAN_SCHEMAS
-    from cwcli.signals.inputs import normalise
+    from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
+    from cwcli.signals.inputs import normalise_schema_name
 
     signals = list_signals(files)
     for channel in log.channels:
-        if channel.topic in why and channel.message_count and normalise(channel.schema_name) in CAN_SCHEMAS:
+        if (
+            channel.topic in why
+            and channel.message_count
+            and normalise_schema_name(channel.schema_name) in CAN_FRAME_SCHEMAS
+        ):
             why[channel.topic] = explain_can_frames(channel.topic, signals, files)
 
 
-def _of_stations(log: Log, bindings: Bindings) -> list[str]:
+def _ego_station_notes(log: Log, bindings: Bindings) -> list[str]:
     """Notes on stations that may be the ego, for a log without the ego's position but with V2X messages."""
-    from cwcli.signals.inputs import input_for
+    from cwcli.signals.inputs import find_input_for_role
     from cwcli.signals.role import Role
-    from cwcli.text import printable
+    from cwcli.text import escape_control_characters
 
     role = Role.EGO_POSITION
     if role in bindings or role in bindings.undecided:
         return []
-    entries = {each.topic: input_for(role, each.schema_name) for each in log.channels if each.message_count != 0}
+    entries = {
+        each.topic: find_input_for_role(role, each.schema_name) for each in log.channels if each.message_count != 0
+    }
     topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
     if not topics:
         return []
-    from cwcli.pipeline.stations import MOST_NAMED, stations_heard  # imports numpy, which most logs do not need
+    from cwcli.pipeline.stations import (  # imports numpy, which most logs do not need
+        MAX_NAMED_STATIONS,
+        count_messages_by_station,
+    )
 
-    heard = stations_heard(log).most_common(MOST_NAMED)
-    named = " or ".join(printable(station) for station, _ in heard) or "ID"
+    heard = count_messages_by_station(log).most_common(MAX_NAMED_STATIONS)
+    named = " or ".join(escape_control_characters(station) for station, _ in heard) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 
 
-def _channel(channel: Any, duration_s: float, roles: list[str], reason: Reason | None) -> Document:
+def _channel_document(channel: Any, duration_s: float, roles: list[str], reason: UnboundReason | None) -> Document:
     count = channel.message_count
     rate_hz = None if count is None or count < 2 or duration_s <= 0 else (count - 1) / duration_s
     return {
@@ -194,63 +210,67 @@ def _channel(channel: Any, duration_s: float, roles: list[str], reason: Reason |
     }
 
 
-def _health(log: Log) -> list[Document]:
+def _health_of_topics(log: Log) -> list[Document]:
     """Examine each topic with messages except cwcli's own; unknown numbers are None."""
-    from cwcli.channels.published import OWN_PREFIX
-    from cwcli.pipeline.health import examine
+    from cwcli.channels.published import OWN_TOPIC_PREFIX
+    from cwcli.pipeline.health import measure_topic_health
 
     topics = dict.fromkeys(each.topic for each in log.channels if each.message_count != 0)
-    found = examine(log, [topic for topic in topics if not topic.startswith(OWN_PREFIX)])
-    return [{name: _known(value) for name, value in asdict(each).items()} for each in found]
+    found = measure_topic_health(log, [topic for topic in topics if not topic.startswith(OWN_TOPIC_PREFIX)])
+    return [{name: _none_if_not_finite(value) for name, value in asdict(each).items()} for each in found]
 
 
-def _look_for_fields(log: Log, document: Document) -> None:
+def _suggest_fields_of_unknown_types(log: Log, document: Document) -> None:
     """What to try for a type that no role takes, by the fields of its messages where no definition lists them."""
-    from cwcli.channels.reasons import MAX_TRIES, UNKNOWN_TYPE, suggestions
+    from cwcli.channels.reasons import MAX_SUGGESTIONS, UNKNOWN_TYPE_TEXT, suggest_map_options
     from cwcli.errors import CwcliError
     from cwcli.signals.columns import Strings
 
     for channel in document["channels"]:
-        if channel["why_not"] != UNKNOWN_TYPE or channel["try"]:
+        if channel["why_not"] != UNKNOWN_TYPE_TEXT or channel["try"]:
             continue
         try:
             fields = log.columns(channel["topic"]).fields
         except CwcliError as error:
-            channel["why_not"] = f"{UNKNOWN_TYPE}, and it can't be read: {error.what}"
+            channel["why_not"] = f"{UNKNOWN_TYPE_TEXT}, and it can't be read: {error.what}"
             continue
         paths = [path for path, field in fields.items() if not isinstance(field, Strings)]
-        channel["try"] = list(suggestions(channel["topic"], paths))[:MAX_TRIES]
+        channel["try"] = list(suggest_map_options(channel["topic"], paths))[:MAX_SUGGESTIONS]
 
 
-def _known(value: Any) -> Any:
+def _none_if_not_finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _inputs(log: Log, document: Document, reading: ReadingOptions, sensors: SensorOptions) -> list[Document]:
+def _count_usable_messages(
+    log: Log, document: Document, reading: ReadingOptions, sensors: SensorOptions
+) -> list[Document]:
     """Read the channels with a role, and count used, rejected and repaired messages of each."""
-    from cwcli.channels.binding import parse_overrides
+    from cwcli.channels.binding import parse_role_overrides
     from cwcli.signals.role import Role
-    from cwcli.stages.inputs.sources import SourceConfig, read_sources
+    from cwcli.stages.inputs.sources import SourceConfig, read_sensor_signals
 
-    config = SourceConfig(clock=sensors.clock, ego_station=sensors.ego_station, topics=parse_overrides(reading.topics))
+    config = SourceConfig(
+        clock=sensors.clock, ego_station=sensors.ego_station, topics=parse_role_overrides(reading.topics_and_mappings)
+    )
     filled = {role for channel in document["channels"] for role in channel["roles"]}
-    sources = read_sources(
+    sources = read_sensor_signals(
         log, config, command="info", optional=[role for role in Role if role in filled and role.signals]
     )
     document["notes"] += [note for note in sources.notes if note not in document["notes"]]
     names = ("topic", "role", "read", "used", "rejected", "repaired", "set_aside")
-    return [{name: getattr(each, name) for name in names} for each in sources.counts()]
+    return [{name: getattr(each, name) for name in names} for each in sources.input_message_counts()]
 
 
-def _contract(path: str) -> RecordingContract:
+def _read_contract(path: str) -> RecordingContract:
     from cwcli.channels.binding import EVERY_ROLE
     from cwcli.pipeline.recording_contract import RecordingContract
 
-    return RecordingContract.read(path, EVERY_ROLE)
+    return RecordingContract.read_toml(path, EVERY_ROLE)
 
 
-def _judged(contract: RecordingContract, document: Document) -> list[Document]:
-    from cwcli.signals.inputs import normalise
+def _judge_contract(contract: RecordingContract, document: Document) -> list[Document]:
+    from cwcli.signals.inputs import normalise_schema_name
 
     health = {
         each["topic"]: {name: math.nan if value is None else value for name, value in each.items()}
@@ -263,17 +283,17 @@ def _judged(contract: RecordingContract, document: Document) -> list[Document]:
     absent = dict.fromkeys(("rate_hz", "delay_s", "drift_ms_per_min"), math.nan) | nothing
     schemas = {each["topic"]: each["schema"] for each in document["channels"]}
     wanted = {each.get("schema", "") for each in contract.topics.values()}
-    verdicts = contract.judge(
+    verdicts = contract.check_log(
         totals={"duration_s": document["duration_s"], "messages": document["messages"]},
         roles={role for channel in document["channels"] for role in channel["roles"]},
-        schemas={topic: name if name in wanted else normalise(name) for topic, name in schemas.items()},
+        schemas={topic: name if name in wanted else normalise_schema_name(name) for topic, name in schemas.items()},
         topics={topic: health.get(topic, absent) for topic in schemas},
     )
     return [each._asdict() for each in verdicts]
 
 
-def _commands(bound: set[str], undecided: set[str]) -> Document:
-    from cwcli.pipeline.needs import readiness
+def _readiness_of_commands(bound: set[str], undecided: set[str]) -> Document:
+    from cwcli.pipeline.needs import stage_readiness
     from cwcli.stages import STAGES
 
     return {
@@ -284,16 +304,18 @@ def _commands(bound: set[str], undecided: set[str]) -> Document:
             "choose": [role for role in entry.missing if role in undecided],
             "would_use": list(entry.unused),
         }
-        for entry in readiness(bound, STAGES)
+        for entry in stage_readiness(bound, STAGES)
     }
 
 
-def show(console: Console, document: Document) -> None:
+def print_log_description(console: Console, document: Document) -> None:
     """Print the description of a log as tables."""
-    console.heading(document["name"])
-    for name, text in _facts(document):
-        console.summary(paragraph(shown(text, MAX_FACT), first=f"{name:<12}", rest=" " * 12))
-    console.summary("")
+    console.print_heading(document["name"])
+    for name, text in _log_facts(document):
+        console.print_summary(
+            wrap_paragraph(escape_and_shorten(text, MAX_FACT_CHARS), first=f"{name:<12}", rest=" " * 12)
+        )
+    console.print_summary("")
     rows: list[tuple[Cell, ...]] = [
         (
             channel["topic"],
@@ -305,67 +327,82 @@ def show(console: Console, document: Document) -> None:
         )
         for channel in document["channels"]
     ]
-    console.summary(table(("topic", "schema", "encoding", "messages", "Hz", "role"), rows))
-    console.summary("")
+    console.print_summary(format_table(("topic", "schema", "encoding", "messages", "Hz", "role"), rows))
+    console.print_summary("")
     unused = [each for each in document["channels"] if each["why_not"]]
     if unused:
-        console.summary(table(("topic", "why it is not used"), [(each["topic"], each["why_not"]) for each in unused]))
+        console.print_summary(
+            format_table(("topic", "why it is not used"), [(each["topic"], each["why_not"]) for each in unused])
+        )
         for line in dict.fromkeys(f"try: {line}" for each in unused for line in each["try"]):
-            console.summary(line)
-        console.summary("")
-    _show_read(console, document)
-    console.summary(table(("command", "can run", "not in the log"), _command_rows(document["commands"])))
+            console.print_summary(line)
+        console.print_summary("")
+    _print_message_checks(console, document)
+    console.print_summary(format_table(("command", "can run", "not in the log"), _command_rows(document["commands"])))
     for note in document["notes"]:
-        console.note(note)
+        console.print_note(note)
     for fault, n in document["faults"].items():
-        console.note(f"{fault}: {n}")
+        console.print_note(f"{fault}: {n}")
 
 
-def _show_read(console: Console, document: Document) -> None:
+def _print_message_checks(console: Console, document: Document) -> None:
     """Print the tables of health, inputs and contract, for which messages were read."""
     if "health" in document:
         heads = ("topic", "rate [Hz]", "gaps", "longest [s]", "delay [ms]", "drift [ms/min]", "out of order", "bad")
         rows = [
             (
-                *(each["topic"], _shown(each["rate_hz"], 1), each["gaps"], _shown(each["longest_gap_s"], 2)),
-                *(_shown(each["delay_s"], 1, 1e3), _shown(each["drift_ms_per_min"], 1), each["out_of_order"]),
+                *(
+                    each["topic"],
+                    _format_scaled_number(each["rate_hz"], 1),
+                    each["gaps"],
+                    _format_scaled_number(each["longest_gap_s"], 2),
+                ),
+                *(
+                    _format_scaled_number(each["delay_s"], 1, 1e3),
+                    _format_scaled_number(each["drift_ms_per_min"], 1),
+                    each["out_of_order"],
+                ),
                 "all" if each["undecodable"] < 0 else each["undecodable"],
             )
             for each in document["health"]
         ]
-        console.summary(table(heads, rows))
-        console.summary("")
+        console.print_summary(format_table(heads, rows))
+        console.print_summary("")
     if document.get("inputs"):
         counts = [
-            (each["topic"], each["role"], each["read"], each["used"], _reasons(each)) for each in document["inputs"]
+            (each["topic"], each["role"], each["read"], each["used"], _reason_counts_text(each))
+            for each in document["inputs"]
         ]
-        console.summary(table(("topic", "role", "read", "used", "details"), counts))
-        console.summary("")
+        console.print_summary(format_table(("topic", "role", "read", "used", "details"), counts))
+        console.print_summary("")
     if "contract" in document:
         judged = [
             (each["about"], each["condition"], each["found"], "kept" if each["holds"] else "BROKEN")
             for each in document["contract"]
         ]
-        console.summary(table(("subject", "condition", "found", "verdict"), judged))
-        console.summary("")
+        console.print_summary(format_table(("subject", "condition", "found", "verdict"), judged))
+        console.print_summary("")
 
 
-def _shown(value: float | None, digits: int, factor: float = 1.0) -> str | None:
+def _format_scaled_number(value: float | None, digits: int, factor: float = 1.0) -> str | None:
     return None if value is None else f"{factor * value:.{digits}f}"
 
 
-def _reasons(counted: Document) -> str:
+def _reason_counts_text(counted: Document) -> str:
     found = {**counted["rejected"], **counted["repaired"], **counted["set_aside"]}
     return ", ".join(f"{n} {reason}" for reason, n in found.items()) or "-"
 
 
-def _facts(document: Document) -> list[tuple[str, str]]:
+def _log_facts(document: Document) -> list[tuple[str, str]]:
     compression = join_names(document["compression"]) or "none"
     facts = [
-        ("size", size(document["size_bytes"])),
+        ("size", format_byte_size(document["size_bytes"])),
         ("start", document["start"]),
-        ("duration", duration(document["duration_s"])),
-        ("messages", f"{document['messages']} in {count(document['chunks'], 'chunk')}, compression {compression}"),
+        ("duration", format_duration(document["duration_s"])),
+        (
+            "messages",
+            f"{document['messages']} in {format_count(document['chunks'], 'chunk')}, compression {compression}",
+        ),
         ("profile", document["profile"] or "-"),
         ("library", document["library"] or "-"),
     ]
@@ -373,18 +410,20 @@ def _facts(document: Document) -> list[tuple[str, str]]:
         facts.append(
             (
                 "attachments",
-                _first([f"{each['name']} ({size(each['size_bytes'])})" for each in document["attachments"]]),
+                _join_first_names(
+                    [f"{each['name']} ({format_byte_size(each['size_bytes'])})" for each in document["attachments"]]
+                ),
             )
         )
     if document["metadata"]:
-        facts.append(("metadata", _first(document["metadata"])))
+        facts.append(("metadata", _join_first_names(document["metadata"])))
     return facts
 
 
-def _first(names: list[str]) -> str:
+def _join_first_names(names: list[str]) -> str:
     """Join the first names to a text, with the number of others."""
-    more = len(names) - MAX_NAMES
-    return ", ".join(names[:MAX_NAMES]) + (f" and {more:,} more" if more > 0 else "")
+    more = len(names) - MAX_LISTED_NAMES
+    return ", ".join(names[:MAX_LISTED_NAMES]) + (f" and {more:,} more" if more > 0 else "")
 
 
 def _command_rows(commands: Document) -> list[tuple[Cell, ...]]:

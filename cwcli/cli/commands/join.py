@@ -8,22 +8,22 @@ from typing import Annotated, Literal
 
 import typer
 
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import (
-    GIGABYTE,
-    MAX_CHUNK_MB,
-    MAX_INPUT_GB,
-    MAX_RATIO,
-    MEGABYTE,
+    BYTES_PER_GIGABYTE,
+    BYTES_PER_MEGABYTE,
+    DEFAULT_MAX_CHUNK_MB,
+    DEFAULT_MAX_INPUT_GB,
+    DEFAULT_MAX_RATIO,
     ForceOption,
     MaxChunkOption,
     MaxInputOption,
     MaxRatioOption,
 )
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.text import shown
+from cwcli.cli.report import print_written_files
+from cwcli.cli.text import escape_and_shorten
 from cwcli.errors import UsageError
 
 EXAMPLES = (
@@ -60,9 +60,9 @@ def command(
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
     ] = False,
-    max_chunk: MaxChunkOption = MAX_CHUNK_MB,
-    max_ratio: MaxRatioOption = MAX_RATIO,
-    max_input: MaxInputOption = MAX_INPUT_GB,
+    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB,
+    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO,
+    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB,
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
     ] = False,
@@ -76,34 +76,34 @@ def command(
     """
     from cwcli.array_memory import bound_array_memory
     from cwcli.cli.options.shared import SensorOptions
-    from cwcli.cli.options.stage import call_of, stage_options
+    from cwcli.cli.options.stage import make_stage_options_class, stage_call_from_options
     from cwcli.logs.read.reader import Log
-    from cwcli.logs.write.annotate import annotate
+    from cwcli.logs.write.annotate import annotate_log
     from cwcli.output import check_targets
     from cwcli.pipeline.join import join_logs
 
-    target = str(stdout_or_file(output))
+    target = str(normalise_stdout_name(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
     check_targets([target], force=force, inputs=[log, other])
     bound_array_memory()
-    estimate = call_of(stage_options("estimate")(), SensorOptions())
+    estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     opened = partial(
         Log.open,
         recover=recover,
-        max_chunk_bytes=max_chunk * MEGABYTE,
-        max_pipe_bytes=int(max_input * GIGABYTE),
+        max_chunk_bytes=max_chunk * BYTES_PER_MEGABYTE,
+        max_pipe_bytes=int(max_input * BYTES_PER_GIGABYTE),
         max_ratio=max_ratio,
     )
     with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
         with opened(other) as second:
-            progress.step(f"estimating {ego.name} and {second.name}")
+            progress.begin_step(f"estimating {ego.name} and {second.name}")
             name = name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
             joined = join_logs(ego, second, estimate, name=name, late_s=late)
-            faults = {each.name: each.faults.counts() for each in (ego, second)}
-        progress.step(f"writing {target}")
-        annotate(joined.log, (), {}, target, replace=replace, force=force)
+            faults = {each.name: each.faults.counts_by_reason() for each in (ego, second)}
+        progress.begin_step(f"writing {target}")
+        annotate_log(joined.log, (), {}, target, replace=replace, force=force)
     if talk.json:
         said = {
             "role": role,
@@ -115,14 +115,14 @@ def command(
             "faults": faults,
             "written": target,
         }
-        console.document("join", said)
+        console.print_document("join", said)
         return
     for topic, n in joined.n_states.items():
-        console.summary(f"{shown(topic)}: {n} states of {shown(name)}")
+        console.print_summary(f"{escape_and_shorten(topic)}: {n} states of {escape_and_shorten(name)}")
     for note in joined.notes:
-        console.note(note)
+        console.print_note(note)
     for where, counts in faults.items():
         for reason, count in counts.items():
-            console.note(f"{where}: {reason}: {count}")
+            console.print_note(f"{where}: {reason}: {count}")
     if target != "-":
-        print_written(console, [target])
+        print_written_files(console, [target])

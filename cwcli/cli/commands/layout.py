@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
-from cwcli.cli.report import print_written
+from cwcli.cli.report import print_written_files
 from cwcli.errors import UsageError
 
 EXAMPLES = ("cwcli layout -o cwcli.foxglove.json", "cwcli layout drive.mcap -o drive.foxglove.json")
@@ -44,11 +44,11 @@ def command(
 
     The file is JSON, as Foxglove exports it: import it there, or in Lichtblick, with "Import from file".
     """
-    output = "-" if output is None else str(stdout_or_file(output))
+    output = "-" if output is None else str(normalise_stdout_name(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the layout to a file")
     from cwcli.output import check_targets, write_file
-    from cwcli.report.layout import LogTopics, layout, log_topics
+    from cwcli.report.viewer_layout import LogTopics, build_viewer_layout, find_log_topics
 
     if output != "-":
         check_targets([output], force=force, inputs=[] if log is None else [log])
@@ -57,15 +57,15 @@ def command(
         from cwcli.logs.read.reader import Log
 
         with Log.open(log) as opened:
-            topics = log_topics(opened)
-    document = layout(topics)
+            topics = find_log_topics(opened)
+    document = build_viewer_layout(topics)
     text = json.dumps(document, indent=2, allow_nan=False)
     console = Console(quiet=talk.quiet)
     if output == "-":
-        console.data(text)
+        console.print_data(text)
         return
     write_file(output, f"{text}\n".encode(), force=force)
     if talk.json:
-        console.document("layout", {"output": output, "panels": len(document["configById"])})
+        console.print_document("layout", {"output": output, "panels": len(document["configById"])})
     else:
-        print_written(console, [output])
+        print_written_files(console, [output])

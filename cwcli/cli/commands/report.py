@@ -7,14 +7,14 @@ from typing import Annotated
 
 import typer
 
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import GatesOption, SystemOption
 from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.targets import check_suffix
-from cwcli.cli.text import count
+from cwcli.cli.report import print_written_files
+from cwcli.cli.targets import check_file_suffix
+from cwcli.cli.text import format_count
 
 EXAMPLES = (
     "cwcli report out/ -o report.html",
@@ -80,20 +80,20 @@ def command(
     gate is shown; the exit code is for `cwcli evaluate` to set. Needs the extra `cwcli-drive[report]`.
     """
     from cwcli.array_memory import bound_array_memory
-    from cwcli.evaluation.system.topics import parse_system
+    from cwcli.evaluation.system.topics import parse_other_system_options
     from cwcli.output import check_targets, write_file
     from cwcli.report.build import build_report
-    from cwcli.report.pdf import find_browser, printed
-    from cwcli.report.tiles import parse_tiles
+    from cwcli.report.pdf import find_browser, print_pdf
+    from cwcli.report.tiles import parse_tile_server
 
-    basemap = parse_tiles(tiles, tiles_attribution)
-    target = str(stdout_or_file(output))
+    basemap = parse_tile_server(tiles, tiles_attribution)
+    target = str(normalise_stdout_name(output))
     pdf = pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
     browser = find_browser() if pdf else None
-    system = parse_system(topics) if topics else None
+    system = parse_other_system_options(topics) if topics else None
     check_targets([target], force=force, inputs=[source])
     suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
-    check_suffix(target, suffixes, what=what, required=False)
+    check_file_suffix(target, suffixes, what=what, required=False)
     bound_array_memory()
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     with Progress(quiet=talk.quiet) as progress:
@@ -103,11 +103,11 @@ def command(
             system=system,
             tiles=basemap,
             recover=recover,
-            progress=lambda name: progress.step(f"report {name}"),
+            progress=lambda name: progress.begin_step(f"report {name}"),
         )
         if browser is not None:
-            progress.step("printing")
-        content = report.html if browser is None else printed(report.html, browser)
+            progress.begin_step("printing")
+        content = report.html if browser is None else print_pdf(report.html, browser)
         write_file(target, content, force=force)
     document = {
         "written": target,
@@ -118,10 +118,12 @@ def command(
         "left_out": list(report.left_out),
     }
     if talk.json and target != "-":
-        console.document("report", document)
+        console.print_document("report", document)
         return
-    console.summary(f"{count(report.n_logs, 'log')}, {report.n_detailed} with figures, {report.n_failed} failed")
+    console.print_summary(
+        f"{format_count(report.n_logs, 'log')}, {report.n_detailed} with figures, {report.n_failed} failed"
+    )
     if report.left_out:
-        console.note(f"{count(len(report.left_out), 'log')} only in the table, to keep the page small")
+        console.print_note(f"{format_count(len(report.left_out), 'log')} only in the table, to keep the page small")
     if target != "-":
-        print_written(console, [target])
+        print_written_files(console, [target])

@@ -14,11 +14,11 @@ from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, MetricsOption
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_result, print_written
+from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED, UsageError, names_hint
 
 if TYPE_CHECKING:
-    from cwcli.output import Together
+    from cwcli.output import AtomicGroup
     from cwcli.reproduction.findings_report import Reproduction
 
 EXAMPLES = (
@@ -33,7 +33,7 @@ EXAMPLES = (
 
 
 @dataclass(frozen=True)
-class Request:
+class ReproductionRequest:
     """What to reproduce of a paper.
 
     Attributes:
@@ -53,22 +53,22 @@ class Request:
     tick: Callable[[str], None]
 
 
-Run = Callable[[Request], "Reproduction"]
+Run = Callable[[ReproductionRequest], "Reproduction"]
 
 
-def _song2016(request: Request) -> Reproduction:
+def _reproduce_song2016(request: ReproductionRequest) -> Reproduction:
     from cwcli.reproduction.song2016.reproduce import ReproduceConfig, reproduce_song2016
 
     return reproduce_song2016(ReproduceConfig(request.seeds, request.jobs, request.only), request.tick)
 
 
-def _xiang2019(request: Request) -> Reproduction:
-    from cwcli.reproduction.xiang2019.report import ReproduceConfig, report_xiang2019
+def _reproduce_xiang2019(request: ReproductionRequest) -> Reproduction:
+    from cwcli.reproduction.xiang2019.report import ReproduceConfig, reproduce_xiang2019
 
-    return report_xiang2019(ReproduceConfig(request.seeds, request.only), request.tick)
+    return reproduce_xiang2019(ReproduceConfig(request.seeds, request.only), request.tick)
 
 
-def _zhang2011(request: Request) -> Reproduction:
+def _reproduce_zhang2011(request: ReproductionRequest) -> Reproduction:
     from cwcli.reproduction.zhang2011.reproduce import ReproduceConfig, reproduce_zhang2011
 
     config = ReproduceConfig(request.seeds, request.frames, request.jobs, request.only, request.labelled)
@@ -76,7 +76,7 @@ def _zhang2011(request: Request) -> Reproduction:
 
 
 @dataclass(frozen=True)
-class Paper:
+class PaperEntry:
     """The reproduction of one paper.
 
     Attributes:
@@ -86,25 +86,25 @@ class Paper:
         has_labelled: It takes labelled frames.
     """
 
-    run: Run
+    reproduce: Run
     seeds: int
     frames: int = 0
     has_labelled: bool = False
 
 
-PAPERS: dict[str, Paper] = {
-    "song2016": Paper(_song2016, 100),
-    "xiang2019": Paper(_xiang2019, 1000),
-    "zhang2011": Paper(_zhang2011, 20, frames=500, has_labelled=True),
+PAPERS: dict[str, PaperEntry] = {
+    "song2016": PaperEntry(_reproduce_song2016, 100),
+    "xiang2019": PaperEntry(_reproduce_xiang2019, 1000),
+    "zhang2011": PaperEntry(_reproduce_zhang2011, 20, frames=500, has_labelled=True),
 }
 """Name of a paper -> its reproduction."""
 
 
-def _papers(incomplete: str) -> list[str]:
+def _complete_papers(incomplete: str) -> list[str]:
     return [name for name in PAPERS if name.startswith(incomplete)]
 
 
-def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
+def _find_figures(paper: str, only: list[str]) -> tuple[str, ...]:
     """Find the figures and tables that `--only` names, as the expectations spell them.
 
     Raises:
@@ -114,15 +114,15 @@ def _figures(paper: str, only: list[str]) -> tuple[str, ...]:
         return ()
     from cwcli.reproduction.expectations import load_expectations
 
-    known = {_plain(name): name for name in load_expectations(paper).figures}
+    known = {_letters_and_digits(name): name for name in load_expectations(paper).figures}
     for text in only:
-        if _plain(text) not in known:
+        if _letters_and_digits(text) not in known:
             raise UsageError(f"{paper} has no '{text}'", hint=names_hint(text, known))
-    return tuple(known[_plain(text)] for text in only)
+    return tuple(known[_letters_and_digits(text)] for text in only)
 
 
 @dataclass(frozen=True)
-class Targets:
+class OutputTargets:
     """Files and folders to write, as the options of the same names give them."""
 
     plots: str | None
@@ -132,7 +132,9 @@ class Targets:
     force: bool
 
 
-def _check(paper: str, entry: Paper, seeds: int, jobs: int, *, frames: int | None, labelled: str | None) -> None:
+def _check_options(
+    paper: str, entry: PaperEntry, seeds: int, jobs: int, *, frames: int | None, labelled: str | None
+) -> None:
     """Check the options against what the paper takes.
 
     Raises:
@@ -148,31 +150,31 @@ def _check(paper: str, entry: Paper, seeds: int, jobs: int, *, frames: int | Non
         raise UsageError(f"{paper} looks at no frames", hint="leave out --labelled")
 
 
-def _check_targets(paper: str, targets: Targets, labelled: str | None) -> None:
+def _check_output_targets(paper: str, targets: OutputTargets, labelled: str | None) -> None:
     """Check before the work that all outputs can be written and drawn."""
-    from cwcli.metrics.table import check_table_name
+    from cwcli.metrics.table import check_table_file_name
     from cwcli.output import check_targets
 
     if targets.metrics is not None:
-        check_table_name(targets.metrics)
+        check_table_file_name(targets.metrics)
     folder = targets.report
     page = None if folder is None or not Path(folder).is_dir() else str(Path(folder) / f"{paper}.md")
     inputs = () if labelled is None else (labelled,)
     check_targets([targets.metrics, page], [targets.plots, folder], force=targets.force, inputs=inputs)
     if targets.plots is not None or targets.report is not None:
-        from cwcli.reproduction.plots import check_format, check_matplotlib
+        from cwcli.reproduction.plots import check_plot_format, require_matplotlib
 
-        check_format(targets.plot_format)
-        check_matplotlib()
+        check_plot_format(targets.plot_format)
+        require_matplotlib()
 
 
-def _write(made: Reproduction, paper: str, targets: Targets) -> list[str]:
+def _write_outputs(made: Reproduction, paper: str, targets: OutputTargets) -> list[str]:
     """Write all outputs or none; returns the names of the files."""
     from cwcli.metrics.table import write_table
-    from cwcli.output import Together, make_folder
+    from cwcli.output import AtomicGroup, make_folder
 
     written: list[str] = []
-    with Together() as together:
+    with AtomicGroup() as together:
         if targets.plots is not None:
             from cwcli.reproduction.plots import write_plots
 
@@ -181,36 +183,36 @@ def _write(made: Reproduction, paper: str, targets: Targets) -> list[str]:
                 made.plots, targets.plots, together, paper=paper, file_format=targets.plot_format, force=targets.force
             )
         if targets.report is not None:
-            written += _write_report(made, targets.report, together, force=targets.force)
+            written += _write_report_page(made, targets.report, together, force=targets.force)
         if targets.metrics is not None:
             write_table(made.table, targets.metrics, force=targets.force, together=together)
             written.append(targets.metrics)
     return written
 
 
-def _write_report(made: Reproduction, folder: str, together: Together, *, force: bool) -> list[str]:
+def _write_report_page(made: Reproduction, folder: str, together: AtomicGroup, *, force: bool) -> list[str]:
     """Write the page, and its pictures into a folder next to it; returns the names of the files."""
     from cwcli.output import make_folder, write_file
-    from cwcli.reproduction.page import page, picture_folder
+    from cwcli.reproduction.page import format_markdown_page, picture_folder_path
     from cwcli.reproduction.plots import write_plots
 
     paper = made.expectations.paper
-    target, pictures = Path(folder) / f"{paper}.md", Path(folder) / picture_folder(paper)
+    target, pictures = Path(folder) / f"{paper}.md", Path(folder) / picture_folder_path(paper)
     make_folder(pictures, parents=True)
     written = write_plots(made.plots, str(pictures), together, paper=paper, file_format="png", force=force)
-    write_file(target, page(made).encode(), force=force, together=together)
+    write_file(target, format_markdown_page(made).encode(), force=force, together=together)
     return [str(target), *written]
 
 
-def _findings(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
+def _finding_records(made: Reproduction) -> list[dict[str, str | float | bool | None]]:
     """List the findings as records; numbers that are not finite are None."""
     return [
         {name: None if isinstance(cell, float) and not math.isfinite(cell) else cell for name, cell in record.items()}
-        for record in made.table.records()
+        for record in made.table.rows_as_dicts()
     ]
 
 
-def _plain(text: str) -> str:
+def _letters_and_digits(text: str) -> str:
     return "".join(letter for letter in text.casefold() if letter.isalnum())
 
 
@@ -218,7 +220,10 @@ def command(
     paper: Annotated[
         str,
         typer.Argument(
-            metavar="PAPER", show_default=False, autocompletion=_papers, help=f"The paper: {', '.join(PAPERS)}."
+            metavar="PAPER",
+            show_default=False,
+            autocompletion=_complete_papers,
+            help=f"The paper: {', '.join(PAPERS)}.",
         ),
     ],
     talk: TalkOptions,
@@ -287,17 +292,17 @@ def command(
         raise UsageError(f"there is no reproduction of '{paper}'", hint=names_hint(paper, PAPERS))
     n_seeds = entry.seeds if seeds is None else seeds
     n_frames = entry.frames if frames is None else frames
-    _check(paper, entry, n_seeds, jobs, frames=frames, labelled=labelled)
+    _check_options(paper, entry, n_seeds, jobs, frames=frames, labelled=labelled)
     if report is not None and only:
         raise UsageError("--report has every figure", hint="leave out --only, or take --plots")
-    wanted = _figures(paper, only or [])
-    targets = Targets(plots, plot_format, report, metrics, force)
-    _check_targets(paper, targets, labelled)
+    wanted = _find_figures(paper, only or [])
+    targets = OutputTargets(plots, plot_format, report, metrics, force)
+    _check_output_targets(paper, targets, labelled)
     with Progress(quiet=talk.quiet) as progress:
-        progress.step(f"reproducing {paper}")
+        progress.begin_step(f"reproducing {paper}")
         where = None if labelled is None else Path(labelled)
-        made = entry.run(Request(n_seeds, jobs, n_frames, wanted, where, progress.step))
-        written = _write(made, paper, targets)
+        made = entry.reproduce(ReproductionRequest(n_seeds, jobs, n_frames, wanted, where, progress.begin_step))
+        written = _write_outputs(made, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:
         document = {
@@ -305,12 +310,12 @@ def command(
             "seeds": n_seeds,
             **({"frames": n_frames} if entry.frames else {}),
             "written": written,
-            "failed": [f"{each.expected.figure}: {each.expected.what}" for each in made.failed],
-            "findings": _findings(made),
+            "failed": [f"{each.expected.figure}: {each.expected.what}" for each in made.failed_findings],
+            "findings": _finding_records(made),
             **made.summary.to_json(),
         }
-        console.document("reproduce", document)
+        console.print_document("reproduce", document)
     else:
-        print_result(console, made.summary)
-        print_written(console, written)
-    return EXIT_GATE_FAILED if made.failed else EXIT_DONE
+        print_stage_summary(console, made.summary)
+        print_written_files(console, written)
+    return EXIT_GATE_FAILED if made.failed_findings else EXIT_DONE

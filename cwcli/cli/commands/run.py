@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.respelled import resolved, say_notes
+from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
     CalibrationOptions,
     LogsArgument,
@@ -17,17 +17,17 @@ from cwcli.cli.options.shared import (
     ReadingOptions,
     SensorOptions,
     WritingOptions,
-    one_log,
+    source_of_logs,
 )
-from cwcli.cli.options.stage import StageOptions, call_of, every_stage
-from cwcli.cli.pipeline import Job, run_job
+from cwcli.cli.options.stage import StageOptions, make_all_stage_options_classes, stage_call_from_options
+from cwcli.cli.pipeline import Job, run_and_print
 from cwcli.errors import UsageError
 from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.execute import ALL_CHANNELS
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
-    from cwcli.fleet.plan import Plan
+    from cwcli.fleet.plan import FleetPlan
     from cwcli.pipeline.call import StageCall
 
 EXAMPLES = (
@@ -40,7 +40,7 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 
 
-def _stages(incomplete: str) -> list[tuple[str, str]]:
+def _complete_stages(incomplete: str) -> list[tuple[str, str]]:
     return [(name, stage.help) for name, stage in STAGES.items() if name.startswith(incomplete)]
 
 
@@ -55,7 +55,7 @@ class PipelineOptions:
             "--stage",
             metavar="NAME",
             show_default=", ".join(DEFAULT_STAGES),
-            autocompletion=_stages,
+            autocompletion=_complete_stages,
             help="Run this stage if the log has the signals for it; several with commas. Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -116,39 +116,46 @@ class AllOptions:
     reading: ReadingOptions
     sensors: SensorOptions
     calibration: CalibrationOptions
-    of_stages: dict[str, StageOptions]
-    wanted: tuple[str, ...]
+    options_of_stages: dict[str, StageOptions]
+    wanted_stages: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def calls(self) -> dict[str, StageCall]:
+    def stage_calls(self) -> dict[str, StageCall]:
         """Configure the stages to run, by name in order.
 
         Raises:
             UsageError: An option's value makes no sense.
         """
-        from cwcli.metrics.gate_syntax import parse
+        from cwcli.metrics.gate_syntax import parse_gate
 
         for gate in self.pipeline.gates:
-            parse(gate)
-        known = self.calibration.load()
-        return {name: call_of(self.of_stages[name], self.sensors, known) for name in self.wanted}
+            parse_gate(gate)
+        known = self.calibration.load_if_named()
+        return {
+            name: stage_call_from_options(self.options_of_stages[name], self.sensors, known)
+            for name in self.wanted_stages
+        }
 
-    def document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, Any]:
         """Convert all options and their values to the form of a configuration file."""
         shared = {**asdict(self.reading), **asdict(self.sensors), **asdict(self.calibration)}
         shared["gates"] = list(self.pipeline.gates)
-        run = {"stages": list(self.calls()), "tables": self.pipeline.tables}
-        return {**shared, "run": run, **{name: options.values() for name, options in self.of_stages.items()}}
+        run = {"stages": list(self.stage_calls()), "tables": self.pipeline.tables}
+        return {
+            **shared,
+            "run": run,
+            **{name: options.option_values() for name, options in self.options_of_stages.items()},
+        }
 
-    def plan(self, *, replace: bool, choice: ChannelChoice = ALL_CHANNELS) -> Plan:
+    def fleet_plan(self, *, replace: bool, choice: ChannelChoice = ALL_CHANNELS) -> FleetPlan:
         """Make the plan of a run over many logs."""
-        from cwcli.fleet.plan import Plan
+        from cwcli.fleet.plan import FleetPlan
 
         reading = self.reading
-        return Plan(
-            stages=tuple(self.calls().values()),
-            pipeline={**self.document(), **({"channels": list(choice.patterns)} if choice else {})},
-            topic=tuple(reading.topics),
+        return FleetPlan(
+            stages=tuple(self.stage_calls().values()),
+            pipeline={**self.to_document(), **({"channels": list(choice.patterns)} if choice else {})},
+            topic=tuple(reading.topics_and_mappings),
             start=reading.start,
             end=reading.end,
             recover=reading.recover,
@@ -163,7 +170,7 @@ class AllOptions:
         )
 
 
-def all_options(
+def gather_all_options(
     pipeline: PipelineOptions,
     reading: ReadingOptions,
     sensors: SensorOptions,
@@ -175,20 +182,20 @@ def all_options(
     Raises:
         UsageError: There is no stage of a name.
     """
-    from cwcli.cli.console import closest
+    from cwcli.cli.console import closest_names_hint
 
     asked = [name.strip() for names in pipeline.stages for name in names.split(",")]
     for name in asked:
         if name not in STAGES:
-            raise UsageError(f"there is no stage {name}", hint=closest(name, list(STAGES)))
+            raise UsageError(f"there is no stage {name}", hint=closest_names_hint(name, list(STAGES)))
     wanted = [name for name in STAGES if name in (asked or DEFAULT_STAGES)]
-    return AllOptions(pipeline, reading, sensors, calibration, *resolved(stages, wanted))
+    return AllOptions(pipeline, reading, sensors, calibration, *replace_former_options(stages, wanted))
 
 
-def default_options() -> AllOptions:
+def gather_default_options() -> AllOptions:
     """Collect the default values of all options."""
-    stages = {kind.stage: kind() for kind in every_stage()}
-    return all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), CalibrationOptions(), stages)
+    stages = {kind.stage: kind() for kind in make_all_stage_options_classes()}
+    return gather_all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), CalibrationOptions(), stages)
 
 
 def command(
@@ -213,30 +220,30 @@ def command(
     second run does what is missing or has changed. The exit code is 0 if every log is done, else the highest of those
     that failed.
     """
-    options = all_options(pipeline, reading, sensors, calibration, stages)
+    options = gather_all_options(pipeline, reading, sensors, calibration, stages)
     if fleet.directory is not None:
-        from cwcli.cli.fleet import run_many
+        from cwcli.cli.fleet import run_on_many_logs
 
         _refuse_with_directory(writing, reading, metrics_dir, fleet)
-        writing.choice.check_before(STAGES[name] for name in options.wanted)
-        plan = options.plan(replace=writing.replace, choice=writing.choice)
-        say_notes(talk, options.notes)
-        return run_many(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
+        writing.channel_choice.check_patterns_before_run(STAGES[name] for name in options.wanted_stages)
+        plan = options.fleet_plan(replace=writing.replace, choice=writing.channel_choice)
+        print_former_option_notes(talk, options.notes)
+        return run_on_many_logs(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, reading, fleet)
-    job = with_all_stages(
-        Job("run", one_log(logs, reading.as_one), {}, reading, writing, talk, metrics_dir=metrics_dir), options
+    job = add_all_stages(
+        Job("run", source_of_logs(logs, reading.as_one), {}, reading, writing, talk, metrics_dir=metrics_dir), options
     )
-    say_notes(talk, options.notes)
-    run_job(job)
+    print_former_option_notes(talk, options.notes)
+    run_and_print(job)
     return 0
 
 
-def with_all_stages(job: Job, options: AllOptions) -> Job:
+def add_all_stages(job: Job, options: AllOptions) -> Job:
     """Add to a job all stages of the options; those without signals in its log are left out later."""
-    from cwcli.pipeline.missing import SignalsFor
+    from cwcli.pipeline.missing import SignalCheck
 
-    missing = SignalsFor(STAGES, options.sensors.ego_station)
-    return replace(job, stages=options.calls(), missing=missing, lenient=True)
+    missing = SignalCheck(STAGES, options.sensors.ego_station)
+    return replace(job, stages=options.stage_calls(), missing=missing, lenient=True)
 
 
 def _refuse_with_directory(
@@ -267,6 +274,6 @@ def _refuse_without_directory(
 
 
 def _is_folder_of_logs(path: Path) -> bool:
-    from cwcli.logs.read.recording import is_recording, logs_in
+    from cwcli.logs.read.recording import is_recording_folder, log_names_in_folder
 
-    return path.is_dir() and not is_recording(path) and len(logs_in(path)) != 1
+    return path.is_dir() and not is_recording_folder(path) and len(log_names_in_folder(path)) != 1

@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cwcli.cli.console import Console, stdout_or_file
+from cwcli.cli.console import Console, normalise_stdout_name
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption
 from cwcli.cli.progress import Progress
-from cwcli.cli.report import print_written
-from cwcli.cli.tables import table
-from cwcli.cli.text import paragraph, printable
+from cwcli.cli.report import print_written_files
+from cwcli.cli.tables import format_table
+from cwcli.cli.text import escape_control_characters, wrap_paragraph
 from cwcli.errors import UsageError
 from cwcli.simulation.catalogue import scenario_names
-from cwcli.simulation.road.names import WEATHERS
+from cwcli.simulation.road.names import WEATHER_NAMES
 
 if TYPE_CHECKING:
     from cwcli.simulate.sensor_log import WrittenChannel
 
-ROAD = "road"
+ROAD_SCENARIO = "road"
 """Name that selects a rendered drive on a road instead of a scenario."""
 
 EXAMPLES = (
@@ -32,12 +32,12 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 
 
-def _names(incomplete: str) -> list[str]:
-    return [name for name in (*scenario_names(), ROAD) if name.startswith(incomplete)]
+def _complete_scenarios(incomplete: str) -> list[str]:
+    return [name for name in (*scenario_names(), ROAD_SCENARIO) if name.startswith(incomplete)]
 
 
-def _weathers(incomplete: str) -> list[str]:
-    return [name for name in WEATHERS if name.startswith(incomplete)]
+def _complete_weathers(incomplete: str) -> list[str]:
+    return [name for name in WEATHER_NAMES if name.startswith(incomplete)]
 
 
 def command(
@@ -46,8 +46,9 @@ def command(
         typer.Argument(
             metavar="NAME",
             show_default=False,
-            autocompletion=_names,
-            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or {ROAD}: camera frames of a lane.",
+            autocompletion=_complete_scenarios,
+            help=f"A scenario: {', '.join(scenario_names())}; or a scenario file; or {ROAD_SCENARIO}: camera frames "
+            "of a lane.",
         ),
     ],
     talk: TalkOptions,
@@ -73,8 +74,8 @@ def command(
             "--weather",
             metavar="NAME",
             show_default="clear",
-            autocompletion=_weathers,
-            help=f"Weather of the {ROAD}: {', '.join(WEATHERS)}.",
+            autocompletion=_complete_weathers,
+            help=f"Weather of the {ROAD_SCENARIO}: {', '.join(WEATHER_NAMES)}.",
         ),
     ] = None,
     force: ForceOption = False,
@@ -83,7 +84,7 @@ def command(
 
     The same scenario and seed give the same bytes.
     """
-    output = stdout_or_file(output)
+    output = normalise_stdout_name(output)
     if output is None:
         raise UsageError("simulate needs a file to write", hint="name it with -o; - is standard output")
     if output == "-" and talk.json:
@@ -92,42 +93,45 @@ def command(
         raise UsageError(f"--seed {seed} must not be negative")
     from cwcli.output import check_targets
 
-    check_targets([output], force=force, inputs=[] if scenario in (ROAD, *scenario_names()) else [scenario])
-    if scenario == ROAD:
-        _road(output, weather, seed, tuple(override or ()), talk, force=force)
+    check_targets([output], force=force, inputs=[] if scenario in (ROAD_SCENARIO, *scenario_names()) else [scenario])
+    if scenario == ROAD_SCENARIO:
+        _simulate_road(output, weather, seed, tuple(override or ()), talk, force=force)
         return
     if weather is not None:
-        raise UsageError(f"--weather {weather}: only the {ROAD} has a weather", hint=f"cwcli simulate {ROAD} -o ...")
-    from cwcli.simulate.sensor_log import write_log
-    from cwcli.simulation.drive import simulate
+        raise UsageError(
+            f"--weather {weather}: only the {ROAD_SCENARIO} has a weather",
+            hint=f"cwcli simulate {ROAD_SCENARIO} -o ...",
+        )
+    from cwcli.simulate.sensor_log import write_simulated_log
+    from cwcli.simulation.drive import simulate_scenario
     from cwcli.simulation.scenario import load_scenario
 
     with Progress(quiet=talk.quiet) as progress:
-        progress.step(f"simulating {scenario}")
-        drive = simulate(load_scenario(scenario, tuple(override or ())), seed)
-        written = write_log(drive, output, force=force)
+        progress.begin_step(f"simulating {scenario}")
+        drive = simulate_scenario(load_scenario(scenario, tuple(override or ())), seed)
+        written = write_simulated_log(drive, output, force=force)
     about = f"{drive.scenario.description}; seed {drive.seed}, {drive.scenario.duration_s:g} s"
-    _report(talk, drive.scenario.name, drive.seed, output, about, written)
+    _print_written_channels(talk, drive.scenario.name, drive.seed, output, about, written)
 
 
-def _road(
+def _simulate_road(
     output: str, weather: str | None, seed: int | None, override: tuple[str, ...], talk: TalkOptions, *, force: bool
 ) -> None:
-    from cwcli.simulate.road_log import plan, road_config, write_road
+    from cwcli.simulate.road_log import parse_road_log_config, plan_configured_drive, write_road_log
 
-    config = road_config(weather, seed, override)
-    drive = plan(config)
+    config = parse_road_log_config(weather, seed, override)
+    drive = plan_configured_drive(config)
     with Progress(quiet=talk.quiet) as progress:
-        progress.step(f"rendering {len(drive)} frames")
-        written = write_road(drive, config, output, force=force)
+        progress.begin_step(f"rendering {len(drive)} frames")
+        written = write_road_log(drive, config, output, force=force)
     about = (
         f"A rendered drive, {config.drive.weather}, {config.drive.road} road; {len(drive)} frames of "
         f"{config.size[0]} x {config.size[1]}; seed {config.drive.seed}, {config.drive.duration_s:g} s"
     )
-    _report(talk, ROAD, config.drive.seed, output, about, written)
+    _print_written_channels(talk, ROAD_SCENARIO, config.drive.seed, output, about, written)
 
 
-def _report(
+def _print_written_channels(
     talk: TalkOptions, name: str, seed: int, output: str, about: str, written: Sequence[WrittenChannel]
 ) -> None:
     if talk.json:
@@ -140,13 +144,13 @@ def _report(
                 for entry in written
             ],
         }
-        Console(quiet=talk.quiet).document("simulate", document)
+        Console(quiet=talk.quiet).print_document("simulate", document)
         return
     console = Console(quiet=talk.quiet, summary_to_stderr=output == "-")
-    console.heading(f"simulate {name}")
-    console.summary(paragraph(printable(about)))
-    console.summary("")
+    console.print_heading(f"simulate {name}")
+    console.print_summary(wrap_paragraph(escape_control_characters(about)))
+    console.print_summary("")
     rows = [(entry.topic, entry.schema_name, entry.n_messages, entry.n_lost) for entry in written]
-    console.summary(table(("topic", "schema", "messages", "lost on the link"), rows))
-    console.summary("")
-    print_written(console, [output] if output != "-" else [])
+    console.print_summary(format_table(("topic", "schema", "messages", "lost on the link"), rows))
+    console.print_summary("")
+    print_written_files(console, [output] if output != "-" else [])

@@ -10,8 +10,8 @@ import typer
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import ForceOption, LogArgument
-from cwcli.cli.report import print_written
-from cwcli.cli.targets import check_suffix
+from cwcli.cli.report import print_written_files
+from cwcli.cli.targets import check_file_suffix
 from cwcli.errors import InputError, UsageError
 
 EXAMPLES = ("cwcli view annotated.mcap", "cwcli view annotated.mcap -o annotated.rrd")
@@ -33,27 +33,27 @@ def command(
 
     Needs rerun-sdk, the extra `view`.
     """
-    from cwcli.export.recording import recorded, require_rerun, show
+    from cwcli.export.recording import encode_recording, require_rerun, show_in_viewer
     from cwcli.logs.read.reader import Log
-    from cwcli.logs.read.remote import is_remote
+    from cwcli.logs.read.remote import is_remote_url
     from cwcli.output import check_targets, write_file
 
     if output is not None:
         check_targets([output], force=force, inputs=log)
-        check_suffix(output, [".rrd"], what="a recording")
+        check_file_suffix(output, [".rrd"], what="a recording")
     (path, *more) = log
-    if not more and path != "-" and not is_remote(path) and not Path(path).exists():
+    if not more and path != "-" and not is_remote_url(path) and not Path(path).exists():
         raise InputError("there is no such file", where=path)
     if more or not Path(path).is_file():
         raise UsageError(f"{path} can't be shown: Rerun opens the file by itself", hint="give one file on this machine")
     require_rerun()
     with Log.open(path) as opened:
         if output is None:
-            show(opened, path)
+            show_in_viewer(opened, path)
             return
-        write_file(output, recorded(opened, path), force=force)
+        write_file(output, encode_recording(opened, path), force=force)
     console = Console(quiet=talk.quiet)
     if talk.json:
-        console.document("view", {"output": output})
+        console.print_document("view", {"output": output})
     else:
-        print_written(console, [output])
+        print_written_files(console, [output])

@@ -12,44 +12,51 @@ from typing import Any
 
 import typer
 
-BASH = "complete_bash"
+BASH_COMPLETION = "complete_bash"
 """Value of Typer's variable that asks for bash completions."""
-MAX_TOPICS = 500
+MAX_OFFERED_TOPICS = 500
 """Largest number of topics that are offered; chosen by hand."""
 
 
-def role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+def complete_role_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Complete `ego_position=`, then `ego_position=/gps/fix`; an unreadable log gives no topics and no error."""
     from cwcli.channels.binding import ROLE_TEXT
 
-    return _choices(ctx, incomplete, ROLE_TEXT)
+    return _matching_choices(ctx, incomplete, ROLE_TEXT)
 
 
-def system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+def complete_system_topics(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Complete the roles of another system and their topics: `warning=/adas/fcw`."""
-    from cwcli.evaluation.system.topics import WORDS
+    from cwcli.evaluation.system.topics import ROLE_DESCRIPTIONS
 
-    return _choices(ctx, incomplete, WORDS)
+    return _matching_choices(ctx, incomplete, ROLE_DESCRIPTIONS)
 
 
-def _choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, str]) -> list[tuple[str, str]]:
+def _matching_choices(ctx: typer.Context, incomplete: str, roles: Mapping[str, str]) -> list[tuple[str, str]]:
     role, sign, topic = incomplete.partition("=")
     matching = [(f"{name}=", words) for name, words in roles.items() if name.startswith(role)]
     if not sign and len(matching) != 1:
         return matching
     found: dict[str, str] = {}
     with contextlib.suppress(Exception):  # a message between two keys would spoil the line that is being typed
-        found = {name: schema for log in _named(ctx) for name, schema in _topics(log) if name.startswith(topic)}
+        found = {
+            name: schema
+            for log in _log_files_on_command_line(ctx)
+            for name, schema in _iter_topics_and_schemas(log)
+            if name.startswith(topic)
+        }
     if not sign:  # offer its topics too, because most shells add a space after a single offer
-        return [(f"{name}{each}", schema) for name, _ in matching for each, schema in _first(found)] or matching
-    return [(f"{role}={each}", schema) for each, schema in _first(found)]
+        return [
+            (f"{name}{each}", schema) for name, _ in matching for each, schema in _first_sorted_topics(found)
+        ] or matching
+    return [(f"{role}={each}", schema) for each, schema in _first_sorted_topics(found)]
 
 
-def _first(found: Mapping[str, str]) -> list[tuple[str, str]]:
-    return sorted(found.items())[:MAX_TOPICS]
+def _first_sorted_topics(found: Mapping[str, str]) -> list[tuple[str, str]]:
+    return sorted(found.items())[:MAX_OFFERED_TOPICS]
 
 
-def _named(ctx: typer.Context) -> list[str]:
+def _log_files_on_command_line(ctx: typer.Context) -> list[str]:
     """Names of existing MCAP files among the words before the cursor."""
     words: list[Any] = [*ctx.args]
     for parameter in ctx.command.get_params(ctx):
@@ -60,28 +67,28 @@ def _named(ctx: typer.Context) -> list[str]:
     return [name for name in names if name.lower().endswith(".mcap") and Path(name).is_file()]
 
 
-def _topics(log: str) -> Iterator[tuple[str, str]]:
+def _iter_topics_and_schemas(log: str) -> Iterator[tuple[str, str]]:
     """Yield topic and schema of each channel in the file's summary; nothing without a summary."""
     from cwcli.input import InputFile
-    from cwcli.logs.format.records import MAGIC
+    from cwcli.logs.format.records import MCAP_MAGIC
     from cwcli.logs.format.summary import find_footer, read_summary
-    from cwcli.logs.read.channels import channels_of
+    from cwcli.logs.read.channels import channel_infos_from_index
 
     with InputFile.open(log) as file:
         found = find_footer(file)
-        index = None if found is None else read_summary(file, *found, len(MAGIC), verify=False)
+        index = None if found is None else read_summary(file, *found, len(MCAP_MAGIC), verify=False)
         if index is not None:
-            for channel in channels_of(index):
+            for channel in channel_infos_from_index(index):
                 if channel.topic.isprintable():
                     yield channel.topic, channel.schema_name if channel.schema_name.isprintable() else ""
 
 
-def offer(complete: Callable[[], object]) -> None:
+def run_completion(complete: Callable[[], object]) -> None:
     """Run Typer's completion; for bash, first join `ego_position=/gps`, which bash splits at the `=`.
 
     Bash then replaces only the text after the `=`, so only that part of each offer is printed.
     """
-    if os.environ.get("_CWCLI_COMPLETE") != BASH or not _join_words():
+    if os.environ.get("_CWCLI_COMPLETE") != BASH_COMPLETION or not _join_words_split_at_equals():
         complete()
         return
     told = io.StringIO()
@@ -92,7 +99,7 @@ def offer(complete: Callable[[], object]) -> None:
         sys.stdout.writelines(f"{line.partition('=')[2]}\n" for line in told.getvalue().splitlines())
 
 
-def _join_words() -> bool:
+def _join_words_split_at_equals() -> bool:
     """Join words that bash split at `=` in its variables; returns whether the word at the cursor holds `=`."""
     words, at = os.environ.get("COMP_WORDS", ""), os.environ.get("COMP_CWORD", "")
     if not at.isdecimal():

@@ -26,23 +26,23 @@ import typer
 from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
 
-FOUND_NAME = "cwcli.toml"
+DEFAULT_CONFIG_NAME = "cwcli.toml"
 """Name of the file that is used when no file is named."""
 NO_FILE = "none"
 """Value of `--config` that disables configuration files."""
-OF_STAGE = "__"
+STAGE_SEPARATOR = "__"
 """Separator of stage and option in parameter names of a command that runs several stages; no name contains it."""
 
-_ORIGINS: ContextVar[dict[str, str]] = ContextVar("origins", default={})  # noqa: B039 - never changed in place
+_ORIGIN_BY_OPTION: ContextVar[dict[str, str]] = ContextVar("origins", default={})  # noqa: B039 - never changed in place
 """Option -> key and file of its value, in the configuration of this run."""
 
-WRITES = frozenset(
+WRITING_PARAMETERS = frozenset(
     {"output", "force", "metrics", "metrics_dir", "directory", "junit", "markdown_file", "plots", "report"}
 )
 """Parameters that name output files or allow overwriting; a configuration file may not set them."""
 
 
-def read_config(ctx: typer.Context, value: str | None) -> str | None:
+def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
     """Take the file's values as the command's defaults (Typer callback of `--config`).
 
     Raises:
@@ -51,58 +51,63 @@ def read_config(ctx: typer.Context, value: str | None) -> str | None:
     if ctx.resilient_parsing or value == NO_FILE:
         return None
     is_found = value is None
-    value = value or _found()
+    value = value or _find_config_file()
     if value is None:
         return None
-    document = _load(value)
+    document = _load_toml(value)
     options = {parameter.name: parameter for parameter in ctx.command.params if parameter.name is not None}
     defaults: dict[str, Any] = {}
     origins: dict[str, str] = {}
-    for key, entry in _top_level(value, document).items():
+    for key, entry in _shared_options_of_document(value, document).items():
         if key in options:
-            defaults[key] = _checked(ctx, value, key, entry, options[key])
+            defaults[key] = _check_entry(ctx, value, key, entry, options[key])
             origins[options[key].opts[0]] = f"{key} in {value}"
     command = str(ctx.info_name)
     for table, entries in document.items():
         if not isinstance(entries, dict):
             continue
-        prefix = "" if table == command else f"{_name(table)}{OF_STAGE}"
-        own = [name for name in options if name.startswith(prefix) and (prefix or OF_STAGE not in name)]
+        prefix = "" if table == command else f"{_parameter_name(table)}{STAGE_SEPARATOR}"
+        own = [name for name in options if name.startswith(prefix) and (prefix or STAGE_SEPARATOR not in name)]
         for key, entry in entries.items() if own else ():
             _check_writes_nothing(value, key)
-            option = f"{prefix}{_name(key)}"
+            option = f"{prefix}{_parameter_name(key)}"
             if option not in own:
                 shown = [name.removeprefix(prefix) for name in own if not getattr(options[name], "hidden", False)]
-                raise _unknown(value, f"{table}.{key}", sorted(shown))
-            defaults[option] = _checked(ctx, value, f"{table}.{key}", entry, options[option])
+                raise _unknown_key_error(value, f"{table}.{key}", sorted(shown))
+            defaults[option] = _check_entry(ctx, value, f"{table}.{key}", entry, options[option])
             origins[options[option].opts[0]] = f"{table}.{key} in {value}"
     _check_selection(value, defaults)
     if is_found and defaults:
         from cwcli.cli.console import Console
 
-        Console(quiet=bool(ctx.params.get("quiet"))).note(f"defaults from {value} (--config {NO_FILE} does without)")
+        Console(quiet=bool(ctx.params.get("quiet"))).print_note(
+            f"defaults from {value} (--config {NO_FILE} does without)"
+        )
     ctx.default_map = defaults
-    _ORIGINS.set(origins)
+    _ORIGIN_BY_OPTION.set(origins)
     return value
 
 
-def configured_options() -> dict[str, str]:
+def origins_of_configured_options() -> dict[str, str]:
     """Option -> key and file of its value, for the options that the configuration file has set."""
-    return _ORIGINS.get()
+    return _ORIGIN_BY_OPTION.get()
 
 
-def _found() -> str | None:
+def _find_config_file() -> str | None:
     """Find the nearest `cwcli.toml`; None also if the working folder is deleted or a folder can't be searched."""
     try:
         folder = Path.cwd()
-        if (folder / FOUND_NAME).is_file():
-            return FOUND_NAME
-        return next((str(above / FOUND_NAME) for above in folder.parents if (above / FOUND_NAME).is_file()), None)
+        if (folder / DEFAULT_CONFIG_NAME).is_file():
+            return DEFAULT_CONFIG_NAME
+        return next(
+            (str(above / DEFAULT_CONFIG_NAME) for above in folder.parents if (above / DEFAULT_CONFIG_NAME).is_file()),
+            None,
+        )
     except OSError:
         return None
 
 
-def _load(path: str) -> dict[str, Any]:
+def _load_toml(path: str) -> dict[str, Any]:
     from cwcli.input import read_file
     from cwcli.toml_text import parse_toml
 
@@ -114,34 +119,34 @@ def _load(path: str) -> dict[str, Any]:
         raise UsageError(f"the configuration is not TOML: {error}", where=path) from error
 
 
-def _top_level(path: str, document: dict[str, Any]) -> dict[str, Any]:
+def _shared_options_of_document(path: str, document: dict[str, Any]) -> dict[str, Any]:
     """The shared options of the document, by parameter name."""
     from cwcli.cli.commands import COMMANDS
 
-    shared = shared_names()
+    shared = shared_option_names()
     found = {}
     for key, entry in document.items():
         if isinstance(entry, dict):
             if key not in COMMANDS:
-                raise _unknown(path, f"[{key}]", list(COMMANDS))
+                raise _unknown_key_error(path, f"[{key}]", list(COMMANDS))
             continue
         _check_writes_nothing(path, key)
-        if _name(key) in shared:
-            found[_name(key)] = entry
+        if _parameter_name(key) in shared:
+            found[_parameter_name(key)] = entry
         else:
-            raise _unknown(path, key, sorted(shared))
+            raise _unknown_key_error(path, key, sorted(shared))
     return found
 
 
-def shared_names() -> set[str]:
+def shared_option_names() -> set[str]:
     """Names of the options that commands share."""
     kinds = (ReadingOptions, SensorOptions, WritingOptions, TalkOptions)
     names = {field.name for kind in kinds for field in fields(kind)}
-    return (names | {"gates"}) - {"config"} - WRITES
+    return (names | {"gates"}) - {"config"} - WRITING_PARAMETERS
 
 
 def _check_writes_nothing(path: str, key: str) -> None:
-    if _name(key) in WRITES:
+    if _parameter_name(key) in WRITING_PARAMETERS:
         what = f"{key} is for the command line: a configuration neither names files to write nor overwrites any"
         raise UsageError(what, where=path, hint="leave it out here, and give it there")
 
@@ -151,29 +156,29 @@ def _check_selection(path: str, defaults: dict[str, Any]) -> None:
     named = {key: defaults[key] for key in ("topic", "map", "start", "end") if key in defaults}
     if not named:
         return
-    from cwcli.pipeline.selection import check_selection
-    from cwcli.signals.mapping import with_files
+    from cwcli.pipeline.selection import check_selection_options
+    from cwcli.signals.mapping import merge_mapping_options
 
     try:
-        topics = [*named.get("topic", ()), *with_files(named.get("map", ()), (), "map =")]
-        check_selection(topics, named.get("start"), named.get("end"), spelled="{} =")
+        topics = [*named.get("topic", ()), *merge_mapping_options(named.get("map", ()), (), "map =")]
+        check_selection_options(topics, named.get("start"), named.get("end"), spelled="{} =")
     except UsageError as error:
         raise UsageError(error.what, where=path, hint=error.hint) from error
 
 
-def _name(key: str) -> str:
+def _parameter_name(key: str) -> str:
     return key.replace("-", "_")
 
 
-def _unknown(path: str, key: str, known: list[str]) -> UsageError:
-    from cwcli.cli.console import closest
+def _unknown_key_error(path: str, key: str, known: list[str]) -> UsageError:
+    from cwcli.cli.console import closest_names_hint
 
     return UsageError(
-        f"unknown key {key} in the configuration", where=path, hint=closest(key.rpartition(".")[2], known)
+        f"unknown key {key} in the configuration", where=path, hint=closest_names_hint(key.rpartition(".")[2], known)
     )
 
 
-def _checked(ctx: typer.Context, path: str, key: str, entry: Any, option: Any) -> Any:
+def _check_entry(ctx: typer.Context, path: str, key: str, entry: Any, option: Any) -> Any:
     """Check that type and value of an entry fit its option; returns the value.
 
     Raises:
@@ -218,7 +223,7 @@ class TalkOptions:
             "--config",
             metavar="FILE",
             is_eager=True,
-            callback=read_config,
+            callback=apply_config_file,
             show_default=False,
             help="TOML file with defaults for these options; none: not even a cwcli.toml from here or above.",
         ),

@@ -14,7 +14,7 @@ from cwcli.stages import STAGES
 
 
 @dataclass(frozen=True)
-class Entry:
+class OptionEntry:
     """An option of a stage and the field of the configuration that holds its value.
 
     Attributes:
@@ -33,16 +33,16 @@ class Entry:
 
 
 @functools.cache
-def entries(name: str) -> tuple[Entry, ...]:
+def option_entries_of_stage(name: str) -> tuple[OptionEntry, ...]:
     """List the options of a stage.
 
     Raises:
         UsageError: The stage's module is missing.
     """
-    return tuple(_entries(STAGES[name].configuration(), ()))
+    return tuple(_iter_option_entries(STAGES[name].configuration_class(), ()))
 
 
-def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
+def _iter_option_entries(default: Any, path: tuple[str, ...]) -> Iterator[OptionEntry]:
     hints = typing.get_type_hints(type(default), include_extras=True)
     for field in dataclasses.fields(default):
         value, place = getattr(default, field.name), (*path, field.name)
@@ -50,17 +50,17 @@ def _entries(default: Any, path: tuple[str, ...]) -> Iterator[Entry]:
         option = next((extra for extra in extras if isinstance(extra, Option)), None)
         if option is not None:
             kind = option.kind or kind
-            given = _nothing(kind) if option.parse else value
-            yield Entry(key_of(option.flags), place, option, kind, given)
+            given = _empty_value(kind) if option.parse else value
+            yield OptionEntry(config_key_of_flags(option.flags), place, option, kind, given)
         elif dataclasses.is_dataclass(value):
-            yield from _entries(value, place)
+            yield from _iter_option_entries(value, place)
 
 
-def _nothing(kind: Any) -> Any:
+def _empty_value(kind: Any) -> Any:
     """Default of an option whose text is parsed: an empty list, False or None."""
     return [] if typing.get_origin(kind) is list else False if kind is bool else None
 
 
-def key_of(flags: str) -> str:
+def config_key_of_flags(flags: str) -> str:
     """Name of an option in a configuration file: `tune` of `--tune/--no-tune`."""
     return flags.partition("/")[0].removeprefix("--").replace("-", "_")

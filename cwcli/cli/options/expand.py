@@ -16,16 +16,16 @@ from typing import Annotated, Any
 
 from typer.models import OptionInfo
 
-from cwcli.cli.options.configfile import OF_STAGE
+from cwcli.cli.options.configfile import STAGE_SEPARATOR
 from cwcli.cli.options.stage import StageOptions
 
 ENVIRONMENT_PREFIX = "CWCLI"
 """Beginning of the names of environment variables that set options."""
-STAGES = "stages"
+STAGES_PARAMETER = "stages"
 """Name of the parameter that receives the options of all stages, by stage."""
 
 
-def expand(
+def expand_dataclass_parameters(
     function: Callable[..., Any],
     command: str,
     *,
@@ -43,18 +43,22 @@ def expand(
     hints = typing.get_type_hints(function, include_extras=True)
     hints.pop("return", None)
     of_stages = {kind.stage: kind for kind in stages}
-    named = [item for name in hints for item in (of_stages.items() if name == STAGES else [(name, hints[name])])]
+    named = [
+        item for name in hints for item in (of_stages.items() if name == STAGES_PARAMETER else [(name, hints[name])])
+    ]
     parameters: list[inspect.Parameter] = []
     groups: dict[str, tuple[type[Any], dict[str, str]]] = {}
     plain: list[str] = []
     for name, hint in named:
         if not dataclasses.is_dataclass(hint):
             default = inspect.signature(function).parameters[name].default
-            parameters.append(_parameter(name, _with_environment(hint, ENVIRONMENT_PREFIX, name), default))
+            parameters.append(
+                _keyword_parameter(name, _add_environment_variable(hint, ENVIRONMENT_PREFIX, name), default)
+            )
             plain.append(name)
             continue
         assert isinstance(hint, type)
-        fields = {} if name in without else dict(_fields(hint, command))
+        fields = {} if name in without else dict(_fields_as_parameters(hint, command))
         parameters += fields.values()
         groups[name] = (hint, {field: parameter.name for field, parameter in fields.items()})
 
@@ -64,7 +68,7 @@ def expand(
         made = {name: kind(**{of: values[at] for of, at in fields.items()}) for name, (kind, fields) in groups.items()}
         arguments |= {name: options for name, options in made.items() if name not in of_stages}
         if of_stages:
-            arguments[STAGES] = {name: made[name] for name in of_stages}
+            arguments[STAGES_PARAMETER] = {name: made[name] for name in of_stages}
         return function(**arguments)
 
     signature = inspect.Signature(sorted(parameters, key=lambda parameter: parameter.kind))
@@ -73,7 +77,7 @@ def expand(
     return call_with_dataclasses
 
 
-def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]]:
+def _fields_as_parameters(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]]:
     """Convert the fields of a dataclass to parameters, by field name."""
     stage = kind.stage if issubclass(kind, StageOptions) else None
     hints = typing.get_type_hints(kind, include_extras=True)
@@ -84,45 +88,45 @@ def _fields(kind: type[Any], command: str) -> list[tuple[str, inspect.Parameter]
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
         if stage is None:
-            hint = _under_heading(hint, getattr(kind, "heading", None))
-            name, hint = field.name, _with_environment(hint, ENVIRONMENT_PREFIX, field.name)
+            hint = _set_help_heading(hint, getattr(kind, "heading", None))
+            name, hint = field.name, _add_environment_variable(hint, ENVIRONMENT_PREFIX, field.name)
         else:
-            hint = _under_heading(hint, "Options" if stage == command else f"Stage {stage}")
+            hint = _set_help_heading(hint, "Options" if stage == command else f"Stage {stage}")
             prefix = stage.replace("-", "_")
-            hint = _with_environment(hint, f"{ENVIRONMENT_PREFIX}_{prefix}", field.name)
-            name = field.name if stage == command else f"{prefix}{OF_STAGE}{field.name}"
+            hint = _add_environment_variable(hint, f"{ENVIRONMENT_PREFIX}_{prefix}", field.name)
+            name = field.name if stage == command else f"{prefix}{STAGE_SEPARATOR}{field.name}"
             if stage != command:
-                hint = _with_stage(hint, stage)
-        found.append((field.name, _parameter(name, hint, default)))
+                hint = _add_stage_to_flags(hint, stage)
+        found.append((field.name, _keyword_parameter(name, hint, default)))
     return found
 
 
-def _parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
+def _keyword_parameter(name: str, hint: Any, default: Any) -> inspect.Parameter:
     if default is dataclasses.MISSING:
         default = inspect.Parameter.empty
     return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=hint)
 
 
-def _with_environment(hint: Any, prefix: str, name: str) -> Any:
+def _add_environment_variable(hint: Any, prefix: str, name: str) -> Any:
     """Add the option's environment variable to a type hint: `CWCLI_START`, `CWCLI_ESTIMATE_MODEL`."""
 
     def change(option: OptionInfo) -> None:
         option.envvar = f"{prefix}_{name}".upper()
         option.show_envvar = False
 
-    return _changed(hint, change)
+    return _change_option_info(hint, change)
 
 
-def _under_heading(hint: Any, heading: str | None) -> Any:
+def _set_help_heading(hint: Any, heading: str | None) -> Any:
     """Set in a type hint the heading of its option in the help."""
 
     def change(option: OptionInfo) -> None:
         option.rich_help_panel = heading
 
-    return _changed(hint, change)
+    return _change_option_info(hint, change)
 
 
-def _with_stage(hint: Any, stage: str) -> Any:
+def _add_stage_to_flags(hint: Any, stage: str) -> Any:
     """Add the stage's name to the flags in a type hint."""
 
     def change(option: OptionInfo) -> None:
@@ -132,10 +136,10 @@ def _with_stage(hint: Any, stage: str) -> Any:
         option.default = "/".join(renamed)
         option.param_decls = ()
 
-    return _changed(hint, change)
+    return _change_option_info(hint, change)
 
 
-def _changed(hint: Any, change: Callable[[OptionInfo], None]) -> Any:
+def _change_option_info(hint: Any, change: Callable[[OptionInfo], None]) -> Any:
     if typing.get_origin(hint) is not Annotated:
         return hint
     kind, *extras = typing.get_args(hint)

@@ -12,11 +12,11 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from cwcli.cli.options.entries import Entry, entries, key_of
+from cwcli.cli.options.entries import OptionEntry, config_key_of_flags, option_entries_of_stage
 
 
 @dataclass(frozen=True)
-class Former:
+class FormerOption:
     """An old option of which some values are stages now.
 
     Attributes:
@@ -30,39 +30,41 @@ class Former:
     usual: str = ""
 
 
-FORMER: dict[str, dict[str, Former]] = {
-    "predict": {"origin": Former("--from", {"observer": "predict-lane"}, usual="states")},
+FORMER_OPTIONS: dict[str, dict[str, FormerOption]] = {
+    "predict": {"origin": FormerOption("--from", {"observer": "predict-lane"}, usual="states")},
     "warn": {
-        "source": Former("--source", {"targets": "warn-targets"}, usual="v2x"),
-        "rules": Former("--rules", {"lane-departure": "warn-lane"}),
+        "source": FormerOption("--source", {"targets": "warn-targets"}, usual="v2x"),
+        "rules": FormerOption("--rules", {"lane-departure": "warn-lane"}),
     },
 }
 """Stage -> key of an old option -> the stages that replace it."""
 
 
-def former_fields(stage: str) -> list[tuple[str, Any, Any]]:
+def former_option_fields(stage: str) -> list[tuple[str, Any, Any]]:
     """List name, annotated type and default of a stage's hidden options: old ones and those moved to new stages."""
     found: dict[str, tuple[str, Any, Any]] = {}
-    own = {entry.key for entry in entries(stage)}
-    for key, former in FORMER.get(stage, {}).items():
+    own = {entry.key for entry in option_entries_of_stage(stage)}
+    for key, former in FORMER_OPTIONS.get(stage, {}).items():
         if former.usual:
             kind: Any = Literal.__getitem__((former.usual, *former.stages))
-            found[key] = (key, _hidden(kind, former.flag), former.usual)
+            found[key] = (key, _hidden_option(kind, former.flag), former.usual)
         for moved in former.stages.values():
-            for entry in entries(moved):
+            for entry in option_entries_of_stage(moved):
                 if entry.key not in own:
-                    found.setdefault(entry.key, (entry.key, _hidden(entry.kind, entry.option.flags), entry.default))
-    for key, entry in respelled(stage).items():
-        found[key] = (key, _hidden(entry.kind, entry.option.former), entry.default)
+                    found.setdefault(
+                        entry.key, (entry.key, _hidden_option(entry.kind, entry.option.flags), entry.default)
+                    )
+    for key, entry in entries_by_former_key(stage).items():
+        found[key] = (key, _hidden_option(entry.kind, entry.option.former), entry.default)
     return list(found.values())
 
 
-def respelled(stage: str) -> dict[str, Entry]:
+def entries_by_former_key(stage: str) -> dict[str, OptionEntry]:
     """Former key -> option, for renamed options of the stage and of the stages that were split from it."""
-    moved = (name for former in FORMER.get(stage, {}).values() for name in former.stages.values())
-    every = (entry for name in (stage, *moved) for entry in entries(name))
-    return {key_of(entry.option.former): entry for entry in every if entry.option.former}
+    moved = (name for former in FORMER_OPTIONS.get(stage, {}).values() for name in former.stages.values())
+    every = (entry for name in (stage, *moved) for entry in option_entries_of_stage(name))
+    return {config_key_of_flags(entry.option.former): entry for entry in every if entry.option.former}
 
 
-def _hidden(kind: Any, flags: str) -> Any:
+def _hidden_option(kind: Any, flags: str) -> Any:
     return Annotated[kind, typer.Option(flags, hidden=True)]

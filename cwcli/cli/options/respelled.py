@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from cwcli.cli.console import Console
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.former import FORMER, respelled
-from cwcli.cli.options.stage import StageOptions, stage_options
+from cwcli.cli.options.former import FORMER_OPTIONS, entries_by_former_key
+from cwcli.cli.options.stage import StageOptions, make_stage_options_class
 
 
-def resolved(
+def replace_former_options(
     options: Mapping[str, StageOptions], wanted: Sequence[str]
 ) -> tuple[dict[str, StageOptions], tuple[str, ...], tuple[str, ...]]:
     """Replace old spellings of options.
@@ -25,14 +25,14 @@ def resolved(
     """
     result, names, notes = dict(options), list[str](), list[str]()
     for name in wanted:
-        usual = stage_options(name)()
+        usual = make_stage_options_class(name)()
         given = {key: value for key, value in vars(options[name]).items() if value != getattr(usual, key)}
-        for key, entry in respelled(name).items():
+        for key, entry in entries_by_former_key(name).items():
             if key in given:
                 given[entry.key] = given.pop(key)
                 notes.append(f"`{name} {entry.option.former}` is `{entry.option.flags}` now")
         base, places = name, [name]
-        for key, former in FORMER.get(name, {}).items():
+        for key, former in FORMER_OPTIONS.get(name, {}).items():
             values = [part.strip() for part in (given.pop(key, None) or "").split(",") if part.strip()]
             notes += [
                 f"`{name} {former.flag} {value}` is the stage `{former.stages[value]}` now"
@@ -47,19 +47,19 @@ def resolved(
                     given[key] = ",".join(kept)
         places = [base if place == name else place for place in places]
         for place in places:
-            result.setdefault(place, stage_options(place)())
-            fitting = {key: value for key, value in given.items() if key in result[place].values()}
+            result.setdefault(place, make_stage_options_class(place)())
+            fitting = {key: value for key, value in given.items() if key in result[place].option_values()}
             result[place] = dataclasses.replace(result[place], **fitting)  # type: ignore[type-var]
         notes += [
             f"{key} of `{name}` is an option of another stage now, and is not used"
             for key in given
-            if not any(key in result[place].values() for place in places)
+            if not any(key in result[place].option_values() for place in places)
         ]
         names += places
     return result, tuple(dict.fromkeys(names)), tuple(notes)
 
 
-def say_notes(talk: TalkOptions, notes: Sequence[str]) -> None:
+def print_former_option_notes(talk: TalkOptions, notes: Sequence[str]) -> None:
     """Print one note on the old spellings that were replaced."""
     if notes:
-        Console(quiet=talk.quiet).note("; ".join(notes))
+        Console(quiet=talk.quiet).print_note("; ".join(notes))

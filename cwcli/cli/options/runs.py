@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from cwcli.cli.options.complete import system_topics
+from cwcli.cli.options.complete import complete_system_topics
 
 GatesOption = Annotated[
     list[str] | None,
@@ -50,7 +50,7 @@ SystemOption = Annotated[
         "--topic",
         metavar="ROLE=/NAME",
         show_default=False,
-        autocompletion=system_topics,
+        autocompletion=complete_system_topics,
         help="Judge another system in the log too: warning=/adas/fcw:data==true, ego_path=/planning/trajectory, "
         "ego_state=/odometry (docs/evaluation.md). Repeatable.",
     ),

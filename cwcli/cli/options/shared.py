@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 import typer
 
-from cwcli.cli.options.complete import role_topics
+from cwcli.cli.options.complete import complete_role_topics
 from cwcli.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from cwcli.logs.read.source import Source
     from cwcli.pipeline.channel_choice import ChannelChoice
 
-MEGABYTE = 1_000_000
+BYTES_PER_MEGABYTE = 1_000_000
 """Bytes in a megabyte, as `--max-chunk` counts."""
-GIGABYTE = 1_000_000_000
+BYTES_PER_GIGABYTE = 1_000_000_000
 """Bytes in a gigabyte, as `--max-input` counts."""
-MAX_CHUNK_MB, MAX_RATIO, MAX_INPUT_GB = 256, 64, 64
+DEFAULT_MAX_CHUNK_MB, DEFAULT_MAX_RATIO, DEFAULT_MAX_INPUT_GB = 256, 64, 64
 """Defaults of `--max-chunk` in MB, `--max-ratio` as a factor, and `--max-input` in GB; chosen by hand."""
-NO_LIMIT = 1_000_000
+LARGEST_LIMIT = 1_000_000
 """Largest value of these options; chosen: larger ones bound nothing and their bytes could overflow."""
-_INPUT, _OUTPUT = "Input", "Output"
+_INPUT_HEADING, _OUTPUT_HEADING = "Input", "Output"
 """Headings of groups of options in the help."""
 
 LogArgument = Annotated[
@@ -54,7 +54,7 @@ MaxChunkOption = Annotated[
         "--max-chunk",
         metavar="MB",
         min=1,
-        max=NO_LIMIT,
+        max=LARGEST_LIMIT,
         help="A chunk of the log that unpacks to more than this many megabytes is damaged, or an attack.",
     ),
 ]
@@ -64,7 +64,7 @@ MaxRatioOption = Annotated[
         "--max-ratio",
         metavar="TIMES",
         min=0,
-        max=NO_LIMIT,
+        max=LARGEST_LIMIT,
         help="All chunks may unpack to one of --max-chunk and so many times the log's size; the others are damaged.",
     ),
 ]
@@ -74,13 +74,13 @@ MaxInputOption = Annotated[
         "--max-input",
         metavar="GB",
         min=0,
-        max=NO_LIMIT,
+        max=LARGEST_LIMIT,
         help="Most that comes out of a pipe, a URL or a compressed file: it is copied to a temporary file first.",
     ),
 ]
 
 
-def one_log(logs: Sequence[str], as_one: bool) -> Source:
+def source_of_logs(logs: Sequence[str], as_one: bool) -> Source:
     """The source that a command reads: the only log, or all logs as the parts of one.
 
     Raises:
@@ -95,7 +95,7 @@ def one_log(logs: Sequence[str], as_one: bool) -> Source:
     return logs[0]
 
 
-def names_of(source: Source) -> list[str]:
+def source_names(source: Source) -> list[str]:
     """List the names of a log or of its parts."""
     return [str(source)] if isinstance(source, str | Path) else list(source)
 
@@ -104,14 +104,14 @@ def names_of(source: Source) -> list[str]:
 class ReadingOptions:
     """Options of reading a log: topics, time span and limits."""
 
-    heading: ClassVar[str] = _INPUT
+    heading: ClassVar[str] = _INPUT_HEADING
     topic: Annotated[
         list[str],
         typer.Option(
             "--topic",
             metavar="ROLE=/NAME",
             show_default=False,
-            autocompletion=role_topics,
+            autocompletion=complete_role_topics,
             help="Use this topic for a role, e.g. ego_position=/gps/fix. Repeatable.",
         ),
     ] = field(default_factory=list)
@@ -150,9 +150,9 @@ class ReadingOptions:
     recover: Annotated[
         bool, typer.Option("--recover", help="Read what is intact of a damaged log and say how much was lost.")
     ] = False
-    max_chunk: MaxChunkOption = MAX_CHUNK_MB
-    max_ratio: MaxRatioOption = MAX_RATIO
-    max_input: MaxInputOption = MAX_INPUT_GB
+    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
+    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
+    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
     strict: Annotated[
         bool,
         typer.Option(
@@ -161,7 +161,7 @@ class ReadingOptions:
     ] = False
 
     @property
-    def topics(self) -> list[str]:
+    def topics_and_mappings(self) -> list[str]:
         """The values of `--topic`, and those of `--map` with the files of `--dbc`.
 
         Raises:
@@ -169,26 +169,26 @@ class ReadingOptions:
         """
         if not self.map:
             return list(self.topic)
-        from cwcli.signals.mapping import with_files
+        from cwcli.signals.mapping import merge_mapping_options
 
-        return [*self.topic, *with_files(self.map, self.dbc)]
+        return [*self.topic, *merge_mapping_options(self.map, self.dbc)]
 
     @property
     def max_chunk_bytes(self) -> int:
         """The value of `--max-chunk` in bytes."""
-        return self.max_chunk * MEGABYTE
+        return self.max_chunk * BYTES_PER_MEGABYTE
 
     @property
     def max_pipe_bytes(self) -> int:
         """The value of `--max-input` in bytes."""
-        return int(self.max_input * GIGABYTE)
+        return int(self.max_input * BYTES_PER_GIGABYTE)
 
 
 @dataclass(frozen=True)
 class SensorOptions:
     """Options of reading sensor messages."""
 
-    heading: ClassVar[str] = _INPUT
+    heading: ClassVar[str] = _INPUT_HEADING
     clock: Annotated[
         Literal["stamp", "log"],
         typer.Option("--clock", help="Time of a measurement: its header stamp, or when it was logged."),
@@ -208,7 +208,7 @@ class SensorOptions:
 class CalibrationOptions:
     """Option for the constants of the car's sensors from earlier drives."""
 
-    heading: ClassVar[str] = _INPUT
+    heading: ClassVar[str] = _INPUT_HEADING
     calibration: Annotated[
         str | None,
         typer.Option(
@@ -219,7 +219,7 @@ class CalibrationOptions:
         ),
     ] = None
 
-    def load(self) -> Calibration | None:
+    def load_if_named(self) -> Calibration | None:
         """Load the calibration file, or return None if none is named.
 
         Raises:
@@ -246,17 +246,17 @@ OutputOption = Annotated[
 ForceOption = Annotated[bool, typer.Option("--force", "-f", help="Overwrite files that exist.")]
 
 
-def _topics(incomplete: str) -> list[str]:
-    from cwcli.channels.published import topics
+def _complete_topics(incomplete: str) -> list[str]:
+    from cwcli.channels.published import published_topics
 
-    return [topic for topic in topics() if topic.startswith(incomplete)]
+    return [topic for topic in published_topics() if topic.startswith(incomplete)]
 
 
 @dataclass(frozen=True)
 class WritingOptions:
     """Options of writing the annotated log."""
 
-    heading: ClassVar[str] = _OUTPUT
+    heading: ClassVar[str] = _OUTPUT_HEADING
     output: OutputOption = None
     replace: Annotated[
         bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
@@ -275,20 +275,20 @@ class WritingOptions:
             "--channels",
             metavar="/NAME",
             show_default="all",
-            autocompletion=_topics,
+            autocompletion=_complete_topics,
             help="Of the new channels, these alone are written; * is any part, several with commas. Repeatable.",
         ),
     ] = field(default_factory=list)
 
     @property
-    def choice(self) -> ChannelChoice:
+    def channel_choice(self) -> ChannelChoice:
         """The channels to write, parsed from `--channels`."""
         from cwcli.pipeline.channel_choice import ChannelChoice
 
         return ChannelChoice.parse(self.channels)
 
     @property
-    def is_folder(self) -> bool:
+    def is_folder_of_parts(self) -> bool:
         """Whether the output is a folder of parts."""
         return self.output is not None and self.split == "like-input"
 
@@ -299,7 +299,7 @@ MetricsOption = Annotated[
         "--metrics",
         metavar="FILE",
         show_default=False,
-        rich_help_panel=_OUTPUT,
+        rich_help_panel=_OUTPUT_HEADING,
         help="Write the metrics table here (.parquet or .csv).",
     ),
 ]
@@ -309,7 +309,7 @@ MetricsDirOption = Annotated[
         "--metrics-dir",
         metavar="DIR",
         show_default=False,
-        rich_help_panel=_OUTPUT,
+        rich_help_panel=_OUTPUT_HEADING,
         help="Write every table of every stage into this folder, as Parquet.",
     ),
 ]

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
 
-from cwcli.cli.options.entries import Entry, entries
-from cwcli.cli.options.former import former_fields
+from cwcli.cli.options.entries import OptionEntry, option_entries_of_stage
+from cwcli.cli.options.former import former_option_fields
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import UsageError
 from cwcli.option import Option
 from cwcli.pipeline.call import StageCall
 from cwcli.pipeline.stage import Stage
-from cwcli.registry import named
+from cwcli.registry import import_target
 from cwcli.stages import STAGES
 
 if TYPE_CHECKING:
@@ -38,19 +38,22 @@ class StageOptions:
     stage: ClassVar[str]
     hidden: ClassVar[frozenset[str]] = frozenset()
 
-    def values(self) -> dict[str, Any]:
+    def option_values(self) -> dict[str, Any]:
         """All options and their values, in the form of a configuration file."""
         return {name: value for name, value in vars(self).items() if name not in self.hidden}
 
 
 @functools.cache
-def stage_options(name: str) -> type[StageOptions]:
+def make_stage_options_class(name: str) -> type[StageOptions]:
     """Make a dataclass of a stage's options; its instances are not validated."""
-    own = [(entry.key, Annotated[entry.kind, _typer_option(entry)], _field(entry.default)) for entry in entries(name)]
-    hidden = former_fields(name)
-    fields: list[Any] = [*own, *((key, kind, _field(value)) for key, kind, value in hidden)]
+    own = [
+        (entry.key, Annotated[entry.kind, _make_typer_option(entry)], _field_default(entry.default))
+        for entry in option_entries_of_stage(name)
+    ]
+    hidden = former_option_fields(name)
+    fields: list[Any] = [*own, *((key, kind, _field_default(value)) for key, kind, value in hidden)]
     return dataclasses.make_dataclass(
-        f"{STAGES[name].identifier}_options",
+        f"{STAGES[name].python_name}_options",
         fields,
         bases=(StageOptions,),
         frozen=True,
@@ -58,31 +61,33 @@ def stage_options(name: str) -> type[StageOptions]:
     )
 
 
-def every_stage() -> tuple[type[StageOptions], ...]:
+def make_all_stage_options_classes() -> tuple[type[StageOptions], ...]:
     """Make the option classes of all stages, in the order in which they run."""
-    return tuple(map(stage_options, STAGES))
+    return tuple(map(make_stage_options_class, STAGES))
 
 
-def _field(default: Any) -> Any:
+def _field_default(default: Any) -> Any:
     return dataclasses.field(default_factory=default.copy) if isinstance(default, list) else default
 
 
-def _typer_option(entry: Entry) -> Any:
+def _make_typer_option(entry: OptionEntry) -> Any:
     option = entry.option
-    registry = named(option.choices) if option.choices else None
+    registry = import_target(option.choices) if option.choices else None
     text = option.help if isinstance(option.help, str) else option.help()
     if registry is not None:
-        text = text.replace("{choices}", registry.help()).replace("{names}", ", ".join(registry))
+        text = text.replace("{choices}", registry.format_help()).replace("{names}", ", ".join(registry))
     return typer.Option(
         option.flags,
         metavar=option.metavar,
         help=text,
         show_default=option.default or (entry.default is not None and entry.default != []),
-        autocompletion=None if registry is None else registry.complete,
+        autocompletion=None if registry is None else registry.completions,
     )
 
 
-def call_of(options: StageOptions, sensors: SensorOptions, calibration: Calibration | None = None) -> StageCall:
+def stage_call_from_options(
+    options: StageOptions, sensors: SensorOptions, calibration: Calibration | None = None
+) -> StageCall:
     """Make the call of a stage from its options, the sensor options and a calibration.
 
     Raises:
@@ -90,11 +95,11 @@ def call_of(options: StageOptions, sensors: SensorOptions, calibration: Calibrat
     """
     stage = STAGES[options.stage]
     given = {
-        entry.path: _parsed(entry.option, value)
-        for entry in entries(stage.name)
+        entry.path: _parse_value(entry.option, value)
+        for entry in option_entries_of_stage(stage.name)
         if (value := getattr(options, entry.key)) != entry.default
     }
-    config = _configured(stage.configuration(), given)
+    config = _replace_nested_fields(stage.configuration_class(), given)
     if hasattr(config, "sources"):
         sources = dataclasses.replace(config.sources, clock=sensors.clock, ego_station=sensors.ego_station)
         config = dataclasses.replace(config, sources=sources)
@@ -103,7 +108,7 @@ def call_of(options: StageOptions, sensors: SensorOptions, calibration: Calibrat
     return StageCall(stage, config)
 
 
-def _parsed(option: Option, value: Any) -> Any:
+def _parse_value(option: Option, value: Any) -> Any:
     low, high = option.above, option.at_most
     if value is not None and ((low is not None and not value > low) or (high is not None and not value <= high)):
         bounds = [f"above {low:g}"] if low is not None else []
@@ -112,20 +117,20 @@ def _parsed(option: Option, value: Any) -> Any:
     return option.parse(value) if option.parse else value
 
 
-def _configured(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
+def _replace_nested_fields(default: Any, given: Mapping[tuple[str, ...], Any]) -> Any:
     """Replace fields of a configuration, also nested ones, by the values at their paths."""
     changes = {path[0]: value for path, value in given.items() if len(path) == 1}
     for name in dict.fromkeys(path[0] for path in given if len(path) > 1):
         inside = {path[1:]: value for path, value in given.items() if len(path) > 1 and path[0] == name}
-        changes[name] = _configured(getattr(default, name), inside)
+        changes[name] = _replace_nested_fields(getattr(default, name), inside)
     return dataclasses.replace(default, **changes) if changes else default
 
 
 def uses_calibration(stage: Stage) -> bool:
     """Whether the stage, or one that its command runs first, uses a calibration."""
-    return any(hasattr(STAGES[name].configuration(), "calibration") for name in (stage.name, *stage.first))
+    return any(hasattr(STAGES[name].configuration_class(), "calibration") for name in (stage.name, *stage.first))
 
 
-def reads_sensors(stage: Stage) -> bool:
+def reads_sensor_messages(stage: Stage) -> bool:
     """Whether the stage, or one that its command runs first, reads sensor messages."""
-    return any(hasattr(STAGES[name].configuration(), "sources") for name in (stage.name, *stage.first))
+    return any(hasattr(STAGES[name].configuration_class(), "sources") for name in (stage.name, *stage.first))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from cwcli.pipeline.selection import time_ns
+from cwcli.pipeline.selection import parse_time_ns
 from cwcli.signals.units import NS_PER_S
 
-__all__ = ["time_ns", "utc"]
+__all__ = ["format_utc_time", "parse_time_ns"]
 
 
-def utc(time_ns: int) -> str:
+def format_utc_time(time_ns: int) -> str:
     """Format a Unix time as `2026-05-01 12:00:00.123 UTC`."""
     seconds, rest = divmod(time_ns, NS_PER_S)
     try:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from cwcli.errors import MissingSignalError
-from cwcli.evaluation.happened import what_happened
-from cwcli.evaluation.knowledge import SYSTEM, against, estimated
-from cwcli.evaluation.subject import Subject
-from cwcli.evaluation.system.flag import read_flag
-from cwcli.evaluation.system.path import add_path
-from cwcli.evaluation.system.state import add_state
-from cwcli.evaluation.system.warnings import judge_flag
-from cwcli.evaluation.warn import add_scores
-from cwcli.pipeline.records import run_records
+from cwcli.evaluation.actual_outcomes import find_actual_outcomes
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.evaluation.knowledge import SYSTEM, comparison_label, knowledge_of_estimated_states
+from cwcli.evaluation.system.flag import read_flag_from_topic
+from cwcli.evaluation.system.path import add_path_errors
+from cwcli.evaluation.system.state import add_state_errors
+from cwcli.evaluation.system.warnings import judge_flag_warnings
+from cwcli.evaluation.warn import add_warning_scores
+from cwcli.pipeline.records import read_run_records
 
 
-def add_system(subject: Subject) -> None:
+def add_metrics_of_other_system(context: EvaluationContext) -> None:
     """Add the metrics of another system: of those of its warnings, state and path whose topics are named.
 
     Raises:
@@ -22,25 +22,29 @@ def add_system(subject: Subject) -> None:
         MissingSignalError: There is nothing to compare it with, or its channel is empty.
         DataError: No message of its channel can be used.
     """
-    system = subject.system
+    system = context.system
     if system.condition is not None:
-        _add_warnings(subject)
-    placed = add_state(subject, system.ego_state) if system.ego_state else None
+        _add_warning_metrics(context)
+    placed = add_state_errors(context, system.ego_state) if system.ego_state else None
     if system.ego_path:
-        add_path(subject, system.ego_path, placed)
+        add_path_errors(context, system.ego_path, placed)
 
 
-def _add_warnings(subject: Subject) -> None:
-    log, system = subject.log, subject.system
+def _add_warning_metrics(context: EvaluationContext) -> None:
+    log, system = context.log, context.system
     assert system.condition is not None
-    real = what_happened(log)
+    real = find_actual_outcomes(log)
     if real is None:
         raise MissingSignalError(
             f"the warnings of {system.warning} can't be judged: the log holds no states of the ego and the others",
             where=log.name,
             hint="annotate it first: `cwcli run LOG -o annotated.mcap`",
         )
-    flag = read_flag(log, system.warning, system.condition)
-    subject.notes.extend(flag.notes)
-    with subject.headline.of(against(SYSTEM, estimated(run_records(log)))):
-        add_scores(subject.headline, "system.warnings", judge_flag(flag.spans(), real).scores)
+    flag = read_flag_from_topic(log, system.warning, system.condition)
+    context.notes.extend(flag.notes)
+    with context.headline.label_rows_with_states(
+        comparison_label(SYSTEM, knowledge_of_estimated_states(read_run_records(log)))
+    ):
+        add_warning_scores(
+            context.headline, "system.warnings", judge_flag_warnings(flag.warning_spans_ns(), real).scores
+        )

@@ -9,18 +9,23 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.errors import DataError
-from cwcli.evaluation.knowledge import HINDSIGHT, SYSTEM, TRUTH, against
-from cwcli.evaluation.predict import ERROR_HORIZONS_S, MAX_GAP_S, add_horizons, against_track
-from cwcli.evaluation.reference import Motion, reference_of
-from cwcli.evaluation.subject import Subject
-from cwcli.evaluation.system.placing import Placing, fitted
-from cwcli.evaluation.system.reading import read_system
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.evaluation.knowledge import HINDSIGHT, SYSTEM, TRUTH, comparison_label
+from cwcli.evaluation.predict import (
+    ERROR_HORIZONS_S,
+    MAX_TRACK_GAP_S,
+    add_errors_at_horizons,
+    path_errors_against_track,
+)
+from cwcli.evaluation.reference import EgoMotion, find_reference_motion
+from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
+from cwcli.evaluation.system.reading import read_signal_of_other_system
 from cwcli.prediction.paths import Paths
 from cwcli.signals.builders.path import PathSignal
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.role import Role
 
-STEP_S = 0.1
+PATH_STEP_S = 0.1
 """Step of the resampled paths, s."""
 VEHICLE_FRAMES = frozenset({"base_link", "base_footprint", "ego_vehicle", "vehicle"})
 """Frames whose origin is the car and whose x axis points ahead."""
@@ -28,7 +33,7 @@ MIN_SPEED_MPS = 0.1
 """Least speed along a path, m/s, so that its duration stays finite; below it the car stands at the path's end."""
 
 
-def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) -> None:
+def add_path_errors(context: EvaluationContext, topic: str, known: tuple[str, FramePlacement] | None) -> None:
     """Add the errors of another system's paths at the horizons.
 
     Args:
@@ -41,69 +46,74 @@ def add_path(subject: Subject, topic: str, known: tuple[str, Placing] | None) ->
         MissingSignalError: There is nothing to compare them with.
         DataError: None of them can be used, or their times are not those of the states.
     """
-    reference = reference_of(subject)
-    signal = read_system(subject, "ego_path", topic, (Role.PLANNED_PATH,))
+    reference = find_reference_motion(context)
+    signal = read_signal_of_other_system(context, "ego_path", topic, (Role.PLANNED_PATH,))
     assert isinstance(signal, PathSignal)
-    ego = reference.motion.at(reference.stamp_ns, signal.stamp_ns)
+    ego = reference.motion.interpolate_motion(reference.stamp_ns, signal.stamp_ns)
     rows = np.flatnonzero(np.isfinite(ego.xy_m).all(axis=1))
-    placing = _placing(subject, signal, ego, known)
+    placing = _find_frame_placement(context, signal, ego, known)
     if not len(rows) or (placing is None and signal.frame_id not in VEHICLE_FRAMES):
-        raise DataError("its paths are of no time at which the ego is known", where=f"{subject.log.name}: {topic}")
-    n_timeless = sum(bool(np.isnan(signal.time_s[_points(signal, k)]).any()) for k in rows.tolist())
+        raise DataError("its paths are of no time at which the ego is known", where=f"{context.log.name}: {topic}")
+    n_timeless = sum(bool(np.isnan(signal.time_s[_path_point_slice(signal, k)]).any()) for k in rows.tolist())
     n_slow = 0
-    time_s = np.arange(round(ERROR_HORIZONS_S[-1] / STEP_S) + 1, dtype=np.float64) * np.float64(STEP_S)
+    time_s = np.arange(round(ERROR_HORIZONS_S[-1] / PATH_STEP_S) + 1, dtype=np.float64) * np.float64(PATH_STEP_S)
     xy_m: FloatArray = np.full((len(rows), len(time_s), 2), np.nan)
     for at, k in enumerate(rows.tolist()):
-        points = _points(signal, k)
+        points = _path_point_slice(signal, k)
         own = np.column_stack([signal.x_m[points], signal.y_m[points]])
         if placing is None:
-            placed = Placing(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).xy(own)
+            placed = FramePlacement(float(ego.heading_rad[k]), np.zeros(2), ego.xy_m[k]).points_in_map(own)
         else:
-            placed = placing.xy(own)
+            placed = placing.points_in_map(own)
         speed_mps = signal.speed_mps[points]
         at_s = signal.time_s[points]
         if np.isnan(at_s).any():
             n_slow += bool(np.isnan(speed_mps).any())
-            at_s = _times(placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k])
-        xy_m[at] = _along(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
+            at_s = _times_along_path_s(
+                placed, np.where(np.isfinite(speed_mps), speed_mps, ego.speed_mps[k]), ego.xy_m[k]
+            )
+        xy_m[at] = _interpolate_path_points(time_s, at_s, placed, stands=bool(speed_mps[-1] < MIN_SPEED_MPS))
     if n_timeless:
         how = "the car's own speed" if n_slow else "the speeds they give"
-        subject.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
+        context.notes.append(f"{topic}: {n_timeless} of {len(rows)} paths have no times: computed from {how}")
     stamp_ns = signal.stamp_ns[rows]
-    paths = _paths(time_s, xy_m)
-    with subject.headline.of(against(SYSTEM, HINDSIGHT)):
-        states = subject.ego.states
+    paths = _paths_without_covariance(time_s, xy_m)
+    with context.headline.label_rows_with_states(comparison_label(SYSTEM, HINDSIGHT)):
+        states = context.ego.states
         assert states is not None  # or the reference is missing, or a truth that needs them
-        errors = against_track(paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_GAP_S)
-        add_horizons(subject.headline, "system.prediction.ego.", [errors])
-    if subject.ego.truth is not None:
-        truth = subject.ego.truth
-        with subject.headline.of(against(SYSTEM, TRUTH)):
-            errors = against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_GAP_S)
-            add_horizons(subject.headline, "system.prediction.ego.truth_", [errors])
+        errors = path_errors_against_track(paths, stamp_ns, states.stamp_ns, states.state[:, :2], MAX_TRACK_GAP_S)
+        add_errors_at_horizons(context.headline, "system.prediction.ego.", [errors])
+    if context.ego.truth is not None:
+        truth = context.ego.truth
+        with context.headline.label_rows_with_states(comparison_label(SYSTEM, TRUTH)):
+            errors = path_errors_against_track(paths, stamp_ns, truth.stamp_ns, truth.xy, MAX_TRACK_GAP_S)
+            add_errors_at_horizons(context.headline, "system.prediction.ego.truth_", [errors])
 
 
-def _points(signal: PathSignal, k: int) -> slice:
+def _path_point_slice(signal: PathSignal, k: int) -> slice:
     return slice(int(signal.offsets[k]), int(signal.offsets[k + 1]))
 
 
-def _placing(subject: Subject, signal: PathSignal, ego: Motion, known: tuple[str, Placing] | None) -> Placing | None:
+def _find_frame_placement(
+    context: EvaluationContext, signal: PathSignal, ego: EgoMotion, known: tuple[str, FramePlacement] | None
+) -> FramePlacement | None:
     """Return the placement of the paths' frame in the map; None for the car's own frame, or if it can't be found."""
     if signal.frame_id in VEHICLE_FRAMES:
         return None
     if known is not None and known[0] == signal.frame_id:
         return known[1]
     first = signal.offsets[:-1]
-    found = fitted(np.column_stack([signal.x_m[first], signal.y_m[first]]), ego.xy_m)
+    found = fit_frame_placement(np.column_stack([signal.x_m[first], signal.y_m[first]]), ego.xy_m)
     if found is not None:
-        subject.notes.append(
-            f"{found.note(signal.source, signal.frame_id)} (by where its paths begin; an odometry in that frame, named "
+        context.notes.append(
+            f"{found.placement_note(signal.source, signal.frame_id)} (by where its paths begin; an odometry in that "
+            "frame, named "
             "with --topic ego_state=, places it better)"
         )
     return found
 
 
-def _times(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
+def _times_along_path_s(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatArray:
     """Return the times (s) at which a car that follows a path reaches its points; 0 at the point nearest to the car."""
     step_m = np.hypot(*np.diff(xy_m, axis=0).T)
     mean_mps = np.maximum(0.5 * (speed_mps[1:] + speed_mps[:-1]), MIN_SPEED_MPS)
@@ -116,13 +126,13 @@ def _times(xy_m: FloatArray, speed_mps: FloatArray, ego_m: FloatArray) -> FloatA
     return np.asarray(at_s - (at_s[nearest] + share[nearest] * (at_s[nearest + 1] - at_s[nearest])))
 
 
-def _along(time_s: FloatArray, at_s: FloatArray, xy_m: FloatArray, *, stands: bool) -> FloatArray:
+def _interpolate_path_points(time_s: FloatArray, at_s: FloatArray, xy_m: FloatArray, *, stands: bool) -> FloatArray:
     """Interpolate a path at given times; NaN before and after it, or its end if the car stands there."""
     behind = None if stands else np.nan
     return np.column_stack([np.interp(time_s, at_s, values, left=np.nan, right=behind) for values in xy_m.T])
 
 
-def _paths(time_s: FloatArray, xy_m: FloatArray) -> Paths:
+def _paths_without_covariance(time_s: FloatArray, xy_m: FloatArray) -> Paths:
     n, k = xy_m.shape[:2]
     nothing = np.full((n, k), np.nan)
     x_m, y_m = xy_m[..., 0], xy_m[..., 1]

@@ -17,7 +17,7 @@ MIN_POINTS = 3
 
 
 @dataclass(frozen=True)
-class Placing:
+class FramePlacement:
     """Transformation of another frame to the map.
 
     Attributes:
@@ -30,18 +30,18 @@ class Placing:
     pivot_m: FloatArray
     place_m: FloatArray
 
-    def xy(self, xy_m: FloatArray) -> FloatArray:
+    def points_in_map(self, xy_m: FloatArray) -> FloatArray:
         """Transform points (n, 2), m, to the map."""
         cosine, sine = math.cos(self.turn_rad), math.sin(self.turn_rad)
         return np.asarray((xy_m - self.pivot_m) @ np.array([[cosine, sine], [-sine, cosine]]) + self.place_m)
 
-    def heading(self, yaw_rad: FloatArray) -> FloatArray:
+    def headings_in_map(self, yaw_rad: FloatArray) -> FloatArray:
         """Transform yaw angles (n,) to headings in the map."""
         return np.asarray(wrap_angle(yaw_rad + self.turn_rad))
 
-    def note(self, topic: str, frame: str) -> str:
+    def placement_note(self, topic: str, frame: str) -> str:
         """Return a note for the user on the fitted rotation and shift."""
-        origin = self.xy(np.zeros((1, 2)))[0]
+        origin = self.points_in_map(np.zeros((1, 2)))[0]
         named = f"its frame {frame}" if frame else "its frame"
         return (
             f"{topic}: {named} was aligned with the track by a rotation of {math.degrees(self.turn_rad):.2f} deg and "
@@ -49,7 +49,7 @@ class Placing:
         )
 
 
-def fitted(xy_m: FloatArray, onto_m: FloatArray) -> Placing | None:
+def fit_frame_placement(xy_m: FloatArray, onto_m: FloatArray) -> FramePlacement | None:
     """Fit the placement that moves points (n, 2) onto others; rows with NaN are ignored; None with fewer than three.
 
     The rotation is that of least squares (Umeyama 1991, eq. 40 to 42, in the plane, without a scale); the shift is the
@@ -65,5 +65,5 @@ def fitted(xy_m: FloatArray, onto_m: FloatArray) -> Placing | None:
     if math.sqrt(float((apart**2).sum(axis=1).mean())) >= MIN_EXTENT_M:
         cross = float((apart[:, 0] * target[:, 1] - apart[:, 1] * target[:, 0]).sum())
         turn_rad = math.atan2(cross, float((apart * target).sum()))
-    turned = Placing(turn_rad, middle, np.zeros(2)).xy(own)
-    return Placing(turn_rad, middle, np.median(theirs - turned, axis=0))
+    turned = FramePlacement(turn_rad, middle, np.zeros(2)).points_in_map(own)
+    return FramePlacement(turn_rad, middle, np.median(theirs - turned, axis=0))

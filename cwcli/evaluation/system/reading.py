@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from cwcli.errors import UsageError
-from cwcli.evaluation.subject import Subject
-from cwcli.signals.build import build, require_rows
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.signals.build import build_signal, require_usable_rows
 from cwcli.signals.canonical import Signal
-from cwcli.signals.inputs import input_for
+from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
-from cwcli.text import count, printable
+from cwcli.text import escape_control_characters, format_count
 
 
-def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) -> Signal:
+def read_signal_of_other_system(
+    context: EvaluationContext, role_name: str, topic: str, roles: Sequence[Role]
+) -> Signal:
     """Read a topic that is named for a role of another system.
 
     Args:
@@ -27,27 +29,29 @@ def read_system(subject: Subject, name: str, topic: str, roles: Sequence[Role]) 
         DataError: None of its messages can be used.
         MissingSignalError: It has no message.
     """
-    log = subject.log
+    log = context.log
     schemas = {channel.topic: channel.schema_name for channel in log.channels}
     usable = {
         each: role
         for each, schema in schemas.items()
         for role in reversed(roles)
-        if input_for(role, schema) is not None
+        if find_input_for_role(role, schema) is not None
     }
     if topic not in usable:
         raise UsageError(
-            f"--topic {name}={topic}: {schemas[topic] or 'no schema'} can't be read as {name}",
+            f"--topic {role_name}={topic}: {schemas[topic] or 'no schema'} can't be read as {role_name}",
             where=log.name,
             found=tuple(f"{each} ({schemas[each]})" for each in usable) or ("no topic that can",),
         )
-    entry = input_for(usable[topic], schemas[topic])
+    entry = find_input_for_role(usable[topic], schemas[topic])
     encoding = next(channel.message_encoding for channel in log.channels if channel.topic == topic)
     assert entry is not None
     columns = log.columns(topic, entry.fields.get(encoding, ()))
-    signal, quality = build(usable[topic], columns, is_override=True)
-    require_rows(quality, where=log.name)
+    signal, quality = build_signal(usable[topic], columns, is_override=True)
+    require_usable_rows(quality, where=log.name)
     if quality.rejected:
         reasons = ", ".join(f"{n} {reason}" for reason, n in quality.rejected.items())
-        subject.notes.append(f"{printable(topic)}: of {count(quality.read, 'message')} not used: {reasons}")
+        context.notes.append(
+            f"{escape_control_characters(topic)}: of {format_count(quality.read, 'message')} not used: {reasons}"
+        )
     return signal

@@ -7,22 +7,22 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.errors import DataError
-from cwcli.evaluation.knowledge import SYSTEM, against
-from cwcli.evaluation.reference import Motion, add_errors, reference_of
-from cwcli.evaluation.subject import Subject
-from cwcli.evaluation.system.placing import Placing, fitted
-from cwcli.evaluation.system.reading import read_system
-from cwcli.pipeline.records import map_of, run_records
+from cwcli.evaluation.evaluation_context import EvaluationContext
+from cwcli.evaluation.knowledge import SYSTEM, comparison_label
+from cwcli.evaluation.reference import EgoMotion, add_motion_errors, find_reference_motion
+from cwcli.evaluation.system.placing import FramePlacement, fit_frame_placement
+from cwcli.evaluation.system.reading import read_signal_of_other_system
+from cwcli.pipeline.records import map_from_record, read_run_records
 from cwcli.signals.canonical import PoseSignal, PositionSignal
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.role import Role
 
-MIN_ROWS = 10
+MIN_COMPARED_ROWS = 10
 """Least number of compared states. Chosen by hand; not fitted."""
 
 
-def add_state(subject: Subject, topic: str) -> tuple[str, Placing]:
+def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, FramePlacement]:
     """Add the errors of another system's state of the ego, at the stamps of the reference.
 
     Returns:
@@ -33,30 +33,34 @@ def add_state(subject: Subject, topic: str) -> tuple[str, Placing]:
         MissingSignalError: There is nothing to compare it with.
         DataError: No message can be used, or their times are not those of the states.
     """
-    reference = reference_of(subject)
-    signal = read_system(subject, "ego_state", topic, (Role.EGO_POSITION, Role.TRUTH))
+    reference = find_reference_motion(context)
+    signal = read_signal_of_other_system(context, "ego_state", topic, (Role.EGO_POSITION, Role.TRUTH))
     assert isinstance(signal, PoseSignal | PositionSignal)
-    motion = _motion(signal, _own_xy(subject, signal)).at(signal.stamp_ns, reference.stamp_ns)
-    if int(np.isfinite(motion.xy_m).all(axis=1).sum()) < MIN_ROWS:
+    motion = _motion_from_signal(signal, _positions_in_map_or_own_frame_m(context, signal)).interpolate_motion(
+        signal.stamp_ns, reference.stamp_ns
+    )
+    if int(np.isfinite(motion.xy_m).all(axis=1).sum()) < MIN_COMPARED_ROWS:
         raise DataError(
-            f"fewer than {MIN_ROWS} of its states are of a time at which the ego is known",
-            where=f"{subject.log.name}: {topic}",
+            f"fewer than {MIN_COMPARED_ROWS} of its states are of a time at which the ego is known",
+            where=f"{context.log.name}: {topic}",
         )
-    frame, placing = "", Placing(0.0, np.zeros(2), np.zeros(2))
+    frame, placing = "", FramePlacement(0.0, np.zeros(2), np.zeros(2))
     if isinstance(signal, PoseSignal) and signal.latitude_deg is None:
-        found = fitted(motion.xy_m, reference.motion.xy_m)
+        found = fit_frame_placement(motion.xy_m, reference.motion.xy_m)
         assert found is not None  # there are MIN_ROWS
         frame, placing = signal.frame_id, found
-        subject.notes.append(placing.note(topic, frame))
-    placed = replace(motion, xy_m=placing.xy(motion.xy_m), heading_rad=placing.heading(motion.heading_rad))
-    with subject.headline.of(against(SYSTEM, reference.states)):
-        add_errors(subject, "system.ego.", placed, reference.motion)
+        context.notes.append(placing.placement_note(topic, frame))
+    placed = replace(
+        motion, xy_m=placing.points_in_map(motion.xy_m), heading_rad=placing.headings_in_map(motion.heading_rad)
+    )
+    with context.headline.label_rows_with_states(comparison_label(SYSTEM, reference.knowledge)):
+        add_motion_errors(context, "system.ego.", placed, reference.motion)
     return frame, placing
 
 
-def _own_xy(subject: Subject, signal: PoseSignal | PositionSignal) -> FloatArray:
+def _positions_in_map_or_own_frame_m(context: EvaluationContext, signal: PoseSignal | PositionSignal) -> FloatArray:
     """Return positions (n, 2), m: in the map where they are geographic, else in their own frame."""
-    local_map: LocalMap | None = map_of(run_records(subject.log).get("estimate", {}))
+    local_map: LocalMap | None = map_from_record(read_run_records(context.log).get("estimate", {}))
     if signal.latitude_deg is None or signal.longitude_deg is None:
         return np.column_stack([signal.x_m, signal.y_m])
     if local_map is None:
@@ -67,9 +71,9 @@ def _own_xy(subject: Subject, signal: PoseSignal | PositionSignal) -> FloatArray
     return np.column_stack(local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, height_m)[:2])
 
 
-def _motion(signal: PoseSignal | PositionSignal, xy_m: FloatArray) -> Motion:
+def _motion_from_signal(signal: PoseSignal | PositionSignal, xy_m: FloatArray) -> EgoMotion:
     """Return the motion of a signal in its own frame; NaN for what it does not have."""
     nothing = np.full(len(signal.stamp_ns), np.nan)
     if isinstance(signal, PositionSignal):
-        return Motion(xy_m, nothing, nothing, nothing)
-    return Motion(xy_m, signal.travel_rad, signal.speed_mps, signal.yaw_rate_radps)
+        return EgoMotion(xy_m, nothing, nothing, nothing)
+    return EgoMotion(xy_m, signal.travel_rad, signal.speed_mps, signal.yaw_rate_radps)

@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cwcli.channels.binding import parse_overrides
+from cwcli.channels.binding import parse_role_overrides
 from cwcli.errors import UsageError, names_hint
 from cwcli.logs.read.reader import Log
-from cwcli.signals.field_condition import EXAMPLES, Condition, parse_condition
+from cwcli.signals.field_condition import CONDITION_EXAMPLES_HINT, Condition, parse_condition
 
-WORDS = {
+ROLE_DESCRIPTIONS = {
     "warning": "its warnings: a topic, a colon and a condition on a field, warning=/adas/fcw:data==true",
     "ego_path": "its planned or predicted path of the ego: a Trajectory or a Path",
     "ego_state": "its state of the ego: an Odometry or another pose",
 }
 """Role -> description of the topics that fit it."""
-ROLES = ", ".join(WORDS)
+ROLE_NAMES_TEXT = ", ".join(ROLE_DESCRIPTIONS)
 """Names of the roles, separated by commas."""
 
 
 @dataclass(frozen=True)
-class System:
+class OtherSystemTopics:
     """Topics of another system in a log; "" and None for those that it does not have.
 
     Attributes:
@@ -35,11 +35,11 @@ class System:
     ego_state: str = ""
 
     @property
-    def topics(self) -> tuple[str, ...]:
+    def named_topics(self) -> tuple[str, ...]:
         """All topics that are named."""
         return tuple(topic for topic in (self.warning, self.ego_path, self.ego_state) if topic)
 
-    def require_topics(self, log: Log) -> None:
+    def require_topics_in_log(self, log: Log) -> None:
         """Check that the log has the named topics.
 
         Raises:
@@ -47,28 +47,31 @@ class System:
         """
         there = tuple(dict.fromkeys(f"{channel.topic} ({channel.schema_name})" for channel in log.channels))
         known = {channel.topic for channel in log.channels}
-        for topic in self.topics:
+        for topic in self.named_topics:
             if topic not in known:
                 raise UsageError(f"--topic {topic}: the log has no such topic", where=log.name, found=there)
 
 
-def parse_system(options: Sequence[str]) -> System:
+def parse_other_system_options(options: Sequence[str]) -> OtherSystemTopics:
     """Read `ROLE=/name` options.
 
     Raises:
         UsageError: An option is malformed, given twice, names no role, or lacks a condition.
     """
-    named = parse_overrides(options)
+    named = parse_role_overrides(options)
     for role, topic in named.items():
-        if role not in WORDS:
+        if role not in ROLE_DESCRIPTIONS:
             raise UsageError(
                 f"--topic {role}={topic}: there is no role {role} of another system",
-                hint=names_hint(role, WORDS, "roles"),
+                hint=names_hint(role, ROLE_DESCRIPTIONS, "roles"),
             )
     topic, colon, text = named.get("warning", "").partition(":")
     condition = None
     if topic or colon:
         if not topic or not text:
-            raise UsageError(f"--topic warning={named['warning']}: expected warning=/topic:field==value", hint=EXAMPLES)
+            raise UsageError(
+                f"--topic warning={named['warning']}: expected warning=/topic:field==value",
+                hint=CONDITION_EXAMPLES_HINT,
+            )
         condition = parse_condition(text)
-    return System(topic, condition, named.get("ego_path", ""), named.get("ego_state", ""))
+    return OtherSystemTopics(topic, condition, named.get("ego_path", ""), named.get("ego_state", ""))

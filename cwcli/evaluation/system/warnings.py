@@ -1,7 +1,8 @@
 """Verdicts on another system's warnings against the real conflicts.
 
 A flag tells of danger but not from which vehicle. So each warning is compared with the conflicts with every vehicle. It
-is assigned to the earliest one that fits by the limits of cwcli's own warnings (`cwcli.evaluation.conflicts.judge`). A
+is assigned to the earliest one that fits by the limits of cwcli's own warnings
+(`cwcli.evaluation.conflicts.judge_warning`). A
 conflict counts as warned of if a warning fits it, even if that warning fits others too.
 """
 
@@ -12,25 +13,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.evaluation.conflicts import FALSE, LATE, TRUE, UNDECIDED, RealConflict
-from cwcli.evaluation.happened import Happened
+from cwcli.evaluation.actual_outcomes import ActualOutcomes
+from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_LATE, VERDICT_TRUE, VERDICT_UNDECIDED, RealConflict
 from cwcli.evaluation.scored_warnings import WarningScores
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-NOBODY = ""
+NO_VEHICLE_ID = ""
 """Vehicle id of a warning without a conflict."""
 
 
 @dataclass(frozen=True)
-class JudgedFlag:
+class JudgedFlagWarning:
     """Verdict on one warning of a flag.
 
     Attributes:
         raised_ns, last_ns: Times of the first and the last message in which it was set.
-        kind: As in `cwcli.evaluation.conflicts.EventVerdict`.
+        kind: As in `cwcli.evaluation.conflicts.WarningVerdict`.
         other_id, conflict: Vehicle and conflict to which it is assigned, or `NOBODY` and None.
         lead_time_s: From the warning to the beginning of the conflict; NaN without one.
     """
@@ -38,7 +39,7 @@ class JudgedFlag:
     raised_ns: int
     last_ns: int
     kind: str
-    other_id: str = NOBODY
+    other_id: str = NO_VEHICLE_ID
     conflict: RealConflict | None = None
     lead_time_s: float = float("nan")
 
@@ -47,11 +48,11 @@ class JudgedFlag:
 class FlagScores:
     """Verdicts on a flag's warnings, and counts of warnings and conflicts."""
 
-    judged: tuple[JudgedFlag, ...]
+    judged: tuple[JudgedFlagWarning, ...]
     scores: WarningScores
 
 
-def judge_flag(spans: Sequence[tuple[int, int]], real: Happened) -> FlagScores:
+def judge_flag_warnings(spans: Sequence[tuple[int, int]], real: ActualOutcomes) -> FlagScores:
     """Judge warnings, in order of time, against all conflicts.
 
     Args:
@@ -75,35 +76,37 @@ def judge_flag(spans: Sequence[tuple[int, int]], real: Happened) -> FlagScores:
             is_free[own] = False
             if len(own):
                 lead_s = int(lead_ns[own[0]]) / NS_PER_S
-                first.append(TRUE if lead_s >= 0 else LATE)
+                first.append(VERDICT_TRUE if lead_s >= 0 else VERDICT_LATE)
                 leads.append(lead_s)
             for k in own[conflict.onset_ns < best_onset[own]].tolist():
                 best_onset[k], best[k] = conflict.onset_ns, (vehicle, conflict)
-    is_known = _is_known(raised_ns, real)
+    is_known = _nearest_vehicle_known_mask(raised_ns, real)
     judged = []
     for k, (raised, last) in enumerate(spans):
         about = best[k]
         if about is None:
-            judged.append(JudgedFlag(raised, last, FALSE if is_known[k] else UNDECIDED))
+            judged.append(JudgedFlagWarning(raised, last, VERDICT_FALSE if is_known[k] else VERDICT_UNDECIDED))
             continue
         lead = about[1].onset_ns - raised
-        judged.append(JudgedFlag(raised, last, TRUE if lead >= 0 else LATE, *about, lead / NS_PER_S))
+        judged.append(
+            JudgedFlagWarning(raised, last, VERDICT_TRUE if lead >= 0 else VERDICT_LATE, *about, lead / NS_PER_S)
+        )
     kinds = [each.kind for each in judged]
     scores = WarningScores(
-        n_true=kinds.count(TRUE),
-        n_late=kinds.count(LATE),
-        n_false=kinds.count(FALSE),
-        n_undecided=kinds.count(UNDECIDED),
+        n_true=kinds.count(VERDICT_TRUE),
+        n_late=kinds.count(VERDICT_LATE),
+        n_false=kinds.count(VERDICT_FALSE),
+        n_undecided=kinds.count(VERDICT_UNDECIDED),
         n_conflicts=real.n_conflicts,
-        n_in_time=first.count(TRUE),
-        n_warned_late=first.count(LATE),
+        n_in_time=first.count(VERDICT_TRUE),
+        n_warned_late=first.count(VERDICT_LATE),
         lead_times_s=tuple(leads),
         host_hours=real.host_hours,
     )
     return FlagScores(tuple(judged), scores)
 
 
-def _is_known(raised_ns: Int64Array, real: Happened) -> BoolArray:
+def _nearest_vehicle_known_mask(raised_ns: Int64Array, real: ActualOutcomes) -> BoolArray:
     """Return a mask of the warnings whose nearest vehicle is known for as long as a conflict could follow.
 
     It is False where no vehicle is known at the warning.
@@ -112,14 +115,14 @@ def _is_known(raised_ns: Int64Array, real: Happened) -> BoolArray:
     nearest_m = np.full(len(raised_ns), np.inf)
     is_known = np.zeros(len(raised_ns), np.bool_)
     for pair in real.pairs.values():
-        distance_m = _distance_at(pair, raised_ns)
+        distance_m = _next_known_distance_m(pair, raised_ns)
         nearer = distance_m < nearest_m  # NaN is not
         nearest_m[nearer] = distance_m[nearer]
-        is_known[nearer] = _covers(pair, raised_ns[nearer], raised_ns[nearer] + horizon_ns)
+        is_known[nearer] = _distance_known_without_gap_mask(pair, raised_ns[nearer], raised_ns[nearer] + horizon_ns)
     return is_known
 
 
-def _distance_at(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _next_known_distance_m(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     """Return the distance (m) of the centres at the next known stamp; NaN where there is none within `max_gap_s`."""
     known = np.flatnonzero(np.isfinite(pair.distance_m))
     stamp_ns = pair.stamp_ns[known]
@@ -131,7 +134,7 @@ def _distance_at(pair: Pair, at_ns: Int64Array) -> np.ndarray[tuple[int, ...], n
     return out
 
 
-def _covers(pair: Pair, begin_ns: Int64Array, end_ns: Int64Array) -> BoolArray:
+def _distance_known_without_gap_mask(pair: Pair, begin_ns: Int64Array, end_ns: Int64Array) -> BoolArray:
     """Return a mask: the distance is known from begin to end without a gap; it must be known at the begin."""
     stamp_ns = pair.stamp_ns[np.isfinite(pair.distance_m)]
     gap_ns = pair.max_gap_s * NS_PER_S

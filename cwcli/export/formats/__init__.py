@@ -17,7 +17,7 @@ TRACK_FORMATS = {
 """Name of a format -> the module with its `FORMAT`."""
 
 
-def track_format(name: str) -> TrackFormat:
+def load_track_format(name: str) -> TrackFormat:
     """Import the format of a name in `TRACK_FORMATS`."""
     found: TrackFormat = import_module(TRACK_FORMATS[name]).FORMAT
     return found

@@ -53,9 +53,9 @@ class TrackFormat:
     """
 
     suffixes: tuple[str, ...]
-    what: str
+    description: str
     encode: Callable[[Sequence[Track]], bytes]
-    is_of_one: bool = False
-    on_globe: bool = False
+    holds_one_track: bool = False
+    is_geographic: bool = False
     is_text: bool = True
-    is_of_all: bool = False
+    holds_all_vehicles: bool = False

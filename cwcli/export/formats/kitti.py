@@ -23,5 +23,5 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat((".kitti", ".txt"), "KITTI poses, for evo; without times", encode, is_of_one=True)
+FORMAT = TrackFormat((".kitti", ".txt"), "KITTI poses, for evo; without times", encode, holds_one_track=True)
 """The description of this format for the table of formats."""

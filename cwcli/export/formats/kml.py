@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from xml.sax.saxutils import escape
 
 from cwcli.export.formats.base import Track, TrackFormat
-from cwcli.export.text import degrees, iso_time, xml_text
+from cwcli.export.text import format_degrees, format_iso_time, replace_forbidden_xml_characters
 
-HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+KML_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
 <Document>
 """
@@ -20,15 +20,15 @@ HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 
 def encode(tracks: Sequence[Track]) -> bytes:
     """Encode each track as a `Placemark`: first all its times, then all its positions."""
-    parts = [HEAD]
+    parts = [KML_HEAD]
     for track in tracks:
-        parts.append(f"<Placemark><name>{escape(xml_text(track.id))}</name><gx:Track>\n")
-        parts += [f"<when>{iso_time(stamp_ns)}</when>\n" for stamp_ns in track.stamp_ns.tolist()]
+        parts.append(f"<Placemark><name>{escape(replace_forbidden_xml_characters(track.id))}</name><gx:Track>\n")
+        parts += [f"<when>{format_iso_time(stamp_ns)}</when>\n" for stamp_ns in track.stamp_ns.tolist()]
         places = zip(track.longitude_deg, track.latitude_deg, strict=True)
-        parts += [f"<gx:coord>{degrees(lon)} {degrees(lat)} 0</gx:coord>\n" for lon, lat in places]
+        parts += [f"<gx:coord>{format_degrees(lon)} {format_degrees(lat)} 0</gx:coord>\n" for lon, lat in places]
         parts.append("</gx:Track></Placemark>\n")
     return "".join([*parts, "</Document>\n</kml>\n"]).encode()
 
 
-FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode, on_globe=True)
+FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode, is_geographic=True)
 """The description of this format for the table of formats."""

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.export.formats.base import Track, TrackFormat
-from cwcli.export.text import iso_time
-from cwcli.logs.write.protobuf_encoder import encode_columns
-from cwcli.logs.write.schemas import message_schema
+from cwcli.export.text import format_iso_time
+from cwcli.logs.write.protobuf_encoder import encode_protobuf
+from cwcli.logs.write.schemas import find_message_schema
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputField, Repeated, Strings
 from cwcli.signals.resample import resample
@@ -26,15 +26,15 @@ from cwcli.signals.units import NS_PER_S
 
 OSI_VERSION = (3, 8, 0)
 """Version of OSI whose messages are written."""
-TOPIC, SCHEMA = "ground_truth", "osi3.GroundTruth"
+TRACE_TOPIC, TRACE_SCHEMA = "ground_truth", "osi3.GroundTruth"
 """Topic and schema of the only channel."""
-EGO = ("ego", "ego-online")
+EGO_CONTENTS = ("ego", "ego-online")
 """Contents whose track is the host vehicle."""
 DEFAULT_SIZE_M = (4.5, 1.8)
 """Length and width of vehicles of unknown size, m; chosen: the same as in the criticality measures."""
-HEIGHT_M = 1.5
+OBJECT_HEIGHT_M = 1.5
 """Height of all vehicles, m; chosen: no message holds one."""
-MAX_GAP_S = 1.0
+MAX_INTERPOLATION_GAP_S = 1.0
 """Longest time between two states that is interpolated, s; chosen by hand."""
 TYPE_OTHER, TYPE_VEHICLE, VEHICLE_OTHER = 1, 2, 1
 """The values of MovingObject.Type and of VehicleClassification.Type that are used."""
@@ -48,45 +48,45 @@ def encode(tracks: Sequence[Track]) -> bytes:
     Other vehicles are interpolated between states that are at most a second apart. Ids that are no whole numbers are
     replaced by free numbers, with the original id as external reference.
     """
-    host = next((track for track in tracks if track.what in EGO), None)
+    host = next((track for track in tracks if track.what in EGO_CONTENTS), None)
     at_ns = np.unique(host.stamp_ns if host is not None else np.concatenate([track.stamp_ns for track in tracks]))
     n = len(at_ns)
-    ids = _ids(tracks)
+    ids = _unique_numeric_ids(tracks)
     fields: dict[str, OutputField] = {
-        **{f"version.version_{name}": np.full(n, part) for name, part in zip(_PARTS, OSI_VERSION, strict=True)},
+        **{f"version.version_{name}": np.full(n, part) for name, part in zip(_VERSION_PARTS, OSI_VERSION, strict=True)},
         "timestamp.seconds": at_ns // NS_PER_S,
         "timestamp.nanos": at_ns % NS_PER_S,
-        "moving_object": _objects(tracks, ids, at_ns),
+        "moving_object": _moving_objects(tracks, ids, at_ns),
     }
     if host is not None:
         fields["host_vehicle_id.value"] = np.full(n, ids[tracks.index(host)], np.uint64)
-    schema = message_schema(SCHEMA)
+    schema = find_message_schema(TRACE_SCHEMA)
     with tempfile.TemporaryDirectory(prefix="cwcli-") as folder:
         path = Path(folder) / "trace.mcap"
         with LogWriter(path) as log:
-            made = _versions()
+            made = _version_texts()
             key = "net.asam.osi.trace.channel"
             channel = log.add_channel(
-                TOPIC,
+                TRACE_TOPIC,
                 "protobuf",
-                log.add_schema(SCHEMA, "protobuf", schema.data),
+                log.add_schema(TRACE_SCHEMA, "protobuf", schema.data),
                 {
                     f"{key}.osi_version": made["min_osi_version"],
                     f"{key}.protobuf_version": made["min_protobuf_version"],
                     f"{key}.description": "states by cwcli: " + ", ".join(dict.fromkeys(t.what for t in tracks)),
                 },
             )
-            log.write_messages(channel, at_ns, encode_columns(schema.descriptor, fields, n))
-            zero = {"zero_time": iso_time(0)} if n and at_ns[0] >= GPS_EPOCH_NS else {}
+            log.write_messages(channel, at_ns, encode_protobuf(schema.descriptor, fields, n))
+            zero = {"zero_time": format_iso_time(0)} if n and at_ns[0] >= GPS_EPOCH_NS else {}
             log.add_metadata("net.asam.osi.trace", {**made, **zero, "description": "states estimated by cwcli"})
         return path.read_bytes()
 
 
-_PARTS = ("major", "minor", "patch")
+_VERSION_PARTS = ("major", "minor", "patch")
 """Names of the parts of a version."""
 
 
-def _versions() -> Mapping[str, str]:
+def _version_texts() -> Mapping[str, str]:
     osi = ".".join(map(str, OSI_VERSION))
     found = re.match(r"\d+\.\d+\.\d+", version("protobuf"))
     protobuf = found.group() if found else "0.0.0"
@@ -99,7 +99,7 @@ def _versions() -> Mapping[str, str]:
     }
 
 
-def _ids(tracks: Sequence[Track]) -> list[int]:
+def _unique_numeric_ids(tracks: Sequence[Track]) -> list[int]:
     """Give each track a unique number: its own id where that is a number and still free."""
     own = [int(t.id) if t.id.isdecimal() and t.id == str(int(t.id)) and int(t.id) < 2**64 - 1 else None for t in tracks]
     taken: set[int] = set()
@@ -112,9 +112,9 @@ def _ids(tracks: Sequence[Track]) -> list[int]:
     return [next(free) if number is None else number for number in ids]
 
 
-def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
+def _moving_objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> Repeated:
     """Make the moving objects of each message, in the order of the tracks."""
-    parts = [_states(track, at_ns) for track in tracks]
+    parts = [_interpolate_states(track, at_ns) for track in tracks]
     there = [np.isfinite(part[:, :4]).all(axis=1) for part in parts]
     row = np.concatenate([np.flatnonzero(is_there) for is_there in there])
     owner = np.repeat(np.arange(len(tracks)), [np.count_nonzero(is_there) for is_there in there])
@@ -123,11 +123,11 @@ def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> 
     row, owner, state = row[order], owner[order], state[order]
     x_m, y_m, speed, yaw_rad, accel, yaw_rate = state.T
     cosine, sine, aside = np.cos(yaw_rad), np.sin(yaw_rad), speed * yaw_rate
-    sizes = np.array([_size(track) for track in tracks])[owner]
+    sizes = np.array([_length_and_width_m(track) for track in tracks])[owner]
     nothing = np.zeros(len(owner))
     is_target = np.array([track.what == "targets" for track in tracks])[owner]
     triples = {
-        "position": (x_m, y_m, np.full(len(owner), 0.5 * HEIGHT_M)),
+        "position": (x_m, y_m, np.full(len(owner), 0.5 * OBJECT_HEIGHT_M)),
         "velocity": (speed * cosine, speed * sine, nothing),
         "acceleration": (accel * cosine - aside * sine, accel * sine + aside * cosine, nothing),
     }
@@ -139,7 +139,7 @@ def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> 
         **{f"base.{name}.yaw": angle for name, angle in angles.items()},
         "base.dimension.length": sizes[:, 0],
         "base.dimension.width": sizes[:, 1],
-        "base.dimension.height": np.full(len(owner), HEIGHT_M),
+        "base.dimension.height": np.full(len(owner), OBJECT_HEIGHT_M),
         "type": np.where(is_target, TYPE_OTHER, TYPE_VEHICLE),
         "vehicle_classification.type": np.full(len(owner), VEHICLE_OTHER),
         "source_reference": Repeated(
@@ -154,24 +154,24 @@ def _objects(tracks: Sequence[Track], ids: Sequence[int], at_ns: Int64Array) -> 
     return Repeated(offsets, fields)
 
 
-def _size(track: Track) -> tuple[float, ...]:
+def _length_and_width_m(track: Track) -> tuple[float, ...]:
     return tuple(
         size if math.isfinite(size) and size > 0.0 else default
         for size, default in zip(track.size_m, DEFAULT_SIZE_M, strict=True)
     )
 
 
-def _states(track: Track, at_ns: Int64Array) -> FloatArray:
+def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
     """Interpolate x, y, speed, heading, acceleration and yaw rate at n times, shape (n, 6); NaN outside the track."""
     nothing = np.zeros(len(track.stamp_ns))
     motion = [nothing if each is None else np.nan_to_num(each) for each in (track.accel_mps2, track.yaw_rate_radps)]
     lines = np.stack([track.x_m, track.y_m, track.speed_mps, *motion], axis=1)
-    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_GAP_S)
-    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_GAP_S, is_angle=True)
+    found = resample(track.stamp_ns, lines, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S)
+    heading = resample(track.stamp_ns, track.heading_rad, at_ns, max_gap_s=MAX_INTERPOLATION_GAP_S, is_angle=True)
     return np.column_stack([found[:, :3], heading, found[:, 3:]])
 
 
 FORMAT = TrackFormat(
-    (".osi.mcap",), "ASAM OSI trace, for simulators and their tools", encode, is_text=False, is_of_all=True
+    (".osi.mcap",), "ASAM OSI trace, for simulators and their tools", encode, is_text=False, holds_all_vehicles=True
 )
 """The description of this format for the table of formats."""

@@ -24,5 +24,5 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode, is_of_one=True)
+FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode, holds_one_track=True)
 """The description of this format for the table of formats."""

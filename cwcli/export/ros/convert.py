@@ -10,32 +10,32 @@ from pathlib import Path
 import numpy as np
 
 from cwcli import __version__
-from cwcli.channels.published import OWN_PREFIX
+from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.export.ros.messages import ROS_MESSAGES, unknown_fields
+from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import LeftOut, annotate
-from cwcli.logs.write.cdr_fit import unfit_rows
-from cwcli.logs.write.profile import is_of_profile
-from cwcli.pipeline.records import ORIGIN_NAMES, PREFIX, map_of, run_records
-from cwcli.signals.columns import OutputChannel, column_at
+from cwcli.logs.write.annotate import ExcludedRecords, annotate_log
+from cwcli.logs.write.cdr_fit import unrepresentable_row_masks
+from cwcli.logs.write.profile import matches_ros_profile
+from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, map_from_record, read_run_records
+from cwcli.signals.columns import OutputChannel, select_column_rows
 from cwcli.signals.geodesy import LocalMap
 
-PROFILE = "ros2"
+ROS_PROFILE = "ros2"
 """Profile of an MCAP file that holds ROS 2 messages only."""
-FOLDER = f"{OWN_PREFIX}ros/"
+ROS_TOPIC_PREFIX = f"{OWN_TOPIC_PREFIX}ros/"
 """Beginning of converted topics; no command reads topics below it as measurements or as results of a stage."""
-RECORD = "cwcli.export.ros2"
+METADATA_RECORD = "cwcli.export.ros2"
 """Name of the metadata record that holds the map's origin."""
-NOT_IN_A_TOPIC = re.compile("[^A-Za-z0-9_/]")
+FORBIDDEN_TOPIC_CHARACTERS = re.compile("[^A-Za-z0-9_/]")
 """Characters that a ROS topic may not hold."""
 
-OWN_SCHEMAS = "cwcli."
+OWN_SCHEMA_PREFIX = "cwcli."
 """Beginning of the names of cwcli's own schemas."""
 
 
 @dataclass(frozen=True)
-class RosLog:
+class RosLogReport:
     """Counts of a conversion to a ROS 2 log.
 
     Attributes:
@@ -55,7 +55,7 @@ class RosLog:
     replaced: list[str]
 
 
-def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLog:
+def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLogReport:
     """Write a log of ROS 2 messages: recorded ROS messages unchanged, and cwcli's channels converted.
 
     A metadata record with the map's origin replaces the records of the stages.
@@ -66,20 +66,24 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         InputError: The log is damaged.
         OutputError: The target can't be written.
     """
-    foreign = [each for each in log.channels if not is_of_profile(PROFILE, each.message_encoding, each.schema_encoding)]
-    if len(foreign) == len(log.channels) and not any(each.schema_name in ROS_MESSAGES for each in foreign):
+    foreign = [
+        each
+        for each in log.channels
+        if not matches_ros_profile(ROS_PROFILE, each.message_encoding, each.schema_encoding)
+    ]
+    if len(foreign) == len(log.channels) and not any(each.schema_name in ROS_CONVERSIONS for each in foreign):
         raise MissingSignalError(
             "no channel can be written as ROS messages", where=log.name, hint="run `cwcli run` on it first"
         )
-    estimated = run_records(log).get("estimate", {})
-    local_map = map_of(estimated)
-    known = {each.topic: each.schema_name for each in foreign if each.schema_name in ROS_MESSAGES}
+    estimated = read_run_records(log).get("estimate", {})
+    local_map = map_from_record(estimated)
+    known = {each.topic: each.schema_name for each in foreign if each.schema_name in ROS_CONVERSIONS}
     made, left_messages, left_fields, unreadable = [], {}, {}, {}
-    for topic, name in topic_names(known).items():
+    for topic, name in ros_topic_names(known).items():
         try:
-            channel, left_messages[topic], left_fields[topic] = _converted(log, topic, name, local_map)
+            channel, left_messages[topic], left_fields[topic] = _convert_channel(log, topic, name, local_map)
         except DataError as error:
-            if known[topic].startswith(OWN_SCHEMAS):
+            if known[topic].startswith(OWN_SCHEMA_PREFIX):
                 raise
             unreadable[topic] = f"{known[topic]}: {error.what}"
         else:
@@ -87,21 +91,26 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     made_topics = {each.topic for each in made}
     foreign_ids = {each.id for each in foreign}
     replaced = [each.topic for each in log.channels if each.id not in foreign_ids and each.topic in made_topics]
-    report = annotate(
+    report = annotate_log(
         log,
         made,
-        {RECORD: {"cwcli": __version__, **{name: estimated[name] for name in ORIGIN_NAMES if name in estimated}}},
+        {
+            METADATA_RECORD: {
+                "cwcli": __version__,
+                **{name: estimated[name] for name in ORIGIN_NAMES if name in estimated},
+            }
+        },
         target,
         replace=True,
         force=force,
-        left_out=LeftOut(
+        excluded=ExcludedRecords(
             frozenset(each.id for each in foreign),
-            frozenset(name for name in log.metadata_names if name.startswith(PREFIX)),
+            frozenset(name for name in log.metadata_names if name.startswith(RUN_RECORD_PREFIX)),
         ),
-        profile=PROFILE,
+        profile=ROS_PROFILE,
     )
     left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known} | unreadable
-    return RosLog(
+    return RosLogReport(
         report.n_messages_copied,
         report.n_messages_added,
         left_out,
@@ -111,26 +120,28 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
     )
 
 
-def topic_names(topics: Iterable[str]) -> dict[str, str]:
+def ros_topic_names(topics: Iterable[str]) -> dict[str, str]:
     """The ROS topic of each topic, all different: `/a b` and `/a_b` become `a_b` and `a_b_2`."""
     names: dict[str, str] = {}
     for topic in topics:
-        plain = FOLDER + (NOT_IN_A_TOPIC.sub("_", topic.removeprefix(OWN_PREFIX).strip("/")) or "_")
+        plain = ROS_TOPIC_PREFIX + (
+            FORBIDDEN_TOPIC_CHARACTERS.sub("_", topic.removeprefix(OWN_TOPIC_PREFIX).strip("/")) or "_"
+        )
         every = (plain, *(f"{plain}_{k}" for k in range(2, len(names) + 3)))
         names[topic] = next(name for name in every if name not in names.values())
     return names
 
 
-def _converted(
+def _convert_channel(
     log: Log, topic: str, name: str, local_map: LocalMap | None
 ) -> tuple[OutputChannel, dict[str, int], list[str]]:
     """Convert a channel; returns it, the number of messages left out by field, and the names of fields left out."""
     columns = log.columns(topic)
-    message = ROS_MESSAGES[columns.schema_name]
-    fields = message.fields(columns, local_map)
+    message = ROS_CONVERSIONS[columns.schema_name]
+    fields = message.make_fields(columns, local_map)
     fit = np.ones(len(columns), np.bool_)
     left_out = {}
-    for path, is_unfit in unfit_rows(message.schema, fields, len(columns)).items():
+    for path, is_unfit in unrepresentable_row_masks(message.schema, fields, len(columns)).items():
         if n := int(np.count_nonzero(fit & is_unfit)):
             left_out[path] = n
         fit &= ~is_unfit
@@ -141,8 +152,8 @@ def _converted(
             log_time_ns=columns.log_time_ns[rows],
             publish_time_ns=columns.publish_time_ns[rows],
             sequence=columns.sequence[rows],
-            fields={path: column_at(column, rows) for path, column in columns.fields.items()},
+            fields={path: select_column_rows(column, rows) for path, column in columns.fields.items()},
         )
-        fields = message.fields(columns, local_map)
+        fields = message.make_fields(columns, local_map)
     channel = OutputChannel(name, message.schema, columns.log_time_ns, fields)
-    return channel, left_out, unknown_fields(columns)
+    return channel, left_out, fields_unknown_to_ros(columns)

@@ -9,47 +9,47 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import cdr as kernel
-from cwcli.logs.codecs.cdr_program import MAX_ALIGN_V2, Leaf, Program, compile_program
-from cwcli.logs.codecs.decoder import Outcome
-from cwcli.logs.codecs.ros2msg import parse_definitions
-from cwcli.logs.codecs.slots import (
+from cwcli.logs.codecs.cdr_program import MAX_ALIGNMENT_XCDR2_BYTES, CdrProgram, LeafColumn, compile_cdr_program
+from cwcli.logs.codecs.column_buffers import (
+    BlobSpanBuffer,
     BoolArray,
-    FixedSlot,
+    FixedColumnBuffer,
     Payloads,
-    RaggedSlot,
-    SpanSlot,
-    StringSlot,
-    addresses,
+    RaggedColumnBuffer,
+    StringColumnBuffer,
+    begin_ragged_batch,
     grown_capacity,
-    ragged_addresses,
-    take_ragged,
+    row_zero_addresses,
+    select_ragged_rows,
 )
-from cwcli.logs.codecs.unpacked import unpacked
+from cwcli.logs.codecs.compressed_messages import iter_decompressed_parts
+from cwcli.logs.codecs.decoder import DecodeOutcome
+from cwcli.logs.codecs.ros2msg import parse_message_definitions
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Ragged
 
-REASONS = {
+REASON_BY_STATUS = {
     kernel.STATUS_SHORT: "the message ends before its fields do",
     kernel.STATUS_FOREIGN: "its encapsulation is not plain CDR",
 }
 """Status of the kernel for a message that it could not decode -> reason shown to users."""
-MAX_KEPT_SCHEMA_BYTES = 1 << 16
+MAX_CACHED_SCHEMA_BYTES = 1 << 16
 """Size in bytes of the largest schema whose compiled program is cached. Chosen by hand."""
-MAX_ROOM_BYTES = 1 << 28
+MAX_PREALLOCATED_BYTES = 1 << 28
 """Memory in bytes that is allocated before a message is seen: a schema can ask for rows of any size. Chosen by hand."""
 
 
 @lru_cache(maxsize=32)
-def _compiled(
+def _compile_schema(
     schema_name: str, schema_data: bytes, wanted: frozenset[str] | None, blobs: frozenset[str]
-) -> tuple[Program, npt.NDArray[np.int32]]:
+) -> tuple[CdrProgram, npt.NDArray[np.int32]]:
     """Compile a schema to a program, and to its operations for XCDR2; `wanted`: leaf paths, None for all."""
-    root, definitions = parse_definitions(schema_name, schema_data.decode(errors="replace"))
+    root, definitions = parse_message_definitions(schema_name, schema_data.decode(errors="replace"))
 
     def wants(path: str, is_octets: bool) -> bool:
         return not is_octets if wanted is None else path in wanted
 
-    program = compile_program(root, definitions, wants, blobs=blobs)
-    second = compile_program(root, definitions, wants, blobs=blobs, max_align=MAX_ALIGN_V2)
+    program = compile_cdr_program(root, definitions, wants, blobs=blobs)
+    second = compile_cdr_program(root, definitions, wants, blobs=blobs, max_align=MAX_ALIGNMENT_XCDR2_BYTES)
     # XCDR2 puts a length before collections of strings and messages, which no ROS 2 recorder writes: not decoded.
     return program, np.zeros((0, 6), np.int32) if second.has_loops else second.operations
 
@@ -82,45 +82,47 @@ class CdrDecoder:
         n_expected: int = 0,
     ) -> None:
         wanted = None if fields is None else frozenset(fields)
-        compiled = _compiled if len(schema_data) <= MAX_KEPT_SCHEMA_BYTES else _compiled.__wrapped__
+        compiled = _compile_schema if len(schema_data) <= MAX_CACHED_SCHEMA_BYTES else _compile_schema.__wrapped__
         self._program, self._program_v2 = compiled(schema_name, schema_data, wanted, frozenset(blobs))
-        self.restart(n_expected)
+        self.reset(n_expected)
 
     @property
     def empty_row_bytes(self) -> int:
         """Return 0, because an empty message can't be decoded."""
         return 0
 
-    def restart(self, n_expected: int = 0) -> None:
+    def reset(self, n_expected: int = 0) -> None:
         """Forget all messages."""
-        self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._program.slots]
-        self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._program.ragged]
-        self._row_bytes = sum(slot.array.itemsize * (leaf.count or 1) for leaf, slot in self._fixed())
-        self._capacity = min(n_expected, MAX_ROOM_BYTES // max(self._row_bytes, 1))
+        self._slots: list[FixedColumnBuffer | StringColumnBuffer] = [
+            _make_column_buffer(leaf) for leaf in self._program.slots
+        ]
+        self._ragged = [RaggedColumnBuffer(leaf.dtype) for leaf in self._program.ragged]
+        self._row_bytes = sum(slot.array.itemsize * (leaf.count or 1) for leaf, slot in self._fixed_leaf_buffers())
+        self._capacity = min(n_expected, MAX_PREALLOCATED_BYTES // max(self._row_bytes, 1))
         self._is_long_enough: list[BoolArray] = []
         self._is_ok: list[BoolArray] = []
         self._reasons: dict[str, int] = {}
         self._n = 0
         for slot in self._slots:
-            slot.grow(self._capacity)
+            slot.grow_to_capacity(self._capacity)
 
-    def add(self, payloads: Payloads) -> None:
+    def decode_batch(self, payloads: Payloads) -> None:
         """Decode a batch of messages."""
-        for part in unpacked(payloads) if len(payloads) else ():
-            self._add(part)
+        for part in iter_decompressed_parts(payloads) if len(payloads) else ():
+            self._decode_uncompressed_batch(part)
 
-    def _add(self, payloads: Payloads) -> None:
+    def _decode_uncompressed_batch(self, payloads: Payloads) -> None:
         is_long_enough = payloads.ends - payloads.starts >= self._row_bytes
         self._is_long_enough.append(is_long_enough)
         n_short = len(payloads) - int(is_long_enough.sum())
         if n_short:  # they get no row: a schema can ask for any number of bytes a row
-            self._note(REASONS[kernel.STATUS_SHORT], n_short)
-            payloads = payloads.take(np.flatnonzero(is_long_enough))
+            self._count_reason(REASON_BY_STATUS[kernel.STATUS_SHORT], n_short)
+            payloads = payloads.select_messages(np.flatnonzero(is_long_enough))
         n, first = len(payloads), self._n
         if not n:
             return
-        self._grow(first + n)
-        buffers, cursor_columns = ragged_addresses(self._ragged, n, payloads.n_bytes)
+        self._grow_buffers(first + n)
+        buffers, cursor_columns = begin_ragged_batch(self._ragged, n, payloads.n_bytes)
         status = np.zeros(n, np.uint8)
         kernel.walk(
             payloads.data,
@@ -128,7 +130,7 @@ class CdrDecoder:
             payloads.ends,
             program=self._program.operations,
             program_v2=self._program_v2,
-            slots=addresses(self._slots, first, n),
+            slots=row_zero_addresses(self._slots, first, n),
             ragged=buffers,
             cursors=np.zeros(len(self._ragged), np.int64),
             cursor_columns=cursor_columns,
@@ -137,75 +139,75 @@ class CdrDecoder:
         )
         is_ok = status == kernel.STATUS_OK
         for slot in self._slots:
-            slot.take(payloads.data, first, is_ok)
+            slot.finish_batch(payloads.data, first, is_ok)
         for ragged in self._ragged:
-            ragged.end()
+            ragged.finish_batch()
         self._is_ok.append(is_ok)
         if not is_ok.all():
-            for code, reason in REASONS.items():
-                self._note(reason, int((status == code).sum()))
+            for code, reason in REASON_BY_STATUS.items():
+                self._count_reason(reason, int((status == code).sum()))
         self._n += n
 
-    def _note(self, reason: str, count: int) -> None:
+    def _count_reason(self, reason: str, count: int) -> None:
         if count:
             self._reasons[reason] = self._reasons.get(reason, 0) + count
 
-    def blobs(self, path: str) -> list[bytes | memoryview]:
+    def blobs_of_last_batch(self, path: str) -> list[bytes | memoryview]:
         """Return a blob field of each message of the last batch, b"" for a message that is too short.
 
         Messages that are compressed one by one must be added one by one, because only the last part is returned.
         """
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
-            if leaf.path == path and isinstance(slot, SpanSlot):
+            if leaf.path == path and isinstance(slot, BlobSpanBuffer):
                 is_long_enough = self._is_long_enough[-1]
-                views = iter(slot.views() if is_long_enough.any() else ())
+                views = iter(slot.blobs_of_batch() if is_long_enough.any() else ())
                 return [next(views) if is_long else b"" for is_long in is_long_enough.tolist()]
         raise KeyError(path)
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> DecodeOutcome:
         """Return which messages were decoded, and why others were not."""
         is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
         is_ok[is_ok] = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
-        return Outcome(is_ok, self._reasons)
+        return DecodeOutcome(is_ok, self._reasons)
 
-    def finish(self, rows: Int64Array) -> dict[str, Field]:
+    def build_columns(self, rows: Int64Array) -> dict[str, Field]:
         """Return leaf path -> column for the given messages."""
         is_long_enough = np.concatenate([np.zeros(0, np.bool_), *self._is_long_enough])
         if not is_long_enough.all():
             rows = (np.cumsum(is_long_enough) - 1)[rows]
         fields: dict[str, Field] = {}
         for leaf, slot in zip(self._program.slots, self._slots, strict=True):
-            if isinstance(slot, FixedSlot):
-                fields[leaf.path] = _truth(leaf, slot.array[rows])
-            elif not isinstance(slot, SpanSlot):
-                fields[leaf.path] = slot.finish(rows)
+            if isinstance(slot, FixedColumnBuffer):
+                fields[leaf.path] = _as_bool_if_declared(leaf, slot.array[rows])
+            elif not isinstance(slot, BlobSpanBuffer):
+                fields[leaf.path] = slot.build_strings(rows)
         for leaf, ragged in zip(self._program.ragged, self._ragged, strict=True):
-            found = take_ragged(ragged.finish(), rows)
-            values = _truth(leaf, found.values)
+            found = select_ragged_rows(ragged.build_ragged(), rows)
+            values = _as_bool_if_declared(leaf, found.values)
             # Inside fixed arrays every row has the same number of elements.
             fields[leaf.path] = Ragged(values, found.offsets) if leaf.count is None else values.reshape(-1, leaf.count)
         return fields
 
-    def _fixed(self) -> list[tuple[Leaf, FixedSlot]]:
+    def _fixed_leaf_buffers(self) -> list[tuple[LeafColumn, FixedColumnBuffer]]:
         """Return the leaves of fixed size with their buffers."""
         pairs = zip(self._program.slots, self._slots, strict=True)
-        return [(leaf, slot) for leaf, slot in pairs if isinstance(slot, FixedSlot)]
+        return [(leaf, slot) for leaf, slot in pairs if isinstance(slot, FixedColumnBuffer)]
 
-    def _grow(self, needed: int) -> None:
+    def _grow_buffers(self, needed: int) -> None:
         capacity = grown_capacity(self._capacity, needed)
         if capacity != self._capacity:
             self._capacity = capacity
         for slot in self._slots:
-            slot.grow(capacity)
+            slot.grow_to_capacity(capacity)
 
 
-def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+def _make_column_buffer(leaf: LeafColumn) -> FixedColumnBuffer | StringColumnBuffer:
     """Return an empty column buffer for a leaf."""
     if leaf.kind == "fixed":
-        return FixedSlot(leaf.dtype, leaf.count)
-    return StringSlot() if leaf.kind == "string" else SpanSlot()
+        return FixedColumnBuffer(leaf.dtype, leaf.count)
+    return StringColumnBuffer() if leaf.kind == "string" else BlobSpanBuffer()
 
 
-def _truth(leaf: Leaf, values: NumericArray) -> NumericArray:
+def _as_bool_if_declared(leaf: LeafColumn, values: NumericArray) -> NumericArray:
     """Return the values, as truth values if the schema declares the leaf as bool."""
     return values != 0 if leaf.is_bool else values

@@ -29,36 +29,36 @@ from cwcli.kernels.cdr import (
     OP_STRING,
 )
 from cwcli.logs.codecs.ros2msg import (
-    PRIMITIVES,
-    STRING,
-    WSTRING,
+    PRIMITIVE_DTYPES,
+    STRING_TYPE,
+    WSTRING_TYPE,
     Definitions,
     MessageField,
     SchemaError,
-    find_definition,
+    find_message_fields,
 )
 
-MAX_LOOPS = 16
+MAX_SEQUENCE_NESTING = 16
 """The greatest depth of sequences and arrays inside each other. Chosen by hand; the kernel's stack has this size."""
-MAX_NESTING = 64
+MAX_MESSAGE_NESTING = 64
 """The greatest depth of messages inside each other. Chosen by hand."""
-MAX_FIELDS = 1 << 16
+MAX_SCHEMA_FIELDS = 1 << 16
 """The greatest number of fields of a message and all messages in it: nested types can double them at every level,
 whether they are wanted or not. Chosen by hand."""
-MAX_ELEMENTS = 1 << 24
+MAX_ELEMENTS_PER_MESSAGE = 1 << 24
 """The greatest number of elements of a leaf in one message, in all fixed arrays around it. Chosen by hand."""
 MAX_SKIP_BYTES = 1 << 30
 """The greatest number of bytes that one operation skips: the numbers of an operation are int32."""
-MAX_ALIGN = 8
+MAX_ALIGNMENT_XCDR1_BYTES = 8
 """The largest alignment in bytes of XCDR1 (DDS-XTypes 1.3, 7.4.1)."""
-MAX_ALIGN_V2 = 4
+MAX_ALIGNMENT_XCDR2_BYTES = 4
 """The largest alignment in bytes of XCDR2 (DDS-XTypes 1.3, 7.4.3)."""
-OCTETS = ("uint8", "byte")
+OCTET_TYPES = ("uint8", "byte")
 """The primitive types whose sequences are treated as blobs of bytes."""
 
 
 @dataclass(frozen=True)
-class Leaf:
+class LeafColumn:
     """A column that a program fills.
 
     Attributes:
@@ -77,7 +77,7 @@ class Leaf:
 
 
 @dataclass
-class Program:
+class CdrProgram:
     """Operations, and the columns that they fill.
 
     Attributes:
@@ -88,8 +88,8 @@ class Program:
     """
 
     operations: npt.NDArray[np.int32]
-    slots: list[Leaf]
-    ragged: list[Leaf]
+    slots: list[LeafColumn]
+    ragged: list[LeafColumn]
     has_loops: bool
 
 
@@ -97,19 +97,19 @@ Wants = Callable[[str, bool], bool]
 """A function that tells whether a leaf is wanted, from its path and whether it is a sequence of octets."""
 
 
-def compile_program(
+def compile_cdr_program(
     root: str,
     definitions: Definitions,
     wants: Wants,
     *,
     blobs: frozenset[str] = frozenset(),
-    max_align: int = MAX_ALIGN,
-) -> Program:
+    max_align: int = MAX_ALIGNMENT_XCDR1_BYTES,
+) -> CdrProgram:
     """Compile a message.
 
     Args:
         root: Short name of the message.
-        definitions: From `ros2msg.parse_definitions`.
+        definitions: From `ros2msg.parse_message_definitions`.
         wants: Tells which leaves become columns; the others are skipped.
         blobs: Paths of octet sequences of which only the place is stored.
         max_align: 8, or 4 for XCDR2.
@@ -118,9 +118,9 @@ def compile_program(
         SchemaError: A message is not defined, contains itself or a wstring, or is too large.
     """
     compiler = _Compiler(definitions, wants, blobs, max_align)
-    compiler.message(root, "", ())
+    compiler.compile_message(root, "", ())
     operations = np.array(compiler.operations, np.int32).reshape(-1, 6)
-    return Program(operations, compiler.slots, compiler.ragged, compiler.has_loops)
+    return CdrProgram(operations, compiler.slots, compiler.ragged, compiler.has_loops)
 
 
 @dataclass
@@ -132,126 +132,126 @@ class _Compiler:
     blobs: frozenset[str]
     max_align: int
     operations: list[list[int]] = field(default_factory=list)
-    slots: list[Leaf] = field(default_factory=list)
-    ragged: list[Leaf] = field(default_factory=list)
+    slots: list[LeafColumn] = field(default_factory=list)
+    ragged: list[LeafColumn] = field(default_factory=list)
     has_loops: bool = False
     loops: list[int | None] = field(default_factory=list)
     n_fields: int = 0
     modulus: int = 8
     residue: int = 0
 
-    def message(self, name: str, prefix: str, parents: tuple[str, ...]) -> None:
+    def compile_message(self, name: str, prefix: str, parents: tuple[str, ...]) -> None:
         """Compile the fields of a message whose leaves' paths begin with `prefix`."""
-        if name in parents or len(parents) > MAX_NESTING:
+        if name in parents or len(parents) > MAX_MESSAGE_NESTING:
             raise SchemaError(f"{name} contains itself")
-        fields = find_definition(self.definitions, name)
+        fields = find_message_fields(self.definitions, name)
         self.n_fields += len(fields) + 1
-        if self.n_fields > MAX_FIELDS:
-            raise SchemaError(f"its messages hold more than {MAX_FIELDS:,} fields")
+        if self.n_fields > MAX_SCHEMA_FIELDS:
+            raise SchemaError(f"its messages hold more than {MAX_SCHEMA_FIELDS:,} fields")
         if not fields:
-            self._primitives("u1", 1, None)  # an empty message has one octet, as IDL allows no empty structure
+            self._emit_primitives("u1", 1, None)  # an empty message has one octet, as IDL allows no empty structure
         for each in fields:
             path = f"{prefix}{each.name}"
-            if each.type == WSTRING:
+            if each.type == WSTRING_TYPE:
                 raise SchemaError(f"{path} is a wstring, which CDR encoders write in different ways")
-            if each.type in PRIMITIVES:
-                self._primitive_field(each, path)
+            if each.type in PRIMITIVE_DTYPES:
+                self._compile_primitive_field(each, path)
             else:
-                with self._within(each):
-                    if each.type == STRING:
-                        self._string(path)
+                with self._enclose_in_loop(each):
+                    if each.type == STRING_TYPE:
+                        self._compile_string(path)
                     else:
-                        self.message(each.type, f"{path}.", (*parents, name))
+                        self.compile_message(each.type, f"{path}.", (*parents, name))
 
-    def _primitive_field(self, each: MessageField, path: str) -> None:
-        dtype = PRIMITIVES[each.type]
-        is_octets = each.is_sequence and each.type in OCTETS
+    def _compile_primitive_field(self, each: MessageField, path: str) -> None:
+        dtype = PRIMITIVE_DTYPES[each.type]
+        is_octets = each.is_sequence and each.type in OCTET_TYPES
         is_wanted = self.wants(path, is_octets)
         is_bool = each.type == "bool"
         if each.is_sequence:
             size = int(dtype[1])
             if path in self.blobs and is_octets and not self.loops:
-                self._emit(OP_BLOB, 4, 0, 0, self._slot(Leaf(path, "blob")))
+                self._emit_operation(OP_BLOB, 4, 0, 0, self._add_slot(LeafColumn(path, "blob")))
             else:
-                slot = self._ragged(Leaf(path, "ragged", dtype, None, is_bool)) if is_wanted else -1
-                self._emit(OP_SEQUENCE, min(size, self.max_align), size, 0, slot)
-            self._forget()
+                slot = self._add_ragged_leaf(LeafColumn(path, "ragged", dtype, None, is_bool)) if is_wanted else -1
+                self._emit_operation(OP_SEQUENCE, min(size, self.max_align), size, 0, slot)
+            self._forget_alignment()
         elif not is_wanted:
-            self._primitives(dtype, each.length or 1, None)
+            self._emit_primitives(dtype, each.length or 1, None)
         elif self.loops:
             counts = [*self.loops, each.length or 1]
             static = None if None in counts else math.prod(n for n in counts if n is not None)
-            if static is not None and static > MAX_ELEMENTS:
+            if static is not None and static > MAX_ELEMENTS_PER_MESSAGE:
                 raise SchemaError(f"{path} has {static:.3g} elements in every message")
-            slot = self._ragged(Leaf(path, "ragged", dtype, static, is_bool))
-            self._primitives(dtype, each.length or 1, (OP_APPEND, slot))
+            slot = self._add_ragged_leaf(LeafColumn(path, "ragged", dtype, static, is_bool))
+            self._emit_primitives(dtype, each.length or 1, (OP_APPEND, slot))
         else:
-            slot = self._slot(Leaf(path, "fixed", dtype, each.length, is_bool))
-            self._primitives(dtype, each.length or 1, (OP_FIXED, slot))
+            slot = self._add_slot(LeafColumn(path, "fixed", dtype, each.length, is_bool))
+            self._emit_primitives(dtype, each.length or 1, (OP_FIXED, slot))
 
-    def _string(self, path: str) -> None:
+    def _compile_string(self, path: str) -> None:
         is_wanted = not self.loops and self.wants(path, False)
-        self._emit(OP_STRING, 4, 0, 0, self._slot(Leaf(path, "string")) if is_wanted else -1)
-        self._forget()
+        self._emit_operation(OP_STRING, 4, 0, 0, self._add_slot(LeafColumn(path, "string")) if is_wanted else -1)
+        self._forget_alignment()
 
     @contextmanager
-    def _within(self, each: MessageField) -> Iterator[None]:
+    def _enclose_in_loop(self, each: MessageField) -> Iterator[None]:
         """Enclose the operations emitted inside in a loop, if the field is a sequence or an array."""
         if not each.is_sequence and each.length is None:
             yield
             return
         self.has_loops = True
-        if len(self.loops) == MAX_LOOPS:
+        if len(self.loops) == MAX_SEQUENCE_NESTING:
             raise SchemaError("sequences are nested too deeply")
         begin = len(self.operations)
         if each.is_sequence:
-            self._emit(OP_LOOP, 4, 0, 0, -1)
+            self._emit_operation(OP_LOOP, 4, 0, 0, -1)
         else:
-            self._emit(OP_REPEAT, 1, 0, each.length or 1, -1)
-        self._forget()
+            self._emit_operation(OP_REPEAT, 1, 0, each.length or 1, -1)
+        self._forget_alignment()
         self.loops.append(each.length)
         yield
         self.loops.pop()
-        self._emit(OP_END, 1, 0, 0, -1)
+        self._emit_operation(OP_END, 1, 0, 0, -1)
         self.operations[begin][5] = len(self.operations)
-        self._forget()
+        self._forget_alignment()
 
-    def _primitives(self, dtype: str, count: int, use: tuple[int, int] | None) -> None:
+    def _emit_primitives(self, dtype: str, count: int, use: tuple[int, int] | None) -> None:
         """Emit `count` primitives: skipped, or stored by the operation `use` (code, slot)."""
         size = int(dtype[1])
         align = min(size, self.max_align)
         padding = -self.residue % align if align <= self.modulus else None
         if use is not None:
-            self._emit(use[0], align, size, count, use[1])
+            self._emit_operation(use[0], align, size, count, use[1])
         elif padding is None:
-            self._skip(align, size * count)
+            self._emit_skip(align, size * count)
         else:
-            self._skip(1, padding + size * count)
+            self._emit_skip(1, padding + size * count)
         if padding is None:
             self.modulus, self.residue, padding = align, 0, 0
         self.residue = (self.residue + padding + size * count) % self.modulus
 
-    def _skip(self, align: int, n_bytes: int) -> None:
+    def _emit_skip(self, align: int, n_bytes: int) -> None:
         """Emit a skip, joined with a skip right before it unless a loop begins or ends there."""
         last = self.operations[-1] if self.operations else None
         if last is not None and last[0] == OP_SKIP and align == 1 and last[2] + n_bytes <= MAX_SKIP_BYTES:
             last[2] += n_bytes
         else:
-            self._emit(OP_SKIP, align, n_bytes, 1, -1)
+            self._emit_operation(OP_SKIP, align, n_bytes, 1, -1)
 
-    def _emit(self, code: int, align: int, size: int, count: int, slot: int) -> None:
+    def _emit_operation(self, code: int, align: int, size: int, count: int, slot: int) -> None:
         self.operations.append([code, align, size, count, slot, 0])
 
-    def _forget(self) -> None:
+    def _forget_alignment(self) -> None:
         """Mark the alignment of the position as unknown."""
         self.modulus, self.residue = 1, 0
 
-    def _slot(self, leaf: Leaf) -> int:
+    def _add_slot(self, leaf: LeafColumn) -> int:
         """Add a fixed, string or blob leaf and return its slot."""
         self.slots.append(leaf)
         return len(self.slots) - 1
 
-    def _ragged(self, leaf: Leaf) -> int:
+    def _add_ragged_leaf(self, leaf: LeafColumn) -> int:
         """Add a ragged leaf and return its slot."""
         self.ragged.append(leaf)
         return len(self.ragged) - 1

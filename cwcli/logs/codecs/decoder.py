@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from cwcli.logs.codecs.slots import BoolArray, Payloads
+from cwcli.logs.codecs.column_buffers import BoolArray, Payloads
 from cwcli.signals.columns import Field, Int64Array
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DecodeOutcome:
     """Which of the added messages were decoded, in their order.
 
     Attributes:
@@ -30,19 +30,19 @@ class Decoder(Protocol):
     def empty_row_bytes(self) -> int:
         """Memory in bytes that a message without any field takes."""
 
-    def restart(self, n_expected: int = 0) -> None:
+    def reset(self, n_expected: int = 0) -> None:
         """Forget all messages; `n_expected` messages will follow."""
 
-    def add(self, payloads: Payloads) -> None:
+    def decode_batch(self, payloads: Payloads) -> None:
         """Decode a batch of messages."""
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> DecodeOutcome:
         """Return which messages were decoded, and why others were not."""
 
-    def finish(self, rows: Int64Array) -> dict[str, Field]:
+    def build_columns(self, rows: Int64Array) -> dict[str, Field]:
         """Return leaf path -> column for the given decodable messages, in the given order."""
 
-    def blobs(self, path: str) -> list[bytes | memoryview]:
+    def blobs_of_last_batch(self, path: str) -> list[bytes | memoryview]:
         """Return a blob field of each message of the last batch, b"" for a message without it.
 
         Raises:

@@ -21,42 +21,52 @@ import numpy.typing as npt
 
 from cwcli.kernels import json_walk
 from cwcli.kernels.message_scan import intern_spans
-from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen, take_ragged
+from cwcli.logs.codecs.column_buffers import (
+    Payloads,
+    matrix_if_equal_lengths,
+    order_values_by_first_use,
+    select_ragged_rows,
+)
 from cwcli.signals.columns import Field, FloatArray, Int64Array, NumericArray, Ragged, Strings
 
-ABSENT, NULL, BOOL, INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
+TAG_ABSENT, TAG_NULL, TAG_BOOL, TAG_INT = json_walk.T_ABSENT, json_walk.T_NULL, json_walk.T_BOOL, json_walk.T_INT
 """The kernel's tags of values: absent, null, truth value, integer."""
-FLOAT, STRING, ARRAY, ESCAPED = json_walk.T_FLOAT, json_walk.T_STRING, json_walk.T_ARRAY, json_walk.T_ESCAPED
+TAG_FLOAT, TAG_STRING, TAG_ARRAY, TAG_ESCAPED_STRING = (
+    json_walk.T_FLOAT,
+    json_walk.T_STRING,
+    json_walk.T_ARRAY,
+    json_walk.T_ESCAPED,
+)
 """The kernel's tags of values: floating-point number, string, array, string with escapes."""
-CODED = 8
+TAG_INTERNED_STRING = 8
 """The tag of a string that is interned: its value is its code. The kernel's own tags end at 7."""
-SEVERAL = "[...]"
+SEVERAL_VALUES_TEXT = "[...]"
 """The text that stands for an array of several values in a column of texts."""
-MAX_INT = (1 << 63) - 1
+MAX_INT64 = (1 << 63) - 1
 """The greatest integer that an int64 column holds."""
 TagArray = npt.NDArray[np.uint8]
-MAX_PIECE_BYTES = 64 << 20
+MAX_CONTIGUOUS_BUFFER_BYTES = 64 << 20
 """The greatest size in bytes of one allocation for the elements of several leaves. Chosen by hand."""
 Elements = tuple[list[int], list[int]]
 """The tags and the values of the elements of one message."""
 
 
-def scalar(value: object) -> tuple[int, int]:
+def tag_and_value_of_scalar(value: object) -> tuple[int, int]:
     """Return tag and value (as the bits of an int64) of a Python number, truth value or None."""
     if value is None:
-        return NULL, 0
+        return TAG_NULL, 0
     if isinstance(value, bool):
-        return BOOL, int(value)
-    if isinstance(value, int) and -MAX_INT - 1 <= value <= MAX_INT:
-        return INT, value
+        return TAG_BOOL, int(value)
+    if isinstance(value, int) and -MAX_INT64 - 1 <= value <= MAX_INT64:
+        return TAG_INT, value
     try:
         number = float(value)  # type: ignore[arg-type]
     except OverflowError:
         number = float("inf") if value > 0 else float("-inf")  # type: ignore[operator]
-    return FLOAT, int(np.array(number, np.float64).view(np.int64))
+    return TAG_FLOAT, int(np.array(number, np.float64).view(np.int64))
 
 
-class Room:
+class LeafBuffers:
     """Buffers into which the kernel writes the values of some leaves, one row per leaf.
 
     Most of the names that a signal may have occur in no message of a file, and then cost next to nothing.
@@ -81,7 +91,7 @@ class Room:
     def __len__(self) -> int:
         return len(self.tags)
 
-    def begin(self, capacity: int, n_messages: int, n_elements: int) -> None:
+    def prepare_batch(self, capacity: int, n_messages: int, n_elements: int) -> None:
         """Allocate memory before a batch.
 
         Args:
@@ -97,31 +107,31 @@ class Room:
         self.cursors = np.zeros((len(self), n_messages), np.int64)
         if self._n_elements < n_elements:
             self._n_elements = n_elements
-            self.element_tags = _buffers(len(self), n_elements, np.uint8)
-            self.element_values = _buffers(len(self), n_elements, np.int64)
-        self.addresses = self._addresses()
+            self.element_tags = _allocate_element_buffers(len(self), n_elements, np.uint8)
+            self.element_values = _allocate_element_buffers(len(self), n_elements, np.int64)
+        self.addresses = self._buffer_addresses()
 
-    def _addresses(self) -> Int64Array:
+    def _buffer_addresses(self) -> Int64Array:
         return np.array(
             [
                 _row_addresses(self.tags),
                 _row_addresses(self.values),
-                [_address(each) for each in self.element_tags],
-                [_address(each) for each in self.element_values],
+                [_memory_address(each) for each in self.element_tags],
+                [_memory_address(each) for each in self.element_values],
                 _row_addresses(self.cursors),
             ],
             np.int64,
         ).reshape(5, len(self))
 
 
-def _buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[npt.NDArray[Any]]:
+def _allocate_element_buffers(n: int, size: int, dtype: npt.DTypeLike) -> list[npt.NDArray[Any]]:
     """Allocate n buffers: together if that is small, because untouched memory costs nothing but must be available."""
-    if n * size * np.dtype(dtype).itemsize <= MAX_PIECE_BYTES:
+    if n * size * np.dtype(dtype).itemsize <= MAX_CONTIGUOUS_BUFFER_BYTES:
         return list(np.empty((n, size), dtype))
     return [np.empty(size, dtype) for _ in range(n)]
 
 
-def _address(array: npt.NDArray[np.generic]) -> int:
+def _memory_address(array: npt.NDArray[np.generic]) -> int:
     """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address
@@ -129,10 +139,10 @@ def _address(array: npt.NDArray[np.generic]) -> int:
 
 def _row_addresses(matrix: npt.NDArray[np.generic]) -> Int64Array:
     """Return the memory address of each row of a matrix, shape (rows,)."""
-    return _address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
+    return _memory_address(matrix) + matrix.strides[0] * np.arange(len(matrix), dtype=np.int64)
 
 
-class JsonSlot:
+class JsonColumnBuffer:
     """The values of one leaf in each message, from the first batch on in which the leaf occurs.
 
     Args:
@@ -140,7 +150,7 @@ class JsonSlot:
         n_earlier: Number of messages before that batch.
     """
 
-    def __init__(self, room: Room, leaf: int, n_earlier: int) -> None:
+    def __init__(self, room: LeafBuffers, leaf: int, n_earlier: int) -> None:
         self._room, self._leaf = room, leaf
         self._counts = [np.zeros(n_earlier, np.int64)] if n_earlier else []
         self._is_seen = False
@@ -161,7 +171,7 @@ class JsonSlot:
         values: Int64Array = self._room.values[self._leaf]
         return values
 
-    def end(
+    def finish_batch(
         self, payloads: Payloads, first_row: int, instead: Mapping[int, Elements], used: int, no_counts: Int64Array
     ) -> None:
         """Store the elements of a batch, with those of `instead` for some rows, and intern its strings.
@@ -173,19 +183,19 @@ class JsonSlot:
             no_counts: As many zeros as there are messages in the batch.
         """
         if used or instead:
-            self._keep_elements(payloads, used, instead)
+            self._store_elements(payloads, used, instead)
         else:  # most names that a role may have occur in no message of the file
             self._counts.append(no_counts)
         largest = self.tags[first_row : first_row + len(payloads)].max()
         self._is_seen = self._is_seen or bool(largest or used or instead)
-        if largest >= STRING:
-            self._code_strings(payloads, first_row)
+        if largest >= TAG_STRING:
+            self._intern_batch_strings(payloads, first_row)
 
-    def _keep_elements(self, payloads: Payloads, used: int, instead: Mapping[int, Elements]) -> None:
+    def _store_elements(self, payloads: Payloads, used: int, instead: Mapping[int, Elements]) -> None:
         counts = np.diff(self._room.cursors[self._leaf], prepend=0)
         tags = self._room.element_tags[self._leaf][:used].copy()
         values = self._room.element_values[self._leaf][:used].copy()
-        self._code_elements(payloads, np.flatnonzero(counts == 1), np.cumsum(counts) - 1, tags, values)
+        self._intern_element_strings(payloads, np.flatnonzero(counts == 1), np.cumsum(counts) - 1, tags, values)
         rows = sorted(row for row, (inner, _) in instead.items() if inner)
         if rows:
             sizes = [len(instead[row][0]) for row in rows]
@@ -197,42 +207,42 @@ class JsonSlot:
         self._element_tags.append(tags)
         self._element_values.append(values)
 
-    def put_string(self, row: int, text: str) -> None:
+    def set_string(self, row: int, text: str) -> None:
         """Set the string of one message."""
-        self.tags[row], self.values[row] = CODED, self.code(text)
+        self.tags[row], self.values[row] = TAG_INTERNED_STRING, self.intern_text(text)
 
-    def code(self, text: str) -> int:
+    def intern_text(self, text: str) -> int:
         """Return the code of a string, new if it is not known."""
-        return self._code(text.encode(errors="surrogatepass"))
+        return self._intern_bytes(text.encode(errors="surrogatepass"))
 
-    def _code(self, octets: bytes) -> int:
+    def _intern_bytes(self, octets: bytes) -> int:
         """Return the code of a string in UTF-8, new if it is not known."""
         code = self._known.setdefault(octets, len(self._strings))
         if code == len(self._strings):
             self._strings.append(octets)
         return code
 
-    def take_places(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
+    def take_blobs_of_batch(self, payloads: Payloads, first_row: int) -> list[bytes | memoryview]:
         """Return the bytes of the batch's strings without escapes, and forget them."""
         whole = payloads.data.data
         n = len(payloads)
         tags, values = self.tags[first_row : first_row + n], self.values[first_row : first_row + n]
         found: list[bytes | memoryview] = []
         for start, tag, value in zip(payloads.starts.tolist(), tags.tolist(), values.tolist(), strict=True):
-            if tag == CODED:
+            if tag == TAG_INTERNED_STRING:
                 found.append(self._strings[value])
-            elif tag in (STRING, ESCAPED):
+            elif tag in (TAG_STRING, TAG_ESCAPED_STRING):
                 begin = start + (value >> 32)
                 text = whole[begin : begin + (value & 0xFFFFFFFF)]
-                found.append(text if tag == STRING else json.loads(b'"' + text.tobytes() + b'"').encode())
+                found.append(text if tag == TAG_STRING else json.loads(b'"' + text.tobytes() + b'"').encode())
             else:
                 found.append(b"")
-        tags[:] = ABSENT
+        tags[:] = TAG_ABSENT
         self._known.clear()
         self._strings.clear()
         return found
 
-    def finish(self, rows: Int64Array) -> Field | None:
+    def build_column(self, rows: Int64Array) -> Field | None:
         """Return the column for the given messages, or None if the leaf occurs in none of them."""
         if not self._is_seen:
             return None
@@ -242,109 +252,115 @@ class JsonSlot:
         if counts[rows].any():
             all_tags = np.concatenate([np.zeros(0, np.uint8), *self._element_tags])
             all_values = np.concatenate([np.zeros(0, np.int64), *self._element_values])
-            element_tags = take_ragged(Ragged(all_tags, offsets), rows)
-            element_values = take_ragged(Ragged(all_values, offsets), rows).values.view(np.int64)
-            texts = self._texts(tags, values, element_tags, element_values)
-            return _sequence(tags, values, element_tags, element_values) if texts is None else texts
+            element_tags = select_ragged_rows(Ragged(all_tags, offsets), rows)
+            element_values = select_ragged_rows(Ragged(all_values, offsets), rows).values.view(np.int64)
+            texts = self._column_of_single_strings(tags, values, element_tags, element_values)
+            return _sequence_column(tags, values, element_tags, element_values) if texts is None else texts
         if not tags.any():
             return None
-        return self._strings_column(tags, values) if STRING in tags else _numbers(tags, values)
+        return self._build_strings_column(tags, values) if TAG_STRING in tags else _number_column(tags, values)
 
-    def _texts(
+    def _column_of_single_strings(
         self, tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array
     ) -> Strings | None:
         """Return the column of strings if most arrays hold a single string, else None."""
         sizes, first = np.diff(element_tags.offsets), element_tags.offsets[:-1]
         alone, tags, values = np.flatnonzero(sizes == 1), tags.copy(), values.copy()
-        tags[sizes > 1] = ARRAY
+        tags[sizes > 1] = TAG_ARRAY
         tags[alone], values[alone] = element_tags.values[first[alone]], element_values[first[alone]]
-        tags[tags == CODED] = STRING
-        if 2 * np.count_nonzero(tags == STRING) <= np.count_nonzero((tags != ABSENT) & (tags != NULL)):
+        tags[tags == TAG_INTERNED_STRING] = TAG_STRING
+        if 2 * np.count_nonzero(tags == TAG_STRING) <= np.count_nonzero((tags != TAG_ABSENT) & (tags != TAG_NULL)):
             return None
-        whole = np.flatnonzero(tags == INT)
-        tags[whole], values[whole] = FLOAT, values[whole].astype(np.float64).view(np.int64)
+        whole = np.flatnonzero(tags == TAG_INT)
+        tags[whole], values[whole] = TAG_FLOAT, values[whole].astype(np.float64).view(np.int64)
         several = sizes > 1
-        tags[several], values[several] = STRING, self.code(SEVERAL) if several.any() else 0
-        return self._strings_column(tags, values)
+        tags[several], values[several] = TAG_STRING, self.intern_text(SEVERAL_VALUES_TEXT) if several.any() else 0
+        return self._build_strings_column(tags, values)
 
-    def _strings_column(self, tags: TagArray, values: Int64Array) -> Strings:
+    def _build_strings_column(self, tags: TagArray, values: Int64Array) -> Strings:
         texts = [value.decode(errors="backslashreplace") for value in self._strings]
-        codes = np.where(tags == STRING, values, -1).astype(np.int32)
-        for row in np.flatnonzero(np.isin(tags, (BOOL, INT, FLOAT))).tolist():
+        codes = np.where(tags == TAG_STRING, values, -1).astype(np.int32)
+        for row in np.flatnonzero(np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))).tolist():
             codes[row] = len(texts)
-            texts.append(_spelled(int(tags[row]), values[row : row + 1]))
-        return first_seen(Strings(codes, tuple(texts)).merge_equal())
+            texts.append(_scalar_text(int(tags[row]), values[row : row + 1]))
+        return order_values_by_first_use(Strings(codes, tuple(texts)).merge_equal())
 
-    def _code_elements(
+    def _intern_element_strings(
         self, payloads: Payloads, rows: npt.NDArray[np.intp], at: Int64Array, tags: TagArray, values: Int64Array
     ) -> None:
         """Replace places of strings by codes, in rows of one element; `at`: index of the last element of each row."""
-        for row in rows[np.isin(tags[at[rows]], (STRING, ESCAPED))].tolist():
+        for row in rows[np.isin(tags[at[rows]], (TAG_STRING, TAG_ESCAPED_STRING))].tolist():
             k = int(at[row])
             begin = int(payloads.starts[row]) + (int(values[k]) >> 32)
             text = payloads.data[begin : begin + (int(values[k]) & 0xFFFFFFFF)].tobytes()
             try:
-                values[k] = self.code(json.loads(b'"' + text + b'"')) if tags[k] == ESCAPED else self._code(text)
+                values[k] = (
+                    self.intern_text(json.loads(b'"' + text + b'"'))
+                    if tags[k] == TAG_ESCAPED_STRING
+                    else self._intern_bytes(text)
+                )
             except ValueError:  # an invalid message leaves the elements before its fault in the buffers
-                tags[k] = NULL
+                tags[k] = TAG_NULL
             else:
-                tags[k] = CODED
+                tags[k] = TAG_INTERNED_STRING
 
-    def _code_strings(self, payloads: Payloads, first_row: int) -> None:
+    def _intern_batch_strings(self, payloads: Payloads, first_row: int) -> None:
         """Replace places of strings in the messages of the batch by codes."""
         n, data, starts = len(payloads), payloads.data, payloads.starts
         tags = self.tags[first_row : first_row + n]
         values = self.values[first_row : first_row + n]
-        for row in np.flatnonzero(tags == ESCAPED).tolist():
+        for row in np.flatnonzero(tags == TAG_ESCAPED_STRING).tolist():
             begin = int(starts[row]) + (int(values[row]) >> 32)
             text = data[begin : begin + (int(values[row]) & 0xFFFFFFFF)].tobytes()
-            self.put_string(first_row + row, json.loads(b'"' + text + b'"'))
-        at = np.flatnonzero(tags == STRING)
+            self.set_string(first_row + row, json.loads(b'"' + text + b'"'))
+        at = np.flatnonzero(tags == TAG_STRING)
         if len(at):
             spans = np.stack([starts[at] + (values[at] >> 32), values[at] & 0xFFFFFFFF], axis=1)
             codes = np.zeros(len(at), np.int32)
             intern_spans(data, spans, codes, self._known, self._strings)
             values[at] = codes
-        tags[tags == CODED] = STRING
+        tags[tags == TAG_INTERNED_STRING] = TAG_STRING
 
 
-def _numbers(tags: TagArray, values: Int64Array) -> NumericArray:
+def _number_column(tags: TagArray, values: Int64Array) -> NumericArray:
     """Return a column of truth values, of integers, or of floats if the kinds are mixed."""
     kinds = set(np.unique(tags).tolist())
-    if kinds == {BOOL}:
+    if kinds == {TAG_BOOL}:
         is_true: NumericArray = values != 0
         return is_true
-    if kinds == {INT}:
+    if kinds == {TAG_INT}:
         return values.astype(np.int64)
-    return _floats(tags, values)
+    return _float_column(tags, values)
 
 
-def _floats(tags: TagArray, values: Int64Array) -> FloatArray:
+def _float_column(tags: TagArray, values: Int64Array) -> FloatArray:
     """Return a column of floats, NaN for everything but numbers and truth values."""
-    floats = np.where(tags == FLOAT, values.view(np.float64), values.astype(np.float64))
-    floats[~np.isin(tags, (BOOL, INT, FLOAT))] = np.nan
+    floats = np.where(tags == TAG_FLOAT, values.view(np.float64), values.astype(np.float64))
+    floats[~np.isin(tags, (TAG_BOOL, TAG_INT, TAG_FLOAT))] = np.nan
     return floats
 
 
-def _sequence(tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array) -> Field | None:
+def _sequence_column(
+    tags: TagArray, values: Int64Array, element_tags: Ragged, element_values: Int64Array
+) -> Field | None:
     """Return a column of arrays, a single number as an array of one; None if all elements are strings."""
     inner = element_tags.values.astype(np.uint8)
     sizes = np.diff(element_tags.offsets)
-    alone = np.flatnonzero(np.isin(tags, (NULL, BOOL, INT, FLOAT)) & (sizes == 0))
-    if np.isin(inner, (STRING, ESCAPED, CODED)).all() and not len(alone):
+    alone = np.flatnonzero(np.isin(tags, (TAG_NULL, TAG_BOOL, TAG_INT, TAG_FLOAT)) & (sizes == 0))
+    if np.isin(inner, (TAG_STRING, TAG_ESCAPED_STRING, TAG_INTERNED_STRING)).all() and not len(alone):
         return None
-    alone = alone[tags[alone] != NULL]
+    alone = alone[tags[alone] != TAG_NULL]
     if len(alone):
         at = element_tags.offsets[alone]
         inner = np.insert(inner, at, tags[alone])
         element_values = np.insert(element_values, at, values[alone])
         sizes[alone] = 1
-    ragged = Ragged(_numbers(inner, element_values), np.concatenate([[0], np.cumsum(sizes)]))
-    return as_matrix(ragged) if bool((tags == ARRAY).all()) else ragged
+    ragged = Ragged(_number_column(inner, element_values), np.concatenate([[0], np.cumsum(sizes)]))
+    return matrix_if_equal_lengths(ragged) if bool((tags == TAG_ARRAY).all()) else ragged
 
 
-def _spelled(tag: int, value: Int64Array) -> str:
+def _scalar_text(tag: int, value: Int64Array) -> str:
     """Return a number or truth value as text."""
-    if tag == BOOL:
+    if tag == TAG_BOOL:
         return "true" if value[0] else "false"
-    return str(int(value[0])) if tag == INT else repr(float(value.view(np.float64)[0]))
+    return str(int(value[0])) if tag == TAG_INT else repr(float(value.view(np.float64)[0]))

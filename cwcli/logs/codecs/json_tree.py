@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-MAX_DEPTH = 256
+MAX_OBJECT_DEPTH = 256
 """The greatest depth of objects inside each other whose keys are learned; deeper ones are left out. Chosen by hand."""
-MAX_KEYS = 4096
+MAX_LEARNED_KEYS = 4096
 """The greatest number of keys that are learned; with more of them keys are data rather than names. Chosen by hand."""
 
 Tables = tuple[npt.NDArray[np.uint8], npt.NDArray[np.int32], npt.NDArray[np.int32]]
@@ -21,7 +21,7 @@ _NEEDS_ESCAPE = re.compile(r'["\\\x00-\x1f]')
 
 
 @dataclass
-class Key:
+class JsonKey:
     """A key of an object.
 
     Attributes:
@@ -32,7 +32,7 @@ class Key:
 
     path: str
     slot: int = -1
-    below: dict[str, Key] | None = None
+    below: dict[str, JsonKey] | None = None
 
 
 @dataclass
@@ -45,52 +45,52 @@ class KeyTree:
         learns: Unknown keys become columns.
     """
 
-    root: dict[str, Key] = field(default_factory=dict)
+    root: dict[str, JsonKey] = field(default_factory=dict)
     paths: list[str] = field(default_factory=list)
     learns: bool = False
 
     @classmethod
-    def of(cls, fields: Collection[str] | None, blobs: Collection[str] = ()) -> KeyTree:
+    def from_leaf_paths(cls, fields: Collection[str] | None, blobs: Collection[str] = ()) -> KeyTree:
         """Return the tree of the wanted leaves; with None for `fields` a tree that learns all keys."""
         tree = cls(learns=fields is None)
         for path in dict.fromkeys((*(fields or ()), *blobs)):
             keys = tree.root
             names = path.split(".")
             for k, name in enumerate(names):
-                key = keys.setdefault(name, Key(".".join(names[: k + 1])))
+                key = keys.setdefault(name, JsonKey(".".join(names[: k + 1])))
                 if k + 1 < len(names):
                     key.below = keys = {} if key.below is None else key.below
             if key.slot < 0:
-                tree._give_slot(key)
+                tree._assign_slot(key)
         return tree
 
-    def learn(self, value: object, keys: dict[str, Key], prefix: str = "", depth: int = 0) -> None:
+    def learn_keys(self, value: object, keys: dict[str, JsonKey], prefix: str = "", depth: int = 0) -> None:
         """Add the keys of an object, or of the objects in an array, to `keys`."""
-        if depth > MAX_DEPTH:
+        if depth > MAX_OBJECT_DEPTH:
             return
         if isinstance(value, list):
-            for each in elements(value):
-                self.learn(each, keys, prefix, depth)
+            for each in iter_nested_elements(value):
+                self.learn_keys(each, keys, prefix, depth)
         elif isinstance(value, dict):
             for name, inner in value.items():
                 key = keys.get(name)
                 if key is None:
-                    if len(self.paths) >= MAX_KEYS:
+                    if len(self.paths) >= MAX_LEARNED_KEYS:
                         self.learns = False
                         return
-                    key = keys[name] = Key(prefix + name)
-                    self._give_slot(key)
-                if _holds_object(inner):
+                    key = keys[name] = JsonKey(prefix + name)
+                    self._assign_slot(key)
+                if _contains_object(inner):
                     if key.below is None:
                         key.below = {}
-                    self.learn(inner, key.below, f"{key.path}.", depth + 1)
+                    self.learn_keys(inner, key.below, f"{key.path}.", depth + 1)
 
-    def tables(self) -> Tables:
+    def to_kernel_tables(self) -> Tables:
         """Return keys, entries and nodes as arrays for `cwcli.kernels.json_walk`."""
         text = bytearray()
         entries: list[list[int]] = []
         nodes: list[list[int]] = [[0, 0]]
-        waiting: list[tuple[int, dict[str, Key]]] = [(0, self.root)]
+        waiting: list[tuple[int, dict[str, JsonKey]]] = [(0, self.root)]
         while waiting:
             node, keys = waiting.pop()
             nodes[node] = [len(entries), len(keys)]
@@ -110,12 +110,12 @@ class KeyTree:
             np.array(nodes, np.int32),
         )
 
-    def _give_slot(self, key: Key) -> None:
+    def _assign_slot(self, key: JsonKey) -> None:
         key.slot = len(self.paths)
         self.paths.append(key.path)
 
 
-def elements(value: list[object]) -> Iterator[object]:
+def iter_nested_elements(value: list[object]) -> Iterator[object]:
     """Yield the elements of nested lists in order, without recursion, so that any depth works."""
     waiting = [iter(value)]
     while waiting:
@@ -128,7 +128,7 @@ def elements(value: list[object]) -> Iterator[object]:
             waiting.pop()
 
 
-def _holds_object(value: object) -> bool:
+def _contains_object(value: object) -> bool:
     return isinstance(value, dict) or (
-        isinstance(value, list) and any(isinstance(each, dict) for each in elements(value))
+        isinstance(value, list) and any(isinstance(each, dict) for each in iter_nested_elements(value))
     )

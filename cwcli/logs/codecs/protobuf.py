@@ -12,30 +12,30 @@ from typing import Any
 import numpy as np
 
 from cwcli.kernels import protobuf as kernel
-from cwcli.logs.codecs.decoder import Outcome
-from cwcli.logs.codecs.protobuf_tables import Leaf, compile_tables, is_repeated
-from cwcli.logs.codecs.ros2msg import SchemaError
-from cwcli.logs.codecs.slots import (
+from cwcli.logs.codecs.column_buffers import (
+    BlobSpanBuffer,
     BoolArray,
-    FixedSlot,
+    FixedColumnBuffer,
     Payloads,
-    RaggedSlot,
-    SpanSlot,
-    StringSlot,
-    addresses,
-    as_matrix,
-    first_seen,
+    RaggedColumnBuffer,
+    StringColumnBuffer,
+    begin_ragged_batch,
     grown_capacity,
-    ragged_addresses,
-    take_ragged,
+    matrix_if_equal_lengths,
+    order_values_by_first_use,
+    row_zero_addresses,
+    select_ragged_rows,
 )
+from cwcli.logs.codecs.decoder import DecodeOutcome
+from cwcli.logs.codecs.protobuf_tables import LeafColumn, compile_protobuf_tables, is_repeated_field
+from cwcli.logs.codecs.ros2msg import SchemaError
 from cwcli.signals.columns import Field, Int64Array, NumericArray, Strings
 
-MAX_ROOM_BYTES = 1 << 28
+MAX_PREALLOCATED_BYTES = 1 << 28
 """Memory in bytes that is allocated before a message is seen. Chosen by hand."""
-MAX_GROWTH = 8
+MAX_COLUMN_BYTES_PER_MESSAGE_BYTE = 8
 """Bytes of a sequence column per byte of a message: a packed varint of one byte becomes an int64."""
-UNDECODABLE = "the message is not a valid one of its schema"
+INVALID_MESSAGE_REASON = "the message is not a valid one of its schema"
 """The reason shown to users for a message that the official parser refuses."""
 
 
@@ -67,7 +67,7 @@ class ProtobufDecoder:
         blobs: Collection[str] = (),
         n_expected: int = 0,
     ) -> None:
-        descriptor = find_message(schema_name, schema_data)
+        descriptor = find_message_descriptor(schema_name, schema_data)
         self._descriptor = descriptor
         self._parser: Any = None
         wanted = None
@@ -75,33 +75,39 @@ class ProtobufDecoder:
             names = frozenset(fields)
             prefixes = {name[: k + 1] for name in names for k, letter in enumerate(name) if letter == "."}
             wanted = (names | prefixes).__contains__
-        self._tables = compile_tables(descriptor, wanted, frozenset(blobs))
-        self.restart(n_expected)
+        self._tables = compile_protobuf_tables(descriptor, wanted, frozenset(blobs))
+        self.reset(n_expected)
 
-    def restart(self, n_expected: int = 0) -> None:
+    def reset(self, n_expected: int = 0) -> None:
         """Forget all messages."""
-        self._slots: list[FixedSlot | StringSlot] = [_slot(leaf) for leaf in self._tables.slots]
-        self._ragged = [RaggedSlot(leaf.dtype) for leaf in self._tables.ragged]
-        self._presence = [FixedSlot(np.uint8) for _ in range(self._tables.n_presence)]
-        self._oneofs = [FixedSlot(np.int32) for _ in range(self._tables.n_oneofs)]
-        self.empty_row_bytes = sum(slot.array.itemsize for slot in self._slots if isinstance(slot, FixedSlot))
-        self.empty_row_bytes += 4 * sum(isinstance(slot, StringSlot) for slot in self._slots) + len(self._presence)
-        self._capacity = min(n_expected, MAX_ROOM_BYTES // max(self.empty_row_bytes, 1))
+        self._slots: list[FixedColumnBuffer | StringColumnBuffer] = [
+            _make_column_buffer(leaf) for leaf in self._tables.slots
+        ]
+        self._ragged = [RaggedColumnBuffer(leaf.dtype) for leaf in self._tables.ragged]
+        self._presence = [FixedColumnBuffer(np.uint8) for _ in range(self._tables.n_presence)]
+        self._oneofs = [FixedColumnBuffer(np.int32) for _ in range(self._tables.n_oneofs)]
+        self.empty_row_bytes = sum(slot.array.itemsize for slot in self._slots if isinstance(slot, FixedColumnBuffer))
+        self.empty_row_bytes += 4 * sum(isinstance(slot, StringColumnBuffer) for slot in self._slots) + len(
+            self._presence
+        )
+        self._capacity = min(n_expected, MAX_PREALLOCATED_BYTES // max(self.empty_row_bytes, 1))
         self._is_ok: list[BoolArray] = []
         self._n = 0
         self._n_undecodable = 0
 
-    def add(self, payloads: Payloads) -> None:
+    def decode_batch(self, payloads: Payloads) -> None:
         """Decode a batch of messages."""
         n, first = len(payloads), self._n
         if not n:
             return
         self._capacity = grown_capacity(self._capacity, first + n)
         for slot in (*self._slots, *self._presence):
-            slot.grow(self._capacity)
+            slot.grow_to_capacity(self._capacity)
         for oneof in self._oneofs:
             oneof.array = np.zeros(n, np.int32)
-        buffers, cursor_columns = ragged_addresses(self._ragged, n, MAX_GROWTH * payloads.n_bytes)
+        buffers, cursor_columns = begin_ragged_batch(
+            self._ragged, n, MAX_COLUMN_BYTES_PER_MESSAGE_BYTE * payloads.n_bytes
+        )
         status = np.zeros(n, np.uint8)
         kernel.walk(
             payloads.data,
@@ -110,9 +116,9 @@ class ProtobufDecoder:
             fields=self._tables.fields,
             nodes=self._tables.nodes,
             elements=self._tables.elements,
-            slots=addresses(self._slots, first, n),
-            presence=addresses(self._presence, first, n),
-            oneofs=addresses(self._oneofs, first, n) - 4 * first,
+            slots=row_zero_addresses(self._slots, first, n),
+            presence=row_zero_addresses(self._presence, first, n),
+            oneofs=row_zero_addresses(self._oneofs, first, n) - 4 * first,
             ragged=buffers,
             cursors=np.zeros(len(self._ragged), np.int64),
             cursor_columns=cursor_columns,
@@ -120,60 +126,62 @@ class ProtobufDecoder:
             status=status,
         )
         is_ok = status == kernel.STATUS_OK
-        self._check_enumerations(is_ok, first)
+        self._reject_unknown_enum_values(is_ok, first)
         for slot in self._slots:
-            slot.take(payloads.data, first, is_ok)
+            slot.finish_batch(payloads.data, first, is_ok)
         instead: list[dict[int, NumericArray]] = [{} for _ in self._ragged]
         for row in np.flatnonzero(~is_ok).tolist():
-            is_ok[row] = self._decode_odd(payloads.message(row), first, row, instead)
+            is_ok[row] = self._decode_with_official_parser(payloads.message_bytes(row), first, row, instead)
         for ragged, rows in zip(self._ragged, instead, strict=True):
-            ragged.end(rows)
+            ragged.finish_batch(rows)
         self._is_ok.append(is_ok)
         self._n += n
 
-    def blobs(self, path: str) -> list[bytes | memoryview]:
+    def blobs_of_last_batch(self, path: str) -> list[bytes | memoryview]:
         """Return a blob field of each message of the last batch."""
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
-            if leaf.path == path and isinstance(slot, SpanSlot):
-                return slot.views()
+            if leaf.path == path and isinstance(slot, BlobSpanBuffer):
+                return slot.blobs_of_batch()
         raise KeyError(path)
 
-    def outcome(self) -> Outcome:
+    def outcome(self) -> DecodeOutcome:
         """Return which messages were decoded, and why others were not."""
         is_ok = np.concatenate([np.zeros(0, np.bool_), *self._is_ok])
         n_bad = int((~is_ok).sum())
-        return Outcome(is_ok, {UNDECODABLE: n_bad} if n_bad else {})
+        return DecodeOutcome(is_ok, {INVALID_MESSAGE_REASON: n_bad} if n_bad else {})
 
-    def finish(self, rows: Int64Array) -> dict[str, Field]:
+    def build_columns(self, rows: Int64Array) -> dict[str, Field]:
         """Return leaf path -> column for the given messages."""
         fields: dict[str, Field] = {}
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
-            if isinstance(slot, SpanSlot):
+            if isinstance(slot, BlobSpanBuffer):
                 continue
             is_there = None
             if leaf.presence >= 0 and self._n:
                 is_there = self._presence[leaf.presence].array[rows] != 0
-            if isinstance(slot, StringSlot):
-                strings = slot.finish(rows) if self._n else Strings(np.zeros(0, np.int32), ())
-                fields[leaf.path] = _absent_strings(strings, is_there)
+            if isinstance(slot, StringColumnBuffer):
+                strings = slot.build_strings(rows) if self._n else Strings(np.zeros(0, np.int32), ())
+                fields[leaf.path] = _blank_absent_strings(strings, is_there)
             else:
-                fields[leaf.path] = _absent_numbers(slot.array[rows], is_there)
+                fields[leaf.path] = _replace_absent_by_nan(slot.array[rows], is_there)
         for leaf, ragged in zip(self._tables.ragged, self._ragged, strict=True):
-            found = take_ragged(ragged.finish(), rows)
-            fields[leaf.path] = found if leaf.in_element else as_matrix(found)
+            found = select_ragged_rows(ragged.build_ragged(), rows)
+            fields[leaf.path] = found if leaf.in_element else matrix_if_equal_lengths(found)
         return fields
 
-    def _check_enumerations(self, is_ok: BoolArray, first: int) -> None:
+    def _reject_unknown_enum_values(self, is_ok: BoolArray, first: int) -> None:
         """Clear `is_ok` for messages whose closed enumerations need the official parser."""
         n = len(is_ok)
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
-            if leaf.closed and isinstance(slot, FixedSlot):
+            if leaf.closed and isinstance(slot, FixedColumnBuffer):
                 is_ok &= np.isin(slot.array[first : first + n], (*leaf.closed, 0))
         for leaf, ragged in zip(self._tables.ragged, self._ragged, strict=True):
             if leaf.closed:
                 is_ok &= ragged.cursors == np.concatenate([[0], ragged.cursors[:-1]])
 
-    def _decode_odd(self, message: bytes, first: int, row: int, instead: list[dict[int, NumericArray]]) -> bool:
+    def _decode_with_official_parser(
+        self, message: bytes, first: int, row: int, instead: list[dict[int, NumericArray]]
+    ) -> bool:
         """Decode one message with the official parser; return whether that was possible."""
         if self._parser is None:
             from google.protobuf.message_factory import GetMessageClass
@@ -188,22 +196,22 @@ class ProtobufDecoder:
         except Exception:  # the parser's own error class has changed its place between versions
             return False
         for leaf, slot in zip(self._tables.slots, self._slots, strict=True):
-            is_there, value = _value(parsed, leaf)
+            is_there, value = _leaf_presence_and_value(parsed, leaf)
             if leaf.presence >= 0:
                 self._presence[leaf.presence].array[at] = is_there
-            if isinstance(slot, SpanSlot):
+            if isinstance(slot, BlobSpanBuffer):
                 slot.instead[row] = value
-            elif isinstance(slot, StringSlot):
+            elif isinstance(slot, StringColumnBuffer):
                 # A string that is not UTF-8, which proto2 allows, comes out as bytes.
-                slot.put(at, value if isinstance(value, bytes) else value.encode(errors="surrogateescape"))
+                slot.set_row(at, value if isinstance(value, bytes) else value.encode(errors="surrogateescape"))
             else:
                 slot.array[at] = value
         for leaf, ragged, rows in zip(self._tables.ragged, self._ragged, instead, strict=True):
-            rows[row] = np.array(list(_values(parsed, leaf.chain)), ragged.dtype)
+            rows[row] = np.array(list(_iter_repeated_values(parsed, leaf.chain)), ragged.dtype)
         return True
 
 
-def find_message(schema_name: str, schema_data: bytes) -> Any:
+def find_message_descriptor(schema_name: str, schema_data: bytes) -> Any:
     """Return the descriptor of a message type from its own pool: another file may define the same name differently.
 
     Raises:
@@ -234,14 +242,14 @@ def find_message(schema_name: str, schema_data: bytes) -> Any:
         raise SchemaError(f"the schema can't be used: {reason}") from error
 
 
-def _slot(leaf: Leaf) -> FixedSlot | StringSlot:
+def _make_column_buffer(leaf: LeafColumn) -> FixedColumnBuffer | StringColumnBuffer:
     """Return an empty column buffer for a leaf."""
     if leaf.kind == "fixed":
-        return FixedSlot(leaf.dtype)
-    return StringSlot() if leaf.kind == "string" else SpanSlot()
+        return FixedColumnBuffer(leaf.dtype)
+    return StringColumnBuffer() if leaf.kind == "string" else BlobSpanBuffer()
 
 
-def _value(parsed: Any, leaf: Leaf) -> tuple[bool, Any]:
+def _leaf_presence_and_value(parsed: Any, leaf: LeafColumn) -> tuple[bool, Any]:
     """Return whether a leaf is present, and its value or default."""
     at, is_there = parsed, True
     for each in leaf.chain:
@@ -251,18 +259,18 @@ def _value(parsed: Any, leaf: Leaf) -> tuple[bool, Any]:
     return is_there, at
 
 
-def _values(parsed: Any, chain: tuple[Any, ...]) -> Iterator[Any]:
+def _iter_repeated_values(parsed: Any, chain: tuple[Any, ...]) -> Iterator[Any]:
     """Yield all values of a leaf below repeated fields, in order."""
     each, rest = chain[0], chain[1:]
     value = getattr(parsed, each.name)
-    for one in value if is_repeated(each) else (value,):
+    for one in value if is_repeated_field(each) else (value,):
         if rest:
-            yield from _values(one, rest)
+            yield from _iter_repeated_values(one, rest)
         else:
             yield one
 
 
-def _absent_numbers(values: NumericArray, is_there: BoolArray | None) -> NumericArray:
+def _replace_absent_by_nan(values: NumericArray, is_there: BoolArray | None) -> NumericArray:
     """Return the values as floats with NaN for absent ones; unchanged if none is absent."""
     if is_there is None or is_there.all():
         return values
@@ -271,9 +279,9 @@ def _absent_numbers(values: NumericArray, is_there: BoolArray | None) -> Numeric
     return shown
 
 
-def _absent_strings(strings: Strings, is_there: BoolArray | None) -> Strings:
+def _blank_absent_strings(strings: Strings, is_there: BoolArray | None) -> Strings:
     """Return the strings with code -1 for absent ones."""
     if is_there is None or is_there.all():
         return strings
     codes = np.where(is_there, strings.codes, np.int32(-1)).astype(np.int32)
-    return first_seen(Strings(codes, strings.values))
+    return order_values_by_first_use(Strings(codes, strings.values))

@@ -29,7 +29,7 @@ from cwcli.kernels.protobuf import (
 )
 from cwcli.logs.codecs.ros2msg import SchemaError
 
-KINDS: dict[int, tuple[int, str]] = {
+KIND_AND_DTYPE_BY_TYPE: dict[int, tuple[int, str]] = {
     1: (FIXED64, "f8"),
     2: (FIXED32, "f4"),
     3: (VARINT64, "i8"),
@@ -50,19 +50,19 @@ KINDS: dict[int, tuple[int, str]] = {
     18: (ZIGZAG64, "i8"),
 }
 """Field type (`FieldDescriptorProto.Type`) -> kind of the kernel, and NumPy type ("" for other than numbers)."""
-TYPE_ENUM = 14
+PROTOBUF_TYPE_ENUM = 14
 """The field type (`FieldDescriptorProto.Type`) of an enum."""
-MAX_LEAVES = 1 << 14
+MAX_LEAF_COLUMNS = 1 << 14
 """The greatest number of columns of a message type; further leaves are left out. Chosen by hand."""
-MAX_FIELDS = 1 << 16
+MAX_SCHEMA_FIELDS = 1 << 16
 """The greatest number of fields of a message and all messages in it: nested types can double them at every level.
 Chosen by hand."""
-MAX_NESTING = 64
+MAX_MESSAGE_NESTING = 64
 """The greatest depth of messages inside each other. Chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Leaf:
+class LeafColumn:
     """A column that the tables fill.
 
     Attributes:
@@ -85,7 +85,7 @@ class Leaf:
 
 
 @dataclass
-class Tables:
+class ProtobufTables:
     """The tables of a message type for the kernel, and the columns that it fills.
 
     Attributes:
@@ -98,13 +98,15 @@ class Tables:
     fields: npt.NDArray[np.int32]
     nodes: npt.NDArray[np.int32]
     elements: npt.NDArray[np.int32]
-    slots: list[Leaf]
-    ragged: list[Leaf]
+    slots: list[LeafColumn]
+    ragged: list[LeafColumn]
     n_presence: int
     n_oneofs: int
 
 
-def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: frozenset[str] = frozenset()) -> Tables:
+def compile_protobuf_tables(
+    descriptor: Any, wants: Callable[[str], bool] | None, blobs: frozenset[str] = frozenset()
+) -> ProtobufTables:
     """Compile a message type.
 
     Args:
@@ -116,14 +118,14 @@ def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: 
         SchemaError: It is too large, or nested too deeply.
     """
     compiler = _Compiler(wants, blobs)
-    compiler.node(descriptor, _Place())
-    compiler.fill_checked()
+    compiler.add_message_node(descriptor, _MessagePosition())
+    compiler.fill_unwanted_messages()
     nodes: list[tuple[int, int]] = []
     fields: list[list[int]] = [[0] * N_COLUMNS]
     for rows in compiler.nodes:
         nodes.append((len(fields), len(rows)))
         fields.extend(rows)
-    return Tables(
+    return ProtobufTables(
         np.array(fields, np.int32),
         np.array(nodes, np.int32),
         np.array(compiler.elements or [0], np.int32),
@@ -134,14 +136,14 @@ def compile_tables(descriptor: Any, wants: Callable[[str], bool] | None, blobs: 
     )
 
 
-def is_repeated(each: Any) -> bool:
+def is_repeated_field(each: Any) -> bool:
     """Tell whether a field descriptor is of a repeated field."""
     known = getattr(each, "is_repeated", None)
     return bool(known) if known is not None else each.label == 3
 
 
 @dataclass(frozen=True)
-class _Place:
+class _MessagePosition:
     """The position of a message in the tree of messages.
 
     Attributes:
@@ -167,109 +169,109 @@ class _Compiler:
     blobs: frozenset[str]
     nodes: list[list[list[int]]] = field(default_factory=list)
     elements: list[int] = field(default_factory=list)
-    slots: list[Leaf] = field(default_factory=list)
-    ragged: list[Leaf] = field(default_factory=list)
+    slots: list[LeafColumn] = field(default_factory=list)
+    ragged: list[LeafColumn] = field(default_factory=list)
     n_presence: int = 0
     n_oneofs: int = 0
     checked: dict[str, int] = field(default_factory=dict)
     unchecked: list[tuple[int, Any]] = field(default_factory=list)
     n_fields: int = 0
 
-    def node(self, descriptor: Any, place: _Place) -> int:
+    def add_message_node(self, descriptor: Any, place: _MessagePosition) -> int:
         """Add a message whose leaves may be wanted; return its node."""
-        self._count(descriptor)
-        if len(place.types) > MAX_NESTING:
-            raise SchemaError(f"its messages are nested more than {MAX_NESTING} deep")
+        self._count_fields(descriptor)
+        if len(place.types) > MAX_MESSAGE_NESTING:
+            raise SchemaError(f"its messages are nested more than {MAX_MESSAGE_NESTING} deep")
         rows: list[list[int]] = []
         self.nodes.append(rows)
         index = len(self.nodes) - 1
         oneofs: dict[str, int] = {}
         for each in sorted(descriptor.fields, key=lambda one: one.number):
-            row = self._row(each, oneofs)
-            kind, dtype = KINDS[each.type]
+            row = self._new_field_row(each, oneofs)
+            kind, dtype = KIND_AND_DTYPE_BY_TYPE[each.type]
             path = place.prefix + each.name
             presence = place.presence
             if each.has_presence and place.element_slots is None:
-                presence = row[5] = self._new_presence()
+                presence = row[5] = self._new_presence_slot()
             if kind == MESSAGE:
-                self._message(each, row, place, presence)
-            elif kind < TEXT and self._is_wanted(path):
-                self._scalar(each, row, dtype, place, presence)
-            elif kind in (TEXT, OCTETS) and place.element_slots is None and not is_repeated(each):
-                wanted = path in self.blobs if kind == OCTETS else self._is_wanted(path)
+                self._add_nested_message(each, row, place, presence)
+            elif kind < TEXT and self._is_leaf_wanted(path):
+                self._add_scalar_leaf(each, row, dtype, place, presence)
+            elif kind in (TEXT, OCTETS) and place.element_slots is None and not is_repeated_field(each):
+                wanted = path in self.blobs if kind == OCTETS else self._is_leaf_wanted(path)
                 if wanted:
                     self.slots.append(
-                        Leaf(path, (*place.chain, each), "blob" if kind == OCTETS else "string", "", presence)
+                        LeafColumn(path, (*place.chain, each), "blob" if kind == OCTETS else "string", "", presence)
                     )
                     row[3:5] = STORE_ROW, len(self.slots) - 1
             rows.append(row)
         return index
 
-    def _message(self, each: Any, row: list[int], place: _Place, presence: int) -> None:
+    def _add_nested_message(self, each: Any, row: list[int], place: _MessagePosition, presence: int) -> None:
         """Add the message inside a field, and set its node in the field's row."""
         path = place.prefix + each.name
         inner_type = each.message_type
         types = (*place.types, each.containing_type.full_name)
         is_map = inner_type.GetOptions().map_entry
-        if is_map or inner_type.full_name in types or not self._reaches(f"{path}."):
-            row[7] = self._check_only(inner_type)
+        if is_map or inner_type.full_name in types or not self._has_wanted_leaf_below(f"{path}."):
+            row[7] = self._add_unwanted_message(inner_type)
             return
-        element_slots: list[int] | None = [] if is_repeated(each) else place.element_slots
-        inner = _Place(f"{path}.", (*place.chain, each), types, presence, element_slots)
-        row[7] = self.node(inner_type, inner)
-        if is_repeated(each) and element_slots is not None:
+        element_slots: list[int] | None = [] if is_repeated_field(each) else place.element_slots
+        inner = _MessagePosition(f"{path}.", (*place.chain, each), types, presence, element_slots)
+        row[7] = self.add_message_node(inner_type, inner)
+        if is_repeated_field(each) and element_slots is not None:
             row[8], row[9] = len(self.elements), len(element_slots)
             for slot in element_slots:
                 self.elements += [slot, np.dtype(self.ragged[slot].dtype).itemsize]
 
-    def _scalar(self, each: Any, row: list[int], dtype: str, place: _Place, presence: int) -> None:
+    def _add_scalar_leaf(self, each: Any, row: list[int], dtype: str, place: _MessagePosition, presence: int) -> None:
         """Add the column of a number, and set its slot in the field's row."""
         path, chain = place.prefix + each.name, (*place.chain, each)
         closed: tuple[int, ...] = ()
-        if each.type == TYPE_ENUM and getattr(each.enum_type, "is_closed", False):
+        if each.type == PROTOBUF_TYPE_ENUM and getattr(each.enum_type, "is_closed", False):
             closed = tuple(value.number for value in each.enum_type.values)
         in_element = place.element_slots is not None
-        if not in_element and not is_repeated(each):
-            self.slots.append(Leaf(path, chain, "fixed", dtype, presence, False, closed))
+        if not in_element and not is_repeated_field(each):
+            self.slots.append(LeafColumn(path, chain, "fixed", dtype, presence, False, closed))
             row[3:5] = STORE_ROW, len(self.slots) - 1
             return
-        self.ragged.append(Leaf(path, chain, "ragged", dtype, -1, in_element, closed))
-        row[3:5] = STORE_APPEND if is_repeated(each) else STORE_ELEMENT, len(self.ragged) - 1
-        if place.element_slots is not None and not is_repeated(each):
+        self.ragged.append(LeafColumn(path, chain, "ragged", dtype, -1, in_element, closed))
+        row[3:5] = STORE_APPEND if is_repeated_field(each) else STORE_ELEMENT, len(self.ragged) - 1
+        if place.element_slots is not None and not is_repeated_field(each):
             place.element_slots.append(len(self.ragged) - 1)
 
-    def _check_only(self, descriptor: Any) -> int:
+    def _add_unwanted_message(self, descriptor: Any) -> int:
         """Return the node of a message type without wanted leaves: one per type, which may lead back to itself."""
         known = self.checked.get(descriptor.full_name)
         if known is None:
-            self._count(descriptor)
+            self._count_fields(descriptor)
             self.nodes.append([])
             known = self.checked[descriptor.full_name] = len(self.nodes) - 1
             self.unchecked.append((known, descriptor))
         return known
 
-    def fill_checked(self) -> None:
+    def fill_unwanted_messages(self) -> None:
         """Fill in the fields of the messages without wanted leaves."""
         while self.unchecked:
             index, descriptor = self.unchecked.pop()
             oneofs: dict[str, int] = {}
             for each in sorted(descriptor.fields, key=lambda one: one.number):
-                row = self._row(each, oneofs)
-                if KINDS[each.type][0] == MESSAGE:
-                    row[7] = self._check_only(each.message_type)
+                row = self._new_field_row(each, oneofs)
+                if KIND_AND_DTYPE_BY_TYPE[each.type][0] == MESSAGE:
+                    row[7] = self._add_unwanted_message(each.message_type)
                 self.nodes[index].append(row)
 
-    def _count(self, descriptor: Any) -> None:
+    def _count_fields(self, descriptor: Any) -> None:
         """Count the fields of a message.
 
         Raises:
             SchemaError: There are more than `MAX_FIELDS`.
         """
         self.n_fields += len(descriptor.fields) + 1
-        if self.n_fields > MAX_FIELDS:
-            raise SchemaError(f"its messages hold more than {MAX_FIELDS:,} fields")
+        if self.n_fields > MAX_SCHEMA_FIELDS:
+            raise SchemaError(f"its messages hold more than {MAX_SCHEMA_FIELDS:,} fields")
 
-    def _row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
+    def _new_field_row(self, each: Any, oneofs: dict[str, int]) -> list[int]:
         """Return the kernel's row of a field, which stores nothing yet."""
         oneof = -1
         if each.containing_oneof is not None and len(each.containing_oneof.fields) > 1:
@@ -277,17 +279,28 @@ class _Compiler:
                 oneofs[each.containing_oneof.name] = self.n_oneofs
                 self.n_oneofs += 1
             oneof = oneofs[each.containing_oneof.name]
-        return [each.number, KINDS[each.type][0], int(is_repeated(each)), STORE_NOT, -1, -1, oneof, 0, 0, 0]
+        return [
+            each.number,
+            KIND_AND_DTYPE_BY_TYPE[each.type][0],
+            int(is_repeated_field(each)),
+            STORE_NOT,
+            -1,
+            -1,
+            oneof,
+            0,
+            0,
+            0,
+        ]
 
-    def _is_wanted(self, path: str) -> bool:
-        return (self.wants is None or self.wants(path)) and len(self.slots) + len(self.ragged) < MAX_LEAVES
+    def _is_leaf_wanted(self, path: str) -> bool:
+        return (self.wants is None or self.wants(path)) and len(self.slots) + len(self.ragged) < MAX_LEAF_COLUMNS
 
-    def _reaches(self, prefix: str) -> bool:
+    def _has_wanted_leaf_below(self, prefix: str) -> bool:
         """Tell whether a wanted leaf has a path with this prefix."""
         if self.wants is None:
             return True
         return self.wants(prefix) or any(blob.startswith(prefix) for blob in self.blobs)
 
-    def _new_presence(self) -> int:
+    def _new_presence_slot(self) -> int:
         self.n_presence += 1
         return self.n_presence - 1

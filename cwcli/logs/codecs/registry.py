@@ -32,38 +32,40 @@ def make_decoder(channel: ChannelLike, fields: Fields, *, blobs: Collection[str]
     Raises:
         SchemaError: The encoding is unknown, or the schema can't be used.
     """
-    maker = DECODERS.get((channel.message_encoding, channel.schema_encoding))
-    maker = maker or DECODERS.get((channel.message_encoding, ANY))
+    maker = DECODER_MAKERS.get((channel.message_encoding, channel.schema_encoding))
+    maker = maker or DECODER_MAKERS.get((channel.message_encoding, ANY_SCHEMA_ENCODING))
     if maker is None:
-        known = ", ".join(f"{message}/{schema}".removesuffix(f"/{ANY}") for message, schema in DECODERS)
+        known = ", ".join(
+            f"{message}/{schema}".removesuffix(f"/{ANY_SCHEMA_ENCODING}") for message, schema in DECODER_MAKERS
+        )
         encodings = f"{channel.message_encoding[:40] or '-'}/{channel.schema_encoding[:40] or '-'}"
         raise SchemaError(f"its encoding {encodings} is unknown (known: {known})")
     return maker(channel, fields, blobs, n_expected)
 
 
-def _cdr(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+def _make_cdr_decoder(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
     from cwcli.logs.codecs.cdr import CdrDecoder
 
     return CdrDecoder(channel.schema_name, channel.schema_data, fields, blobs=blobs, n_expected=n_expected)
 
 
-def _protobuf(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+def _make_protobuf_decoder(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
     from cwcli.logs.codecs.protobuf import ProtobufDecoder
 
     return ProtobufDecoder(channel.schema_name, channel.schema_data, fields, blobs=blobs, n_expected=n_expected)
 
 
-def _json(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
+def _make_json_decoder(channel: ChannelLike, fields: Fields, blobs: Collection[str], n_expected: int) -> Decoder:
     from cwcli.logs.codecs.json import JsonDecoder
 
     return JsonDecoder(fields, blobs=blobs, n_expected=n_expected)
 
 
-ANY = "*"
+ANY_SCHEMA_ENCODING = "*"
 """The schema encoding of a registry entry that accepts every schema."""
-DECODERS: dict[tuple[str, str], Maker] = {
-    ("cdr", "ros2msg"): _cdr,
-    ("protobuf", "protobuf"): _protobuf,
-    ("json", ANY): _json,
+DECODER_MAKERS: dict[tuple[str, str], Maker] = {
+    ("cdr", "ros2msg"): _make_cdr_decoder,
+    ("protobuf", "protobuf"): _make_protobuf_decoder,
+    ("json", ANY_SCHEMA_ENCODING): _make_json_decoder,
 }
 """The message encoding and schema encoding of a channel (MCAP registry) -> function that makes its decoder."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-PRIMITIVES: dict[str, str] = {
+PRIMITIVE_DTYPES: dict[str, str] = {
     "bool": "u1",
     "byte": "u1",
     "char": "i1",
@@ -26,22 +26,22 @@ PRIMITIVES: dict[str, str] = {
 }
 """Primitive type -> NumPy type (ROS 2 interface definitions). `char` is signed, as the official decoder reads it."""
 
-STRING = "string"
+STRING_TYPE = "string"
 """The type name of texts in UTF-8."""
-WSTRING = "wstring"
+WSTRING_TYPE = "wstring"
 """The type name of texts in UTF-16, which cwcli does not decode."""
-_PREDEFINED = {
+_PREDEFINED_MESSAGES = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
     "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
 }
 """The messages that a schema may use without a definition (builtin_interfaces)."""
-_SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
+_DEFINITION_SEPARATOR = re.compile(r"^={3,}\s*$", re.MULTILINE)
 """The pattern of the line between two message definitions."""
 _NAME_LINE = re.compile(r"^MSG:\s+(\S+)\s*$", re.MULTILINE)
 """The pattern of the line that names the message of a definition."""
-_TYPE = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
+_FIELD_TYPE = re.compile(r"^([\w/]+)(<=\d+)?(?:\[(<=)?(\d*)\])?$")
 """The pattern of a field's type: name, bound of a string, bound and length of an array."""
-_CONSTANT = re.compile(r"^\w+\s*=")
+_CONSTANT_ASSIGNMENT = re.compile(r"^\w+\s*=")
 """The pattern of a constant's name and equals sign."""
 
 
@@ -65,15 +65,15 @@ class MessageField(NamedTuple):
     length: int | None
 
 
-MAX_ARRAY = 1 << 24
+MAX_ARRAY_ELEMENTS = 1 << 24
 """The greatest number of elements of a fixed array. Chosen by hand."""
-MAX_DIGITS = 18
+MAX_LENGTH_DIGITS = 18
 """The greatest number of digits in the length of an array: a number of that size fits in 64 bits."""
 
 Definitions = dict[str, tuple[MessageField, ...]]
 
 
-def parse_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
+def parse_message_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
     """Parse the messages of a schema.
 
     Returns:
@@ -82,27 +82,29 @@ def parse_definitions(schema_name: str, text: str) -> tuple[str, Definitions]:
     Raises:
         SchemaError: The text can't be understood.
     """
-    root = short_name(schema_name)
-    definitions: Definitions = {name: _fields("builtin_interfaces", body) for name, body in _PREDEFINED.items()}
-    for k, part in enumerate(_SEPARATOR.split(text.replace("\r\n", "\n"))):
+    root = short_message_name(schema_name)
+    definitions: Definitions = {
+        name: _parse_fields("builtin_interfaces", body) for name, body in _PREDEFINED_MESSAGES.items()
+    }
+    for k, part in enumerate(_DEFINITION_SEPARATOR.split(text.replace("\r\n", "\n"))):
         named = _NAME_LINE.search(part)
         if named is None and k:
             raise SchemaError("a part of the schema has no `MSG:` line")
-        name = short_name(named.group(1)) if named else root
+        name = short_message_name(named.group(1)) if named else root
         body = part[: named.start()] + part[named.end() :] if named else part
-        definitions[name] = _fields(name.split("/")[0], body)
+        definitions[name] = _parse_fields(name.split("/")[0], body)
     if root not in definitions:
         raise SchemaError(f"the schema does not define {schema_name}")
     return root, definitions
 
 
-def short_name(name: str) -> str:
+def short_message_name(name: str) -> str:
     """Return package and name of a message type: `sensor_msgs/msg/Imu` -> `sensor_msgs/Imu`."""
     parts = name.split("/")
     return f"{parts[0]}/{parts[-1]}"
 
 
-def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, ...]:
+def find_message_fields(definitions: Definitions, name: str) -> tuple[MessageField, ...]:
     """Return the fields of a message.
 
     Raises:
@@ -114,7 +116,7 @@ def find_definition(definitions: Definitions, name: str) -> tuple[MessageField, 
     return found
 
 
-def _fields(package: str, body: str) -> tuple[MessageField, ...]:
+def _parse_fields(package: str, body: str) -> tuple[MessageField, ...]:
     """Parse the field lines of one definition.
 
     Raises:
@@ -127,29 +129,29 @@ def _fields(package: str, body: str) -> tuple[MessageField, ...]:
             continue
         type_text, _, rest = line.partition(" ")
         rest = rest.lstrip()
-        if _CONSTANT.match(rest):
+        if _CONSTANT_ASSIGNMENT.match(rest):
             continue
         name = rest.partition(" ")[0]
-        matched = _TYPE.match(type_text)
+        matched = _FIELD_TYPE.match(type_text)
         if not name or not matched:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
         base, _, is_bounded, size = matched.groups()
         is_array = "[" in type_text
-        if len(size or "") > MAX_DIGITS:
+        if len(size or "") > MAX_LENGTH_DIGITS:
             raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
         length = int(size) if is_array and size and not is_bounded else None
         if length == 0:
             raise SchemaError(f"a line of the schema is not a field: {line[:60]!r}")
-        if length is not None and length > MAX_ARRAY:
+        if length is not None and length > MAX_ARRAY_ELEMENTS:
             raise SchemaError(f"an array of the schema is too long: {line[:60]!r}")
-        fields.append(MessageField(name, _resolved(base, package), is_array and length is None, length))
+        fields.append(MessageField(name, _resolve_type_name(base, package), is_array and length is None, length))
     return tuple(fields)
 
 
-def _resolved(base: str, package: str) -> str:
+def _resolve_type_name(base: str, package: str) -> str:
     """Return a primitive or the short name of a message type that a definition of `package` names."""
-    if base in PRIMITIVES or base in (STRING, WSTRING):
+    if base in PRIMITIVE_DTYPES or base in (STRING_TYPE, WSTRING_TYPE):
         return base
     if base == "Header":
         return "std_msgs/Header"
-    return short_name(base) if "/" in base else f"{package}/{base}"
+    return short_message_name(base) if "/" in base else f"{package}/{base}"

@@ -11,123 +11,136 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from cwcli.logs.codecs.cdr_program import MAX_NESTING
-from cwcli.logs.codecs.protobuf import find_message
-from cwcli.logs.codecs.protobuf_tables import is_repeated
+from cwcli.logs.codecs.cdr_program import MAX_MESSAGE_NESTING
+from cwcli.logs.codecs.compressed_messages import decompress_message
+from cwcli.logs.codecs.protobuf import find_message_descriptor
+from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.codecs.registry import ChannelLike
 from cwcli.logs.codecs.ros2msg import (
-    PRIMITIVES,
-    STRING,
-    WSTRING,
+    PRIMITIVE_DTYPES,
+    STRING_TYPE,
+    WSTRING_TYPE,
     Definitions,
     MessageField,
     SchemaError,
-    find_definition,
-    parse_definitions,
+    find_message_fields,
+    parse_message_definitions,
 )
-from cwcli.logs.codecs.unpacked import unpacked_message
 
-FORMATS = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
+STRUCT_FORMAT_BY_DTYPE = {
+    "i1": "b",
+    "u1": "B",
+    "i2": "h",
+    "u2": "H",
+    "i4": "i",
+    "u4": "I",
+    "i8": "q",
+    "u8": "Q",
+    "f4": "f",
+    "f8": "d",
+}
 """NumPy type -> format character of `struct`."""
 
 
-class BadMessage(ValueError):
+class UndecodableMessage(ValueError):
     """A message that can't be decoded."""
 
 
 Decode = Callable[[bytes], object]
 
 
-def tree_decoder(channel: ChannelLike) -> Decode:
-    """Return a function that decodes single messages of a channel, and raises `BadMessage`.
+def make_tree_decoder(channel: ChannelLike) -> Decode:
+    """Return a function that decodes single messages of a channel, and raises `UndecodableMessage`.
 
     Raises:
         SchemaError: The encoding or the schema is unknown or unusable.
     """
-    make = _MAKERS.get(channel.message_encoding)
+    make = _DECODER_MAKERS.get(channel.message_encoding)
     if make is None:
         raise SchemaError(f"unknown message encoding {channel.message_encoding or '(none)'}")
     return make(channel)
 
 
-def _json(channel: ChannelLike) -> Decode:
-    return _from_json
+def _make_json_decoder(channel: ChannelLike) -> Decode:
+    return _decode_json
 
 
-def _from_json(payload: bytes) -> object:
+def _decode_json(payload: bytes) -> object:
     try:
         return json.loads(payload)
     except (ValueError, RecursionError) as error:
-        raise BadMessage("no JSON") from error
+        raise UndecodableMessage("no JSON") from error
 
 
-def _protobuf(channel: ChannelLike) -> Decode:
+def _make_protobuf_decoder(channel: ChannelLike) -> Decode:
     from google.protobuf.message_factory import GetMessageClass
 
-    kind = GetMessageClass(find_message(channel.schema_name, channel.schema_data))
+    kind = GetMessageClass(find_message_descriptor(channel.schema_name, channel.schema_data))
 
     def decode(payload: bytes) -> object:
         message = kind()
         try:
             message.ParseFromString(payload)
         except Exception as error:  # the parser's own error class has changed its place between versions
-            raise BadMessage("damaged") from error
-        return _plain(message, 0)
+            raise UndecodableMessage("damaged") from error
+        return _message_to_dict(message, 0)
 
     return decode
 
 
-def _plain(message: Any, depth: int) -> dict[str, object]:
+def _message_to_dict(message: Any, depth: int) -> dict[str, object]:
     """Return the fields of a protobuf message; None for absent fields, the default for scalars without presence."""
-    if depth > MAX_NESTING:
-        raise BadMessage("nested too deeply")
+    if depth > MAX_MESSAGE_NESTING:
+        raise UndecodableMessage("nested too deeply")
     found: dict[str, object] = {}
     for each in message.DESCRIPTOR.fields:
         if each.message_type is not None and each.message_type.GetOptions().map_entry:
             continue
         value = getattr(message, each.name)
-        if is_repeated(each):
-            inner = [_plain(one, depth + 1) for one in value] if each.message_type is not None else list(value)
+        if is_repeated_field(each):
+            inner = (
+                [_message_to_dict(one, depth + 1) for one in value] if each.message_type is not None else list(value)
+            )
             found[each.name] = inner
         elif each.has_presence and not message.HasField(each.name):
             found[each.name] = None
         else:
-            found[each.name] = _plain(value, depth + 1) if each.message_type is not None else value
+            found[each.name] = _message_to_dict(value, depth + 1) if each.message_type is not None else value
     return found
 
 
-def _cdr(channel: ChannelLike) -> Decode:
-    root, definitions = parse_definitions(channel.schema_name, channel.schema_data.decode(errors="replace"))
-    _check(root, definitions, ())
+def _make_cdr_decoder(channel: ChannelLike) -> Decode:
+    root, definitions = parse_message_definitions(channel.schema_name, channel.schema_data.decode(errors="replace"))
+    _check_decodable(root, definitions, ())
 
     def decode(payload: bytes) -> object:
-        payload = unpacked_message(payload)
+        payload = decompress_message(payload)
         if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
-            raise BadMessage("not plain CDR")
+            raise UndecodableMessage("not plain CDR")
         try:
-            return _Body(payload, definitions).message(root)
+            return _CdrReader(payload, definitions).read_message(root)
         except struct.error as error:
-            raise BadMessage("cut short") from error
+            raise UndecodableMessage("cut short") from error
 
     return decode
 
 
-def _check(name: str, definitions: Definitions, parents: tuple[str, ...]) -> None:
+def _check_decodable(name: str, definitions: Definitions, parents: tuple[str, ...]) -> None:
     """Check that messages of a schema can be decoded.
 
     Raises:
         SchemaError: A message contains itself or a wstring, or is not defined.
     """
-    if name in parents or len(parents) > MAX_NESTING:
+    if name in parents or len(parents) > MAX_MESSAGE_NESTING:
         raise SchemaError(f"{name} contains itself")
-    for each in find_definition(definitions, name):
-        if each.type == WSTRING:
+    for each in find_message_fields(definitions, name):
+        if each.type == WSTRING_TYPE:
             raise SchemaError(f"{each.name} is a wstring, which CDR encoders write in different ways")
-        if each.type not in PRIMITIVES and each.type != STRING:
-            _check(each.type, definitions, (*parents, name))
+        if each.type not in PRIMITIVE_DTYPES and each.type != STRING_TYPE:
+            _check_decodable(each.type, definitions, (*parents, name))
 
 
-class _Body:
+class _CdrReader:
     """Reads one message in XCDR1: primitives are aligned to their size, counted from the end of the header."""
 
     def __init__(self, payload: bytes, definitions: Definitions) -> None:
@@ -136,49 +149,53 @@ class _Body:
         self._definitions = definitions
         self._at = 0
 
-    def message(self, name: str) -> dict[str, object]:
+    def read_message(self, name: str) -> dict[str, object]:
         """Read the fields of a message by its short name."""
-        fields = find_definition(self._definitions, name)
+        fields = find_message_fields(self._definitions, name)
         if not fields:
-            self._numbers("u1", 1)  # an empty message has one octet
-        return {each.name: self._field(each) for each in fields}
+            self._read_numbers("u1", 1)  # an empty message has one octet
+        return {each.name: self._read_field(each) for each in fields}
 
-    def _field(self, each: MessageField) -> object:
+    def _read_field(self, each: MessageField) -> object:
         if not each.is_sequence and each.length is None:
-            return self._element(each)
-        n = int(self._numbers("u4", 1)[0]) if each.is_sequence else each.length or 0
+            return self._read_element(each)
+        n = int(self._read_numbers("u4", 1)[0]) if each.is_sequence else each.length or 0
         if n > len(self._data) - self._at:  # an element has an octet at least
-            raise BadMessage("cut short")
-        if each.type in PRIMITIVES:
-            values = self._numbers(PRIMITIVES[each.type], n)
+            raise UndecodableMessage("cut short")
+        if each.type in PRIMITIVE_DTYPES:
+            values = self._read_numbers(PRIMITIVE_DTYPES[each.type], n)
             return [value != 0 for value in values] if each.type == "bool" else list(values)
-        return [self._element(each) for _ in range(n)]
+        return [self._read_element(each) for _ in range(n)]
 
-    def _element(self, each: MessageField) -> object:
-        if each.type == STRING:
-            return self._text()
-        if each.type not in PRIMITIVES:
-            return self.message(each.type)
-        (value,) = self._numbers(PRIMITIVES[each.type], 1)
+    def _read_element(self, each: MessageField) -> object:
+        if each.type == STRING_TYPE:
+            return self._read_text()
+        if each.type not in PRIMITIVE_DTYPES:
+            return self.read_message(each.type)
+        (value,) = self._read_numbers(PRIMITIVE_DTYPES[each.type], 1)
         return value != 0 if each.type == "bool" else value
 
-    def _numbers(self, dtype: str, n: int) -> tuple[Any, ...]:
+    def _read_numbers(self, dtype: str, n: int) -> tuple[Any, ...]:
         if not n:
             return ()
         size = int(dtype[1])
         self._at += -self._at % size
-        values = struct.unpack_from(f"{self._order}{n}{FORMATS[dtype]}", self._data, self._at)
+        values = struct.unpack_from(f"{self._order}{n}{STRUCT_FORMAT_BY_DTYPE[dtype]}", self._data, self._at)
         self._at += n * size
         return values
 
-    def _text(self) -> str:
-        (length,) = self._numbers("u4", 1)
+    def _read_text(self) -> str:
+        (length,) = self._read_numbers("u4", 1)
         if length > len(self._data) - self._at:
-            raise BadMessage("cut short")
+            raise UndecodableMessage("cut short")
         octets = bytes(self._data[self._at : self._at + length])
         self._at += length
         return octets.rstrip(b"\0").decode("utf-8", "replace")
 
 
-_MAKERS: dict[str, Callable[[ChannelLike], Decode]] = {"cdr": _cdr, "protobuf": _protobuf, "json": _json}
+_DECODER_MAKERS: dict[str, Callable[[ChannelLike], Decode]] = {
+    "cdr": _make_cdr_decoder,
+    "protobuf": _make_protobuf_decoder,
+    "json": _make_json_decoder,
+}
 """Message encoding (MCAP registry) -> function that makes the decoder of a channel."""

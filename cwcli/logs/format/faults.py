@@ -8,25 +8,25 @@ from dataclasses import dataclass, field
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 
-MAX_RECORDS = 1 << 16
+MAX_NON_MESSAGE_RECORDS = 1 << 16
 """The greatest number of schemas, channels, attachments and runs of metadata in a file. Chosen by hand: many times what
 recorders write."""
 RECOVER_HINT = "--recover reads what is intact"
 """The advice to a user whose log is damaged."""
 
 
-def damaged(file: InputFile, at: int, why: object) -> InputError:
+def damaged_file_error(file: InputFile, at: int, why: object) -> InputError:
     """Return the error that a file is damaged at an offset; a `hint` attribute of `why` replaces the usual one."""
-    part, at = file.place(at)
+    part, at = file.part_and_offset(at)
     return InputError(f"damaged at byte {at}: {why}", where=part.name, hint=getattr(why, "hint", RECOVER_HINT))
 
 
-def no_mcap(name: str, head: bytes) -> InputError:
+def not_mcap_error(name: str, head: bytes) -> InputError:
     """Return the error that a file with this beginning is not MCAP."""
-    return InputError("it is not an MCAP file", where=name, hint=_hint_for(head))
+    return InputError("it is not an MCAP file", where=name, hint=_guess_file_format_hint(head))
 
 
-def _hint_for(head: bytes) -> str:
+def _guess_file_format_hint(head: bytes) -> str:
     """Return advice for the file format that the first bytes suggest, "" for an unknown one."""
     if head.startswith(b"#ROSBAG"):
         return "it is a ROS 1 bag; name the file, which is converted on the way in"
@@ -37,14 +37,14 @@ def _hint_for(head: bytes) -> str:
     return ""
 
 
-def check_record_count(name: str, n: int) -> None:
+def check_non_message_record_count(name: str, n: int) -> None:
     """Check the number of records other than messages and chunks: each costs time whenever the log is opened.
 
     Raises:
-        InputError: It exceeds `MAX_RECORDS`.
+        InputError: It exceeds `MAX_NON_MESSAGE_RECORDS`.
     """
-    if n > MAX_RECORDS:
-        what = f"it holds more than {MAX_RECORDS:,} schemas, channels, attachments and parts with metadata"
+    if n > MAX_NON_MESSAGE_RECORDS:
+        what = f"it holds more than {MAX_NON_MESSAGE_RECORDS:,} schemas, channels, attachments and parts with metadata"
         raise InputError(what, where=name, hint="`mcap filter` makes a log without them")
 
 
@@ -67,25 +67,25 @@ class Faults:
         undecodable: Topic -> reason -> messages.
     """
 
-    parts: dict[str, int] = field(default_factory=dict)
+    file_faults: dict[str, int] = field(default_factory=dict)
     crc_mismatches: int = 0
     chunks_lost: int = 0
     chunks_partial: int = 0
     broken_indexes: int = 0
     bytes_lost: int = 0
     messages_lost: int = 0
-    miscounted: set[int] = field(default_factory=set)
+    miscounted_channel_ids: set[int] = field(default_factory=set)
     data_crc_mismatch: bool = False
     truncated: bool = False
     summary_damaged: bool = False
     undecodable: dict[str, dict[str, int]] = field(default_factory=dict)
 
-    def note_parts(self, notes: Mapping[str, int]) -> None:
+    def add_file_faults(self, notes: Mapping[str, int]) -> None:
         """Add faults of a file, or of the parts of a recording: text -> how often."""
         for what, count in notes.items():
-            self.parts[what] = self.parts.get(what, 0) + count
+            self.file_faults[what] = self.file_faults.get(what, 0) + count
 
-    def note_undecodable(self, topic: str, reason: str, count: int) -> None:
+    def record_undecodable_messages(self, topic: str, reason: str, count: int) -> None:
         """Set how many messages of a topic could not be decoded for a reason.
 
         A topic may be read several times; the largest count of one pass is kept.
@@ -94,10 +94,10 @@ class Faults:
             reasons = self.undecodable.setdefault(topic, {})
             reasons[reason] = max(reasons.get(reason, 0), count)
 
-    def counts(self) -> dict[str, int]:
+    def counts_by_reason(self) -> dict[str, int]:
         """Return fault, in words for the user -> count, for all faults that occurred."""
         named = {
-            **self.parts,
+            **self.file_faults,
             "file cut short": int(self.truncated),
             "summary damaged": int(self.summary_damaged),
             "CRC of all messages wrong": int(self.data_crc_mismatch),
@@ -105,7 +105,7 @@ class Faults:
             "of these with a wrong CRC": self.crc_mismatches,
             "chunks read in part": self.chunks_partial,
             "message indexes that differ from their chunk": self.broken_indexes,
-            "channels with a wrong message count in the summary": len(self.miscounted),
+            "channels with a wrong message count in the summary": len(self.miscounted_channel_ids),
             "bytes lost": self.bytes_lost,
             "messages lost": self.messages_lost,
         }

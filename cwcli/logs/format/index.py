@@ -7,19 +7,19 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import NamedTuple, TypeVar
 
-from cwcli.logs.format.joined_file import Renumbering
-from cwcli.logs.format.metadata_table import MetadataTable, Run
+from cwcli.logs.format.joined_file import ChannelRenumbering
+from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import AttachmentIndex, Channel, ChunkIndex, Schema, Statistics
 
 
-class Span(NamedTuple):
+class UnchunkedRange(NamedTuple):
     """A byte range of the data section outside chunks: messages found by a scan, or bytes that no index covers."""
 
     start: int
     end: int
 
 
-class LooseRecord(NamedTuple):
+class UnchunkedRecord(NamedTuple):
     """A schema or channel outside chunks, or a record with an opcode that the format does not define (`id` -1)."""
 
     start: int
@@ -28,19 +28,19 @@ class LooseRecord(NamedTuple):
     id: int
 
 
-Item = ChunkIndex | Span | AttachmentIndex | Run | LooseRecord
+Item = ChunkIndex | UnchunkedRange | AttachmentIndex | MetadataRun | UnchunkedRecord
 Kind = TypeVar("Kind")
 
 
 @dataclass
-class Index:
+class LogIndex:
     """The schemas, channels, chunks and other records of a file, and their places.
 
     Attributes:
         profile, library: From the header.
         header_length: Bytes of magic and header; 0 if the header is damaged.
         schemas, channels: By id.
-        items: The data section in file order. `LooseRecord`s are listed after a scan only.
+        items: The data section in file order. `UnchunkedRecord`s are listed after a scan only.
         metadata: The metadata records; a `Run` among the items names its rows.
         statistics: The counts of the summary or of the scan; None if there are none yet.
         data_end: Offset of the data end record, which holds a CRC of everything before; None if there is none.
@@ -64,31 +64,31 @@ class Index:
     data_end: int | None = None
     has_end: bool = False
     cut_chunks: set[int] = field(default_factory=set)
-    is_listed: bool = False
-    is_counted: bool = False
+    has_complete_summary: bool = False
+    has_message_counts: bool = False
     data_sections: list[tuple[int, int]] = field(default_factory=list)
-    renumberings: list[tuple[int, Renumbering | None]] = field(default_factory=list)
+    renumberings: list[tuple[int, ChannelRenumbering | None]] = field(default_factory=list)
 
-    def items_of(self, kind: type[Kind]) -> list[Kind]:
+    def items_of_type(self, kind: type[Kind]) -> list[Kind]:
         """Return the items of one type, in file order."""
         return [item for item in self.items if isinstance(item, kind)]
 
-    def with_own_ids(self, at: int, records: memoryview) -> memoryview:
+    def records_with_log_ids(self, at: int, records: memoryview) -> memoryview:
         """Return the records read at an offset, with this log's channel ids in the messages."""
-        renumbering = self.renumbering(at)
-        return records if renumbering is None else renumbering.records(records)
+        renumbering = self.renumbering_at(at)
+        return records if renumbering is None else renumbering.renumber_records(records)
 
-    def renumbering(self, at: int) -> Renumbering | None:
+    def renumbering_at(self, at: int) -> ChannelRenumbering | None:
         """Return the mapping of the channel ids at an offset to those of the log; None if they are the same."""
         k = bisect_right(self.renumberings, at, key=itemgetter(0)) - 1
         return self.renumberings[k][1] if k >= 0 else None
 
-    def section_at(self, at: int) -> tuple[int, int | None]:
+    def data_section_at(self, at: int) -> tuple[int, int | None]:
         """Return start (at the magic bytes) and `data_end` of the data section around an offset."""
         within = [each for each in self.data_sections if each[0] <= at < each[1]]
         return within[0] if within else (0, None if self.data_sections else self.data_end)
 
-    def lacks_schema(self, channel_id: int) -> bool:
+    def lacks_channel_or_schema(self, channel_id: int) -> bool:
         """Tell whether a channel or its schema is not defined."""
         channel = self.channels.get(channel_id)
         return channel is None or (channel.schema_id != 0 and channel.schema_id not in self.schemas)

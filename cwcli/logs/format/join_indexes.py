@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from cwcli.logs.format.index import Index, Item, LooseRecord, Span
-from cwcli.logs.format.joined_file import NOBODY, JoinedFile, Renumbering
-from cwcli.logs.format.metadata_table import Run
+from cwcli.logs.format.index import Item, LogIndex, UnchunkedRange, UnchunkedRecord
+from cwcli.logs.format.joined_file import UNKNOWN_CHANNEL_ID, ChannelRenumbering, JoinedFile
+from cwcli.logs.format.metadata_table import MetadataRun
 from cwcli.logs.format.records import (
-    CHANNEL,
-    SCHEMA,
+    OPCODE_CHANNEL,
+    OPCODE_SCHEMA,
     AttachmentIndex,
     ChunkIndex,
     Statistics,
 )
 
 
-def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
+def join_indexes(file: JoinedFile, indexes: Sequence[LogIndex]) -> LogIndex:
     """Return the index of a log of parts, as if it were one file.
 
     It holds the schemas and channels of all parts, but no record that defines one: its ids may differ.
@@ -29,19 +29,19 @@ def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
     Raises:
         InputError: The log needs more than 65,534 ids of schemas or channels.
     """
-    joined = Index(
+    joined = LogIndex(
         profile=indexes[0].profile if len({each.profile for each in indexes}) == 1 else "",
         library=indexes[0].library,
         header_length=indexes[0].header_length,
         has_end=all(each.has_end for each in indexes),
-        is_listed=all(each.is_listed for each in indexes),
-        is_counted=all(each.is_counted for each in indexes),
+        has_complete_summary=all(each.has_complete_summary for each in indexes),
+        has_message_counts=all(each.has_message_counts for each in indexes),
     )
-    for k in _most_alike_first(indexes):
-        file.numbering.number(indexes[k].schemas, indexes[k].channels)
+    for k in _parts_with_common_ids_first(indexes):
+        file.numbering.assign_part_ids(indexes[k].schemas, indexes[k].channels)
     channel_ids = []
     for k, index in enumerate(indexes):
-        schema_ids, ids = file.numbering.number(index.schemas, index.channels)
+        schema_ids, ids = file.numbering.assign_part_ids(index.schemas, index.channels)
         channel_ids.append(ids)
         for schema in index.schemas.values():
             new_id = schema_ids[schema.id]
@@ -50,19 +50,19 @@ def join_indexes(file: JoinedFile, indexes: Sequence[Index]) -> Index:
             new_id = ids[channel.id]
             schema_id = schema_ids.get(channel.schema_id, 0)
             joined.channels.setdefault(new_id, channel._replace(id=new_id, schema_id=schema_id))
-        used = {each for chunk in index.items_of(ChunkIndex) for each in chunk.channel_ids}
-        start = file.start_of(k)
+        used = {each for chunk in index.items_of_type(ChunkIndex) for each in chunk.channel_ids}
+        start = file.part_start(k)
         is_same = all(old == new for each in (schema_ids, ids) for old, new in each.items()) and used <= ids.keys()
-        joined.renumberings.append((start, None if is_same else Renumbering(ids)))
-        joined.items += _placed(file, index, start, ids, joined)
+        joined.renumberings.append((start, None if is_same else ChannelRenumbering(ids)))
+        joined.items += _shift_items_into_log(file, index, start, ids, joined)
         joined.cut_chunks |= {at + start for at in index.cut_chunks}
         if index.data_end is not None:
             joined.data_sections.append((start, index.data_end + start))
-    joined.statistics = _counted(joined, indexes, channel_ids)
+    joined.statistics = _sum_statistics(joined, indexes, channel_ids)
     return joined
 
 
-def _most_alike_first(indexes: Sequence[Index]) -> list[int]:
+def _parts_with_common_ids_first(indexes: Sequence[LogIndex]) -> list[int]:
     """Return the part numbers, those first whose ids most parts share, so that these keep their ids.
 
     A recorder may give the first part of a recording other ids than all that follow.
@@ -72,7 +72,9 @@ def _most_alike_first(indexes: Sequence[Index]) -> list[int]:
     return sorted(range(len(indexes)), key=lambda k: -counts[layouts[k]])
 
 
-def _placed(file: JoinedFile, index: Index, start: int, ids: Mapping[int, int], joined: Index) -> list[Item]:
+def _shift_items_into_log(
+    file: JoinedFile, index: LogIndex, start: int, ids: Mapping[int, int], joined: LogIndex
+) -> list[Item]:
     """Return the items of a part with their offsets and channel ids in the log; `ids`: id in the part -> in the log."""
     items: list[Item] = []
     earlier: dict[tuple[int, str], list[int]] = {}
@@ -83,35 +85,42 @@ def _placed(file: JoinedFile, index: Index, start: int, ids: Mapping[int, int], 
             items.append(
                 item._replace(
                     chunk_start=item.chunk_start + start,
-                    index_offsets={ids.get(old, NOBODY): at + start for old, at in item.index_offsets.items()},
-                    counts=None if item.counts is None else _renamed(item.counts, ids),
+                    index_offsets={
+                        ids.get(old, UNKNOWN_CHANNEL_ID): at + start for old, at in item.index_offsets.items()
+                    },
+                    counts=None if item.counts is None else _renumber_counts(item.counts, ids),
                 )
             )
-        elif isinstance(item, Span):
-            items.append(Span(item.start + start, item.end + start))
-        elif isinstance(item, LooseRecord):
-            if item.opcode not in (SCHEMA, CHANNEL):
+        elif isinstance(item, UnchunkedRange):
+            items.append(UnchunkedRange(item.start + start, item.end + start))
+        elif isinstance(item, UnchunkedRecord):
+            if item.opcode not in (OPCODE_SCHEMA, OPCODE_CHANNEL):
                 items.append(item._replace(start=item.start + start))
         elif isinstance(item, AttachmentIndex):
             items.append(item._replace(offset=item.offset + start))
         else:
-            items += _placed_metadata(file, index, item, start, joined, earlier)
+            items += _shift_new_metadata_into_log(file, index, item, start, joined, earlier)
     return items
 
 
-def _renamed(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[int, int]:
+def _renumber_counts(counts: Mapping[int, int], ids: Mapping[int, int]) -> dict[int, int]:
     """Return the message counts by channel id of the log; `ids`: id in the part -> id in the log."""
     renamed: Counter[int] = Counter()
     for old, n in counts.items():
-        renamed[ids.get(old, NOBODY)] += n
+        renamed[ids.get(old, UNKNOWN_CHANNEL_ID)] += n
     return dict(renamed)
 
 
-def _placed_metadata(
-    file: JoinedFile, index: Index, run: Run, start: int, joined: Index, earlier: Mapping[tuple[int, str], list[int]]
-) -> Iterator[Run]:
+def _shift_new_metadata_into_log(
+    file: JoinedFile,
+    index: LogIndex,
+    run: MetadataRun,
+    start: int,
+    joined: LogIndex,
+    earlier: Mapping[tuple[int, str], list[int]],
+) -> Iterator[MetadataRun]:
     """Add a part's metadata records to the joined table and yield their runs, without exact copies of earlier ones."""
-    placed: Run | None = None
+    placed: MetadataRun | None = None
     for row in range(run.first, run.stop):
         offset, length, name = index.metadata[row]
         at = offset + start
@@ -123,12 +132,14 @@ def _placed_metadata(
         if placed is not None and placed.end != at:
             yield placed
             placed = None
-        placed = Run(at, at + length, n - 1, n) if placed is None else placed._replace(end=at + length, stop=n)
+        placed = MetadataRun(at, at + length, n - 1, n) if placed is None else placed._replace(end=at + length, stop=n)
     if placed is not None:
         yield placed
 
 
-def _counted(joined: Index, indexes: Sequence[Index], channel_ids: Sequence[Mapping[int, int]]) -> Statistics:
+def _sum_statistics(
+    joined: LogIndex, indexes: Sequence[LogIndex], channel_ids: Sequence[Mapping[int, int]]
+) -> Statistics:
     """Return the statistics of the log from those of its parts."""
     counted = [index.statistics for index in indexes]
     counts: Counter[int] = Counter()
@@ -140,9 +151,9 @@ def _counted(joined: Index, indexes: Sequence[Index], channel_ids: Sequence[Mapp
         n_messages=sum(each.n_messages for each in filled),
         n_schemas=len(joined.schemas),
         n_channels=len(joined.channels),
-        n_attachments=len(joined.items_of(AttachmentIndex)),
+        n_attachments=len(joined.items_of_type(AttachmentIndex)),
         n_metadata=len(joined.metadata),
-        n_chunks=len(joined.items_of(ChunkIndex)),
+        n_chunks=len(joined.items_of_type(ChunkIndex)),
         start_ns=min((each.start_ns for each in filled), default=0),
         end_ns=max((each.end_ns for each in filled), default=0),
         channel_counts=dict(counts) if all(each.channel_counts for each in filled) else {},

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-NOBODY = 0xFFFF
+UNKNOWN_CHANNEL_ID = 0xFFFF
 """The channel id given to messages whose channel their file does not define; no channel of a log of parts has it."""
 
 
@@ -43,51 +43,51 @@ class JoinedFile(InputFile):
         self.max_chunk_bytes = MAX_CHUNK_BYTES
         self.max_ratio = MAX_RATIO
         self.refused_from = None
-        self.numbering = Numbering()
+        self.numbering = IdAssignment()
         self.notes: dict[str, int] = {}
-        self.listing: dict[str, int | None] = {}
-        self.n_listed: int | None = None
-        self.is_arranged = False
+        self.listed_message_counts: dict[str, int | None] = {}
+        self.n_listed_messages: int | None = None
+        self.has_final_part_order = False
         self._inputs = None
         self._digest = None
         self._held = (0, memoryview(b""))
         self._is_checked = False
-        self._place(parts)
+        self._lay_out_parts(parts)
 
     @property
-    def files(self) -> Sequence[InputFile]:
+    def disk_files(self) -> Sequence[InputFile]:
         """Return the files on the disk that this log consists of."""
-        return [file for part in self.parts for file in part.files]
+        return [file for part in self.parts for file in part.disk_files]
 
-    def arrange(self, parts: Sequence[InputFile]) -> None:
+    def set_final_part_order(self, parts: Sequence[InputFile]) -> None:
         """Keep these parts in this final order; close the others."""
-        self.drop_all_but(parts)
-        self.is_arranged = True
+        self.keep_only_parts(parts)
+        self.has_final_part_order = True
 
-    def drop_all_but(self, parts: Sequence[InputFile]) -> None:
+    def keep_only_parts(self, parts: Sequence[InputFile]) -> None:
         """Keep these parts; close the others."""
         left_out = [each for each in self.parts if each not in parts]
-        self._place(parts)
+        self._lay_out_parts(parts)
         for each in left_out:
             each.close()
 
-    def start_of(self, k: int) -> int:
+    def part_start(self, k: int) -> int:
         """Return the byte offset of part `k` in the log."""
         return self._starts[k]
 
-    def place(self, at: int) -> tuple[InputFile, int]:
+    def part_and_offset(self, at: int) -> tuple[InputFile, int]:
         """Return the part that holds a byte, and the byte's offset in it."""
-        k = self.part_of(at)
+        k = self.part_index_at(at)
         return self.parts[k], at - self._starts[k]
 
-    def part_of(self, at: int) -> int:
+    def part_index_at(self, at: int) -> int:
         """Return the number of the part that holds a byte."""
         return min(bisect_right(self._starts, at) - 1, len(self.parts) - 1)
 
     def __getitem__(self, place: slice) -> memoryview:
         """Return a slice of the log's bytes, cut at the end of the last part."""
         start, stop, _ = place.indices(self._size)
-        part, at = self.place(start)
+        part, at = self.part_and_offset(start)
         if stop - start <= len(part) - at:
             return part[at : at + max(stop - start, 0)]
         return self.read_into(memoryview(bytearray(stop - start)), start)
@@ -96,20 +96,20 @@ class JoinedFile(InputFile):
         """Fill a buffer with the bytes from `start` on and return it."""
         n = 0
         while n < len(buffer):
-            part, at = self.place(start + n)
+            part, at = self.part_and_offset(start + n)
             size = min(len(part) - at, len(buffer) - n)
             if size <= 0:
-                raise self._changed(f"its parts had {self._size} bytes")
+                raise self._changed_file_error(f"its parts had {self._size} bytes")
             part.read_into(buffer[n : n + size], at)
             n += size
         return buffer
 
     def check_unchanged(self) -> None:
         """Check that no part has changed since it was opened."""
-        for each in self.files:
+        for each in self.disk_files:
             each.check_unchanged()
 
-    def _place(self, parts: Sequence[InputFile]) -> None:
+    def _lay_out_parts(self, parts: Sequence[InputFile]) -> None:
         """Set the parts and compute their offsets and the total size."""
         self.parts = tuple(parts)
         ends = list(accumulate(map(len, self.parts)))
@@ -123,7 +123,7 @@ class JoinedFile(InputFile):
 
 
 @dataclass
-class Numbering:
+class IdAssignment:
     """Assigns ids of the log to the schemas and channels of its parts, of which each part has its own.
 
     Equal schemas are one schema, however many records of a part hold them. Channels of two parts are one channel if
@@ -135,7 +135,7 @@ class Numbering:
     _schemas: dict[Any, dict[int, Any]] = field(default_factory=dict)
     _channels: dict[Any, dict[int, Any]] = field(default_factory=dict)
 
-    def number(
+    def assign_part_ids(
         self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]
     ) -> tuple[dict[int, int], dict[int, int]]:
         """Return two mappings of an id in the part to the id in the log: of its schemas, and of its channels.
@@ -144,7 +144,7 @@ class Numbering:
             InputError: The log needs more than 65,534 ids.
         """
         of_schemas = ((each.id, each[1:], None) for each in schemas.values())
-        schema_ids = {0: 0, **_numbered(of_schemas, self._schemas, is_shared=True)}
+        schema_ids = {0: 0, **_assign_shared_ids(of_schemas, self._schemas, is_shared=True)}
         of_channels = (
             (
                 each.id,
@@ -153,10 +153,10 @@ class Numbering:
             )
             for each in channels.values()
         )
-        return schema_ids, _numbered(of_channels, self._channels, is_shared=False)
+        return schema_ids, _assign_shared_ids(of_channels, self._channels, is_shared=False)
 
 
-def _numbered(
+def _assign_shared_ids(
     entries: Iterable[tuple[int, Any, Any]], known: dict[Any, dict[int, Any]], *, is_shared: bool
 ) -> dict[int, int]:
     """Return id in the part -> id in the log.
@@ -183,8 +183,8 @@ def _numbered(
         ids = known.setdefault(content, {})
         new_id = next((each for each in ids if is_shared or each not in used), None)
         if new_id is None:
-            new_id = own_id if own_id not in taken and own_id < NOBODY else max(taken, default=0) + 1
-            if new_id >= NOBODY:
+            new_id = own_id if own_id not in taken and own_id < UNKNOWN_CHANNEL_ID else max(taken, default=0) + 1
+            if new_id >= UNKNOWN_CHANNEL_ID:
                 raise InputError("its parts have more than 65,534 ids of schemas or channels")
             ids[new_id] = details
             taken.add(new_id)
@@ -193,7 +193,7 @@ def _numbered(
     return numbered
 
 
-class Renumbering:
+class ChannelRenumbering:
     """Replaces the channel ids in the messages of a part by those of the log.
 
     Args:
@@ -204,18 +204,18 @@ class Renumbering:
         self._ids = ids
         self._table: npt.NDArray[np.uint16] | None = None
 
-    def id(self, own_id: int) -> int:
+    def log_channel_id(self, own_id: int) -> int:
         """Return the log's id of a channel of the part."""
-        return self._ids.get(own_id, NOBODY)
+        return self._ids.get(own_id, UNKNOWN_CHANNEL_ID)
 
-    def records(self, data: memoryview) -> memoryview:
+    def renumber_records(self, data: memoryview) -> memoryview:
         """Return a copy of the records with the log's ids in all messages before the first damaged record."""
         import numpy as np
 
         from cwcli.kernels.message_scan import DAMAGED, Messages, scan_messages
 
         if self._table is None:
-            table = np.full(1 << 16, NOBODY, np.uint16)
+            table = np.full(1 << 16, UNKNOWN_CHANNEL_ID, np.uint16)
             table[list(self._ids)] = list(self._ids.values())
             self._table = table
         octets = np.frombuffer(bytearray(data), np.uint8)

@@ -7,20 +7,20 @@ from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
 from cwcli.errors import InputError
-from cwcli.logs.format.records import METADATA, Data, MetadataIndex
+from cwcli.logs.format.records import OPCODE_METADATA, ByteSource, MetadataIndex
 
-MAX_METADATA = 1 << 21
+MAX_METADATA_RECORDS = 1 << 21
 """The greatest number of metadata records of a file, so that the table fits in memory. Chosen by hand."""
-MANY = 32
+MIN_RECORDS_FOR_KERNEL = 32
 """The number of consecutive metadata records from which the compiled kernel scans on; fewer are not worth its import.
 Chosen by hand."""
-BLOCK_BYTES = 1 << 16
+SCAN_BLOCK_BYTES = 1 << 16
 """Bytes that one call of the kernel scans. Chosen by hand."""
-BLOCK_RECORDS = 1 << 12
+SCAN_BLOCK_RECORDS = 1 << 12
 """The greatest number of records that one call of the kernel returns. Chosen by hand."""
 
 
-class Run(NamedTuple):
+class MetadataRun(NamedTuple):
     """Consecutive metadata records in the file: their bytes, and their rows in the table."""
 
     start: int
@@ -54,7 +54,7 @@ class MetadataTable:
         self._places.extend((offset, length))
         self.names.append(name)
 
-    def extend(self, data: Data, at: int, end: int, opcode: int, name: str) -> int:
+    def append_consecutive_records(self, data: ByteSource, at: int, end: int, opcode: int, name: str) -> int:
         """Add the consecutive metadata records, or metadata index records, from an offset on.
 
         Args:
@@ -71,10 +71,10 @@ class MetadataTable:
         """
         from cwcli.kernels.metadata_scan import scan_metadata, scan_metadata_index
 
-        scan = scan_metadata if opcode == METADATA else scan_metadata_index
-        room = array("Q", bytes(16 * BLOCK_RECORDS))
+        scan = scan_metadata if opcode == OPCODE_METADATA else scan_metadata_index
+        room = array("Q", bytes(16 * SCAN_BLOCK_RECORDS))
         while at < end:
-            n_bytes, n = scan(data[at : min(at + BLOCK_BYTES, end)], at, room, self.names)
+            n_bytes, n = scan(data[at : min(at + SCAN_BLOCK_BYTES, end)], at, room, self.names)
             self._places.extend(room[: 2 * n])
             check_metadata_count(name, len(self))
             at += n_bytes
@@ -82,32 +82,32 @@ class MetadataTable:
                 break
         return at
 
-    def runs(self) -> Iterator[Run]:
+    def contiguous_runs(self) -> Iterator[MetadataRun]:
         """Yield the rows in order of their offsets, consecutive records as one run."""
         offsets, lengths = self._places[::2], self._places[1::2]
         first = start = end = 0
         for row, (offset, length) in enumerate(zip(offsets, lengths, strict=True)):
             if offset != end or not row:
                 if row:
-                    yield Run(start, end, first, row)
+                    yield MetadataRun(start, end, first, row)
                 first, start = row, offset
             end = offset + length
         if offsets:
-            yield Run(start, end, first, len(offsets))
+            yield MetadataRun(start, end, first, len(offsets))
 
-    def without(self, run: Run, names: Collection[str]) -> Iterator[Run]:
+    def split_run_around_names(self, run: MetadataRun, names: Collection[str]) -> Iterator[MetadataRun]:
         """Yield the pieces of a run that are left without the records of certain names."""
         first, start = run.first, run.start
         for row in range(run.first, run.stop) if names else ():
             if self.names[row] in names:
                 offset, length, _ = self[row]
                 if row > first:
-                    yield Run(start, offset, first, row)
+                    yield MetadataRun(start, offset, first, row)
                 first, start = row + 1, offset + length
         if first < run.stop:
-            yield Run(start, run.end, first, run.stop)
+            yield MetadataRun(start, run.end, first, run.stop)
 
-    def sort(self) -> None:
+    def sort_by_offset(self) -> None:
         """Sort the rows by their offsets."""
         offsets = self._places[::2]
         order = sorted(range(len(self)), key=offsets.__getitem__)
@@ -120,8 +120,8 @@ def check_metadata_count(name: str, n: int) -> None:
     """Check that a file's metadata can be held in memory.
 
     Raises:
-        InputError: It has more than `MAX_METADATA` metadata records.
+        InputError: It has more than `MAX_METADATA_RECORDS` metadata records.
     """
-    if n > MAX_METADATA:
-        what = f"it holds more than {MAX_METADATA:,} metadata records"
+    if n > MAX_METADATA_RECORDS:
+        what = f"it holds more than {MAX_METADATA_RECORDS:,} metadata records"
         raise InputError(what, where=name, hint="`mcap filter` makes a log without them")

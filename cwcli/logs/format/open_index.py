@@ -7,18 +7,25 @@ from functools import partial
 
 from cwcli.errors import InputError
 from cwcli.input import InputFile
-from cwcli.logs.format.chunks import bound_chunks
-from cwcli.logs.format.faults import RECOVER_HINT, Faults, no_mcap
-from cwcli.logs.format.index import Index
+from cwcli.logs.format.chunks import mark_chunks_beyond_size_limit
+from cwcli.logs.format.faults import RECOVER_HINT, Faults, not_mcap_error
+from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.join_indexes import join_indexes
 from cwcli.logs.format.joined_file import JoinedFile
-from cwcli.logs.format.part_order import arrange, left_out
-from cwcli.logs.format.records import HEADER, MAGIC, ChunkIndex, RecordError, read_header, read_prefix
-from cwcli.logs.format.summary import find_footer, is_complete, read_summary
-from cwcli.logs.format.walk import walk
+from cwcli.logs.format.part_order import arrange_parts, note_unreadable_part
+from cwcli.logs.format.records import (
+    MCAP_MAGIC,
+    OPCODE_HEADER,
+    ChunkIndex,
+    RecordError,
+    read_header,
+    read_record_prefix,
+)
+from cwcli.logs.format.summary import find_footer, is_complete_summary, read_summary
+from cwcli.logs.format.walk import index_data_section
 
 
-def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) -> Index:
+def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) -> LogIndex:
     """Return the index of a file for reading: its summary, if that is complete.
 
     Args:
@@ -31,26 +38,26 @@ def open_index(file: InputFile, faults: Faults, *, recover: bool, verify: bool) 
         InputError: It is not an MCAP file, or is damaged; with `recover`, if nothing in it can be read.
     """
     if isinstance(file, JoinedFile):
-        joined = _of_parts(file, partial(open_index, faults=faults, recover=recover, verify=verify), recover=recover)
-        faults.note_parts(file.notes)
+        joined = _index_parts(file, partial(open_index, faults=faults, recover=recover, verify=verify), recover=recover)
+        faults.add_file_faults(file.notes)
         return joined
-    faults.note_parts(file.notes)
-    start, head = _read_head(file, faults, recover=recover)
-    index = summary = _read_summary(file, start, faults, recover=recover, verify=verify)
-    if index is None or not is_complete(index):
-        index = walk(file, start, faults, summary, recover=recover)
-        _check_count(file.name, index, summary, faults, recover=recover)
+    faults.add_file_faults(file.notes)
+    start, head = _read_magic_and_header(file, faults, recover=recover)
+    index = summary = _read_summary_if_usable(file, start, faults, recover=recover, verify=verify)
+    if index is None or not is_complete_summary(index):
+        index = index_data_section(file, start, faults, summary, recover=recover)
+        _check_message_count(file.name, index, summary, faults, recover=recover)
     else:
-        bound_chunks(file, index.items_of(ChunkIndex))
-        index.is_counted = index.statistics is not None and bool(index.statistics.channel_counts)
+        mark_chunks_beyond_size_limit(file, index.items_of_type(ChunkIndex))
+        index.has_message_counts = index.statistics is not None and bool(index.statistics.channel_counts)
     n_messages = index.statistics.n_messages if index.statistics else 0
-    if recover and not index.channels and (n_messages or faults.counts()):
+    if recover and not index.channels and (n_messages or faults.counts_by_reason()):
         raise InputError("nothing in it can be read", where=file.name)
     index.profile, index.library, index.header_length = head
     return index
 
 
-def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Index:
+def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> LogIndex:
     """Return the index of a file for copying: every record of the data section, and all schemas and channels.
 
     A damaged summary is no error, because nothing of it is copied.
@@ -64,68 +71,70 @@ def index_every_record(file: InputFile, faults: Faults, *, recover: bool) -> Ind
         InputError: It is not an MCAP file, or its data section is damaged and `recover` is off.
     """
     if isinstance(file, JoinedFile):
-        return _of_parts(file, partial(index_every_record, faults=faults, recover=recover), recover=recover)
-    start, head = _read_head(file, faults, recover=recover)
-    summary = _read_summary(file, start, Faults(), recover=True, verify=True)
-    index = walk(file, start, faults, summary, recover=recover, define_all=True)
+        return _index_parts(file, partial(index_every_record, faults=faults, recover=recover), recover=recover)
+    start, head = _read_magic_and_header(file, faults, recover=recover)
+    summary = _read_summary_if_usable(file, start, Faults(), recover=True, verify=True)
+    index = index_data_section(file, start, faults, summary, recover=recover, define_all=True)
     if not index.has_end and not recover:
-        raise _cut_short(file)
-    index.is_listed = summary is not None and is_complete(summary)
+        raise _cut_short_error(file)
+    index.has_complete_summary = summary is not None and is_complete_summary(summary)
     index.profile, index.library, index.header_length = head
     return index
 
 
-def _of_parts(file: JoinedFile, read: Callable[[InputFile], Index], *, recover: bool) -> Index:
+def _index_parts(file: JoinedFile, read: Callable[[InputFile], LogIndex], *, recover: bool) -> LogIndex:
     """Return the joined index of a log's parts; with `recover`, of those that can be read.
 
     Raises:
         InputError: One is damaged and `recover` is off, or none can be read.
     """
-    found: list[tuple[InputFile, Index]] = []
+    found: list[tuple[InputFile, LogIndex]] = []
     for part in file.parts:
         part.max_chunk_bytes, part.max_ratio = file.max_chunk_bytes, file.max_ratio
         try:
             found.append((part, read(part)))
         except InputError as error:
-            if not recover or file.is_arranged:
+            if not recover or file.has_final_part_order:
                 raise
-            left_out(file, part, error)
+            note_unreadable_part(file, part, error)
             last = error
     if not found:
         raise last
     indexes = [index for _, index in found]
-    if not file.is_arranged:
-        file.drop_all_but([part for part, _ in found])
-        indexes = arrange(file, indexes)
+    if not file.has_final_part_order:
+        file.keep_only_parts([part for part, _ in found])
+        indexes = arrange_parts(file, indexes)
     return join_indexes(file, indexes)
 
 
-def _read_head(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
+def _read_magic_and_header(file: InputFile, faults: Faults, *, recover: bool) -> tuple[int, tuple[str, str, int]]:
     """Return the start of the data section, and profile, library and length of magic and header (0 if damaged).
 
     Raises:
         InputError: It is not an MCAP file, or its header is damaged and `recover` is off.
     """
-    at = len(MAGIC)
-    if file[:at] != MAGIC:
-        raise no_mcap(file.name, bytes(file[:16]))
+    at = len(MCAP_MAGIC)
+    if file[:at] != MCAP_MAGIC:
+        raise not_mcap_error(file.name, bytes(file[:16]))
     try:
-        opcode, start, end = read_prefix(file, at, len(file))
-        if opcode != HEADER:
+        opcode, start, end = read_record_prefix(file, at, len(file))
+        if opcode != OPCODE_HEADER:
             raise RecordError("the first record is not a header")
         return end, (*read_header(file, start, end), end)
     except RecordError as error:
         if not recover:
             what = f"the header is damaged: {error} (at byte {at})"
             raise InputError(what, where=file.name, hint=RECOVER_HINT) from error
-    from cwcli.logs.format.resync import next_record
+    from cwcli.logs.format.resync import find_next_record
 
-    following = next_record(file, at + 1, range(1 << 16))
+    following = find_next_record(file, at + 1, range(1 << 16))
     faults.bytes_lost += following - at
     return following, ("", "", 0)
 
 
-def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: bool, verify: bool) -> Index | None:
+def _read_summary_if_usable(
+    file: InputFile, data_start: int, faults: Faults, *, recover: bool, verify: bool
+) -> LogIndex | None:
     """Return the index from the summary, or None if there is no usable summary.
 
     Raises:
@@ -134,7 +143,7 @@ def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: 
     found = find_footer(file)
     if found is None:
         if not recover:
-            raise _cut_short(file)
+            raise _cut_short_error(file)
         faults.truncated = True
         return None
     try:
@@ -147,7 +156,9 @@ def _read_summary(file: InputFile, data_start: int, faults: Faults, *, recover: 
         return None
 
 
-def _check_count(name: str, index: Index, summary: Index | None, faults: Faults, *, recover: bool) -> None:
+def _check_message_count(
+    name: str, index: LogIndex, summary: LogIndex | None, faults: Faults, *, recover: bool
+) -> None:
     """Count messages that an incomplete summary counts and the file lacks.
 
     Raises:
@@ -160,6 +171,6 @@ def _check_count(name: str, index: Index, summary: Index | None, faults: Faults,
         faults.messages_lost += max(n_missing, 0)
 
 
-def _cut_short(file: InputFile) -> InputError:
+def _cut_short_error(file: InputFile) -> InputError:
     what = f"the file is cut short: it ends at byte {len(file)} without a footer"
     return InputError(what, where=file.name, hint=RECOVER_HINT)

@@ -10,21 +10,21 @@ import zlib
 from collections.abc import Mapping
 
 from cwcli.logs.format.records import (
-    ATTACHMENT,
-    ATTACHMENT_INDEX,
-    CHANNEL,
-    CHUNK,
-    CHUNK_INDEX,
-    DATA_END,
-    FOOTER,
-    HEADER,
-    MESSAGE_INDEX,
-    METADATA,
-    METADATA_INDEX,
-    PREFIX,
-    SCHEMA,
-    STATISTICS,
-    SUMMARY_OFFSET,
+    OPCODE_ATTACHMENT,
+    OPCODE_ATTACHMENT_INDEX,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK,
+    OPCODE_CHUNK_INDEX,
+    OPCODE_DATA_END,
+    OPCODE_FOOTER,
+    OPCODE_HEADER,
+    OPCODE_MESSAGE_INDEX,
+    OPCODE_METADATA,
+    OPCODE_METADATA_INDEX,
+    OPCODE_SCHEMA,
+    OPCODE_STATISTICS,
+    OPCODE_SUMMARY_OFFSET,
+    RECORD_PREFIX,
     AttachmentIndex,
     Channel,
     ChunkIndex,
@@ -34,112 +34,138 @@ from cwcli.logs.format.records import (
 )
 
 
-def header(profile: str, library: str) -> bytes:
+def encode_header(profile: str, library: str) -> bytes:
     """Encode a header record."""
-    return _record(HEADER, _text(profile), _text(library))
+    return _encode_record(OPCODE_HEADER, _encode_text(profile), _encode_text(library))
 
 
-def schema(record: Schema) -> bytes:
+def encode_schema(record: Schema) -> bytes:
     """Encode a schema record."""
-    return _record(SCHEMA, _u("H", record.id), _text(record.name), _text(record.encoding), _sized(record.data))
-
-
-def channel(record: Channel) -> bytes:
-    """Encode a channel record."""
-    ids = _u("HH", record.id, record.schema_id)
-    return _record(CHANNEL, ids, _text(record.topic), _text(record.message_encoding), _texts(record.metadata))
-
-
-def chunk_head(start_ns: int, end_ns: int, size: int, crc: int, compression: str, stored_size: int) -> bytes:
-    """Encode the beginning of a chunk record, up to the stored records."""
-    fields = _u("QQQI", start_ns, end_ns, size, crc) + _text(compression) + _u("Q", stored_size)
-    return PREFIX.pack(CHUNK, len(fields) + stored_size) + fields
-
-
-def message_index(channel_id: int, entries: bytes) -> bytes:
-    """Encode a message index record; `entries` are (u64 log time, u64 offset) pairs."""
-    return _record(MESSAGE_INDEX, _u("H", channel_id), _sized(entries))
-
-
-def attachment(log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> bytes:
-    """Encode an attachment record with its CRC; times in ns."""
-    fields = _u("QQ", log_time_ns, create_time_ns) + _text(name) + _text(media_type) + _u("Q", len(data)) + data
-    return _record(ATTACHMENT, fields, _u("I", zlib.crc32(fields)))
-
-
-def metadata(name: str, values: Mapping[str, str]) -> bytes:
-    """Encode a metadata record."""
-    return _record(METADATA, _text(name), _texts(values))
-
-
-def data_end(crc: int = 0) -> bytes:
-    """Encode a data end record; a CRC of 0 means that it is not available."""
-    return _record(DATA_END, _u("I", crc))
-
-
-def chunk_index(record: ChunkIndex) -> bytes:
-    """Encode a chunk index record."""
-    return _record(
-        CHUNK_INDEX,
-        _u("QQQQ", record.start_ns, record.end_ns, record.chunk_start, record.chunk_length),
-        _counts(record.index_offsets),
-        _u("Q", record.index_length),
-        _text(record.compression),
-        _u("QQ", record.compressed_size, record.uncompressed_size),
+    return _encode_record(
+        OPCODE_SCHEMA,
+        _pack_little_endian("H", record.id),
+        _encode_text(record.name),
+        _encode_text(record.encoding),
+        _with_length_prefix(record.data),
     )
 
 
-def attachment_index(record: AttachmentIndex) -> bytes:
+def encode_channel(record: Channel) -> bytes:
+    """Encode a channel record."""
+    ids = _pack_little_endian("HH", record.id, record.schema_id)
+    return _encode_record(
+        OPCODE_CHANNEL,
+        ids,
+        _encode_text(record.topic),
+        _encode_text(record.message_encoding),
+        _encode_text_map(record.metadata),
+    )
+
+
+def encode_chunk_head(start_ns: int, end_ns: int, size: int, crc: int, compression: str, stored_size: int) -> bytes:
+    """Encode the beginning of a chunk record, up to the stored records."""
+    fields = (
+        _pack_little_endian("QQQI", start_ns, end_ns, size, crc)
+        + _encode_text(compression)
+        + _pack_little_endian("Q", stored_size)
+    )
+    return RECORD_PREFIX.pack(OPCODE_CHUNK, len(fields) + stored_size) + fields
+
+
+def encode_message_index(channel_id: int, entries: bytes) -> bytes:
+    """Encode a message index record; `entries` are (u64 log time, u64 offset) pairs."""
+    return _encode_record(OPCODE_MESSAGE_INDEX, _pack_little_endian("H", channel_id), _with_length_prefix(entries))
+
+
+def encode_attachment(log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> bytes:
+    """Encode an attachment record with its CRC; times in ns."""
+    fields = (
+        _pack_little_endian("QQ", log_time_ns, create_time_ns)
+        + _encode_text(name)
+        + _encode_text(media_type)
+        + _pack_little_endian("Q", len(data))
+        + data
+    )
+    return _encode_record(OPCODE_ATTACHMENT, fields, _pack_little_endian("I", zlib.crc32(fields)))
+
+
+def encode_metadata(name: str, values: Mapping[str, str]) -> bytes:
+    """Encode a metadata record."""
+    return _encode_record(OPCODE_METADATA, _encode_text(name), _encode_text_map(values))
+
+
+def encode_data_end(crc: int = 0) -> bytes:
+    """Encode a data end record; a CRC of 0 means that it is not available."""
+    return _encode_record(OPCODE_DATA_END, _pack_little_endian("I", crc))
+
+
+def encode_chunk_index(record: ChunkIndex) -> bytes:
+    """Encode a chunk index record."""
+    return _encode_record(
+        OPCODE_CHUNK_INDEX,
+        _pack_little_endian("QQQQ", record.start_ns, record.end_ns, record.chunk_start, record.chunk_length),
+        _encode_count_map(record.index_offsets),
+        _pack_little_endian("Q", record.index_length),
+        _encode_text(record.compression),
+        _pack_little_endian("QQ", record.compressed_size, record.uncompressed_size),
+    )
+
+
+def encode_attachment_index(record: AttachmentIndex) -> bytes:
     """Encode an attachment index record."""
     *numbers, name, media_type = record
-    return _record(ATTACHMENT_INDEX, _u("QQQQQ", *numbers), _text(name), _text(media_type))
+    return _encode_record(
+        OPCODE_ATTACHMENT_INDEX, _pack_little_endian("QQQQQ", *numbers), _encode_text(name), _encode_text(media_type)
+    )
 
 
-def metadata_index(record: MetadataIndex) -> bytes:
+def encode_metadata_index(record: MetadataIndex) -> bytes:
     """Encode a metadata index record."""
-    return _record(METADATA_INDEX, _u("QQ", record.offset, record.length), _text(record.name))
+    return _encode_record(
+        OPCODE_METADATA_INDEX, _pack_little_endian("QQ", record.offset, record.length), _encode_text(record.name)
+    )
 
 
-def statistics(record: Statistics) -> bytes:
+def encode_statistics(record: Statistics) -> bytes:
     """Encode a statistics record."""
     *numbers, counts = record
-    return _record(STATISTICS, _u("QHIIIIQQ", *numbers), _counts(counts))
+    return _encode_record(OPCODE_STATISTICS, _pack_little_endian("QHIIIIQQ", *numbers), _encode_count_map(counts))
 
 
-def summary_offset(opcode: int, start: int, length: int) -> bytes:
+def encode_summary_offset(opcode: int, start: int, length: int) -> bytes:
     """Encode a summary offset record: the place of the summary's records with one opcode."""
-    return _record(SUMMARY_OFFSET, _u("BQQ", opcode, start, length))
+    return _encode_record(OPCODE_SUMMARY_OFFSET, _pack_little_endian("BQQ", opcode, start, length))
 
 
-def footer(summary_start: int, summary_offset_start: int, summary: bytes | bytearray) -> bytes:
+def encode_footer(summary_start: int, summary_offset_start: int, summary: bytes | bytearray) -> bytes:
     """Encode the footer record with the CRC over the summary and the footer's own beginning."""
-    fields = _u("QQ", summary_start, summary_offset_start)
-    head = PREFIX.pack(FOOTER, len(fields) + 4) + fields
-    return head + _u("I", zlib.crc32(head, zlib.crc32(summary)))
+    fields = _pack_little_endian("QQ", summary_start, summary_offset_start)
+    head = RECORD_PREFIX.pack(OPCODE_FOOTER, len(fields) + 4) + fields
+    return head + _pack_little_endian("I", zlib.crc32(head, zlib.crc32(summary)))
 
 
-def _record(opcode: int, *fields: bytes) -> bytes:
+def _encode_record(opcode: int, *fields: bytes) -> bytes:
     content = b"".join(fields)
-    return PREFIX.pack(opcode, len(content)) + content
+    return RECORD_PREFIX.pack(opcode, len(content)) + content
 
 
-def _u(layout: str, *numbers: object) -> bytes:
+def _pack_little_endian(layout: str, *numbers: object) -> bytes:
     """Pack unsigned little-endian numbers; `layout` as in `struct`, without the byte order."""
     return struct.pack(f"<{layout}", *numbers)
 
 
-def _sized(data: bytes) -> bytes:
+def _with_length_prefix(data: bytes) -> bytes:
     """Put the 32-bit length of the bytes in front of them."""
-    return _u("I", len(data)) + data
+    return _pack_little_endian("I", len(data)) + data
 
 
-def _text(text: str) -> bytes:
-    return _sized(text.encode())
+def _encode_text(text: str) -> bytes:
+    return _with_length_prefix(text.encode())
 
 
-def _texts(texts: Mapping[str, str]) -> bytes:
-    return _sized(b"".join(_text(key) + _text(value) for key, value in texts.items()))
+def _encode_text_map(texts: Mapping[str, str]) -> bytes:
+    return _with_length_prefix(b"".join(_encode_text(key) + _encode_text(value) for key, value in texts.items()))
 
 
-def _counts(counts: Mapping[int, int]) -> bytes:
-    return _sized(b"".join(_u("HQ", key, value) for key, value in counts.items()))
+def _encode_count_map(counts: Mapping[int, int]) -> bytes:
+    return _with_length_prefix(b"".join(_pack_little_endian("HQ", key, value) for key, value in counts.items()))

@@ -13,54 +13,54 @@ import zlib
 from collections.abc import Collection, Mapping
 from typing import NamedTuple, Protocol
 
-MAGIC = b"\x89MCAP0\r\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 """The bytes at the beginning and at the end of every MCAP file (MCAP specification)."""
-PREFIX = struct.Struct("<BQ")
+RECORD_PREFIX = struct.Struct("<BQ")
 """The layout in front of every record: opcode and length of the content in bytes (MCAP specification)."""
 
-HEADER = 0x01
+OPCODE_HEADER = 0x01
 """The opcode of the header record (MCAP specification, as are all opcodes below)."""
-FOOTER = 0x02
+OPCODE_FOOTER = 0x02
 """The opcode of the footer record."""
-SCHEMA = 0x03
+OPCODE_SCHEMA = 0x03
 """The opcode of a schema record."""
-CHANNEL = 0x04
+OPCODE_CHANNEL = 0x04
 """The opcode of a channel record."""
-MESSAGE = 0x05
+OPCODE_MESSAGE = 0x05
 """The opcode of a message record."""
-CHUNK = 0x06
+OPCODE_CHUNK = 0x06
 """The opcode of a chunk record."""
-MESSAGE_INDEX = 0x07
+OPCODE_MESSAGE_INDEX = 0x07
 """The opcode of a message index record."""
-CHUNK_INDEX = 0x08
+OPCODE_CHUNK_INDEX = 0x08
 """The opcode of a chunk index record."""
-ATTACHMENT = 0x09
+OPCODE_ATTACHMENT = 0x09
 """The opcode of an attachment record."""
-ATTACHMENT_INDEX = 0x0A
+OPCODE_ATTACHMENT_INDEX = 0x0A
 """The opcode of an attachment index record."""
-STATISTICS = 0x0B
+OPCODE_STATISTICS = 0x0B
 """The opcode of the statistics record."""
-METADATA = 0x0C
+OPCODE_METADATA = 0x0C
 """The opcode of a metadata record."""
-METADATA_INDEX = 0x0D
+OPCODE_METADATA_INDEX = 0x0D
 """The opcode of a metadata index record."""
-SUMMARY_OFFSET = 0x0E
+OPCODE_SUMMARY_OFFSET = 0x0E
 """The opcode of a summary offset record."""
-DATA_END = 0x0F
+OPCODE_DATA_END = 0x0F
 """The opcode of the data end record."""
 
-FOOTER_BYTES = PREFIX.size + 20
+FOOTER_BYTES = RECORD_PREFIX.size + 20
 """Size in bytes of a footer record with its prefix (MCAP specification)."""
 MESSAGE_HEADER_BYTES = 22
 """Size in bytes of a message's channel id, sequence, log time and publish time, before the payload (MCAP
 specification)."""
-INDEX_ENTRY_BYTES = 16
+MESSAGE_INDEX_ENTRY_BYTES = 16
 """Size in bytes of an entry of a message index: log time and offset (MCAP specification)."""
 CRC_BLOCK_BYTES = 1 << 20
 """Bytes that are read at a time to compute a CRC. Chosen by hand."""
 
 
-class Data(Protocol):
+class ByteSource(Protocol):
     """Bytes that can be sliced: those of a file or of a chunk."""
 
     def __len__(self) -> int: ...
@@ -138,7 +138,7 @@ class ChunkIndex(NamedTuple):
         return self.index_offsets if self.counts is None else self.counts
 
     @property
-    def end(self) -> int:
+    def end_offset(self) -> int:
         """Return the offset at which the chunk's message indexes end."""
         return self.chunk_start + self.chunk_length + self.index_length
 
@@ -185,7 +185,7 @@ class Footer(NamedTuple):
     summary_crc: int
 
 
-class Fields:
+class FieldReader:
     """Reads the fields of a record one after the other.
 
     Args:
@@ -193,12 +193,12 @@ class Fields:
         start, end: The record's content, without the prefix.
     """
 
-    def __init__(self, data: Data, start: int, end: int) -> None:
+    def __init__(self, data: ByteSource, start: int, end: int) -> None:
         self._data = data
         self.at = start
         self.end = end
 
-    def numbers(self, layout: struct.Struct) -> tuple[int, ...]:
+    def read_numbers(self, layout: struct.Struct) -> tuple[int, ...]:
         """Read fields of fixed size.
 
         Raises:
@@ -211,9 +211,9 @@ class Fields:
         self.at = after
         return values
 
-    def bytes(self) -> bytes:
+    def read_bytes(self) -> bytes:
         """Read bytes after their 32-bit length."""
-        (length,) = self.numbers(_U32)
+        (length,) = self.read_numbers(_U32)
         after = self.at + length
         if after > self.end:
             raise RecordError("a record ends before its fields do")
@@ -221,38 +221,38 @@ class Fields:
         self.at = after
         return value
 
-    def text(self) -> str:
+    def read_text(self) -> str:
         """Read a UTF-8 string after its 32-bit length."""
         try:
-            return self.bytes().decode()
+            return self.read_bytes().decode()
         except UnicodeDecodeError as error:
             raise RecordError("a name is not UTF-8") from error
 
-    def texts(self) -> dict[str, str]:
+    def read_text_map(self) -> dict[str, str]:
         """Read a map of strings to strings."""
-        inner = self._inner()
+        inner = self._nested_reader()
         found: dict[str, str] = {}
         while inner.at < inner.end:
-            key = inner.text()
-            found[key] = inner.text()
+            key = inner.read_text()
+            found[key] = inner.read_text()
         return found
 
-    def counts(self, entry: struct.Struct) -> dict[int, int]:
+    def read_count_map(self, entry: struct.Struct) -> dict[int, int]:
         """Read a map of channel ids to numbers, with entries of this layout."""
-        inner = self._inner()
+        inner = self._nested_reader()
         if (inner.end - inner.at) % entry.size:
             raise RecordError("a map's length is not a multiple of its entries'")
         found = {}
         while inner.at < inner.end:
-            key, value = inner.numbers(entry)
+            key, value = inner.read_numbers(entry)
             found[key] = value
         return found
 
-    def _inner(self) -> Fields:
-        (length,) = self.numbers(_U32)
+    def _nested_reader(self) -> FieldReader:
+        (length,) = self.read_numbers(_U32)
         if self.at + length > self.end:
             raise RecordError("a record ends before its fields do")
-        inner = Fields(self._data, self.at, self.at + length)
+        inner = FieldReader(self._data, self.at, self.at + length)
         self.at += length
         return inner
 
@@ -267,30 +267,30 @@ _U16_U16 = struct.Struct("<HH")
 """The layout of two 16-bit numbers."""
 _U16_U64 = struct.Struct("<HQ")
 """The layout of a map entry: channel id and 64-bit number."""
-_SIZES = struct.Struct("<QQ")
+_U64_U64 = struct.Struct("<QQ")
 """The layout of two 64-bit numbers."""
-_CHUNK = struct.Struct("<QQQI")
+_CHUNK_HEAD_FIELDS = struct.Struct("<QQQI")
 """The first fields of a chunk: first and last log time, uncompressed size, CRC."""
-_CHUNK_INDEX = struct.Struct("<QQQQ")
+_CHUNK_INDEX_HEAD_FIELDS = struct.Struct("<QQQQ")
 """The first fields of a chunk index: first and last log time, start and length of the chunk."""
-_ATTACHMENT_INDEX = struct.Struct("<QQQQQ")
+_ATTACHMENT_INDEX_HEAD_FIELDS = struct.Struct("<QQQQQ")
 """The first fields of an attachment index: offset, length, log time, creation time, size of the data."""
-_STATISTICS = struct.Struct("<QHIIIIQQ")
+_STATISTICS_HEAD_FIELDS = struct.Struct("<QHIIIIQQ")
 """The first fields of the statistics: six counts, first and last log time."""
-_FOOTER = struct.Struct("<QQI")
+_FOOTER_FIELDS = struct.Struct("<QQI")
 """The fields of the footer: start of the summary, start of its offsets, CRC."""
 
 
-def read_prefix(data: Data, at: int, end: int) -> tuple[int, int, int]:
+def read_record_prefix(data: ByteSource, at: int, end: int) -> tuple[int, int, int]:
     """Return opcode, content start and content end of the record at an offset.
 
     Raises:
         RecordError: It does not end before `end`.
     """
-    if at + PREFIX.size > end:
+    if at + RECORD_PREFIX.size > end:
         raise RecordError("a record is cut short")
-    start = at + PREFIX.size
-    opcode, length = PREFIX.unpack(data[at:start])
+    start = at + RECORD_PREFIX.size
+    opcode, length = RECORD_PREFIX.unpack(data[at:start])
     if opcode == 0:
         raise RecordError("a record has the opcode 0")
     if length > end - start:
@@ -298,7 +298,7 @@ def read_prefix(data: Data, at: int, end: int) -> tuple[int, int, int]:
     return opcode, start, start + length
 
 
-def crc32(data: Data, start: int, end: int) -> int:
+def crc32_of_range(data: ByteSource, start: int, end: int) -> int:
     """Return the CRC-32 of bytes `start` to `end`, however many."""
     crc = 0
     for at in range(start, end, CRC_BLOCK_BYTES):
@@ -306,102 +306,104 @@ def crc32(data: Data, start: int, end: int) -> int:
     return crc
 
 
-def read_header(data: Data, start: int, end: int) -> tuple[str, str]:
+def read_header(data: ByteSource, start: int, end: int) -> tuple[str, str]:
     """Return profile and library."""
-    fields = Fields(data, start, end)
-    return fields.text(), fields.text()
+    fields = FieldReader(data, start, end)
+    return fields.read_text(), fields.read_text()
 
 
-def read_footer(data: Data, start: int, end: int) -> Footer:
-    return Footer(*Fields(data, start, end).numbers(_FOOTER))
+def read_footer(data: ByteSource, start: int, end: int) -> Footer:
+    return Footer(*FieldReader(data, start, end).read_numbers(_FOOTER_FIELDS))
 
 
-def read_schema(data: Data, start: int, end: int) -> Schema:
-    fields = Fields(data, start, end)
-    (schema_id,) = fields.numbers(_U16)
-    return Schema(schema_id, fields.text(), fields.text(), fields.bytes())
+def read_schema(data: ByteSource, start: int, end: int) -> Schema:
+    fields = FieldReader(data, start, end)
+    (schema_id,) = fields.read_numbers(_U16)
+    return Schema(schema_id, fields.read_text(), fields.read_text(), fields.read_bytes())
 
 
-def read_channel(data: Data, start: int, end: int) -> Channel:
-    fields = Fields(data, start, end)
-    channel_id, schema_id = fields.numbers(_U16_U16)
-    return Channel(channel_id, schema_id, fields.text(), fields.text(), fields.texts())
+def read_channel(data: ByteSource, start: int, end: int) -> Channel:
+    fields = FieldReader(data, start, end)
+    channel_id, schema_id = fields.read_numbers(_U16_U16)
+    return Channel(channel_id, schema_id, fields.read_text(), fields.read_text(), fields.read_text_map())
 
 
-def read_chunk(data: Data, start: int, end: int) -> Chunk:
+def read_chunk(data: ByteSource, start: int, end: int) -> Chunk:
     chunk = read_chunk_head(data, start, end)
     if chunk.data_length > end - chunk.data_start:
         raise RecordError("a chunk's records are longer than the chunk")
     return chunk
 
 
-def read_chunk_head(data: Data, start: int, end: int) -> Chunk:
+def read_chunk_head(data: ByteSource, start: int, end: int) -> Chunk:
     """Read the header of a chunk that may be cut: its declared records may end after `end`."""
-    fields = Fields(data, start, end)
-    start_ns, end_ns, size, crc = fields.numbers(_CHUNK)
-    compression = fields.text()
-    (stored,) = fields.numbers(_U64)
-    head = start - PREFIX.size
+    fields = FieldReader(data, start, end)
+    start_ns, end_ns, size, crc = fields.read_numbers(_CHUNK_HEAD_FIELDS)
+    compression = fields.read_text()
+    (stored,) = fields.read_numbers(_U64)
+    head = start - RECORD_PREFIX.size
     return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
 
 
-def read_chunk_index(data: Data, start: int, end: int) -> ChunkIndex:
-    fields = Fields(data, start, end)
-    start_ns, end_ns, chunk_start, chunk_length = fields.numbers(_CHUNK_INDEX)
-    offsets = fields.counts(_U16_U64)
-    (index_length,) = fields.numbers(_U64)
-    compression = fields.text()
-    stored, size = fields.numbers(_SIZES)
+def read_chunk_index(data: ByteSource, start: int, end: int) -> ChunkIndex:
+    fields = FieldReader(data, start, end)
+    start_ns, end_ns, chunk_start, chunk_length = fields.read_numbers(_CHUNK_INDEX_HEAD_FIELDS)
+    offsets = fields.read_count_map(_U16_U64)
+    (index_length,) = fields.read_numbers(_U64)
+    compression = fields.read_text()
+    stored, size = fields.read_numbers(_U64_U64)
     return ChunkIndex(start_ns, end_ns, chunk_start, chunk_length, offsets, index_length, compression, stored, size)
 
 
-def read_attachment_index(data: Data, start: int, end: int) -> AttachmentIndex:
-    fields = Fields(data, start, end)
-    offset, length, log_time_ns, create_time_ns, size = fields.numbers(_ATTACHMENT_INDEX)
-    return AttachmentIndex(offset, length, log_time_ns, create_time_ns, size, fields.text(), fields.text())
+def read_attachment_index(data: ByteSource, start: int, end: int) -> AttachmentIndex:
+    fields = FieldReader(data, start, end)
+    offset, length, log_time_ns, create_time_ns, size = fields.read_numbers(_ATTACHMENT_INDEX_HEAD_FIELDS)
+    return AttachmentIndex(offset, length, log_time_ns, create_time_ns, size, fields.read_text(), fields.read_text())
 
 
-def read_attachment(data: Data, start: int, end: int) -> AttachmentIndex:
+def read_attachment(data: ByteSource, start: int, end: int) -> AttachmentIndex:
     """Read an attachment as its index record would list it, without its data."""
-    fields = Fields(data, start, end)
-    log_time_ns, create_time_ns = fields.numbers(_SIZES)
-    name, media_type = fields.text(), fields.text()
-    (size,) = fields.numbers(_U64)
+    fields = FieldReader(data, start, end)
+    log_time_ns, create_time_ns = fields.read_numbers(_U64_U64)
+    name, media_type = fields.read_text(), fields.read_text()
+    (size,) = fields.read_numbers(_U64)
     if size + 4 > end - fields.at:
         raise RecordError("an attachment's data is longer than the attachment")
-    head = start - PREFIX.size
+    head = start - RECORD_PREFIX.size
     return AttachmentIndex(head, end - head, log_time_ns, create_time_ns, size, name, media_type)
 
 
-def attachment_crc_at(index: AttachmentIndex) -> int:
+def attachment_crc_offset(index: AttachmentIndex) -> int:
     """Return the offset of an attachment's CRC, which follows its data; the record may end later."""
     texts = len(index.name.encode()) + len(index.media_type.encode())
-    return index.offset + PREFIX.size + 2 * _U64.size + 2 * _U32.size + texts + _U64.size + index.size
+    return index.offset + RECORD_PREFIX.size + 2 * _U64.size + 2 * _U32.size + texts + _U64.size + index.size
 
 
-def read_metadata_index(data: Data, start: int, end: int) -> MetadataIndex:
-    fields = Fields(data, start, end)
-    offset, length = fields.numbers(_SIZES)
-    return MetadataIndex(offset, length, fields.text())
+def read_metadata_index(data: ByteSource, start: int, end: int) -> MetadataIndex:
+    fields = FieldReader(data, start, end)
+    offset, length = fields.read_numbers(_U64_U64)
+    return MetadataIndex(offset, length, fields.read_text())
 
 
-def read_metadata(data: Data, start: int, end: int) -> tuple[str, dict[str, str]]:
-    fields = Fields(data, start, end)
-    return fields.text(), fields.texts()
+def read_metadata(data: ByteSource, start: int, end: int) -> tuple[str, dict[str, str]]:
+    fields = FieldReader(data, start, end)
+    return fields.read_text(), fields.read_text_map()
 
 
-def read_statistics(data: Data, start: int, end: int) -> Statistics:
-    fields = Fields(data, start, end)
-    messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns = fields.numbers(_STATISTICS)
-    counts = fields.counts(_U16_U64)
+def read_statistics(data: ByteSource, start: int, end: int) -> Statistics:
+    fields = FieldReader(data, start, end)
+    messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns = fields.read_numbers(
+        _STATISTICS_HEAD_FIELDS
+    )
+    counts = fields.read_count_map(_U16_U64)
     return Statistics(messages, schemas, channels, attachments, metadata, chunks, start_ns, end_ns, counts)
 
 
-def read_message_index(data: Data, start: int, end: int) -> tuple[int, int, int]:
+def read_message_index(data: ByteSource, start: int, end: int) -> tuple[int, int, int]:
     """Return the channel id, and start and end of its (u64 log time, u64 offset) pairs; later fields are ignored."""
-    fields = Fields(data, start, end)
-    (channel_id,) = fields.numbers(_U16)
-    (length,) = fields.numbers(_U32)
-    if length > end - fields.at or length % INDEX_ENTRY_BYTES:
+    fields = FieldReader(data, start, end)
+    (channel_id,) = fields.read_numbers(_U16)
+    (length,) = fields.read_numbers(_U32)
+    if length > end - fields.at or length % MESSAGE_INDEX_ENTRY_BYTES:
         raise RecordError("a message index has a wrong length")
     return channel_id, fields.at, fields.at + length

@@ -11,28 +11,28 @@ from collections.abc import Container
 import numpy as np
 
 from cwcli.logs.format.records import (
-    CHUNK,
-    DATA_END,
-    FOOTER,
-    MAGIC,
-    MESSAGE,
+    MCAP_MAGIC,
     MESSAGE_HEADER_BYTES,
-    PREFIX,
-    Data,
+    OPCODE_CHUNK,
+    OPCODE_DATA_END,
+    OPCODE_FOOTER,
+    OPCODE_MESSAGE,
+    RECORD_PREFIX,
+    ByteSource,
     RecordError,
     read_chunk,
-    read_prefix,
+    read_record_prefix,
 )
 
-N_STEPS = 4
+N_RECORDS_TO_VERIFY = 4
 """The number of consecutive records that must be plausible. Chosen by hand."""
-BLOCK_BYTES = 4 << 20
+SEARCH_BLOCK_BYTES = 4 << 20
 """Bytes that are searched at a time. Chosen by hand."""
-LENGTH_HIGH_BYTES = 3
+N_ZERO_HIGH_LENGTH_BYTES = 3
 """The number of high bytes of a record's length that must be zero: records are shorter than 2^40 bytes."""
 
 
-def next_record(data: Data, at: int, channels: Container[int]) -> int:
+def find_next_record(data: ByteSource, at: int, channels: Container[int]) -> int:
     """Return the offset of the next plausible record at or after `at`; the length of the file if there is none.
 
     Args:
@@ -40,35 +40,35 @@ def next_record(data: Data, at: int, channels: Container[int]) -> int:
         at: The offset at which the search begins.
         channels: Known channel ids; messages of other channels are not plausible.
     """
-    last = len(data) - PREFIX.size
+    last = len(data) - RECORD_PREFIX.size
     while at < last:
-        stop = min(at + BLOCK_BYTES, last)
-        octets = np.frombuffer(data[at : stop + PREFIX.size], np.uint8)
+        stop = min(at + SEARCH_BLOCK_BYTES, last)
+        octets = np.frombuffer(data[at : stop + RECORD_PREFIX.size], np.uint8)
         opcodes = octets[: stop - at]
-        believable = (opcodes >= 1) & (opcodes <= DATA_END)
-        for k in range(PREFIX.size - LENGTH_HIGH_BYTES, PREFIX.size):
+        believable = (opcodes >= 1) & (opcodes <= OPCODE_DATA_END)
+        for k in range(RECORD_PREFIX.size - N_ZERO_HIGH_LENGTH_BYTES, RECORD_PREFIX.size):
             believable &= octets[k : k + stop - at] == 0
         for candidate in (np.flatnonzero(believable) + at).tolist():
-            if is_record(data, candidate, channels):
+            if is_plausible_record(data, candidate, channels):
                 return int(candidate)
         at = stop
     return len(data)
 
 
-def is_record(data: Data, at: int, channels: Container[int]) -> bool:
-    """Tell whether a plausible record begins at an offset; arguments as for `next_record`."""
-    for _ in range(N_STEPS):
+def is_plausible_record(data: ByteSource, at: int, channels: Container[int]) -> bool:
+    """Tell whether a plausible record begins at an offset; arguments as for `find_next_record`."""
+    for _ in range(N_RECORDS_TO_VERIFY):
         try:
-            opcode, start, end = read_prefix(data, at, len(data))
-            if opcode == CHUNK:
+            opcode, start, end = read_record_prefix(data, at, len(data))
+            if opcode == OPCODE_CHUNK:
                 chunk = read_chunk(data, start, end)
                 return chunk.data_start + chunk.data_length == end
         except RecordError:
             return False
-        if opcode == FOOTER:
-            return data[end : end + len(MAGIC)] == MAGIC
-        is_known = opcode <= DATA_END
-        if opcode == MESSAGE:
+        if opcode == OPCODE_FOOTER:
+            return data[end : end + len(MCAP_MAGIC)] == MCAP_MAGIC
+        is_known = opcode <= OPCODE_DATA_END
+        if opcode == OPCODE_MESSAGE:
             is_long_enough = end - start >= MESSAGE_HEADER_BYTES
             is_known = is_long_enough and int.from_bytes(data[start : start + 2], "little") in channels
         if not is_known or end == len(data):

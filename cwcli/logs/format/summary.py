@@ -6,25 +6,25 @@ import zlib
 from operator import itemgetter
 
 from cwcli.input import InputFile
-from cwcli.logs.format.faults import check_record_count
-from cwcli.logs.format.index import Index, Item, Span
-from cwcli.logs.format.metadata_table import MANY
+from cwcli.logs.format.faults import check_non_message_record_count
+from cwcli.logs.format.index import Item, LogIndex, UnchunkedRange
+from cwcli.logs.format.metadata_table import MIN_RECORDS_FOR_KERNEL
 from cwcli.logs.format.records import (
-    ATTACHMENT_INDEX,
-    CHANNEL,
-    CHUNK_INDEX,
-    DATA_END,
-    FOOTER,
     FOOTER_BYTES,
-    MAGIC,
-    METADATA_INDEX,
-    PREFIX,
-    SCHEMA,
-    STATISTICS,
-    SUMMARY_OFFSET,
+    MCAP_MAGIC,
+    OPCODE_ATTACHMENT_INDEX,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK_INDEX,
+    OPCODE_DATA_END,
+    OPCODE_FOOTER,
+    OPCODE_METADATA_INDEX,
+    OPCODE_SCHEMA,
+    OPCODE_STATISTICS,
+    OPCODE_SUMMARY_OFFSET,
+    RECORD_PREFIX,
     AttachmentIndex,
+    ByteSource,
     ChunkIndex,
-    Data,
     Footer,
     RecordError,
     read_attachment_index,
@@ -32,28 +32,32 @@ from cwcli.logs.format.records import (
     read_chunk_index,
     read_footer,
     read_metadata_index,
-    read_prefix,
+    read_record_prefix,
     read_schema,
     read_statistics,
 )
 
-DATA_END_BYTES = PREFIX.size + 4
+DATA_END_BYTES = RECORD_PREFIX.size + 4
 """Size in bytes of a data end record with its prefix (MCAP specification)."""
 
 
-def find_footer(data: Data) -> tuple[Footer, int] | None:
+def find_footer(data: ByteSource) -> tuple[Footer, int] | None:
     """Return the footer and its offset, or None if the file does not end with one because it was cut."""
-    at = len(data) - len(MAGIC) - FOOTER_BYTES
-    if at < len(MAGIC) or data[-len(MAGIC) :] != MAGIC:
+    at = len(data) - len(MCAP_MAGIC) - FOOTER_BYTES
+    if at < len(MCAP_MAGIC) or data[-len(MCAP_MAGIC) :] != MCAP_MAGIC:
         return None
     try:
-        opcode, start, end = read_prefix(data, at, len(data) - len(MAGIC))
-        return (read_footer(data, start, end), at) if opcode == FOOTER and end == len(data) - len(MAGIC) else None
+        opcode, start, end = read_record_prefix(data, at, len(data) - len(MCAP_MAGIC))
+        return (
+            (read_footer(data, start, end), at)
+            if opcode == OPCODE_FOOTER and end == len(data) - len(MCAP_MAGIC)
+            else None
+        )
     except RecordError:
         return None
 
 
-def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> Index | None:
+def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: int, *, verify: bool) -> LogIndex | None:
     """Return the index of a file from its summary.
 
     Args:
@@ -77,74 +81,74 @@ def read_summary(file: InputFile, footer: Footer, footer_at: int, data_start: in
     summary = file[start : footer_at + FOOTER_BYTES - 4]
     if verify and footer.summary_crc and footer.summary_crc != zlib.crc32(summary):
         raise RecordError("the summary's CRC is wrong")
-    index = Index(has_end=True)
+    index = LogIndex(has_end=True)
     at = n = n_alike = 0
     while at < footer_at - start:
-        opcode, begin, at = read_prefix(summary, at, footer_at - start)
-        n += opcode not in (CHUNK_INDEX, SUMMARY_OFFSET, METADATA_INDEX)
-        check_record_count(file.name, n)
-        _take(index, opcode, summary, begin, at)
-        n_alike = n_alike + 1 if opcode == METADATA_INDEX else 0
-        if n_alike > MANY:
-            at = index.metadata.extend(summary, at, footer_at - start, opcode, file.name)
+        opcode, begin, at = read_record_prefix(summary, at, footer_at - start)
+        n += opcode not in (OPCODE_CHUNK_INDEX, OPCODE_SUMMARY_OFFSET, OPCODE_METADATA_INDEX)
+        check_non_message_record_count(file.name, n)
+        _add_record_to_index(index, opcode, summary, begin, at)
+        n_alike = n_alike + 1 if opcode == OPCODE_METADATA_INDEX else 0
+        if n_alike > MIN_RECORDS_FOR_KERNEL:
+            at = index.metadata.append_consecutive_records(summary, at, footer_at - start, opcode, file.name)
     data_end = start - DATA_END_BYTES
-    if data_end < data_start or file[data_end : data_end + 1] != bytes([DATA_END]):
+    if data_end < data_start or file[data_end : data_end + 1] != bytes([OPCODE_DATA_END]):
         data_end = start  # a longer end record: the walk will come upon it
     else:
         index.data_end = data_end
-    _fill_gaps(index, data_start, data_end)
+    _insert_unindexed_ranges(index, data_start, data_end)
     return index
 
 
-def _take(index: Index, opcode: int, data: Data, start: int, end: int) -> None:
+def _add_record_to_index(index: LogIndex, opcode: int, data: ByteSource, start: int, end: int) -> None:
     """Add one record of the summary to the index.
 
     Raises:
         RecordError: It is damaged, or belongs in the data section.
     """
-    if opcode == SCHEMA:
+    if opcode == OPCODE_SCHEMA:
         schema = read_schema(data, start, end)
         index.schemas[schema.id] = schema
-    elif opcode == CHANNEL:
+    elif opcode == OPCODE_CHANNEL:
         channel = read_channel(data, start, end)
         index.channels[channel.id] = channel
-    elif opcode == CHUNK_INDEX:
+    elif opcode == OPCODE_CHUNK_INDEX:
         index.items.append(read_chunk_index(data, start, end))
-    elif opcode == STATISTICS:
+    elif opcode == OPCODE_STATISTICS:
         index.statistics = read_statistics(data, start, end)
-    elif opcode == ATTACHMENT_INDEX:
+    elif opcode == OPCODE_ATTACHMENT_INDEX:
         index.items.append(read_attachment_index(data, start, end))
-    elif opcode == METADATA_INDEX:
+    elif opcode == OPCODE_METADATA_INDEX:
         index.metadata.append(*read_metadata_index(data, start, end))
-    elif opcode < SUMMARY_OFFSET or opcode == DATA_END:
+    elif opcode < OPCODE_SUMMARY_OFFSET or opcode == OPCODE_DATA_END:
         raise RecordError("the summary holds a record of the data section")
 
 
-def is_complete(index: Index) -> bool:
+def is_complete_summary(index: LogIndex) -> bool:
     """Tell whether the summary lists all that reading needs."""
     counted = index.statistics
-    used = {channel_id for chunk in index.items_of(ChunkIndex) for channel_id in chunk.index_offsets}
+    used = {channel_id for chunk in index.items_of_type(ChunkIndex) for channel_id in chunk.index_offsets}
     return (
         counted is not None
-        and not any(map(index.lacks_schema, {*used, *index.channels}))
+        and not any(map(index.lacks_channel_or_schema, {*used, *index.channels}))
         and counted.n_channels == len(index.channels)
-        and counted.n_chunks == len(index.items_of(ChunkIndex))
-        and counted.n_attachments == len(index.items_of(AttachmentIndex))
+        and counted.n_chunks == len(index.items_of_type(ChunkIndex))
+        and counted.n_attachments == len(index.items_of_type(AttachmentIndex))
         and counted.n_metadata == len(index.metadata)
     )
 
 
-def _fill_gaps(index: Index, start: int, end: int) -> None:
+def _insert_unindexed_ranges(index: LogIndex, start: int, end: int) -> None:
     """Sort the items by offset, and insert the ranges of the data section between them that no index covers.
 
     Raises:
         RecordError: Indexed records overlap, or lie outside the data section.
     """
-    index.metadata.sort()
-    places: list[tuple[int, int, Item]] = [(run.start, run.end, run) for run in index.metadata.runs()]
+    index.metadata.sort_by_offset()
+    places: list[tuple[int, int, Item]] = [(run.start, run.end, run) for run in index.metadata.contiguous_runs()]
     for each in index.items:
         if isinstance(each, ChunkIndex):
-            places.append((each.chunk_start, each.end, each))
+            places.append((each.chunk_start, each.end_offset, each))
         elif isinstance(each, AttachmentIndex):
             places.append((each.offset, each.offset + each.length, each))
     index.items = []
@@ -153,8 +157,8 @@ def _fill_gaps(index: Index, start: int, end: int) -> None:
         if first < at or last > end:
             raise RecordError("the summary's indexes overlap, or point outside the file")
         if first > at:
-            index.items.append(Span(at, first))
+            index.items.append(UnchunkedRange(at, first))
         index.items.append(item)
         at = last
     if at < end:
-        index.items.append(Span(at, end))
+        index.items.append(UnchunkedRange(at, end))

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from cwcli.kernels.protobuf import MESSAGE, OCTETS, TEXT
+from cwcli.logs.codecs.column_buffers import Payloads, matrix_if_equal_lengths, order_values_by_first_use
 from cwcli.logs.codecs.protobuf import ProtobufDecoder
-from cwcli.logs.codecs.protobuf_tables import KINDS, is_repeated
-from cwcli.logs.codecs.slots import Payloads, as_matrix, first_seen
+from cwcli.logs.codecs.protobuf_tables import KIND_AND_DTYPE_BY_TYPE, is_repeated_field
 from cwcli.logs.read.channels import ChannelInfo
-from cwcli.logs.write.protobuf_encoder import encode_columns
-from cwcli.logs.write.schemas import message_schema
-from cwcli.logs.write.written_schema import MESSAGE_ENCODING, written_schema
+from cwcli.logs.write.output_schema import PROTOBUF_MESSAGE_ENCODING, find_output_schema
+from cwcli.logs.write.protobuf_encoder import encode_protobuf
+from cwcli.logs.write.schemas import find_message_schema
 from cwcli.signals.columns import (
     Columns,
     Field,
@@ -24,16 +24,16 @@ from cwcli.signals.columns import (
     Ragged,
     StreamedChannel,
     Strings,
-    column_rows,
+    slice_column,
 )
 
-BLOCK_ROWS = 4096
+ENCODE_BLOCK_ROWS = 4096
 """The number of rows that are encoded and decoded at a time. Chosen by hand."""
 
 
-def memory_info(channel: OutputChannel, channel_id: int) -> ChannelInfo:
+def info_of_added_channel(channel: OutputChannel, channel_id: int) -> ChannelInfo:
     """Return the description of a channel in memory, as if the file declared it."""
-    schema = written_schema(channel.schema_name)
+    schema = find_output_schema(channel.schema_name)
     return ChannelInfo(
         id=channel_id,
         topic=channel.topic,
@@ -45,7 +45,7 @@ def memory_info(channel: OutputChannel, channel_id: int) -> ChannelInfo:
     )
 
 
-def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Columns:
+def columns_of_added_channel(channel: OutputChannel, fields: Collection[str] | None) -> Columns:
     """Return a channel in memory as columns; `fields`: wanted leaves, None for all.
 
     The columns of a flat message type are used directly; those of other types are encoded and decoded.
@@ -54,12 +54,12 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
         ValueError: The log times go back.
     """
     if isinstance(channel, StreamedChannel):
-        columns = channel.rows(0, len(channel))
+        columns = channel.make_rows(0, len(channel))
         channel = OutputChannel(channel.topic, channel.schema_name, channel.log_time_ns, columns)
-    descriptor = message_schema(channel.schema_name).descriptor
-    flat = _flat_fields(descriptor, channel)
+    descriptor = find_message_schema(channel.schema_name).descriptor
+    flat = _columns_of_flat_message(descriptor, channel)
     if flat is None:
-        flat = _decoded_fields(descriptor, channel, fields)
+        flat = _columns_by_encoding_and_decoding(descriptor, channel, fields)
     n = len(channel)
     order = np.argsort(channel.log_time_ns, kind="stable")
     if not np.array_equal(order, np.arange(n)):
@@ -68,7 +68,7 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
     return Columns(
         topic=channel.topic,
         schema_name=channel.schema_name,
-        message_encoding=MESSAGE_ENCODING,
+        message_encoding=PROTOBUF_MESSAGE_ENCODING,
         log_time_ns=times,
         publish_time_ns=times,
         sequence=np.arange(n, dtype=np.uint32),
@@ -77,49 +77,55 @@ def memory_columns(channel: OutputChannel, fields: Collection[str] | None) -> Co
 
 
 @lru_cache(maxsize=64)
-def is_flat(schema_name: str) -> bool:
+def is_flat_message_type(schema_name: str) -> bool:
     """Tell whether a message type has no messages, enumerations and optional fields inside."""
     return not any(
-        KINDS[each.type][0] == MESSAGE or each.enum_type is not None or (each.has_presence and not is_repeated(each))
-        for each in message_schema(schema_name).descriptor.fields
+        KIND_AND_DTYPE_BY_TYPE[each.type][0] == MESSAGE
+        or each.enum_type is not None
+        or (each.has_presence and not is_repeated_field(each))
+        for each in find_message_schema(schema_name).descriptor.fields
     )
 
 
-def _flat_fields(descriptor: Any, channel: OutputChannel) -> dict[str, Field] | None:
+def _columns_of_flat_message(descriptor: Any, channel: OutputChannel) -> dict[str, Field] | None:
     """Return the columns of a flat message type; None for other types."""
-    if not is_flat(channel.schema_name):
+    if not is_flat_message_type(channel.schema_name):
         return None
     flat: dict[str, Field] = {}
     n = len(channel)
     for each in descriptor.fields:
-        kind, dtype = KINDS[each.type]
-        if kind == OCTETS or (kind == TEXT and is_repeated(each)):
+        kind, dtype = KIND_AND_DTYPE_BY_TYPE[each.type]
+        if kind == OCTETS or (kind == TEXT and is_repeated_field(each)):
             continue
         given = channel.fields.get(each.name)
-        column = _default(kind, dtype, n, repeated=is_repeated(each)) if given is None else _plain(given, dtype)
+        column = (
+            _default_column(kind, dtype, n, repeated=is_repeated_field(each))
+            if given is None
+            else _column_as_read_back(given, dtype)
+        )
         if column is None:
             return None
         flat[each.name] = column
     return flat if channel.fields.keys() <= set(descriptor.fields_by_name) else None
 
 
-def _default(kind: int, dtype: str, n: int, *, repeated: bool) -> Field:
+def _default_column(kind: int, dtype: str, n: int, *, repeated: bool) -> Field:
     """Return the column of a field that is absent in all n messages."""
     if kind == TEXT:
         return Strings(np.zeros(n, np.int32), ("",) if n else ())
     return Ragged(np.zeros(0, dtype), np.zeros(n + 1, np.int64)) if repeated else np.zeros(n, dtype)
 
 
-def _plain(column: OutputField, dtype: str) -> Field | None:
+def _column_as_read_back(column: OutputField, dtype: str) -> Field | None:
     """Return a column as a reader would get it; None for a column of messages."""
     if isinstance(column, Strings):
         codes = np.where(column.codes < 0, np.int32(len(column.values)), column.codes).astype(np.int32)
         texts = (*column.values, "")
         index: dict[str, int] = {}
         code_of = np.array([index.setdefault(text, len(index)) for text in texts], np.int32)
-        return first_seen(Strings(code_of[codes], tuple(index)))
+        return order_values_by_first_use(Strings(code_of[codes], tuple(index)))
     if isinstance(column, Ragged):
-        return as_matrix(Ragged(np.asarray(column.values, dtype), column.offsets))
+        return matrix_if_equal_lengths(Ragged(np.asarray(column.values, dtype), column.offsets))
     if isinstance(column, np.ndarray):
         values = column.astype(dtype, copy=False)
         if values.ndim == 2 and not (values.shape[0] and values.shape[1]):
@@ -128,13 +134,15 @@ def _plain(column: OutputField, dtype: str) -> Field | None:
     return None
 
 
-def _decoded_fields(descriptor: Any, channel: OutputChannel, fields: Collection[str] | None) -> dict[str, Field]:
+def _columns_by_encoding_and_decoding(
+    descriptor: Any, channel: OutputChannel, fields: Collection[str] | None
+) -> dict[str, Field]:
     """Encode a channel's messages and decode them to columns."""
-    schema = message_schema(channel.schema_name)
+    schema = find_message_schema(channel.schema_name)
     decoder = ProtobufDecoder(schema.name, schema.data, fields, n_expected=len(channel))
-    for start in range(0, len(channel), BLOCK_ROWS):
-        stop = min(start + BLOCK_ROWS, len(channel))
-        rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
-        messages = encode_columns(descriptor, rows, stop - start)
-        decoder.add(Payloads(messages.data, messages.offsets[:-1].copy(), messages.offsets[1:].copy()))
-    return decoder.finish(np.arange(len(channel)))
+    for start in range(0, len(channel), ENCODE_BLOCK_ROWS):
+        stop = min(start + ENCODE_BLOCK_ROWS, len(channel))
+        rows = {path: slice_column(column, start, stop) for path, column in channel.fields.items()}
+        messages = encode_protobuf(descriptor, rows, stop - start)
+        decoder.decode_batch(Payloads(messages.data, messages.offsets[:-1].copy(), messages.offsets[1:].copy()))
+    return decoder.build_columns(np.arange(len(channel)))

@@ -17,23 +17,23 @@ from typing import IO, TYPE_CHECKING, Any
 from cwcli.errors import CwcliError, InputError, UsageError, install_hint
 from cwcli.input import InputFile
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.read.ros2_database import MAX_VALUE_BYTES, read_database
-from cwcli.logs.read.ros_definitions import definitions
-from cwcli.logs.read.sqlite_files import copy_file, open_database, writing_copy_of
+from cwcli.logs.read.ros2_database import MAX_DATABASE_VALUE_BYTES, iter_database_content
+from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
+from cwcli.logs.read.sqlite_files import copy_file, open_database, raise_copy_errors
 
 if TYPE_CHECKING:
     from cwcli.logs.write.record_writer import RecordWriter
 
-CHUNK_BYTES = 1 << 20
+TARGET_CHUNK_BYTES = 1 << 20
 """The size in bytes at which a chunk is written. Chosen by hand."""
-HEADER = "std_msgs/msg/Header"
+ROS_HEADER_TYPE = "std_msgs/msg/Header"
 """The message type whose ROS 1 definition is replaced by that of ROS 2."""
-_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_RECORD_HEAD = struct.Struct("<BQHIQQ")
 """The bytes of a message record before its payload: opcode, length, channel id, sequence, log time, publish time (MCAP
 specification)."""
 OPCODE_MESSAGE = 0x05
 """The opcode of a message record (MCAP specification)."""
-HEADER_BYTES = 22
+MESSAGE_HEADER_BYTES = 22
 """Size in bytes of a message's channel id, sequence and times, which its length includes (MCAP specification)."""
 
 Message = tuple[int, int, bytes | memoryview]
@@ -72,19 +72,21 @@ def convert_bag(
             f"{kind} need a package that is not installed", where=file.name, hint=install_hint("bags")
         ) from error
     from cwcli.logs.write.record_writer import RecordWriter
-    from cwcli.output_stream import Output
+    from cwcli.output_stream import OutputStream
 
-    output = Output(target.fileno(), file.name)
+    output = OutputStream(target.fileno(), file.name)
     writer = RecordWriter(output)
-    writer.header("ros2", "cwcli")
-    bag = _ros1(file, notes) if journals is None else _ros2(file, journals, notes, max_bytes)
+    writer.write_header("ros2", "cwcli")
+    bag = _iter_ros1_content(file, notes) if journals is None else _iter_ros2_content(file, journals, notes, max_bytes)
     with closing(bag) as content:
-        _write(writer, _read(content, file.name, "the library rosbags" if is_ros1 else "SQLite"))
+        _write_content(
+            writer, _iter_with_read_errors(content, file.name, "the library rosbags" if is_ros1 else "SQLite")
+        )
     writer.finish()
     output.flush()
 
 
-def _read(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
+def _iter_with_read_errors(content: Iterator[Content], name: str, reader: str) -> Iterator[Content]:
     """Yield what a library reads, and turn its errors, but not those of the caller, into `InputError`."""
     while True:
         try:
@@ -99,7 +101,7 @@ def _read(content: Iterator[Content], name: str, reader: str) -> Iterator[Conten
         yield item
 
 
-def _ros1(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, None]:
+def _iter_ros1_content(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, None]:
     """Yield schemas, channels and converted messages of a ROS 1 bag."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag1 import Reader
@@ -107,43 +109,45 @@ def _ros1(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, No
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.EMPTY)
-    with _named(file) as path, Reader(path) as reader:
+    with _path_of_open_file(file) as path, Reader(path) as reader:
         types: dict[str, Any] = {}
         for each in reader.connections:
             if each.msgdef.format is not MessageDefinitionFormat.NONE:
                 types.update(get_types_from_msg(each.msgdef.data, each.msgtype))
-        types[HEADER] = get_typestore(Stores.LATEST).fielddefs[HEADER]  # the conversion takes `seq` out
+        types[ROS_HEADER_TYPE] = get_typestore(Stores.LATEST).fielddefs[
+            ROS_HEADER_TYPE
+        ]  # the conversion takes `seq` out
         store.register(types)
-        yield from definitions(reader.connections, store, notes)
+        yield from iter_schemas_and_channels(reader.connections, store, notes)
         for connection, log_time_ns, data in reader.messages():
             try:
-                yield _message(connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype))
+                yield _validate_message(connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype))
             except (SerdeError, AssertionError, UnicodeDecodeError):
                 what = f"messages that can't be converted on {connection.topic}"
                 notes[what] = notes.get(what, 0) + 1
 
 
-def _ros2(
+def _iter_ros2_content(
     file: InputFile, journals: Sequence[InputFile], notes: dict[str, int], max_bytes: int
 ) -> Generator[Content, None, None]:
     """Yield schemas, channels and messages of a rosbag2 database."""
-    with open_database(file, journals, MAX_VALUE_BYTES, notes) as database:
-        for item in read_database(database, file.name, notes, max_bytes):
-            yield item if isinstance(item, Schema | Channel) else _message(*item)
+    with open_database(file, journals, MAX_DATABASE_VALUE_BYTES, notes) as database:
+        for item in iter_database_content(database, file.name, notes, max_bytes):
+            yield item if isinstance(item, Schema | Channel) else _validate_message(*item)
 
 
-def _message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
+def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
     """Return a message, after a check that its id and time fit in a log and its payload is bytes.
 
     Raises:
         struct.error, TypeError: They don't.
     """
-    _MESSAGE.pack(OPCODE_MESSAGE, HEADER_BYTES, channel_id, 0, log_time_ns, log_time_ns)
+    _MESSAGE_RECORD_HEAD.pack(OPCODE_MESSAGE, MESSAGE_HEADER_BYTES, channel_id, 0, log_time_ns, log_time_ns)
     return channel_id, log_time_ns, memoryview(data)
 
 
 @contextmanager
-def _named(file: InputFile) -> Iterator[str]:
+def _path_of_open_file(file: InputFile) -> Iterator[str]:
     """Yield a path of the open file, even if its name is taken by another file now; a nameless file is copied."""
     descriptor = os.dup(file.descriptor)
     try:
@@ -152,7 +156,7 @@ def _named(file: InputFile) -> Iterator[str]:
             yield name
             return
         with ExitStack() as stack:
-            with writing_copy_of(file.name):
+            with raise_copy_errors(file.name):
                 copy = stack.enter_context(tempfile.NamedTemporaryFile(prefix="cwcli-"))
                 copy_file(file, copy)
                 copy.flush()
@@ -161,11 +165,11 @@ def _named(file: InputFile) -> Iterator[str]:
         os.close(descriptor)
 
 
-def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
+def _write_content(writer: RecordWriter, content: Iterator[Content]) -> None:
     """Write schemas and channels, then the messages in chunks."""
     import numpy as np
 
-    from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
+    from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 
     data = bytearray()
     entries: dict[int, list[tuple[int, int]]] = {}
@@ -174,25 +178,25 @@ def _write(writer: RecordWriter, content: Iterator[Content]) -> None:
     def flush() -> None:
         if data:
             times = [time_ns for each in entries.values() for time_ns, _ in each]
-            arrays = {channel_id: np.array(each, INDEX_ENTRY) for channel_id, each in entries.items()}
-            writer.chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), arrays))
+            arrays = {channel_id: np.array(each, INDEX_ENTRY_DTYPE) for channel_id, each in entries.items()}
+            writer.write_chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), arrays))
             data.clear()
             entries.clear()
 
     for item in content:
         if isinstance(item, Schema):
-            writer.schema(item)
+            writer.write_schema(item)
             continue
         if isinstance(item, Channel):
-            writer.channel(item)
+            writer.write_channel(item)
             continue
         channel_id, log_time_ns, payload = item
         entries.setdefault(channel_id, []).append((log_time_ns, len(data)))
         n = sequence[channel_id] = sequence.get(channel_id, -1) + 1
-        data += _MESSAGE.pack(
-            OPCODE_MESSAGE, HEADER_BYTES + len(payload), channel_id, n & 0xFFFFFFFF, log_time_ns, log_time_ns
+        data += _MESSAGE_RECORD_HEAD.pack(
+            OPCODE_MESSAGE, MESSAGE_HEADER_BYTES + len(payload), channel_id, n & 0xFFFFFFFF, log_time_ns, log_time_ns
         )
         data += payload
-        if len(data) >= CHUNK_BYTES:
+        if len(data) >= TARGET_CHUNK_BYTES:
             flush()
     flush()

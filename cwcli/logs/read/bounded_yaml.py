@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-MAX_DEPTH = 64
+MAX_YAML_DEPTH = 64
 """The greatest depth of lists and mappings inside each other. Chosen by hand."""
 
 
-class Size(NamedTuple):
+class ExpandedSize(NamedTuple):
     """The size of a part of a document with every alias expanded.
 
     Attributes:
@@ -27,7 +27,7 @@ class Size(NamedTuple):
     chars: int = 0
 
 
-def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = MAX_DEPTH) -> Any:
+def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = MAX_YAML_DEPTH) -> Any:
     """Load a document as dicts, lists and texts.
 
     Args:
@@ -43,11 +43,11 @@ def load_yaml(text: bytes, *, max_nodes: int, max_chars: int, max_depth: int = M
     import yaml
 
     loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
-    check_events(yaml.parse(text, loader), max_nodes=max_nodes, max_chars=max_chars, max_depth=max_depth)
+    measure_expanded_size(yaml.parse(text, loader), max_nodes=max_nodes, max_chars=max_chars, max_depth=max_depth)
     return yaml.load(text, loader)
 
 
-def check_events(events: Iterable[Any], *, max_nodes: int, max_chars: int, max_depth: int) -> Size:
+def measure_expanded_size(events: Iterable[Any], *, max_nodes: int, max_chars: int, max_depth: int) -> ExpandedSize:
     """Return the expanded size of a document from its events, and check it against the bounds on the way.
 
     Args:
@@ -59,28 +59,28 @@ def check_events(events: Iterable[Any], *, max_nodes: int, max_chars: int, max_d
     """
     import yaml
 
-    total = Size()
-    sizes: dict[str, Size] = {}
-    begun: list[tuple[str | None, Size]] = []
+    total = ExpandedSize()
+    sizes: dict[str, ExpandedSize] = {}
+    begun: list[tuple[str | None, ExpandedSize]] = []
     for event in events:
         before = total
         if isinstance(event, yaml.CollectionStartEvent):
             begun.append((event.anchor, before))
             if event.anchor is not None:
                 sizes.pop(event.anchor, None)
-            total = Size(total.nodes + 1, total.chars)
+            total = ExpandedSize(total.nodes + 1, total.chars)
         elif isinstance(event, yaml.CollectionEndEvent):
             anchor, before = begun.pop()
             if anchor is not None:
-                sizes[anchor] = Size(total.nodes - before.nodes, total.chars - before.chars)
+                sizes[anchor] = ExpandedSize(total.nodes - before.nodes, total.chars - before.chars)
         elif isinstance(event, yaml.ScalarEvent):
-            total = Size(total.nodes + 1, total.chars + len(event.value))
+            total = ExpandedSize(total.nodes + 1, total.chars + len(event.value))
             if event.anchor is not None:
-                sizes[event.anchor] = Size(1, len(event.value))
+                sizes[event.anchor] = ExpandedSize(1, len(event.value))
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
                 raise ValueError("an alias names nothing that is complete before it")
-            total = Size(*(sum(pair) for pair in zip(total, sizes[event.anchor], strict=True)))
+            total = ExpandedSize(*(sum(pair) for pair in zip(total, sizes[event.anchor], strict=True)))
         if total.nodes > max_nodes or total.chars > max_chars or len(begun) > max_depth:
             raise ValueError("it is nested too deep, or stands for too much")
     return total

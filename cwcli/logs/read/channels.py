@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from cwcli.logs.format.index import Index
+from cwcli.logs.format.index import LogIndex
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ChannelInfo:
     schema_data: bytes = field(default=b"", repr=False)
 
 
-def channels_of(index: Index) -> tuple[ChannelInfo, ...]:
+def channel_infos_from_index(index: LogIndex) -> tuple[ChannelInfo, ...]:
     """Return the channels of a file, sorted by id."""
     statistics = index.statistics
     counted = statistics.channel_counts if statistics else None

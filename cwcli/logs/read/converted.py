@@ -14,15 +14,15 @@ from typing import IO, cast
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
 
-COPY_BYTES = 1 << 20
+COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """The first bytes of a zstd frame (RFC 8878, 3.1.1)."""
-BAG_MAGIC = b"#ROSBAG V"
+ROS1_BAG_MAGIC = b"#ROSBAG V"
 """The first bytes of a ROS 1 bag (http://wiki.ros.org/Bags/Format)."""
-DATABASE_MAGIC = b"SQLite format 3\0"
+SQLITE_MAGIC = b"SQLite format 3\0"
 """The first bytes of a SQLite database (https://www.sqlite.org/fileformat2.html)."""
-GIGABYTE = 1_000_000_000
+BYTES_PER_GIGABYTE = 1_000_000_000
 """The number of bytes in a gigabyte, for messages to users."""
 
 
@@ -44,9 +44,9 @@ class ConvertedFile(InputFile):
         super().__init__(descriptor, original.name)
 
     @property
-    def files(self) -> Sequence[InputFile]:
+    def disk_files(self) -> Sequence[InputFile]:
         """Return the file that the user named, and those that were read with it."""
-        return [*self.original.files, *self._more]
+        return [*self.original.disk_files, *self._more]
 
     def check_unchanged(self) -> None:
         """Check that the original files have not changed since they were opened."""
@@ -59,7 +59,7 @@ class ConvertedFile(InputFile):
             each.close()
 
 
-def converted(file: InputFile, max_bytes: int) -> InputFile:
+def convert_if_needed(file: InputFile, max_bytes: int) -> InputFile:
     """Return the file itself if it is a log, else the log that it is converted to.
 
     Args:
@@ -74,17 +74,17 @@ def converted(file: InputFile, max_bytes: int) -> InputFile:
     try:
         head = bytes(file[:16])
         while head.startswith(ZSTD_MAGIC):
-            file = _made(file, partial(_unpack, file, max_bytes))
+            file = _convert_into_temporary_file(file, partial(_decompress_file, file, max_bytes))
             head = bytes(file[:16])
-        if head.startswith((BAG_MAGIC, DATABASE_MAGIC)):
-            return _converted_bag(file, max_bytes, is_ros1=head.startswith(BAG_MAGIC))
+        if head.startswith((ROS1_BAG_MAGIC, SQLITE_MAGIC)):
+            return _convert_bag_file(file, max_bytes, is_ros1=head.startswith(ROS1_BAG_MAGIC))
         return file
     except BaseException:
         file.close()
         raise
 
 
-def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFile:
+def _convert_bag_file(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFile:
     from cwcli.logs.read.bags import convert_bag
     from cwcli.logs.read.sqlite_files import open_journals
 
@@ -92,7 +92,7 @@ def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFi
     journals = [] if is_ros1 else open_journals(file)
     try:
         fill = partial(convert_bag, file, notes, None if is_ros1 else journals, max(max_bytes, len(file)))
-        log_file = _made(file, fill, journals)
+        log_file = _convert_into_temporary_file(file, fill, journals)
     except BaseException:
         for each in journals:
             each.close()
@@ -101,7 +101,9 @@ def _converted_bag(file: InputFile, max_bytes: int, *, is_ros1: bool) -> InputFi
     return log_file
 
 
-def _made(file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()) -> InputFile:
+def _convert_into_temporary_file(
+    file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()
+) -> InputFile:
     """A temporary file that `fill` has written, in place of `file` and what was read with it."""
     import tempfile
 
@@ -118,33 +120,35 @@ def _made(file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[Inp
         ) from error
 
 
-def _unpack(file: InputFile, max_bytes: int, target: IO[bytes]) -> None:
+def _decompress_file(file: InputFile, max_bytes: int, target: IO[bytes]) -> None:
     import zstandard
 
-    unpacker = zstandard.ZstdDecompressor().stream_reader(cast("IO[bytes]", _Blocks(file)), read_across_frames=True)
+    unpacker = zstandard.ZstdDecompressor().stream_reader(
+        cast("IO[bytes]", _BlockStream(file)), read_across_frames=True
+    )
     n_bytes = 0
     try:
-        while block := unpacker.read(COPY_BYTES):
+        while block := unpacker.read(COPY_BLOCK_BYTES):
             n_bytes += len(block)
             if n_bytes > max_bytes:
-                what = f"it unpacks to more than {max_bytes / GIGABYTE:g} GB"
+                what = f"it unpacks to more than {max_bytes / BYTES_PER_GIGABYTE:g} GB"
                 raise InputError(what, where=file.name, hint="--max-input reads more")
             target.write(block)
     except zstandard.ZstdError as error:
         raise InputError(f"it can't be decompressed: {error}", where=file.name) from error
 
 
-class _Blocks:
+class _BlockStream:
     """A file as zstandard reads one."""
 
     def __init__(self, file: InputFile) -> None:
-        self._pieces = _pieces(file)
+        self._pieces = _iter_file_blocks(file)
 
     def read(self, size: int = -1) -> bytes:
         """Return the next block, whatever size is asked for, as the reader accepts."""
         return next(self._pieces, b"")
 
 
-def _pieces(file: InputFile) -> Iterator[bytes]:
-    for at in range(0, len(file), COPY_BYTES):
-        yield bytes(file[at : at + COPY_BYTES])
+def _iter_file_blocks(file: InputFile) -> Iterator[bytes]:
+    for at in range(0, len(file), COPY_BLOCK_BYTES):
+        yield bytes(file[at : at + COPY_BLOCK_BYTES])

@@ -13,23 +13,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cwcli.errors import InputError
+from cwcli.logs.codecs.compressed_messages import zstd_message_mask
 from cwcli.logs.codecs.decoder import Decoder
-from cwcli.logs.codecs.ros2msg import short_name
-from cwcli.logs.codecs.unpacked import is_packed
+from cwcli.logs.codecs.ros2msg import short_message_name
 from cwcli.logs.format.faults import Faults
-from cwcli.logs.read.columns import decoder_for, single_schema
-from cwcli.logs.read.message_reader import Batch, MessageReader
+from cwcli.logs.read.columns import check_single_schema, make_channel_decoder
+from cwcli.logs.read.message_reader import MessageBatch, MessageReader
 from cwcli.signals.columns import Field, Strings
 from cwcli.signals.units import NS_PER_S
 
 if TYPE_CHECKING:
     from cwcli.logs.read.channels import ChannelInfo
 
-DATA = "data"
+DATA_FIELD = "data"
 """The field with the bytes of an image, in all supported message types."""
-FIELDS = ("format", "encoding", "width", "height", "step")
+IMAGE_FIELDS = ("format", "encoding", "width", "height", "step")
 """The fields that describe an image; a message type has some of them."""
-STAMPS = (
+STAMP_FIELD_PAIRS = (
     ("header.stamp.sec", "header.stamp.nanosec"),
     ("header.stamp.secs", "header.stamp.nsecs"),
     ("timestamp.sec", "timestamp.nanosec"),
@@ -37,9 +37,9 @@ STAMPS = (
     ("timestamp.seconds", "timestamp.nanos"),
 )
 """The fields of seconds and nanoseconds of the stamp, in ROS 2, ROS 1 and Foxglove messages; the first pair is used."""
-FRAME_IDS = ("header.frame_id", "frame_id")
+FRAME_ID_FIELDS = ("header.frame_id", "frame_id")
 """The fields with the frame of reference of the camera; the first one that exists counts."""
-SCHEMAS = frozenset(
+IMAGE_SCHEMAS = frozenset(
     {
         "sensor_msgs/CompressedImage",
         "sensor_msgs/Image",
@@ -52,9 +52,9 @@ SCHEMAS = frozenset(
     }
 )
 """The message types that hold camera frames."""
-BAD_BASE64 = "the image is not valid base64"
+BAD_BASE64_REASON = "the image is not valid base64"
 """The reason shown to users for a frame in JSON that can't be decoded."""
-MAX_FRAMES_AT_ONCE = 64
+MAX_FRAMES_PER_BATCH = 64
 """The number of frames that are decoded at a time. Chosen by hand."""
 
 
@@ -85,12 +85,16 @@ class Frame:
     is_video: bool = False
 
 
-def is_camera(channel: ChannelInfo) -> bool:
+def is_camera_channel(channel: ChannelInfo) -> bool:
     """Tell whether a channel holds camera frames."""
-    return (short_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name) in SCHEMAS
+    return (
+        short_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
+    ) in IMAGE_SCHEMAS
 
 
-def stream_frames(reader: MessageReader, channels: Sequence[ChannelInfo], faults: Faults, name: str) -> Iterator[Frame]:
+def iter_camera_frames(
+    reader: MessageReader, channels: Sequence[ChannelInfo], faults: Faults, name: str
+) -> Iterator[Frame]:
     """Yield the camera frames of one topic in log-time order.
 
     One chunk is in memory at a time, a few if chunks overlap in time, and up to three more that are decompressed ahead.
@@ -105,16 +109,16 @@ def stream_frames(reader: MessageReader, channels: Sequence[ChannelInfo], faults
         InputError: The topic holds no frames, or the file is damaged and `recover` is off.
         DataError: The topic has several schemas.
     """
-    single_schema(channels, name)
-    if not is_camera(channels[0]):
+    check_single_schema(channels, name)
+    if not is_camera_channel(channels[0]):
         what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) holds no camera frames"
-        raise InputError(what, where=name, found=tuple(sorted(SCHEMAS)), hint="these schemas can be read")
-    fields = {*FIELDS, *FRAME_IDS, *chain.from_iterable(STAMPS)}
-    decoder = decoder_for(channels[0], fields, name, blobs=(DATA,))
-    return _ordered(reader, channels, _Decoding(decoder, channels[0], faults))
+        raise InputError(what, where=name, found=tuple(sorted(IMAGE_SCHEMAS)), hint="these schemas can be read")
+    fields = {*IMAGE_FIELDS, *FRAME_ID_FIELDS, *chain.from_iterable(STAMP_FIELD_PAIRS)}
+    decoder = make_channel_decoder(channels[0], fields, name, blobs=(DATA_FIELD,))
+    return _iter_frames_in_time_order(reader, channels, _FrameDecoder(decoder, channels[0], faults))
 
 
-class _Decoding:
+class _FrameDecoder:
     """Decodes the frames of one batch after the other."""
 
     def __init__(self, decoder: Decoder, channel: ChannelInfo, faults: Faults) -> None:
@@ -125,84 +129,88 @@ class _Decoding:
         self._faults = faults
         self._topic = channel.topic
 
-    def frames(self, batch: Batch) -> Iterator[tuple[int, int, Frame]]:
+    def decode_frames(self, batch: MessageBatch) -> Iterator[tuple[int, int, Frame]]:
         """Yield log time in ns, place in the chunk, and frame."""
-        for start in range(0, len(batch), MAX_FRAMES_AT_ONCE):
-            yield from self._frames(batch.take(np.arange(start, min(start + MAX_FRAMES_AT_ONCE, len(batch)))))
+        for start in range(0, len(batch), MAX_FRAMES_PER_BATCH):
+            yield from self._decode_batch(
+                batch.select_messages(np.arange(start, min(start + MAX_FRAMES_PER_BATCH, len(batch))))
+            )
 
-    def _frames(self, batch: Batch) -> Iterator[tuple[int, int, Frame]]:
-        self._decoder.restart(len(batch))
-        self._decoder.add(batch.payloads)
+    def _decode_batch(self, batch: MessageBatch) -> Iterator[tuple[int, int, Frame]]:
+        self._decoder.reset(len(batch))
+        self._decoder.decode_batch(batch.payloads)
         outcome = self._decoder.outcome()
         for reason, count in outcome.reasons.items():
-            self._count(reason, count)
+            self._count_undecodable(reason, count)
         rows = np.flatnonzero(outcome.is_ok)
-        fields = self._decoder.finish(rows)
-        blobs = self._decoder.blobs(DATA)
-        stamps = _stamps(fields, len(rows))
+        fields = self._decoder.build_columns(rows)
+        blobs = self._decoder.blobs_of_last_batch(DATA_FIELD)
+        stamps = _message_stamps_ns(fields, len(rows))
         for k, row in enumerate(rows.tolist()):
             data = blobs[row]
             if self._is_base64:
                 try:
                     data = base64.b64decode(data, validate=True)
                 except (binascii.Error, ValueError):
-                    self._count(BAD_BASE64, 1)
+                    self._count_undecodable(BAD_BASE64_REASON, 1)
                     continue
             log_time_ns = int(batch.log_time_ns[row])
             frame = Frame(
                 log_time_ns=log_time_ns,
                 publish_time_ns=int(batch.publish_time_ns[row]),
                 stamp_ns=stamps[k],
-                format=_text(fields, k, "format"),
+                format=_text_of_row(fields, k, "format"),
                 data=data,
-                width=_number(fields, k, "width"),
-                height=_number(fields, k, "height"),
-                encoding=_text(fields, k, "encoding"),
-                step=_number(fields, k, "step"),
-                frame_id=_text(fields, k, *FRAME_IDS),
+                width=_integer_of_row(fields, k, "width"),
+                height=_integer_of_row(fields, k, "height"),
+                encoding=_text_of_row(fields, k, "encoding"),
+                step=_integer_of_row(fields, k, "step"),
+                frame_id=_text_of_row(fields, k, *FRAME_ID_FIELDS),
                 is_video=self._is_video,
             )
             yield log_time_ns, int(batch.payloads.starts[row]), frame
 
-    def _count(self, reason: str, count: int) -> None:
+    def _count_undecodable(self, reason: str, count: int) -> None:
         self._reasons[reason] = self._reasons.get(reason, 0) + count
-        self._faults.note_undecodable(self._topic, reason, self._reasons[reason])
+        self._faults.record_undecodable_messages(self._topic, reason, self._reasons[reason])
 
 
-def _ordered(reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _Decoding) -> Iterator[Frame]:
+def _iter_frames_in_time_order(
+    reader: MessageReader, channels: Sequence[ChannelInfo], decoding: _FrameDecoder
+) -> Iterator[Frame]:
     """Yield the frames in log-time order: a frame waits until no later chunk can hold an earlier one."""
     ids = [channel.id for channel in channels]
-    reader.check_indexes(ids)
-    tally = reader.counts.tally(ids)
-    waiting: list[tuple[int, int, int, int, Frame | Batch]] = []
+    reader.distrust_indexes_if_miscounted(ids)
+    tally = reader.counts.start_tally(ids)
+    waiting: list[tuple[int, int, int, int, Frame | MessageBatch]] = []
 
     def pop_earliest() -> Iterator[Frame]:
         found = heapq.heappop(waiting)[-1]
         if isinstance(found, Frame):
             yield found
         else:
-            yield from (frame for _, _, frame in decoding.frames(found))
+            yield from (frame for _, _, frame in decoding.decode_frames(found))
 
-    for start_ns, part, batches in reader.in_time_order(ids):
+    for start_ns, part, batches in reader.iter_parts_in_time_order(ids):
         while waiting and waiting[0][0] < start_ns:
             yield from pop_earliest()
         for batch in batches:
-            tally.add(batch.channel_id)
-            packed = is_packed(batch.payloads)
+            tally.add_messages(batch.channel_id)
+            packed = zstd_message_mask(batch.payloads)
             for row in np.flatnonzero(packed):  # decompressed when needed: a chunk of them may have any size
                 place = int(batch.payloads.starts[row])
-                one = batch.take(np.array([row]))
+                one = batch.select_messages(np.array([row]))
                 heapq.heappush(waiting, (int(batch.log_time_ns[row]), part, place, len(waiting), one))
-            for log_time_ns, place, frame in decoding.frames(batch.take(np.flatnonzero(~packed))):
+            for log_time_ns, place, frame in decoding.decode_frames(batch.select_messages(np.flatnonzero(~packed))):
                 heapq.heappush(waiting, (log_time_ns, part, place, len(waiting), frame))
-    tally.end()
+    tally.compare_with_summary()
     while waiting:
         yield from pop_earliest()
 
 
-def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:
+def _message_stamps_ns(fields: dict[str, Field], n: int) -> list[int | None]:
     """Return the stamp in ns of each of n messages, None where there is none."""
-    for seconds_path, nanoseconds_path in STAMPS:
+    for seconds_path, nanoseconds_path in STAMP_FIELD_PAIRS:
         seconds, nanoseconds = fields.get(seconds_path), fields.get(nanoseconds_path)
         if isinstance(seconds, np.ndarray) and isinstance(nanoseconds, np.ndarray):
             is_there = np.isfinite(seconds.astype(np.float64)) & np.isfinite(nanoseconds.astype(np.float64))
@@ -210,7 +218,7 @@ def _stamps(fields: dict[str, Field], n: int) -> list[int | None]:
     return [None] * n
 
 
-def _text(fields: dict[str, Field], row: int, *paths: str) -> str:
+def _text_of_row(fields: dict[str, Field], row: int, *paths: str) -> str:
     """Return the text of a row in the first of these fields that exists, else ""."""
     for path in paths:
         column = fields.get(path)
@@ -220,7 +228,7 @@ def _text(fields: dict[str, Field], row: int, *paths: str) -> str:
     return ""
 
 
-def _number(fields: dict[str, Field], row: int, path: str) -> int:
+def _integer_of_row(fields: dict[str, Field], row: int, path: str) -> int:
     """Return the integer of a row in a field, 0 if it is absent."""
     column = fields.get(path)
     if not isinstance(column, np.ndarray) or column.ndim != 1 or not np.isfinite(float(column[row])):

@@ -23,24 +23,24 @@ class MessageCounts:
         self._expected = statistics.channel_counts if statistics else {}
         self._faults = faults
 
-    def differing(self, found: Mapping[int, int]) -> set[int]:
+    def miscounted_channels(self, found: Mapping[int, int]) -> set[int]:
         """Return the ids of channels with another number of messages than expected; `found`: channel id -> messages."""
         if not self._expected:
             return set()
         return {channel_id for channel_id, n in found.items() if n != self._expected.get(channel_id, 0)}
 
-    def tally(self, channel_ids: Collection[int]) -> Tally:
+    def start_tally(self, channel_ids: Collection[int]) -> MessageTally:
         """Return a counter for a caller that reads all messages of some channels, batch by batch."""
-        return Tally(self, channel_ids)
+        return MessageTally(self, channel_ids)
 
-    def note(self, found: Mapping[int, int]) -> None:
+    def note_miscounted_channels(self, found: Mapping[int, int]) -> None:
         """Add channels with differences to the faults, unless damaged parts of the file explain them."""
         faults = self._faults
         if not (faults.chunks_lost or faults.bytes_lost or faults.truncated):
-            faults.miscounted |= self.differing(found)
+            faults.miscounted_channel_ids |= self.miscounted_channels(found)
 
 
-class Tally:
+class MessageTally:
     """Counts the messages of some channels."""
 
     def __init__(self, counts: MessageCounts, channel_ids: Collection[int]) -> None:
@@ -48,10 +48,10 @@ class Tally:
         self._channel_ids = channel_ids
         self._found = np.zeros(1 << 16, np.int64)
 
-    def add(self, channel_ids: npt.NDArray[np.uint16]) -> None:
+    def add_messages(self, channel_ids: npt.NDArray[np.uint16]) -> None:
         """Count messages, given the channel id of each (n,)."""
         np.add.at(self._found, channel_ids, 1)
 
-    def end(self) -> None:
+    def compare_with_summary(self) -> None:
         """Compare the counts with the summary, after all messages were added."""
-        self._counts.note({each: int(self._found[each]) for each in self._channel_ids})
+        self._counts.note_miscounted_channels({each: int(self._found[each]) for each in self._channel_ids})

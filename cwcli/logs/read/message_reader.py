@@ -15,40 +15,40 @@ import numpy.typing as npt
 from cwcli.errors import InputError
 from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED, FULL, Messages, scan_messages
-from cwcli.logs.codecs.slots import ByteArray, Payloads
-from cwcli.logs.format.chunks import ChunkError, check_messages, chunk_payload, partial_payload
+from cwcli.logs.codecs.column_buffers import ByteArray, Payloads
+from cwcli.logs.format.chunks import ChunkError, check_message_count, decompress_chunk, decompress_cut_chunk
 from cwcli.logs.format.faults import RECOVER_HINT, Faults
-from cwcli.logs.format.index import Index, Span
+from cwcli.logs.format.index import LogIndex, UnchunkedRange
 from cwcli.logs.format.records import (
-    MESSAGE,
     MESSAGE_HEADER_BYTES,
-    MESSAGE_INDEX,
-    PREFIX,
+    OPCODE_MESSAGE,
+    OPCODE_MESSAGE_INDEX,
+    RECORD_PREFIX,
     ChunkIndex,
     RecordError,
-    crc32,
+    crc32_of_range,
     read_message_index,
-    read_prefix,
+    read_record_prefix,
 )
 from cwcli.logs.read.message_counts import MessageCounts
 from cwcli.signals.columns import Int64Array
 
-MIN_MESSAGE_BYTES = PREFIX.size + MESSAGE_HEADER_BYTES
+MIN_MESSAGE_BYTES = RECORD_PREFIX.size + MESSAGE_HEADER_BYTES
 """Size in bytes of a message record without payload (MCAP specification)."""
 MAX_BATCH_MESSAGES = 1 << 16
 """The greatest number of messages in a batch. Chosen by hand."""
-N_AHEAD = 2
+N_DECOMPRESSION_THREADS = 2
 """The number of threads that decompress chunks ahead. Chosen by hand."""
-MAX_AHEAD_BYTES = 64 << 20
+MAX_DECOMPRESSING_BYTES = 64 << 20
 """Total size in bytes of the chunks that are decompressed at the same time. Chosen by hand."""
-LOOSE_BYTES = 1 << 20
+UNCHUNKED_READ_BYTES = 1 << 20
 """Bytes outside chunks that are read at a time; a longer record is read alone. Chosen by hand."""
 MIN_BYTES_FOR_THREADS = 4 << 20
 """Total size in bytes of chunks from which threads pay. Chosen by hand."""
 
 
 @dataclass(frozen=True)
-class Batch:
+class MessageBatch:
     """Messages of the wanted channels in one chunk, in file order.
 
     Attributes:
@@ -65,14 +65,14 @@ class Batch:
     def __len__(self) -> int:
         return len(self.channel_id)
 
-    def take(self, rows: npt.NDArray[np.intp]) -> Batch:
+    def select_messages(self, rows: npt.NDArray[np.intp]) -> MessageBatch:
         """Return the messages of the given rows."""
-        payloads = self.payloads.take(rows)
-        return Batch(
+        payloads = self.payloads.select_messages(rows)
+        return MessageBatch(
             payloads, self.channel_id[rows], self.sequence[rows], self.log_time_ns[rows], self.publish_time_ns[rows]
         )
 
-    def messages(self) -> Iterator[tuple[int, memoryview]]:
+    def iter_messages(self) -> Iterator[tuple[int, memoryview]]:
         """Yield log time in ns and bytes of each message."""
         data = self.payloads.data.data
         places = zip(self.payloads.starts.tolist(), self.payloads.ends.tolist(), strict=True)
@@ -95,44 +95,50 @@ class MessageReader:
         trusts_indexes: Chunks whose index does not list a channel are not opened for it.
     """
 
-    def __init__(self, file: InputFile, index: Index, faults: Faults, *, recover: bool, verify: bool) -> None:
+    def __init__(self, file: InputFile, index: LogIndex, faults: Faults, *, recover: bool, verify: bool) -> None:
         self._file = file
         self._index = index
-        self._chunks = index.items_of(ChunkIndex)
-        self._spans = index.items_of(Span)
+        self._chunks = index.items_of_type(ChunkIndex)
+        self._spans = index.items_of_type(UnchunkedRange)
         self._faults = faults
         self._recover = recover
         self._verify = verify
         self._counted: set[int] = set()
         self._verified: set[int] = set()
-        self.trusts_indexes = index.is_counted
+        self.trusts_indexes = index.has_message_counts
         self._checked: set[int] = set()
         self.counts = MessageCounts(index.statistics, faults)
         self._n_found_in: Counter[int] = Counter()
         self._n_found = 0
-        self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), wanted_ids(())
+        self._wanted_last: tuple[frozenset[int], ByteArray] = frozenset(), channel_mask(())
 
-    def batches(self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64) -> Iterator[Batch]:
+    def iter_batches(
+        self, channel_ids: Collection[int], start_ns: int = 0, end_ns: int = 1 << 64
+    ) -> Iterator[MessageBatch]:
         """Yield the messages of some channels in file order, without chunks that lie outside [start_ns, end_ns).
 
         Raises:
             InputError: A chunk that may hold them is damaged, and `recover` is off.
         """
-        chunks = [each for each in self.chunks(channel_ids) if each.end_ns >= start_ns and each.start_ns < end_ns]
+        chunks = [
+            each
+            for each in self.chunks_with_channels(channel_ids)
+            if each.end_ns >= start_ns and each.start_ns < end_ns
+        ]
         loose = deque(self._spans)
-        for chunk, payload in self._payloads(chunks):
+        for chunk, payload in self._iter_chunk_payloads(chunks):
             while loose and loose[0][0] < chunk.chunk_start:
-                yield from self.loose_batches(channel_ids, [loose.popleft()])
+                yield from self.iter_unchunked_batches(channel_ids, [loose.popleft()])
             if payload is not None:
-                yield from self.chunk_batches(chunk, payload, channel_ids)
-        yield from self.loose_batches(channel_ids, loose)
+                yield from self.iter_chunk_batches(chunk, payload, channel_ids)
+        yield from self.iter_unchunked_batches(channel_ids, loose)
 
     def distrust_indexes(self) -> bool:
         """Open every chunk from now on, whatever its index lists; return whether that is new."""
         was_trusted, self.trusts_indexes = self.trusts_indexes, False
         return was_trusted
 
-    def check_indexes(self, channel_ids: Collection[int]) -> None:
+    def distrust_indexes_if_miscounted(self, channel_ids: Collection[int]) -> None:
         """Distrust the indexes if they list other numbers of messages than the summary counts.
 
         A caller that reads message by message must know this in advance; one that loads whole channels compares the
@@ -142,14 +148,14 @@ class MessageReader:
             return
         self._checked |= set(channel_ids)
         listed = dict.fromkeys(channel_ids, 0)
-        for chunk in self.chunks(channel_ids):
+        for chunk in self.chunks_with_channels(channel_ids):
             for channel_id in listed.keys() & chunk.index_offsets.keys():
-                entries = message_index(self._file, self._index, chunk, channel_id)
+                entries = find_message_index_entries(self._file, self._index, chunk, channel_id)
                 listed[channel_id] += 0 if entries is None else len(entries)
-        if self.counts.differing(listed):
+        if self.counts.miscounted_channels(listed):
             self.distrust_indexes()
 
-    def chunks(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
+    def chunks_with_channels(self, channel_ids: Collection[int]) -> list[ChunkIndex]:
         """Return the chunks that hold, or may hold, messages of these channels, in file order."""
         wanted = frozenset(channel_ids)
         return [
@@ -158,103 +164,117 @@ class MessageReader:
             if not self.trusts_indexes or not chunk.channel_ids or not wanted.isdisjoint(chunk.channel_ids)
         ]
 
-    def _wanted(self, channel_ids: Collection[int]) -> ByteArray:
-        """Return `wanted_ids`, cached for consecutive calls with the same channels."""
+    def _cached_channel_mask(self, channel_ids: Collection[int]) -> ByteArray:
+        """Return `channel_mask`, cached for consecutive calls with the same channels."""
         wanted = frozenset(channel_ids)
         if wanted != self._wanted_last[0]:
-            self._wanted_last = wanted, wanted_ids(wanted)
+            self._wanted_last = wanted, channel_mask(wanted)
         return self._wanted_last[1]
 
-    def max_messages(self) -> int:
+    def max_possible_messages(self) -> int:
         """Return the greatest number of messages that the file can hold by its size."""
         chunked = sum(min(chunk.uncompressed_size, self._file.max_chunk_bytes) for chunk in self._chunks)
         return (chunked + sum(end - start for start, end in self._spans)) // MIN_MESSAGE_BYTES
 
-    def in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
+    def iter_parts_in_time_order(
+        self, channel_ids: Collection[int]
+    ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         """Yield parts of the file in order of their first log times.
 
         Yields:
             First log time in ns, byte offset in the file, batches of the part.
         """
-        return merge(self._chunks_in_time_order(channel_ids), self._loose_in_time_order(channel_ids), key=itemgetter(0))
+        return merge(
+            self._iter_chunks_in_time_order(channel_ids),
+            self._iter_unchunked_in_time_order(channel_ids),
+            key=itemgetter(0),
+        )
 
-    def _chunks_in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
-        chunks = sorted(self.chunks(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
-        for chunk, payload in self._payloads(chunks):
+    def _iter_chunks_in_time_order(
+        self, channel_ids: Collection[int]
+    ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
+        chunks = sorted(self.chunks_with_channels(channel_ids), key=lambda chunk: (chunk.start_ns, chunk.chunk_start))
+        for chunk, payload in self._iter_chunk_payloads(chunks):
             if payload is not None:
-                yield chunk.start_ns, chunk.chunk_start, self.chunk_batches(chunk, payload, channel_ids)
+                yield chunk.start_ns, chunk.chunk_start, self.iter_chunk_batches(chunk, payload, channel_ids)
 
-    def _loose_in_time_order(self, channel_ids: Collection[int]) -> Iterator[tuple[int, int, Iterator[Batch]]]:
+    def _iter_unchunked_in_time_order(
+        self, channel_ids: Collection[int]
+    ) -> Iterator[tuple[int, int, Iterator[MessageBatch]]]:
         parts = [
             (int(batch.log_time_ns.min()), *place)
             for span in self._spans
-            for place, batch in self._loose_parts(channel_ids, span)
+            for place, batch in self._iter_unchunked_parts(channel_ids, span)
         ]
         for first_ns, start, end in sorted(parts):
-            yield first_ns, start, self.loose_batches(channel_ids, [(start, end)])
+            yield first_ns, start, self.iter_unchunked_batches(channel_ids, [(start, end)])
 
-    def chunk_batches(self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]) -> Iterator[Batch]:
+    def iter_chunk_batches(
+        self, chunk: ChunkIndex, payload: memoryview, channel_ids: Collection[int]
+    ) -> Iterator[MessageBatch]:
         """Yield the messages of some channels in a decompressed chunk."""
         octets = np.frombuffer(payload, np.uint8)
-        is_wanted = self._wanted(channel_ids)
+        is_wanted = self._cached_channel_mask(channel_ids)
         is_partial = chunk.chunk_start in self._index.cut_chunks
         at = 0
-        noted: list[Batch] = []
+        noted: list[MessageBatch] = []
         while at < len(octets):
-            batch, at, status = scan_records(octets, at, len(octets), is_wanted)
+            batch, at, status = scan_message_batch(octets, at, len(octets), is_wanted)
             noted.append(batch)
             n_new = max(sum(map(len, noted)) - self._n_found_in[chunk.chunk_start], 0)
             self._n_found_in[chunk.chunk_start] += n_new
             self._n_found += n_new
             try:
-                check_messages(self._file, self._n_found)
+                check_message_count(self._file, self._n_found)
             except ChunkError as error:
-                self._lose_chunk(chunk, error)
+                self._report_lost_chunk(chunk, error)
                 return
             if status == DAMAGED:
                 if not is_partial:
-                    self._lose(chunk.chunk_start, "a record in a chunk is damaged", 0)
+                    self._report_damaged_record(chunk.chunk_start, "a record in a chunk is damaged", 0)
                 break
-        if self._verify and not is_partial and not self._index_fits(chunk, noted, channel_ids):
-            self._count(chunk.chunk_start, "broken_indexes")
+        if self._verify and not is_partial and not self._are_message_indexes_correct(chunk, noted, channel_ids):
+            self._count_fault_once(chunk.chunk_start, "broken_indexes")
         yield from noted
 
-    def loose_batches(self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]) -> Iterator[Batch]:
+    def iter_unchunked_batches(
+        self, channel_ids: Collection[int], spans: Collection[tuple[int, int]]
+    ) -> Iterator[MessageBatch]:
         """Yield the messages of some channels in byte ranges outside chunks."""
         for span in spans:
-            for _, batch in self._loose_parts(channel_ids, span):
+            for _, batch in self._iter_unchunked_parts(channel_ids, span):
                 yield batch
 
-    def _loose_parts(
+    def _iter_unchunked_parts(
         self, channel_ids: Collection[int], span: tuple[int, int]
-    ) -> Iterator[tuple[tuple[int, int], Batch]]:
+    ) -> Iterator[tuple[tuple[int, int], MessageBatch]]:
         """Yield each part of a byte range that holds messages: its start and end, and the messages."""
         at, end = span
-        is_wanted = self._wanted(channel_ids)
-        size = LOOSE_BYTES
+        is_wanted = self._cached_channel_mask(channel_ids)
+        size = UNCHUNKED_READ_BYTES
         while at < end:
-            records = self._index.with_own_ids(at, self._file[at : min(at + size, end)])
+            records = self._index.records_with_log_ids(at, self._file[at : min(at + size, end)])
             octets = np.frombuffer(records, np.uint8)
-            batch, n_bytes, status = scan_records(octets, 0, len(octets), is_wanted)
-            size = LOOSE_BYTES
+            batch, n_bytes, status = scan_message_batch(octets, 0, len(octets), is_wanted)
+            size = UNCHUNKED_READ_BYTES
             if len(batch):
-                self._check_data_crc(at)
+                self._check_data_section_crc(at)
                 yield (at, at + n_bytes), batch
             at += n_bytes
             if status == DAMAGED and not n_bytes:  # at the first record, which may be longer than what was read
                 try:
-                    opcode, _, record_end = read_prefix(self._file, at, end)
+                    opcode, _, record_end = read_record_prefix(self._file, at, end)
                 except RecordError:
                     record_end = at
                 if record_end - at <= len(octets):
-                    self._lose(at, "a record is damaged", end - at)
+                    self._report_damaged_record(at, "a record is damaged", end - at)
                     return
-                if opcode == MESSAGE:
+                if opcode == OPCODE_MESSAGE:
                     size = record_end - at
                 else:
                     at = record_end
 
-    def _check_data_crc(self, at: int) -> None:
+    def _check_data_section_crc(self, at: int) -> None:
         """Check the CRC over the data section around an offset, once per section.
 
         Nothing else protects messages outside chunks.
@@ -262,62 +282,65 @@ class MessageReader:
         Raises:
             InputError: It is wrong, and `recover` is off.
         """
-        start, end = self._index.section_at(at)
+        start, end = self._index.data_section_at(at)
         if not self._verify or end is None or end in self._counted:
             return
         self._counted.add(end)
-        (crc,) = struct.unpack("<I", self._file[end + PREFIX.size : end + PREFIX.size + 4])
-        if not crc or crc == crc32(self._file, start, end):
+        (crc,) = struct.unpack("<I", self._file[end + RECORD_PREFIX.size : end + RECORD_PREFIX.size + 4])
+        if not crc or crc == crc32_of_range(self._file, start, end):
             return
         if not self._recover:
-            raise self._error("the CRC of its messages is wrong", end)
+            raise self._damage_error("the CRC of its messages is wrong", end)
         self._faults.data_crc_mismatch = True
 
-    def _payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
+    def _iter_chunk_payloads(self, chunks: Sequence[ChunkIndex]) -> Iterator[tuple[ChunkIndex, memoryview | None]]:
         """Yield each chunk with its records (None if it is lost), decompressed ahead by threads if that pays."""
-        if sum(chunk.uncompressed_size for chunk in chunks) < MIN_BYTES_FOR_THREADS or len(chunks) < N_AHEAD:
+        if (
+            sum(chunk.uncompressed_size for chunk in chunks) < MIN_BYTES_FOR_THREADS
+            or len(chunks) < N_DECOMPRESSION_THREADS
+        ):
             for chunk in chunks:
                 try:
-                    yield chunk, self._payload(chunk)
+                    yield chunk, self._decompress_chunk(chunk)
                 except ChunkError as error:
-                    self._lose_chunk(chunk, error)
+                    self._report_lost_chunk(chunk, error)
                     yield chunk, None
             return
         from concurrent.futures import Future, ThreadPoolExecutor
 
         waiting = deque(chunks)
         running: deque[tuple[ChunkIndex, Future[memoryview]]] = deque()
-        pool = ThreadPoolExecutor(N_AHEAD)
+        pool = ThreadPoolExecutor(N_DECOMPRESSION_THREADS)
         try:
             while waiting or running:
-                while waiting and len(running) <= N_AHEAD:
+                while waiting and len(running) <= N_DECOMPRESSION_THREADS:
                     n_bytes = sum(each.uncompressed_size for each, _ in running)
-                    if running and n_bytes + waiting[0].uncompressed_size > MAX_AHEAD_BYTES:
+                    if running and n_bytes + waiting[0].uncompressed_size > MAX_DECOMPRESSING_BYTES:
                         break
                     chunk = waiting.popleft()
-                    running.append((chunk, pool.submit(self._payload, chunk)))
+                    running.append((chunk, pool.submit(self._decompress_chunk, chunk)))
                 chunk, future = running.popleft()
                 payload: memoryview | None = None
                 try:
                     payload = future.result()
                 except ChunkError as error:
-                    self._lose_chunk(chunk, error)
+                    self._report_lost_chunk(chunk, error)
                 del future
                 yield chunk, payload
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
-    def _payload(self, chunk: ChunkIndex) -> memoryview:
+    def _decompress_chunk(self, chunk: ChunkIndex) -> memoryview:
         """Return the records of a chunk, with the log's channel ids."""
         if chunk.chunk_start in self._index.cut_chunks:
-            self._count(chunk.chunk_start, "chunks_partial")
-            return self._index.with_own_ids(chunk.chunk_start, partial_payload(self._file, chunk))
+            self._count_fault_once(chunk.chunk_start, "chunks_partial")
+            return self._index.records_with_log_ids(chunk.chunk_start, decompress_cut_chunk(self._file, chunk))
         verify = self._verify and chunk.chunk_start not in self._verified  # the stages of a run read it several times
-        payload = chunk_payload(self._file, chunk, verify=verify)
+        payload = decompress_chunk(self._file, chunk, verify=verify)
         self._verified.add(chunk.chunk_start)
-        return self._index.with_own_ids(chunk.chunk_start, payload)
+        return self._index.records_with_log_ids(chunk.chunk_start, payload)
 
-    def _lose_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
+    def _report_lost_chunk(self, chunk: ChunkIndex, error: ChunkError) -> None:
         """Count a lost chunk once.
 
         Raises:
@@ -325,45 +348,47 @@ class MessageReader:
         """
         at = chunk.chunk_start
         if not self._recover:
-            raise self._error(str(error), at, error.hint) from error
+            raise self._damage_error(str(error), at, error.hint) from error
         if at not in self._counted:
             self._counted.add(at)
             self._faults.chunks_lost += 1
-            self._faults.crc_mismatches += error.is_crc
+            self._faults.crc_mismatches += error.is_crc_mismatch
             self._faults.bytes_lost += chunk.chunk_length
-            self._faults.messages_lost += self._indexed_messages(chunk)
+            self._faults.messages_lost += self._count_indexed_messages(chunk)
 
-    def _lose(self, at: int, what: str, n_bytes: int) -> None:
+    def _report_damaged_record(self, at: int, what: str, n_bytes: int) -> None:
         """Count the lost bytes of a damaged record once.
 
         Raises:
             InputError: `recover` is off.
         """
         if not self._recover:
-            raise self._error(what, at)
+            raise self._damage_error(what, at)
         if at not in self._counted:
             self._counted.add(at)
             self._faults.bytes_lost += n_bytes
 
-    def _error(self, what: str, at: int, hint: str = RECOVER_HINT) -> InputError:
-        file, at = self._file.place(at)
+    def _damage_error(self, what: str, at: int, hint: str = RECOVER_HINT) -> InputError:
+        file, at = self._file.part_and_offset(at)
         return InputError(f"{what} (at byte {at})", where=file.name, hint=hint)
 
-    def _count(self, at: int, fault: str) -> None:
+    def _count_fault_once(self, at: int, fault: str) -> None:
         """Add one to a field of `Faults`, once per offset."""
         if at not in self._counted:
             self._counted.add(at)
             setattr(self._faults, fault, getattr(self._faults, fault) + 1)
 
-    def _indexed_messages(self, chunk: ChunkIndex) -> int:
+    def _count_indexed_messages(self, chunk: ChunkIndex) -> int:
         """Return the number of messages in a chunk's message indexes."""
         return sum(
             len(entries)
             for each in chunk.index_offsets
-            if (entries := message_index(self._file, self._index, chunk, each)) is not None
+            if (entries := find_message_index_entries(self._file, self._index, chunk, each)) is not None
         )
 
-    def _index_fits(self, chunk: ChunkIndex, batches: Sequence[Batch], channel_ids: Collection[int]) -> bool:
+    def _are_message_indexes_correct(
+        self, chunk: ChunkIndex, batches: Sequence[MessageBatch], channel_ids: Collection[int]
+    ) -> bool:
         """Tell whether a chunk's message indexes list exactly its messages."""
         if not chunk.index_offsets:
             return True
@@ -376,7 +401,7 @@ class MessageReader:
                 if is_own.any():
                     return False
                 continue
-            listed = message_index(self._file, self._index, chunk, channel_id)
+            listed = find_message_index_entries(self._file, self._index, chunk, channel_id)
             if listed is None or len(listed) != int(is_own.sum()):
                 return False
             order = np.argsort(listed[:, 1], kind="stable")
@@ -387,22 +412,24 @@ class MessageReader:
         return True
 
 
-def message_index(file: InputFile, index: Index, chunk: ChunkIndex, channel_id: int) -> npt.NDArray[np.uint64] | None:
+def find_message_index_entries(
+    file: InputFile, index: LogIndex, chunk: ChunkIndex, channel_id: int
+) -> npt.NDArray[np.uint64] | None:
     """Return a channel's message index in a chunk: (log time, offset), shape (n, 2); None if missing or damaged."""
     try:
-        opcode, start, stop = read_prefix(file, chunk.index_offsets[channel_id], chunk.end)
+        opcode, start, stop = read_record_prefix(file, chunk.index_offsets[channel_id], chunk.end_offset)
         found, first, last = read_message_index(file, start, stop)
     except RecordError:
         return None
-    renumbering = index.renumbering(chunk.chunk_start)
-    own_id = found if renumbering is None else renumbering.id(found)
-    if opcode != MESSAGE_INDEX or own_id != channel_id:
+    renumbering = index.renumbering_at(chunk.chunk_start)
+    own_id = found if renumbering is None else renumbering.log_channel_id(found)
+    if opcode != OPCODE_MESSAGE_INDEX or own_id != channel_id:
         return None
     return np.frombuffer(file[first:last], "<u8").reshape(-1, 2)
 
 
-def scan_records(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> tuple[Batch, int, int]:
-    """Scan records for messages of wanted channels (`wanted_ids`), up to one batch.
+def scan_message_batch(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> tuple[MessageBatch, int, int]:
+    """Scan records for messages of wanted channels (`channel_mask`), up to one batch.
 
     Returns:
         The messages, the offset at which the scan stopped, and the status of the kernel.
@@ -413,11 +440,13 @@ def scan_records(octets: ByteArray, at: int, end: int, is_wanted: ByteArray) -> 
     if status == FULL and not n:
         raise AssertionError("a batch has room for a message")
     payloads = Payloads(octets, found.payload_start[:n], found.payload_end[:n])
-    batch = Batch(payloads, found.channel_id[:n], found.sequence[:n], found.log_time_ns[:n], found.publish_time_ns[:n])
+    batch = MessageBatch(
+        payloads, found.channel_id[:n], found.sequence[:n], found.log_time_ns[:n], found.publish_time_ns[:n]
+    )
     return batch, stop, status
 
 
-def wanted_ids(channel_ids: Collection[int]) -> ByteArray:
+def channel_mask(channel_ids: Collection[int]) -> ByteArray:
     """Return a mask over all channel ids: 1 for these channels, shape (65536,)."""
     is_wanted = np.zeros(1 << 16, np.uint8)
     is_wanted[list(channel_ids)] = 1

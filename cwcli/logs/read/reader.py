@@ -25,16 +25,16 @@ from typing import TYPE_CHECKING, Self
 from cwcli.errors import InputError, MissingSignalError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
 from cwcli.logs.format.faults import Faults
-from cwcli.logs.format.index import Index
+from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.open_index import open_index
 from cwcli.logs.format.records import (
     AttachmentIndex,
     ChunkIndex,
     RecordError,
     read_metadata,
-    read_prefix,
+    read_record_prefix,
 )
-from cwcli.logs.read.channels import ChannelInfo, channels_of
+from cwcli.logs.read.channels import ChannelInfo, channel_infos_from_index
 from cwcli.logs.read.column_cache import ColumnCache
 from cwcli.logs.read.source import MAX_PIPE_BYTES, Source, open_source
 
@@ -73,7 +73,7 @@ class Log:
     def __init__(
         self,
         file: InputFile,
-        index: Index,
+        index: LogIndex,
         faults: Faults,
         *,
         recover: bool,
@@ -85,8 +85,8 @@ class Log:
         self._index = index
         self._verify = verify
         self._owner = owner
-        self._reader: MessageReader | None = None if owner is None else owner._message_reader()
-        self._kept: ColumnCache = ColumnCache() if owner is None else owner._kept
+        self._reader: MessageReader | None = None if owner is None else owner._get_message_reader()
+        self._column_cache: ColumnCache = ColumnCache() if owner is None else owner._column_cache
         self.recover = recover
         self.faults = faults
         self.added_channels = added_channels
@@ -99,14 +99,14 @@ class Log:
         self.start_ns = counted.start_ns if counted else 0
         self.end_ns = counted.end_ns if counted else 0
         self.n_messages = counted.n_messages if counted else 0
-        chunks = index.items_of(ChunkIndex)
+        chunks = index.items_of_type(ChunkIndex)
         self.n_chunks = len(chunks)
         used = dict.fromkeys(chunk.compression for chunk in chunks)
         self.compressions: tuple[str, ...] = tuple(name for name in used if name)
-        self.attachments: tuple[AttachmentIndex, ...] = tuple(index.items_of(AttachmentIndex))
-        added = self._memory_channels()
+        self.attachments: tuple[AttachmentIndex, ...] = tuple(index.items_of_type(AttachmentIndex))
+        added = self._infos_of_added_channels()
         hidden = {channel.topic for channel in added}
-        self._in_file = channels_of(index)
+        self._in_file = channel_infos_from_index(index)
         self.channels: tuple[ChannelInfo, ...] = (
             *(channel for channel in self._in_file if channel.topic not in hidden),
             *added,
@@ -160,10 +160,10 @@ class Log:
 
     @property
     def metadata(self) -> tuple[tuple[str, Mapping[str, str]], ...]:
-        """Return name and entries of each metadata record; raises as `metadata_of` does."""
-        return self.metadata_of("")
+        """Return name and entries of each metadata record; raises as `metadata_with_prefix` does."""
+        return self.metadata_with_prefix("")
 
-    def metadata_of(self, prefix: str) -> tuple[tuple[str, Mapping[str, str]], ...]:
+    def metadata_with_prefix(self, prefix: str) -> tuple[tuple[str, Mapping[str, str]], ...]:
         """Return name and entries of each metadata record whose name begins with a prefix.
 
         Raises:
@@ -175,7 +175,7 @@ class Log:
             if name.startswith(prefix):
                 offset, length, _ = table[row]
                 try:
-                    _, start, end = read_prefix(self.file, offset, offset + length)
+                    _, start, end = read_record_prefix(self.file, offset, offset + length)
                     found.append(read_metadata(self.file, start, end))
                 except RecordError as error:
                     if not self.recover:
@@ -183,7 +183,7 @@ class Log:
                         raise InputError(what, where=self.name, hint="--recover leaves it out") from error
         return (*found, *(each for each in self.added_metadata.items() if each[0].startswith(prefix)))
 
-    def load(
+    def load_topics(
         self, wanted: Mapping[str, Collection[str] | None], *, logged: tuple[int, int] | None = None
     ) -> dict[str, Columns]:
         """Load topics as columns, in one pass over the file.
@@ -205,25 +205,25 @@ class Log:
         from_file: dict[str, Collection[str] | None] = {}
         for topic, fields in wanted.items():
             if topic in in_memory:
-                loaded[topic] = self._kept.of_channel(in_memory[topic], fields)
-            elif (known := self._kept.of_file(topic, fields)) is not None:
+                loaded[topic] = self._column_cache.columns_of_channel(in_memory[topic], fields)
+            elif (known := self._column_cache.find_file_columns(topic, fields)) is not None:
                 loaded[topic] = known
             else:
                 from_file[topic] = fields
         if from_file:
-            from cwcli.logs.read.columns import give_back_memory, load_columns
+            from cwcli.logs.read.columns import load_columns, return_freed_memory_to_system
 
-            channels = {topic: self._file_channels(topic) for topic in from_file}
-            decoded = load_columns(self._message_reader(), channels, from_file, self.faults, self.name, logged)
-            give_back_memory(decoded)
+            channels = {topic: self._file_channels_of_topic(topic) for topic in from_file}
+            decoded = load_columns(self._get_message_reader(), channels, from_file, self.faults, self.name, logged)
+            return_freed_memory_to_system(decoded)
             for topic, columns in decoded.items() if logged is None else ():
-                self._kept.keep(columns, from_file[topic])
+                self._column_cache.store_file_columns(columns, from_file[topic])
             loaded.update(decoded)
-        return {topic: loaded[topic].logged_within(*(logged or (None, None))) for topic in wanted}
+        return {topic: loaded[topic].slice_by_log_time(*(logged or (None, None))) for topic in wanted}
 
     def columns(self, topic: str, fields: Collection[str] | None = None) -> Columns:
         """Load one topic as columns; see `load`."""
-        return self.load({topic: fields})[topic]
+        return self.load_topics({topic: fields})[topic]
 
     def frames(self, topic: str) -> Iterator[Frame]:
         """Yield the camera frames of a topic in log-time order.
@@ -232,41 +232,43 @@ class Log:
             MissingSignalError: There is no such topic.
             InputError: It holds no frames, or the file is damaged and `recover` is off.
         """
-        from cwcli.logs.read.frames import stream_frames
+        from cwcli.logs.read.frames import iter_camera_frames
 
-        return stream_frames(self._message_reader(), self._file_channels(topic), self.faults, self.name)
+        return iter_camera_frames(
+            self._get_message_reader(), self._file_channels_of_topic(topic), self.faults, self.name
+        )
 
-    def log_times(self, topic: str) -> npt.NDArray[np.uint64]:
+    def log_times_ns(self, topic: str) -> npt.NDArray[np.uint64]:
         """Return the sorted log times in ns of a topic's messages in the file; nothing is decoded.
 
         Raises:
             MissingSignalError: There is no such topic.
             InputError: The file is damaged and `recover` is off.
         """
-        from cwcli.logs.read.log_times import log_times
+        from cwcli.logs.read.log_times import read_log_times_ns
 
-        ids = [channel.id for channel in self._file_channels(topic)]
-        return log_times(self.file, self._index, self._message_reader(), ids)
+        ids = [channel.id for channel in self._file_channels_of_topic(topic)]
+        return read_log_times_ns(self.file, self._index, self._get_message_reader(), ids)
 
-    def trees(self, topic: str) -> Iterator[tuple[int, object]]:
+    def iter_message_trees(self, topic: str) -> Iterator[tuple[int, object]]:
         """Yield log time in ns and tree (`cwcli.logs.codecs.tree`) of each message of a topic, in file order.
 
-        A message that can't be decoded is yielded as a `BadMessage`.
+        A message that can't be decoded is yielded as a `UndecodableMessage`.
 
         Raises:
             MissingSignalError: There is no such topic.
             InputError: Its encoding or schema is unknown, or the file is damaged and `recover` is off.
             DataError: It has several schemas.
         """
-        from cwcli.logs.read.trees import stream_trees
+        from cwcli.logs.read.trees import iter_message_trees
 
-        return stream_trees(self._message_reader(), self._file_channels(topic), self.name)
+        return iter_message_trees(self._get_message_reader(), self._file_channels_of_topic(topic), self.name)
 
     def transform_channels(self) -> list[ChannelInfo]:
         """Return the file's channels with transforms between frames of reference."""
-        from cwcli.logs.read.transforms import is_transforms
+        from cwcli.logs.read.transforms import is_transform_channel
 
-        return [channel for channel in self._in_file if is_transforms(channel)]
+        return [channel for channel in self._in_file if is_transform_channel(channel)]
 
     def transforms(self, topic: str) -> Iterator[tuple[Transform, ...] | None]:
         """Yield the transforms of a topic's first messages in log-time order; None for a message that can't be read.
@@ -275,10 +277,10 @@ class Log:
             MissingSignalError: There is no such topic.
             InputError: The file is damaged and `recover` is off.
         """
-        from cwcli.logs.read.transforms import stream_transforms
+        from cwcli.logs.read.transforms import iter_transforms
 
-        for channel in self._file_channels(topic):
-            yield from stream_transforms(self._message_reader(), channel)
+        for channel in self._file_channels_of_topic(topic):
+            yield from iter_transforms(self._get_message_reader(), channel)
 
     def begin_sha256(self) -> Future[str]:
         """Return the hash of the file in hexadecimal; it is computed once, in a thread."""
@@ -328,21 +330,21 @@ class Log:
         if self._owner is None:
             self.file.__exit__(kind, error, trace)
 
-    def _message_reader(self) -> MessageReader:
+    def _get_message_reader(self) -> MessageReader:
         if self._reader is None:
             from cwcli.logs.read.message_reader import MessageReader
 
             self._reader = MessageReader(self.file, self._index, self.faults, recover=self.recover, verify=self._verify)
         return self._reader
 
-    def _memory_channels(self) -> tuple[ChannelInfo, ...]:
+    def _infos_of_added_channels(self) -> tuple[ChannelInfo, ...]:
         if not self.added_channels:
             return ()
-        from cwcli.logs.read.added_channels import memory_info
+        from cwcli.logs.read.added_channels import info_of_added_channel
 
-        return tuple(memory_info(channel, -1 - k) for k, channel in enumerate(self.added_channels))
+        return tuple(info_of_added_channel(channel, -1 - k) for k, channel in enumerate(self.added_channels))
 
-    def _file_channels(self, topic: str) -> list[ChannelInfo]:
+    def _file_channels_of_topic(self, topic: str) -> list[ChannelInfo]:
         """Return the file's channels of a topic.
 
         Raises:

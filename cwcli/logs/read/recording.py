@@ -15,32 +15,32 @@ from cwcli.errors import InputError, UsageError
 from cwcli.input import InputFile, read_file
 from cwcli.logs.format.joined_file import JoinedFile
 from cwcli.logs.read.bounded_yaml import load_yaml
-from cwcli.logs.read.remote import blocks, is_remote, names_below
+from cwcli.logs.read.remote import file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import name_url
 
-METADATA = "metadata.yaml"
+METADATA_FILE_NAME = "metadata.yaml"
 """The file in which rosbag2 lists the parts of a recording."""
-SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
+LOG_FILE_SUFFIXES = (".mcap", ".mcap.zstd", ".mcap.zst", ".db3", ".db3.zstd", ".bag")
 """The suffixes of log files, in lower case."""
-MAX_METADATA_BYTES = 16_000_000
+MAX_METADATA_FILE_BYTES = 16_000_000
 """The greatest size in bytes of a metadata.yaml. Chosen by hand."""
-UNREAD_JOURNALS = "write-ahead logs that are not read, as the databases are not on this machine"
+UNREAD_JOURNALS_NOTE = "write-ahead logs that are not read, as the databases are not on this machine"
 """The note about journals of remote databases."""
-MAX_METADATA_NODES = 100_000
+MAX_METADATA_YAML_VALUES = 100_000
 """The greatest number of values in a metadata.yaml. Chosen by hand: a recording of 5,000 parts and 1,000 topics has
 fewer."""
 MAX_PATH_CHARS = 4096
 """The greatest length of a path on Linux (`PATH_MAX`)."""
-MAX_DIGITS = 19
+MAX_COUNT_DIGITS = 19
 """The greatest number of digits in a number of messages: as many as 2^63 has."""
-YAML_NULLS = ("", "~", "null")
+YAML_NULL_TEXTS = ("", "~", "null")
 """The texts that stand for null in YAML 1.2."""
 
 Opener = Callable[[str], InputFile]
 
 
 @dataclass(frozen=True)
-class Listing:
+class RecordingListing:
     """The content of a folder's metadata.yaml.
 
     Attributes:
@@ -54,40 +54,40 @@ class Listing:
     faults: dict[str, int] = field(default_factory=dict)
 
 
-def is_recording(folder: Path) -> bool:
+def is_recording_folder(folder: Path) -> bool:
     """Tell whether a folder is one log: it holds a recorder's metadata.yaml and at least one log file."""
-    return (folder / METADATA).is_file() and bool(logs_in(folder))
+    return (folder / METADATA_FILE_NAME).is_file() and bool(log_names_in_folder(folder))
 
 
-def logs_in(folder: Path) -> list[str]:
+def log_names_in_folder(folder: Path) -> list[str]:
     """Return the names of the log files directly in a folder, sorted by their numbers.
 
     Raises:
         InputError: It can't be listed.
     """
-    return _logs_among(_names_in(folder))
+    return _select_log_names(_file_names_in_folder(folder))
 
 
-def _names_in(folder: Path) -> list[str]:
+def _file_names_in_folder(folder: Path) -> list[str]:
     try:
         return [each.name for each in folder.iterdir() if each.is_file()]
     except OSError as error:
         raise InputError(f"the folder can't be listed: {error.strerror}", where=str(folder)) from error
 
 
-def _logs_among(names: Sequence[str]) -> list[str]:
+def _select_log_names(names: Sequence[str]) -> list[str]:
     """Return the names with a suffix of a log file, sorted by their numbers."""
-    return sorted((each for each in names if each.lower().endswith(SUFFIXES)), key=_by_number)
+    return sorted((each for each in names if each.lower().endswith(LOG_FILE_SUFFIXES)), key=_part_number_sort_key)
 
 
-def _by_number(name: str) -> tuple[str, int, str]:
+def _part_number_sort_key(name: str) -> tuple[str, int, str]:
     """Return a sort key: the name's stem without its final number, that number, and the name."""
     stem = name.split(".", 1)[0]
     head = stem.rstrip("0123456789")
     return head, int(stem[len(head) :][:18] or 0), name
 
 
-def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> InputFile:
+def open_recording_folder(folder: str, name: str, open_file: Opener, *, as_one: bool) -> InputFile:
     """Open the log in a folder: the files of its metadata.yaml, or all files (`as_one`), or the only one.
 
     Args:
@@ -99,43 +99,49 @@ def open_folder(folder: str, name: str, opened: Opener, *, as_one: bool) -> Inpu
     Raises:
         InputError: It holds no log, or several without `as_one`, or one can't be read.
     """
-    everything = names_below(folder) if is_remote(folder) else _names_in(Path(folder))
-    names = _logs_among(everything)
+    everything = file_names_below_url(folder) if is_remote_url(folder) else _file_names_in_folder(Path(folder))
+    names = _select_log_names(everything)
     prefix = f"{folder.rstrip('/')}/" if folder != "/" else folder
     if not names:
-        deeper = None if is_remote(folder) else next(iter(sorted(Path(folder).glob(f"*/{METADATA}"))), None)
+        deeper = (
+            None if is_remote_url(folder) else next(iter(sorted(Path(folder).glob(f"*/{METADATA_FILE_NAME}"))), None)
+        )
         hint = "name a log in it" if deeper is None else f"there is a recording in {deeper.parent}"
         raise InputError("the folder holds no log", where=name, hint=hint)
-    unread = [each for each in everything if is_remote(folder) and each.removesuffix("-wal") != each]
-    if METADATA not in everything:
+    unread = [each for each in everything if is_remote_url(folder) and each.removesuffix("-wal") != each]
+    if METADATA_FILE_NAME not in everything:
         if len(names) == 1:
-            file = opened(prefix + names[0])
-            _note(file.notes, UNREAD_JOURNALS, unread)
+            file = open_file(prefix + names[0])
+            _add_note_with_names(file.notes, UNREAD_JOURNALS_NOTE, unread)
             return file
         if not as_one:
             hint = "--as-one reads them as the parts of one log; else name one of them (`cwcli run -d` takes many)"
-            raise InputError(f"the folder holds {len(names)} logs and no {METADATA}", where=name, hint=hint)
-        return open_parts([prefix + each for each in names], name, opened)
-    listing = read_listing(prefix + METADATA)
-    found = {listed: there for listed in listing.files if (there := _found(listed, names))}
+            raise InputError(f"the folder holds {len(names)} logs and no {METADATA_FILE_NAME}", where=name, hint=hint)
+        return open_parts([prefix + each for each in names], name, open_file)
+    listing = read_recording_listing(prefix + METADATA_FILE_NAME)
+    found = {listed: there for listed in listing.files if (there := _find_listed_file(listed, names))}
     if not found:
         if listing.files:
-            what = f"none of the {len(listing.files)} logs that its {METADATA} lists exists"
+            what = f"none of the {len(listing.files)} logs that its {METADATA_FILE_NAME} lists exists"
             raise InputError(what, where=name, found=tuple(names), hint="name the logs with --as-one")
         found = {each: each for each in names}
     notes = dict(listing.faults)
-    _note(notes, f"parts missing that {METADATA} lists", [each for each in listing.files if each not in found])
+    _add_note_with_names(
+        notes, f"parts missing that {METADATA_FILE_NAME} lists", [each for each in listing.files if each not in found]
+    )
     if listing.files:
-        _note(notes, f"logs that {METADATA} does not list, not read", sorted(set(names) - set(found.values())))
-    _note(notes, UNREAD_JOURNALS, unread)
-    file = open_parts([prefix + each for each in found.values()], name, opened)
+        _add_note_with_names(
+            notes, f"logs that {METADATA_FILE_NAME} does not list, not read", sorted(set(names) - set(found.values()))
+        )
+    _add_note_with_names(notes, UNREAD_JOURNALS_NOTE, unread)
+    file = open_parts([prefix + each for each in found.values()], name, open_file)
     file.notes = {**notes, **file.notes}
-    file.listing = {found.get(listed, listed): n for listed, n in listing.files.items()}
-    file.n_listed = listing.n_messages
+    file.listed_message_counts = {found.get(listed, listed): n for listed, n in listing.files.items()}
+    file.n_listed_messages = listing.n_messages
     return file
 
 
-def open_parts(names: Sequence[str], name: str, opened: Opener) -> JoinedFile:
+def open_parts(names: Sequence[str], name: str, open_file: Opener) -> JoinedFile:
     """Open files as the parts of one log; empty files are noted and left out.
 
     Raises:
@@ -149,12 +155,12 @@ def open_parts(names: Sequence[str], name: str, opened: Opener) -> JoinedFile:
         for each in names:
             if each == "-":
                 raise UsageError("standard input can't be a part of a log", hint="name the files")
-            if _is_empty(each):
+            if _is_empty_file(each):
                 empty.append(Path(each).name)
                 continue
-            parts.append(opened(each))
+            parts.append(open_file(each))
             stack.callback(parts[-1].close)
-        _note(notes, "empty parts", empty)
+        _add_note_with_names(notes, "empty parts", empty)
         if not parts:
             raise InputError("all of its parts are empty", where=name)
         file = JoinedFile(parts, name)
@@ -163,7 +169,7 @@ def open_parts(names: Sequence[str], name: str, opened: Opener) -> JoinedFile:
     return file
 
 
-def _is_empty(name: str) -> bool:
+def _is_empty_file(name: str) -> bool:
     try:
         path = Path(name)
         return path.is_file() and path.stat().st_size == 0
@@ -171,26 +177,26 @@ def _is_empty(name: str) -> bool:
         return False
 
 
-def joined_name(names: Sequence[str]) -> str:
+def name_of_joined_log(names: Sequence[str]) -> str:
     """Return a name for a log of these parts, for messages."""
     first = name_url(names[0])
     return f"{first} and {len(names) - 1} more" if len(names) > 1 else first
 
 
-def _found(listed: str, names: Sequence[str]) -> str | None:
+def _find_listed_file(listed: str, names: Sequence[str]) -> str | None:
     """Return the file for a listed name, which may have been compressed or decompressed since, or None."""
     stem = listed.removesuffix(".zstd").removesuffix(".zst")
     return next((each for each in (listed, stem, f"{stem}.zstd", f"{stem}.zst") if each in names), None)
 
 
-def _note(notes: dict[str, int], what: str, names: Sequence[str]) -> None:
+def _add_note_with_names(notes: dict[str, int], what: str, names: Sequence[str]) -> None:
     """Add a note that lists the first of these names, if there are any."""
     if names:
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         notes[f"{what} ({shown})"] = len(names)
 
 
-def read_listing(source: str) -> Listing:
+def read_recording_listing(source: str) -> RecordingListing:
     """Read a metadata.yaml by its path or URL.
 
     The listing of one that can't be understood is empty and names the fault.
@@ -198,19 +204,23 @@ def read_listing(source: str) -> Listing:
     import yaml
 
     try:
-        pieces = blocks(source) if is_remote(source) else iter([read_file(source, MAX_METADATA_BYTES + 1)])
+        pieces = (
+            iter_remote_blocks(source)
+            if is_remote_url(source)
+            else iter([read_file(source, MAX_METADATA_FILE_BYTES + 1)])
+        )
         text = b""
         for piece in pieces:
             text += piece
-            if len(text) > MAX_METADATA_BYTES:
+            if len(text) > MAX_METADATA_FILE_BYTES:
                 raise ValueError("it is too large")
-        document = load_yaml(text, max_nodes=MAX_METADATA_NODES, max_chars=MAX_METADATA_BYTES)
-        return _listing(document["rosbag2_bagfile_information"])
+        document = load_yaml(text, max_nodes=MAX_METADATA_YAML_VALUES, max_chars=MAX_METADATA_FILE_BYTES)
+        return _parse_listing(document["rosbag2_bagfile_information"])
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, yaml.YAMLError):
-        return Listing(faults={f"{METADATA} that can't be understood": 1})
+        return RecordingListing(faults={f"{METADATA_FILE_NAME} that can't be understood": 1})
 
 
-def _listing(information: Mapping[str, Any]) -> Listing:
+def _parse_listing(information: Mapping[str, Any]) -> RecordingListing:
     """Return the listing of a parsed document, in which every scalar is text.
 
     Raises:
@@ -219,34 +229,34 @@ def _listing(information: Mapping[str, Any]) -> Listing:
     faults: dict[str, int] = {}
     counts: dict[str, int | None] = {}
     repeated: list[str] = []
-    for listed in _entries(information, "relative_file_paths"):
-        name = _file_name(listed)
+    for listed in _listing_entries(information, "relative_file_paths"):
+        name = _last_path_part(listed)
         if name in counts:
             repeated.append(name)
         counts[name] = None
-    for entry in _entries(information, "files") if "files" in information else ():
-        name = _file_name(entry["path"])
+    for entry in _listing_entries(information, "files") if "files" in information else ():
+        name = _last_path_part(entry["path"])
         if name in counts:
-            counts[name] = _count(entry.get("message_count"))
-    _note(faults, f"parts that {METADATA} lists twice", repeated)
-    return Listing(counts, _count(information.get("message_count")), faults)
+            counts[name] = _parse_message_count(entry.get("message_count"))
+    _add_note_with_names(faults, f"parts that {METADATA_FILE_NAME} lists twice", repeated)
+    return RecordingListing(counts, _parse_message_count(information.get("message_count")), faults)
 
 
-def _entries(information: Mapping[str, Any], key: str) -> list[Any]:
+def _listing_entries(information: Mapping[str, Any], key: str) -> list[Any]:
     """Return the list under a key; null is an empty list.
 
     Raises:
         KeyError, TypeError: It is missing, or not a list.
     """
     found = information[key]
-    if isinstance(found, str) and found in YAML_NULLS:
+    if isinstance(found, str) and found in YAML_NULL_TEXTS:
         return []
     if not isinstance(found, list):
         raise TypeError(f"{key} is no list")
     return found
 
 
-def _file_name(listed: object) -> str:
+def _last_path_part(listed: object) -> str:
     """Return the last part of a path: before ROS 2 Galactic paths began with the folder's own name.
 
     Raises:
@@ -257,7 +267,7 @@ def _file_name(listed: object) -> str:
     return PurePosixPath(listed).name
 
 
-def _count(value: object) -> int | None:
+def _parse_message_count(value: object) -> int | None:
     """Return a number of messages from its text; None if it is not a number."""
-    is_number = isinstance(value, str) and len(value) <= MAX_DIGITS and value.isascii() and value.isdigit()
+    is_number = isinstance(value, str) and len(value) <= MAX_COUNT_DIGITS and value.isascii() and value.isdigit()
     return int(value) if is_number else None  # type: ignore[call-overload]

@@ -6,35 +6,35 @@ from collections.abc import Iterator
 from typing import Any
 
 from cwcli.errors import UsageError, install_hint
-from cwcli.logs.read.remote_errors import unreadable
+from cwcli.logs.read.remote_errors import unreadable_url_error
 from cwcli.url import name_url, redact_urls
 
 FILE_SCHEME = "file://"
 """The scheme of URLs of files on this machine."""
-MAX_SCHEME_CHARS = 40
+MAX_SHOWN_SCHEME_CHARS = 40
 """The number of characters of an unknown scheme that an error shows. Chosen by hand."""
-COPY_BYTES = 4 << 20
+COPY_BLOCK_BYTES = 4 << 20
 """Bytes that are read at a time. Chosen by hand."""
-SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
+URL_SCHEMES = ("https", "http", "s3", "gs", "az", "abfs")
 """The schemes of the URLs from which logs can be read."""
-ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
+URL_SCHEME_ALIASES = ("s3a", "gcs", "abfss", "adl", "memory")
 """Further names of the same stores; `memory` is for tests. Other schemes of fsspec run programs, read archives, or need
 options that a URL can't give."""
 
 
-def is_remote(source: str) -> bool:
+def is_remote_url(source: str) -> bool:
     """Tell whether a name is a URL of something that is not a file on this machine."""
     return "://" in source and not source.startswith(FILE_SCHEME)
 
 
-def names_below(url: str) -> list[str]:
+def file_names_below_url(url: str) -> list[str]:
     """Return the names of the files directly below a URL; empty if it is not a folder.
 
     Raises:
         InputError: The store does not answer, or knows no such bucket.
         UsageError: It needs a package that is not installed.
     """
-    system, path = file_system(url)
+    system, path = file_system_and_path(url)
     try:
         if not url.endswith("/") and system.isfile(path):
             return []
@@ -42,29 +42,29 @@ def names_below(url: str) -> list[str]:
     except NotADirectoryError:
         return []
     except Exception as error:  # each store has its own errors
-        raise unreadable(url, error) from error
+        raise unreadable_url_error(url, error) from error
     return [str(each["name"]).rpartition("/")[2] for each in found if each.get("type") == "file"]
 
 
-def blocks(url: str) -> Iterator[bytes]:
+def iter_remote_blocks(url: str) -> Iterator[bytes]:
     """Yield the bytes of a remote file in blocks.
 
     Raises:
         InputError: It can't be read.
         UsageError: It needs a package that is not installed.
     """
-    system, path = file_system(url)
+    system, path = file_system_and_path(url)
     try:
         with system.open(path, "rb") as remote:
-            while block := remote.read(COPY_BYTES):
+            while block := remote.read(COPY_BLOCK_BYTES):
                 yield block
     except GeneratorExit:
         raise
     except Exception as error:  # each store has its own errors
-        raise unreadable(url, error) from error
+        raise unreadable_url_error(url, error) from error
 
 
-def file_system(url: str) -> tuple[Any, str]:
+def file_system_and_path(url: str) -> tuple[Any, str]:
     """Return the file system of a URL (of fsspec), and the path of the file in it.
 
     Raises:
@@ -72,10 +72,10 @@ def file_system(url: str) -> tuple[Any, str]:
         UsageError: Its scheme is not read, it is no URL, or it needs a package that is not installed.
     """
     scheme = url.partition("://")[0]
-    if scheme not in (*SCHEMES, *ALIASES):
-        known = ", ".join(f"{each}://" for each in SCHEMES)
+    if scheme not in (*URL_SCHEMES, *URL_SCHEME_ALIASES):
+        known = ", ".join(f"{each}://" for each in URL_SCHEMES)
         raise UsageError(
-            f"logs can't be read from URLs that begin with '{scheme[:MAX_SCHEME_CHARS]}://'",
+            f"logs can't be read from URLs that begin with '{scheme[:MAX_SHOWN_SCHEME_CHARS]}://'",
             hint=f"copy the log to this machine, or to one of {known}",
         )
     try:
@@ -93,5 +93,5 @@ def file_system(url: str) -> tuple[Any, str]:
             hint=f"{install_hint('remote')} reads s3://",
         ) from error
     except Exception as error:  # some stores connect at once
-        raise unreadable(url, error) from error
+        raise unreadable_url_error(url, error) from error
     return system, str(path)

@@ -15,13 +15,13 @@ from cwcli.url import name_url, redact_url, redact_urls
 
 MAX_CAUSES = 20
 """The greatest number of errors of one chain that are examined; a chain may lead back to itself. Chosen by hand."""
-NOT_ALLOWED, NO_SUCH_FILE, TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
+HTTP_NOT_ALLOWED, HTTP_NO_SUCH_FILE, HTTP_TRY_LATER = {401, 403, 407}, {404, 410}, {408, 425, 429}
 """The status codes of HTTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc9110#section-15)."""
-SERVER_TROUBLE = range(500, 600)
+HTTP_SERVER_ERRORS = range(500, 600)
 """The status codes of HTTP for errors of the server (https://www.rfc-editor.org/rfc/rfc9110#section-15.6)."""
 FTP_NOT_ALLOWED, FTP_NO_SUCH_FILE = {530, 532}, {450, 550}
 """The replies of FTP by their meaning for a reader (https://www.rfc-editor.org/rfc/rfc959#section-4.2)."""
-CONNECTION_TROUBLES = {
+ERROR_CLASSES_BY_REASON = {
     "certificate": {"SSLCertVerificationError", "ClientConnectorCertificateError"},
     "refused": {"ConnectionRefusedError"},
     "unknown host": {"gaierror", "ClientConnectorDNSError"},
@@ -31,9 +31,9 @@ CONNECTION_TROUBLES = {
     "allowed": {"PermissionError"},
 }
 """Reason -> names of error classes of Python, aiohttp and http.client that mean it."""
-UNREACHABLE = frozenset({errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
+UNREACHABLE_ERROR_NUMBERS = frozenset({errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN})
 """The error numbers of the system for a host that can't be reached."""
-WORDS = {
+TEXT_AND_HINT_BY_REASON = {
     "allowed": (
         "the server does not allow it",
         "check the user name, the password or the signature; it may be too old",
@@ -50,34 +50,34 @@ WORDS = {
 """Reason -> text of the error, and advice to the user."""
 
 
-def unreadable(url: str, error: BaseException) -> InputError:
+def unreadable_url_error(url: str, error: BaseException) -> InputError:
     """Return the error that a URL can't be read, with the store's reason."""
-    chain = list(_causes(error))
-    status = next((code for code in map(_status, chain) if code is not None), None)
-    reason = _reason_of_connection(chain)
+    chain = list(_iter_causes(error))
+    status = next((code for code in map(_server_status, chain) if code is not None), None)
+    reason = _reason_from_connection_errors(chain)
     if status is not None and reason != "broken off":  # which aiohttp calls status 400
-        reason = _reason_of_status(status)
+        reason = _reason_from_http_status(status)
     words = redact_urls(" ".join(str(error).split()), url) or type(error).__name__
     detail = f" (status {status})" if status is not None and reason != "broken off" else ""
-    if reason is None and isinstance(error, FileNotFoundError) and _is_only_a_name(words, redact_url(url)):
+    if reason is None and isinstance(error, FileNotFoundError) and _is_only_the_file_name(words, redact_url(url)):
         words = "the server does not send it"
         if status is None:
-            reason, detail = "missing", _cause_in_brackets(error, url)
+            reason, detail = "missing", _format_cause(error, url)
     if reason == "missing":  # a store says so where the whole bucket is not there
         said = (" ".join(str(each).split()) for each in chain)
         bucket = next((each for each in said if "bucket does not exist" in each.lower()), "")
         detail = f" ({redact_urls(bucket, url)})" if bucket else detail
-    what, hint = (words, "") if reason is None else WORDS[reason]
+    what, hint = (words, "") if reason is None else TEXT_AND_HINT_BY_REASON[reason]
     return InputError(f"it can't be read: {what}{detail}", where=name_url(url), hint=hint)
 
 
-def _cause_in_brackets(error: BaseException, url: str) -> str:
+def _format_cause(error: BaseException, url: str) -> str:
     """Return the cause of an error in brackets, for example that the bucket does not exist; "" if there is none."""
     why = redact_urls(" ".join(str(error.__cause__ or "").split()), url)
     return f" ({why})" if why else ""
 
 
-def _causes(error: BaseException) -> Iterator[BaseException]:
+def _iter_causes(error: BaseException) -> Iterator[BaseException]:
     """Yield the error and its causes."""
     each: BaseException | None = error
     for _ in range(MAX_CAUSES):
@@ -88,7 +88,7 @@ def _causes(error: BaseException) -> Iterator[BaseException]:
         each = inner if isinstance(inner, BaseException) else each.__cause__ or each.__context__
 
 
-def _status(error: BaseException) -> int | None:
+def _server_status(error: BaseException) -> int | None:
     """Return the server's HTTP status from an error of aiohttp, botocore, gcsfs, azure or ftplib, else None."""
     response = getattr(error, "response", None)
     found = None
@@ -98,12 +98,12 @@ def _status(error: BaseException) -> int | None:
         found = getattr(error, name, None) if found is None else found
     if type(error).__module__ == "ftplib":
         reply = re.match(r"[45]\d\d\b", str(error))
-        found = _http_status(int(reply.group())) if reply else None
+        found = _http_status_of_ftp_reply(int(reply.group())) if reply else None
     is_status = isinstance(found, int) and 400 <= found < 600
     return found if is_status else None
 
 
-def _http_status(reply: int) -> int:
+def _http_status_of_ftp_reply(reply: int) -> int:
     """Return the HTTP status with the same meaning as a reply of FTP."""
     if reply in FTP_NOT_ALLOWED:
         return 401
@@ -112,23 +112,23 @@ def _http_status(reply: int) -> int:
     return 503 if reply < 500 else 400
 
 
-def _reason_of_status(status: int) -> str | None:
-    if status in NOT_ALLOWED:
+def _reason_from_http_status(status: int) -> str | None:
+    if status in HTTP_NOT_ALLOWED:
         return "allowed"
-    if status in NO_SUCH_FILE:
+    if status in HTTP_NO_SUCH_FILE:
         return "missing"
-    return "later" if status in TRY_LATER or status in SERVER_TROUBLE else None
+    return "later" if status in HTTP_TRY_LATER or status in HTTP_SERVER_ERRORS else None
 
 
-def _reason_of_connection(chain: list[BaseException]) -> str | None:
-    """Return the first reason, in the order of `CONNECTION_TROUBLES`, that one of the errors means, else None."""
+def _reason_from_connection_errors(chain: list[BaseException]) -> str | None:
+    """Return the first reason, in the order of `ERROR_CLASSES_BY_REASON`, that one of the errors means, else None."""
     names = {kind.__name__ for error in chain for kind in type(error).__mro__}
     numbers = {error.errno for error in chain if isinstance(error, OSError)}
-    if numbers & UNREACHABLE:
+    if numbers & UNREACHABLE_ERROR_NUMBERS:
         return "unreachable"
-    return next((reason for reason, classes in CONNECTION_TROUBLES.items() if names & classes), None)
+    return next((reason for reason, classes in ERROR_CLASSES_BY_REASON.items() if names & classes), None)
 
 
-def _is_only_a_name(words: str, url: str) -> bool:
+def _is_only_the_file_name(words: str, url: str) -> bool:
     """Tell whether an error text is nothing but the name of the missing file."""
     return words.rstrip("/").rpartition("/")[2] == url.rstrip("/").rpartition("/")[2]

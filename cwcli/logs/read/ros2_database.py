@@ -15,31 +15,31 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cwcli.errors import InputError
 from cwcli.input import MAX_CHUNK_BYTES
-from cwcli.logs.codecs.unpacked import ZSTD_MAGIC, unpacked_message
+from cwcli.logs.codecs.compressed_messages import ZSTD_MAGIC, decompress_message
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.read.ros_definitions import definitions
+from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
 
 if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
-CDR = "cdr"
+CDR_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""
 MAX_CHANNELS = 0xFFFF
 """The greatest number of channels of a log: their ids have 16 bits (MCAP specification)."""
-MAX_SHOWN = 5
+MAX_NAMES_SHOWN = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
-MAX_SHOWN_CHARS = 80
+MAX_SHOWN_VALUE_CHARS = 80
 """The number of characters of a value from the database that a note shows. Chosen by hand."""
-MAX_VALUE_BYTES = MAX_CHUNK_BYTES
+MAX_DATABASE_VALUE_BYTES = MAX_CHUNK_BYTES
 """The greatest size in bytes of one message or text in a database: that of a chunk."""
-GIGABYTE = 1_000_000_000
+BYTES_PER_GIGABYTE = 1_000_000_000
 """The number of bytes in a gigabyte, for messages to users."""
 
 Content = Schema | Channel | tuple[int, int, bytes]
 
 
-class Topic(NamedTuple):
+class TopicRow(NamedTuple):
     """A row of `topics`; `id` is the id of its channel, `topic_id` the id in the table."""
 
     id: int
@@ -49,7 +49,7 @@ class Topic(NamedTuple):
     serialization_format: str
 
 
-def read_database(
+def iter_database_content(
     database: sqlite3.Connection, name: str, notes: dict[str, int], max_bytes: int
 ) -> Generator[Content, None, None]:
     """Yield schemas, channels, and messages in the order of their times.
@@ -64,12 +64,12 @@ def read_database(
         InputError: The messages unpack to more than `max_bytes`.
         sqlite3.Error, ValueError: It is damaged, or is no database of rosbag2.
     """
-    topics = _topics(database)
-    usable = [each for each in topics if each.serialization_format.lower() == CDR]
-    yield from definitions(usable, _types(database), notes)
-    rows, topic_ids, times_ns = _messages(database)
+    topics = _read_topics(database)
+    usable = [each for each in topics if each.serialization_format.lower() == CDR_FORMAT]
+    yield from iter_schemas_and_channels(usable, _load_message_types(database), notes)
+    rows, topic_ids, times_ns = _read_message_rows_by_time(database)
     counts = Counter(topic_ids.tolist())
-    _note_left_out(topics, counts, notes)
+    _note_unread_messages(topics, counts, notes)
     channel_of = {each.topic_id: each.id for each in usable}
     n_left = max_bytes
     for row, topic_id, time_ns in zip(rows.tolist(), topic_ids.tolist(), times_ns.tolist(), strict=True):
@@ -78,15 +78,15 @@ def read_database(
         found = database.execute("SELECT data FROM messages WHERE rowid = ?", (row,)).fetchone()
         if found is None or not isinstance(found[0], bytes):
             raise ValueError(f"message {row} holds no octets")
-        payload = unpacked_message(found[0]) if found[0].startswith(ZSTD_MAGIC) else found[0]
+        payload = decompress_message(found[0]) if found[0].startswith(ZSTD_MAGIC) else found[0]
         n_left -= len(payload)
         if n_left < 0:
-            what = f"its messages unpack to more than {max_bytes / GIGABYTE:g} GB"
+            what = f"its messages unpack to more than {max_bytes / BYTES_PER_GIGABYTE:g} GB"
             raise InputError(what, where=name, hint="--max-input reads more")
         yield channel_of[topic_id], time_ns, payload
 
 
-def _columns(database: sqlite3.Connection, table: str) -> set[str]:
+def _table_column_names(database: sqlite3.Connection, table: str) -> set[str]:
     """Return the column names of a table; empty for a view of that name, which could be endless."""
     kind = database.execute("SELECT type FROM sqlite_master WHERE name = ?", (table,)).fetchone()
     if kind is None or kind[0] != "table":
@@ -94,18 +94,18 @@ def _columns(database: sqlite3.Connection, table: str) -> set[str]:
     return {str(row[1]) for row in database.execute(f"PRAGMA table_info({table})")}
 
 
-def _topics(database: sqlite3.Connection) -> list[Topic]:
+def _read_topics(database: sqlite3.Connection) -> list[TopicRow]:
     """Read the topics, with channel ids from 1 on.
 
     Raises:
         ValueError: A table is missing, or there are more topics than channel ids.
     """
     for table in ("topics", "messages"):
-        if not _columns(database, table):
+        if not _table_column_names(database, table):
             raise ValueError(f"it has no table of {table}")
     query = "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
     found = [
-        Topic(number, topic_id, str(topic), str(kind), str(serialization or CDR))
+        TopicRow(number, topic_id, str(topic), str(kind), str(serialization or CDR_FORMAT))
         for number, (topic_id, topic, kind, serialization) in enumerate(database.execute(query), 1)
     ]
     if len(found) > MAX_CHANNELS:
@@ -113,12 +113,12 @@ def _topics(database: sqlite3.Connection) -> list[Topic]:
     return found
 
 
-def _types(database: sqlite3.Connection) -> Any:
+def _load_message_types(database: sqlite3.Connection) -> Any:
     """Return the message types that the database defines, or those of the latest release that the library knows."""
     from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
     own: dict[str, Any] = {}
-    if _columns(database, "message_definitions"):
+    if _table_column_names(database, "message_definitions"):
         query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions ORDER BY id"
         for kind, encoding, text in database.execute(query):
             if encoding == "ros2msg":
@@ -132,7 +132,7 @@ def _types(database: sqlite3.Connection) -> Any:
     return store
 
 
-def _messages(
+def _read_message_rows_by_time(
     database: sqlite3.Connection,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return row, topic id and time in ns of every message, each (n,), sorted by time.
@@ -145,36 +145,38 @@ def _messages(
     numbers = array("q")
     for row, topic_id, time_ns in database.execute("SELECT rowid, topic_id, timestamp FROM messages NOT INDEXED"):
         if not isinstance(topic_id, int) or not isinstance(time_ns, int) or time_ns < 0:
-            raise ValueError(f"message {row} has the topic id {_shown(topic_id)} and the time {_shown(time_ns)}")
+            raise ValueError(
+                f"message {row} has the topic id {_shorten_value(topic_id)} and the time {_shorten_value(time_ns)}"
+            )
         numbers.extend((row, topic_id, time_ns))
     rows, topic_ids, times_ns = np.array(numbers, np.int64).reshape(-1, 3).T
     order = np.lexsort((rows, times_ns))
     return rows[order], topic_ids[order], times_ns[order]
 
 
-def _note_left_out(topics: list[Topic], counts: Counter[int], notes: dict[str, int]) -> None:
+def _note_unread_messages(topics: list[TopicRow], counts: Counter[int], notes: dict[str, int]) -> None:
     """Note the messages that are not read: those without a topic, and those that are not CDR."""
     known = {each.topic_id for each in topics}
     unknown = sorted(counts.keys() - known)
     if unknown:
         n = sum(counts[each] for each in unknown)
-        shown = _first([str(each) for each in unknown])
+        shown = _format_first_names([str(each) for each in unknown])
         notes[f"messages that belong to no topic (topic id{'s' if len(unknown) > 1 else ''} {shown})"] = n
-    by_format: dict[str, list[Topic]] = {}
+    by_format: dict[str, list[TopicRow]] = {}
     for each in topics:
-        if each.serialization_format.lower() != CDR:
-            by_format.setdefault(_shown(each.serialization_format), []).append(each)
+        if each.serialization_format.lower() != CDR_FORMAT:
+            by_format.setdefault(_shorten_value(each.serialization_format), []).append(each)
     for name, others in by_format.items():
         n = sum(counts[each.topic_id] for each in others)
         if n:
             what = f"messages in the format {name}, which is not read, only CDR is"
-            notes[f"{what} ({_first([_shown(each.topic) for each in others])})"] = n
+            notes[f"{what} ({_format_first_names([_shorten_value(each.topic) for each in others])})"] = n
 
 
-def _first(names: list[str]) -> str:
-    more = len(names) - MAX_SHOWN
-    return ", ".join(names[:MAX_SHOWN]) + (f" and {more} more" if more > 0 else "")
+def _format_first_names(names: list[str]) -> str:
+    more = len(names) - MAX_NAMES_SHOWN
+    return ", ".join(names[:MAX_NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
-def _shown(value: object) -> str:
-    return str(value)[:MAX_SHOWN_CHARS]
+def _shorten_value(value: object) -> str:
+    return str(value)[:MAX_SHOWN_VALUE_CHARS]

@@ -7,11 +7,11 @@ from typing import Any
 
 from cwcli.logs.format.records import Channel, Schema
 
-MAX_ID = 0xFFFF
+MAX_CHANNEL_ID = 0xFFFF
 """The greatest id of a channel: the format has 16 bits for it (MCAP specification)."""
 
 
-def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
+def iter_schemas_and_channels(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
     """Yield schemas and channels; channels of undefined types have no schema, which `notes` gets.
 
     Args:
@@ -27,8 +27,8 @@ def definitions(connections: Any, store: Any, notes: dict[str, int]) -> Iterator
     schema_ids: dict[str, int] = {}
     unknown: set[str] = set()
     for each in connections:
-        if not 0 <= each.id <= MAX_ID:
-            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_ID}")
+        if not 0 <= each.id <= MAX_CHANNEL_ID:
+            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_CHANNEL_ID}")
         if each.msgtype not in schema_ids:
             try:
                 text = store.generate_msgdef(each.msgtype, ros_version=2)[0]

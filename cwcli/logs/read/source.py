@@ -13,24 +13,24 @@ from typing import IO, TYPE_CHECKING
 
 from cwcli.errors import InputError, OutputError, UsageError
 from cwcli.input import InputFile
-from cwcli.logs.format.faults import no_mcap
-from cwcli.logs.format.records import MAGIC
-from cwcli.logs.read.converted import converted
-from cwcli.logs.read.remote import FILE_SCHEME, blocks, is_remote, names_below
+from cwcli.logs.format.faults import not_mcap_error
+from cwcli.logs.format.records import MCAP_MAGIC
+from cwcli.logs.read.converted import convert_if_needed
+from cwcli.logs.read.remote import FILE_SCHEME, file_names_below_url, is_remote_url, iter_remote_blocks
 from cwcli.url import name_url
 
 if TYPE_CHECKING:
     from cwcli.logs.read.recording import Opener
 
-STDIN = "-"
+STDIN_ARGUMENT = "-"
 """The name that stands for standard input."""
-GIGABYTE = 1_000_000_000
+BYTES_PER_GIGABYTE = 1_000_000_000
 """The number of bytes in a gigabyte, for messages to users."""
-MAX_PIPE_BYTES = 64 * GIGABYTE
+MAX_PIPE_BYTES = 64 * BYTES_PER_GIGABYTE
 """The default limit of bytes read from a pipe or a URL (`--max-input`). Chosen by hand."""
 STDIN_NAME = "<stdin>"
 """The name of standard input in messages."""
-COPY_BYTES = 1 << 20
+COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
 
 Source = str | Path | Sequence[str]
@@ -57,58 +57,60 @@ def open_source(
     """
     opener = partial(open_source, pipes=False, max_pipe_bytes=max_pipe_bytes)
     if not isinstance(source, str | Path):
-        return _parts(source, name, opener)
-    if str(source) == STDIN:
-        return _standard_input(max_pipe_bytes)
+        return _open_parts(source, name, opener)
+    if str(source) == STDIN_ARGUMENT:
+        return _open_standard_input(max_pipe_bytes)
     name = name_url(str(source)) if name is None else name
-    if is_remote(str(source)):
-        return _remote(str(source), name, opener, max_pipe_bytes)
+    if is_remote_url(str(source)):
+        return _copy_remote_log(str(source), name, opener, max_pipe_bytes)
     path = Path(str(source).removeprefix(FILE_SCHEME))
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            from cwcli.logs.read.recording import open_folder
+            from cwcli.logs.read.recording import open_recording_folder
 
-            return open_folder(str(path), name, opener, as_one=False)
+            return open_recording_folder(str(path), name, opener, as_one=False)
         if stat.S_ISREG(mode):
-            return converted(InputFile.open(path, name), max_pipe_bytes)
+            return convert_if_needed(InputFile.open(path, name), max_pipe_bytes)
         if not pipes:  # it may never end, and can't be read twice
             raise InputError("it is a pipe or a device, no file", where=name, hint="copy it into a file first")
         with path.open("rb") as pipe:
-            return _spooled(pipe, name, max_pipe_bytes)
+            return _spool_pipe(pipe, name, max_pipe_bytes)
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         raise InputError(f"it can't be read: {getattr(error, 'strerror', None) or error}", where=name) from error
 
 
-def _parts(names: Sequence[str], name: str | None, opener: Opener) -> InputFile:
+def _open_parts(names: Sequence[str], name: str | None, opener: Opener) -> InputFile:
     """Open several files, or the files of one folder, as the parts of one log."""
-    from cwcli.logs.read.recording import joined_name, open_folder, open_parts
+    from cwcli.logs.read.recording import name_of_joined_log, open_parts, open_recording_folder
 
-    name = joined_name(names) if name is None else name
+    name = name_of_joined_log(names) if name is None else name
     if len(names) == 1 and _is_folder(names[0]):
-        return open_folder(names[0].removeprefix(FILE_SCHEME), name, opener, as_one=True)
+        return open_recording_folder(names[0].removeprefix(FILE_SCHEME), name, opener, as_one=True)
     return open_parts(names, name, opener)
 
 
 def _is_folder(name: str) -> bool:
-    if is_remote(name):
-        return bool(names_below(name))
+    if is_remote_url(name):
+        return bool(file_names_below_url(name))
     with suppress(OSError, ValueError):
         return Path(name.removeprefix(FILE_SCHEME)).is_dir()
     return False
 
 
-def _remote(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
+def _copy_remote_log(url: str, name: str, opener: Opener, max_bytes: int) -> InputFile:
     """A copy of a remote log on this machine, gone when it is closed; or of the logs of a folder."""
     may_be_folder = "." not in url.rpartition("/")[2] and not url.startswith(("http:", "https:"))
-    if url.endswith("/") or (may_be_folder and names_below(url)):
-        from cwcli.logs.read.recording import open_folder
+    if url.endswith("/") or (may_be_folder and file_names_below_url(url)):
+        from cwcli.logs.read.recording import open_recording_folder
 
-        return open_folder(url, name, opener, as_one=False)
-    return converted(spooled(no_more_than(max_bytes, blocks(url), name), name), max_bytes)
+        return open_recording_folder(url, name, opener, as_one=False)
+    return convert_if_needed(
+        spool_to_temporary_file(iter_within_size_limit(max_bytes, iter_remote_blocks(url), name), name), max_bytes
+    )
 
 
-def _standard_input(max_bytes: int) -> InputFile:
+def _open_standard_input(max_bytes: int) -> InputFile:
     """Open standard input: the file itself, or a temporary copy of a pipe.
 
     Raises:
@@ -124,15 +126,20 @@ def _standard_input(max_bytes: int) -> InputFile:
         is_file = stat.S_ISREG(os.fstat(descriptor).st_mode)
         if is_file and os.lseek(descriptor, 0, os.SEEK_CUR) == 0:
             return InputFile(os.dup(descriptor), STDIN_NAME)
-    return _spooled(sys.stdin.buffer, STDIN_NAME, max_bytes)
+    return _spool_pipe(sys.stdin.buffer, STDIN_NAME, max_bytes)
 
 
-def _spooled(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
+def _spool_pipe(pipe: IO[bytes], name: str, max_bytes: int) -> InputFile:
     """Copy a pipe into a temporary file, after a check that it begins as a log."""
-    return spooled(no_more_than(max_bytes, _checked(iter(lambda: _block(pipe, name), b""), name), name), name)
+    return spool_to_temporary_file(
+        iter_within_size_limit(
+            max_bytes, _check_begins_as_mcap(iter(lambda: _read_pipe_block(pipe, name), b""), name), name
+        ),
+        name,
+    )
 
 
-def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+def _check_begins_as_mcap(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
     """Yield the pieces.
 
     Raises:
@@ -140,13 +147,13 @@ def _checked(pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
     """
     is_first = True
     for piece in pieces:
-        if is_first and not piece.startswith(MAGIC[: len(piece)]):
-            raise no_mcap(name, piece[:16])
+        if is_first and not piece.startswith(MCAP_MAGIC[: len(piece)]):
+            raise not_mcap_error(name, piece[:16])
         is_first = False
         yield piece
 
 
-def no_more_than(max_bytes: int, pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
+def iter_within_size_limit(max_bytes: int, pieces: Iterator[bytes], name: str) -> Iterator[bytes]:
     """Yield the pieces.
 
     Raises:
@@ -156,12 +163,12 @@ def no_more_than(max_bytes: int, pieces: Iterator[bytes], name: str) -> Iterator
     for piece in pieces:
         n_bytes += len(piece)
         if n_bytes > max_bytes:
-            what = f"more than {max_bytes / GIGABYTE:g} GB were received"
+            what = f"more than {max_bytes / BYTES_PER_GIGABYTE:g} GB were received"
             raise InputError(what, where=name, hint="--max-input reads more; a file has no such bound")
         yield piece
 
 
-def spooled(pieces: Iterable[bytes], name: str) -> InputFile:
+def spool_to_temporary_file(pieces: Iterable[bytes], name: str) -> InputFile:
     """Write pieces of bytes to a temporary file and return it.
 
     The file has no name on the disk, so that not even a killed run leaves it behind.
@@ -188,8 +195,8 @@ def spooled(pieces: Iterable[bytes], name: str) -> InputFile:
         ) from error
 
 
-def _block(pipe: IO[bytes], name: str) -> bytes:
+def _read_pipe_block(pipe: IO[bytes], name: str) -> bytes:
     try:
-        return pipe.read(COPY_BYTES)
+        return pipe.read(COPY_BLOCK_BYTES)
     except OSError as error:
         raise InputError(f"it can't be read: {error.strerror}", where=name) from error

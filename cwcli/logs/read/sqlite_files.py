@@ -21,22 +21,22 @@ from typing import IO
 from cwcli.errors import OutputError
 from cwcli.input import InputFile
 
-WAL, JOURNAL = "-wal", "-journal"
+WAL_SUFFIX, JOURNAL_SUFFIX = "-wal", "-journal"
 """The suffixes of a write-ahead log and of a rollback journal (https://www.sqlite.org/fileformat2.html)."""
-COPY_BYTES = 1 << 20
+COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
 WAL_HEADER = struct.Struct(">IIIIIIII")
 """The header of a write-ahead log: magic number, version, page size in bytes, number of the checkpoint, two salts, two
 checksums (https://www.sqlite.org/walformat.html)."""
-WAL_FRAME = struct.Struct(">IIIIII")
+WAL_FRAME_HEADER = struct.Struct(">IIIIII")
 """The header of a frame in a write-ahead log: page, size of the database, two salts, two checksums; the page
 follows."""
-WAL_MAGIC = (0x377F0682, 0x377F0683)
+WAL_MAGIC_NUMBERS = (0x377F0682, 0x377F0683)
 """The magic numbers of a write-ahead log, one for each byte order of its checksums."""
-WAL_SALTS = slice(4, 6)
+WAL_HEADER_SALTS = slice(4, 6)
 """The places of the salts among the numbers of `WAL_HEADER`."""
 FRAME_SALTS = slice(2, 4)
-"""The places of the salts among the numbers of `WAL_FRAME`."""
+"""The places of the salts among the numbers of `WAL_FRAME_HEADER`."""
 
 
 def open_journals(file: InputFile) -> list[InputFile]:
@@ -45,10 +45,10 @@ def open_journals(file: InputFile) -> list[InputFile]:
     Raises:
         InputError: One can't be read.
     """
-    name = _name_of(file)
+    name = _path_of_open_file(file)
     found: list[InputFile] = []
     try:
-        for suffix in (WAL, JOURNAL) if name is not None else ():
+        for suffix in (WAL_SUFFIX, JOURNAL_SUFFIX) if name is not None else ():
             path = Path(f"{name}{suffix}")
             if path.is_file() and path.stat().st_size:
                 found.append(InputFile.open(path, f"{file.name}{suffix}"))
@@ -59,7 +59,7 @@ def open_journals(file: InputFile) -> list[InputFile]:
     return found
 
 
-def _name_of(file: InputFile) -> str | None:
+def _path_of_open_file(file: InputFile) -> str | None:
     """Return the path of an open file with links resolved; None if it has no name on the disk."""
     name = os.path.realpath(f"/dev/fd/{file.descriptor}")
     with suppress(OSError):
@@ -85,37 +85,39 @@ def open_database(
         OutputError: There is no room for the copy.
         sqlite3.Error: It is damaged.
     """
-    if not journals and _name_of(file) is not None:
-        with closing(_connect(f"file:/dev/fd/{file.descriptor}?immutable=1", max_value_bytes)) as database:
+    if not journals and _path_of_open_file(file) is not None:
+        with closing(_open_connection(f"file:/dev/fd/{file.descriptor}?immutable=1", max_value_bytes)) as database:
             yield database
         return
-    kinds = {WAL if each.name.endswith(WAL) else JOURNAL: each for each in journals}
+    kinds = {WAL_SUFFIX if each.name.endswith(WAL_SUFFIX) else JOURNAL_SUFFIX: each for each in journals}
     with ExitStack() as stack:
-        with writing_copy_of(file.name):
+        with raise_copy_errors(file.name):
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cwcli-"))) / "log.db3"
             with copy.open("xb") as stream:
                 copy_file(file, stream)
-        n_before = _n_messages(copy, max_value_bytes)
+        n_before = _count_messages_without_journals(copy, max_value_bytes)
         for suffix, each in kinds.items():
-            with writing_copy_of(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
+            with raise_copy_errors(each.name), Path(f"{copy}{suffix}").open("xb") as stream:
                 copy_file(each, stream)
         for each in (file, *journals):
             each.check_unchanged()
-        with closing(_connect(f"file:{copy}?mode=rw", max_value_bytes)) as database:
+        with closing(_open_connection(f"file:{copy}?mode=rw", max_value_bytes)) as database:
             (n_after,) = database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()
-            if WAL in kinds:
+            if WAL_SUFFIX in kinds:
                 _, n_frames, _ = database.execute("PRAGMA wal_checkpoint(PASSIVE)").fetchone()
-                shown = Path(kinds[WAL].name).name
-                _count(notes, f"messages of the write-ahead log ({shown})", n_after - n_before)
-                n_lost = _n_frames(kinds[WAL]) - max(n_frames, 0)
-                _count(notes, f"unfinished or damaged pages of the write-ahead log, not read ({shown})", n_lost)
-            if JOURNAL in kinds and not Path(f"{copy}{JOURNAL}").exists():
-                shown = Path(kinds[JOURNAL].name).name
-                _count(notes, f"unfinished changes undone by the rollback journal ({shown})", 1)
+                shown = Path(kinds[WAL_SUFFIX].name).name
+                _add_positive_note(notes, f"messages of the write-ahead log ({shown})", n_after - n_before)
+                n_lost = _count_current_wal_frames(kinds[WAL_SUFFIX]) - max(n_frames, 0)
+                _add_positive_note(
+                    notes, f"unfinished or damaged pages of the write-ahead log, not read ({shown})", n_lost
+                )
+            if JOURNAL_SUFFIX in kinds and not Path(f"{copy}{JOURNAL_SUFFIX}").exists():
+                shown = Path(kinds[JOURNAL_SUFFIX].name).name
+                _add_positive_note(notes, f"unfinished changes undone by the rollback journal ({shown})", 1)
             yield database
 
 
-def _connect(uri: str, max_value_bytes: int) -> sqlite3.Connection:
+def _open_connection(uri: str, max_value_bytes: int) -> sqlite3.Connection:
     database = sqlite3.connect(uri, uri=True)
     database.text_factory = lambda octets: octets.decode("utf-8", "replace")
     database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max_value_bytes)
@@ -124,7 +126,7 @@ def _connect(uri: str, max_value_bytes: int) -> sqlite3.Connection:
 
 
 @contextmanager
-def writing_copy_of(name: str) -> Iterator[None]:
+def raise_copy_errors(name: str) -> Iterator[None]:
     """Turn an `OSError` inside the block into the error that a temporary copy can't be written.
 
     Raises:
@@ -142,32 +144,32 @@ def writing_copy_of(name: str) -> Iterator[None]:
 
 def copy_file(file: InputFile, target: IO[bytes]) -> None:
     """Copy all of a file, piece by piece."""
-    for at in range(0, len(file), COPY_BYTES):
-        target.write(file[at : at + COPY_BYTES])
+    for at in range(0, len(file), COPY_BLOCK_BYTES):
+        target.write(file[at : at + COPY_BLOCK_BYTES])
 
 
-def _n_messages(path: Path, max_value_bytes: int) -> int:
+def _count_messages_without_journals(path: Path, max_value_bytes: int) -> int:
     """Return the number of messages of a database without its journals; 0 if it can't be read without them."""
     try:
-        with closing(_connect(f"file:{path}?immutable=1", max_value_bytes)) as database:
+        with closing(_open_connection(f"file:{path}?immutable=1", max_value_bytes)) as database:
             return int(database.execute("SELECT count(*) FROM messages NOT INDEXED").fetchone()[0])
     except sqlite3.Error:
         return 0
 
 
-def _n_frames(wal: InputFile) -> int:
+def _count_current_wal_frames(wal: InputFile) -> int:
     """Return the number of frames in a write-ahead log that belong to its current checkpoint, whole or not."""
     if len(wal) < WAL_HEADER.size:
         return 0
     header = WAL_HEADER.unpack(wal[: WAL_HEADER.size])
     page_bytes = header[2]
-    if header[0] not in WAL_MAGIC or not page_bytes:
+    if header[0] not in WAL_MAGIC_NUMBERS or not page_bytes:
         return 0
-    places = range(WAL_HEADER.size, len(wal) - WAL_FRAME.size + 1, WAL_FRAME.size + page_bytes)
-    frames = (WAL_FRAME.unpack(wal[at : at + WAL_FRAME.size]) for at in places)
-    return sum(frame[FRAME_SALTS] == header[WAL_SALTS] for frame in frames)
+    places = range(WAL_HEADER.size, len(wal) - WAL_FRAME_HEADER.size + 1, WAL_FRAME_HEADER.size + page_bytes)
+    frames = (WAL_FRAME_HEADER.unpack(wal[at : at + WAL_FRAME_HEADER.size]) for at in places)
+    return sum(frame[FRAME_SALTS] == header[WAL_HEADER_SALTS] for frame in frames)
 
 
-def _count(notes: dict[str, int], what: str, n: int) -> None:
+def _add_positive_note(notes: dict[str, int], what: str, n: int) -> None:
     if n > 0:
         notes[what] = n

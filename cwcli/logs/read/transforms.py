@@ -12,62 +12,67 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import islice
 from typing import Any
 
-from cwcli.logs.codecs.ros2msg import short_name
-from cwcli.logs.codecs.unpacked import unpacked_message
+from cwcli.logs.codecs.compressed_messages import decompress_message
+from cwcli.logs.codecs.ros2msg import short_message_name
 from cwcli.logs.read.channels import ChannelInfo
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.signals.transforms import Transform
 
-LISTS = frozenset({"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"})
+LIST_SCHEMAS = frozenset(
+    {"tf2_msgs/TFMessage", "tf/tfMessage", "foxglove_msgs/FrameTransforms", "foxglove.FrameTransforms"}
+)
 """The message types with a list of transforms."""
-SINGLE = frozenset({"foxglove_msgs/FrameTransform", "foxglove.FrameTransform"})
+SINGLE_TRANSFORM_SCHEMAS = frozenset({"foxglove_msgs/FrameTransform", "foxglove.FrameTransform"})
 """The message types with one transform."""
-MAX_MESSAGES = 2000
+MAX_MESSAGES_PER_TOPIC = 2000
 """The number of messages that are read of each topic. Chosen by hand."""
-MAX_LIST = 10_000
+MAX_TRANSFORMS_PER_MESSAGE = 10_000
 """The greatest number of transforms in a message. Chosen by hand."""
 
 
-class BadTransform(ValueError):
+class UnreadableTransform(ValueError):
     """A message that can't be read."""
 
 
-def is_transforms(channel: ChannelInfo) -> bool:
+def is_transform_channel(channel: ChannelInfo) -> bool:
     """Tell whether a channel holds transforms that can be read."""
-    return _name(channel) in LISTS | SINGLE and channel.message_encoding in _DECODERS
+    return (
+        _short_schema_name(channel) in LIST_SCHEMAS | SINGLE_TRANSFORM_SCHEMAS
+        and channel.message_encoding in _DECODER_BY_ENCODING
+    )
 
 
-def stream_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
+def iter_transforms(reader: MessageReader, channel: ChannelInfo) -> Iterator[tuple[Transform, ...] | None]:
     """Yield the transforms of each of the first `MAX_MESSAGES` messages; None for one that can't be read."""
-    decode = _DECODERS[channel.message_encoding]
-    name = _name(channel)
-    reader.check_indexes([channel.id])
+    decode = _DECODER_BY_ENCODING[channel.message_encoding]
+    name = _short_schema_name(channel)
+    reader.distrust_indexes_if_miscounted([channel.id])
     payloads = (
         payload
-        for _, _, batches in reader.in_time_order([channel.id])
+        for _, _, batches in reader.iter_parts_in_time_order([channel.id])
         for batch in batches
-        for _, payload in batch.messages()
+        for _, payload in batch.iter_messages()
     )
-    for payload in islice(payloads, MAX_MESSAGES):
+    for payload in islice(payloads, MAX_MESSAGES_PER_TOPIC):
         try:
             yield tuple(decode(bytes(payload), name))
-        except BadTransform:
+        except UnreadableTransform:
             yield None
 
 
-def _name(channel: ChannelInfo) -> str:
-    return short_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
+def _short_schema_name(channel: ChannelInfo) -> str:
+    return short_message_name(channel.schema_name) if "/" in channel.schema_name else channel.schema_name
 
 
-def _cdr(payload: bytes, name: str) -> list[Transform]:
+def _decode_cdr(payload: bytes, name: str) -> list[Transform]:
     """Decode XCDR1. TransformStamped and FrameTransform agree: time, parent, child, translation, rotation.
 
     Raises:
         BadTransform: The message can't be read.
     """
-    payload = unpacked_message(payload)
+    payload = decompress_message(payload)
     if len(payload) < 4 or payload[0] != 0 or payload[1] > 1:
-        raise BadTransform("not plain CDR")
+        raise UnreadableTransform("not plain CDR")
     order = "<" if payload[1] else ">"
     body, at = memoryview(payload)[4:], 0
 
@@ -82,39 +87,41 @@ def _cdr(payload: bytes, name: str) -> list[Transform]:
         nonlocal at
         (length,) = read_numbers("I", 4)
         if length > len(body) - at:
-            raise BadTransform("cut short")
+            raise UnreadableTransform("cut short")
         octets = bytes(body[at : at + length])
         at += length
         return octets.rstrip(b"\0").decode("utf-8", "replace")
 
     try:
-        (n,) = read_numbers("I", 4) if name in LISTS else (1,)
-        if n > MAX_LIST:
-            raise BadTransform("too many transforms")
+        (n,) = read_numbers("I", 4) if name in LIST_SCHEMAS else (1,)
+        if n > MAX_TRANSFORMS_PER_MESSAGE:
+            raise UnreadableTransform("too many transforms")
         transforms = []
         for _ in range(n):
             read_numbers("iI", 4)
             parent, child = read_text(), read_text()
             values = read_numbers("7d", 8)
-            transforms.append(_transform(parent, child, values[:3], values[3:]))
+            transforms.append(_make_transform(parent, child, values[:3], values[3:]))
     except struct.error as error:
-        raise BadTransform("cut short") from error
+        raise UnreadableTransform("cut short") from error
     return transforms
 
 
-def _protobuf(payload: bytes, name: str) -> list[Transform]:
+def _decode_protobuf(payload: bytes, name: str) -> list[Transform]:
     from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
     from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
     from google.protobuf.message import DecodeError
 
     try:
         messages = (
-            FrameTransforms.FromString(payload).transforms if name in LISTS else [FrameTransform.FromString(payload)]
+            FrameTransforms.FromString(payload).transforms
+            if name in LIST_SCHEMAS
+            else [FrameTransform.FromString(payload)]
         )
     except DecodeError as error:
-        raise BadTransform("damaged") from error
+        raise UnreadableTransform("damaged") from error
     return [
-        _transform(
+        _make_transform(
             each.parent_frame_id,
             each.child_frame_id,
             (each.translation.x, each.translation.y, each.translation.z),
@@ -124,7 +131,7 @@ def _protobuf(payload: bytes, name: str) -> list[Transform]:
     ]
 
 
-def _json(payload: bytes, name: str) -> list[Transform]:
+def _decode_json(payload: bytes, name: str) -> list[Transform]:
     """Decode JSON with the field names of Foxglove or of ROS.
 
     Raises:
@@ -132,14 +139,14 @@ def _json(payload: bytes, name: str) -> list[Transform]:
     """
     try:
         document = json.loads(payload)
-        messages = document["transforms"] if name in LISTS else [document]
+        messages = document["transforms"] if name in LIST_SCHEMAS else [document]
         transforms = []
         for each in messages:
             pose: Mapping[str, Any] = each.get("transform", each)
             parent = each.get("parent_frame_id") or each.get("header", {}).get("frame_id", "")
             translation, rotation = pose["translation"], pose["rotation"]
             transforms.append(
-                _transform(
+                _make_transform(
                     str(parent),
                     str(each["child_frame_id"]),
                     tuple(float(translation[axis]) for axis in "xyz"),
@@ -147,14 +154,18 @@ def _json(payload: bytes, name: str) -> list[Transform]:
                 )
             )
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-        raise BadTransform("not a transform") from error
+        raise UnreadableTransform("not a transform") from error
     return transforms
 
 
-def _transform(parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...]) -> Transform:
+def _make_transform(parent: str, child: str, translation: tuple[float, ...], rotation: tuple[float, ...]) -> Transform:
     x, y, z = translation
     qx, qy, qz, qw = rotation
     return Transform(parent.lstrip("/"), child.lstrip("/"), (x, y, z), (qx, qy, qz, qw))
 
 
-_DECODERS: dict[str, Callable[[bytes, str], list[Transform]]] = {"cdr": _cdr, "protobuf": _protobuf, "json": _json}
+_DECODER_BY_ENCODING: dict[str, Callable[[bytes, str], list[Transform]]] = {
+    "cdr": _decode_cdr,
+    "protobuf": _decode_protobuf,
+    "json": _decode_json,
+}

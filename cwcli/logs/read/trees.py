@@ -7,30 +7,32 @@ from typing import TYPE_CHECKING
 
 from cwcli.errors import InputError
 from cwcli.logs.codecs.ros2msg import SchemaError
-from cwcli.logs.codecs.tree import BadMessage, tree_decoder
-from cwcli.logs.read.columns import single_schema
+from cwcli.logs.codecs.tree import UndecodableMessage, make_tree_decoder
+from cwcli.logs.read.columns import check_single_schema
 
 if TYPE_CHECKING:
     from cwcli.logs.read.channels import ChannelInfo
     from cwcli.logs.read.message_reader import MessageReader
 
 
-def stream_trees(reader: MessageReader, channels: Sequence[ChannelInfo], name: str) -> Iterator[tuple[int, object]]:
+def iter_message_trees(
+    reader: MessageReader, channels: Sequence[ChannelInfo], name: str
+) -> Iterator[tuple[int, object]]:
     """Yield log time in ns and tree of each message of one topic, in file order; see `Log.trees`."""
-    single_schema(channels, name)
+    check_single_schema(channels, name)
     try:
-        decode = tree_decoder(channels[0])
+        decode = make_tree_decoder(channels[0])
     except SchemaError as error:
         what = f"the channel {channels[0].topic} ({channels[0].schema_name or 'no schema'}) can't be read: {error}"
         raise InputError(what, where=name) from error
     ids = [channel.id for channel in channels]
-    reader.check_indexes(ids)
-    tally = reader.counts.tally(ids)
-    for batch in reader.batches(ids):
-        tally.add(batch.channel_id)
-        for log_time_ns, payload in batch.messages():
+    reader.distrust_indexes_if_miscounted(ids)
+    tally = reader.counts.start_tally(ids)
+    for batch in reader.iter_batches(ids):
+        tally.add_messages(batch.channel_id)
+        for log_time_ns, payload in batch.iter_messages():
             try:
                 yield log_time_ns, decode(bytes(payload))
-            except BadMessage as error:
+            except UndecodableMessage as error:
                 yield log_time_ns, error
-    tally.end()
+    tally.compare_with_summary()

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 from cwcli.errors import DataError, OutputError
 from cwcli.logs.format.faults import Faults
 from cwcli.logs.format.open_index import index_every_record
-from cwcli.logs.write.channel_ids import NewChannel, assign_ids
+from cwcli.logs.write.channel_ids import NewChannel, assign_channel_ids
 from cwcli.logs.write.message_merge import MessageMerge
-from cwcli.logs.write.new_messages import column_feed
-from cwcli.logs.write.profile import kept_profile
+from cwcli.logs.write.new_messages import feed_from_columns
+from cwcli.logs.write.profile import profile_that_channels_keep
 from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.logs.write.source_copy import SourceCopy
-from cwcli.output import Together, open_output
+from cwcli.output import AtomicGroup, open_output
 from cwcli.signals.columns import OutputChannel
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ MIN_NEW_CHUNK_BYTES = 1 << 16
 chunks are slow to read. Chosen by hand."""
 
 
-class LeftOut(NamedTuple):
+class ExcludedRecords(NamedTuple):
     """Channels and metadata records of the source that a copy leaves out, in addition to the replaced ones.
 
     Attributes:
@@ -41,7 +41,7 @@ class LeftOut(NamedTuple):
     """
 
     channel_ids: frozenset[int] = frozenset()
-    records: frozenset[str] = frozenset()
+    metadata_names: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,10 @@ class AnnotateReport:
     replaced_topics: tuple[str, ...]
     n_chunks_lost: int
     n_bytes_lost: int
-    left_profile: str
+    dropped_profile: str
 
 
-def annotate(
+def annotate_log(
     source: Log,
     channels: Sequence[OutputChannel],
     metadata: Mapping[str, Mapping[str, str]],
@@ -78,11 +78,11 @@ def annotate(
     *,
     replace: bool = False,
     force: bool = False,
-    chosen: Container[str] | None = None,
-    left_out: LeftOut = LeftOut(),  # noqa: B008 - it can't change
+    chosen_topics: Container[str] | None = None,
+    excluded: ExcludedRecords = ExcludedRecords(),  # noqa: B008 - it can't change
     profile: str | None = None,
     durable: bool = True,
-    together: Together | None = None,
+    together: AtomicGroup | None = None,
 ) -> AnnotateReport:
     """Write the source with more channels.
 
@@ -111,33 +111,37 @@ def annotate(
         DataError: A new message would be logged before 1970.
         ValueError: A column does not fit its schema, or log times go back.
     """
-    channels, metadata = with_memory(source, channels, metadata, replace)
+    channels, metadata = merge_with_in_memory_channels(source, channels, metadata, replace)
     topics = {channel.topic for channel in channels}
     faults = Faults()
     index = index_every_record(source.file, faults, recover=source.recover)
     replaced = {
-        each.id: each for each in index.channels.values() if each.topic in topics or each.id in left_out.channel_ids
+        each.id: each for each in index.channels.values() if each.topic in topics or each.id in excluded.channel_ids
     }
-    refuse_existing(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
-    refuse_existing(sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace)
-    new = assign_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
-    kept = kept_profile(
+    check_no_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
+    check_no_existing_names(
+        sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace
+    )
+    new = assign_channel_ids(
+        index, [each for each in channels if chosen_topics is None or each.topic in chosen_topics], replaced
+    )
+    kept = profile_that_channels_keep(
         index.profile if profile is None else profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
-    merge = MessageMerge([column_feed(each.columns, each.channel.id) for each in new], by_channel=True)
+    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new], by_channel=True)
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
-    with open_output(target, force=force, inputs=source.file.files, durable=durable, together=together) as output:
+    with open_output(target, force=force, inputs=source.file.disk_files, durable=durable, together=together) as output:
         writer = RecordWriter(output)
-        copy.begin(
+        copy.write_beginning(
             writer,
             kept,
             replaced_ids=frozenset(replaced),
-            replaced_metadata=left_out.records.union(metadata),
+            replaced_metadata=excluded.metadata_names.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
-        n_added = write_items(writer, copy, new, merge, metadata)
+        n_added = write_body_and_summary(writer, copy, new, merge, metadata)
         n_bytes = output.position
     return AnnotateReport(
         target=str(target),
@@ -149,11 +153,11 @@ def annotate(
         replaced_topics=tuple(sorted({each.topic for each in replaced.values()})),
         n_chunks_lost=faults.chunks_lost,
         n_bytes_lost=faults.bytes_lost,
-        left_profile=index.profile if kept != index.profile else "",
+        dropped_profile=index.profile if kept != index.profile else "",
     )
 
 
-def write_items(
+def write_body_and_summary(
     writer: RecordWriter,
     copy: SourceCopy,
     new: Sequence[NewChannel],
@@ -177,27 +181,27 @@ def write_items(
     """
     n_added = 0
     for schema in {each.schema.id: each.schema for each in new}.values():
-        writer.schema(schema)
+        writer.write_schema(schema)
     for each in new:
-        writer.channel(each.channel)
+        writer.write_channel(each.channel)
     for item in copy.items:
-        last_ns = copy.item(writer, item)
+        last_ns = copy.copy_item(writer, item)
         if last_ns is not None:
             last_ns = last_ns if until_ns is None else min(last_ns, until_ns)
-            for payload in merge.take_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):
-                writer.chunk(payload)
+            for payload in merge.iter_chunk_payloads_until(last_ns, min_bytes=MIN_NEW_CHUNK_BYTES):
+                writer.write_chunk(payload)
                 n_added += 1
-    for payload in merge.take_until(until_ns):
-        writer.chunk(payload)
+    for payload in merge.iter_chunk_payloads_until(until_ns):
+        writer.write_chunk(payload)
         n_added += 1
     for name, values in metadata.items():
-        writer.metadata(name, values)
-    copy.check_source()
+        writer.write_metadata(name, values)
+    copy.check_source_unchanged()
     writer.finish()
     return n_added
 
 
-def with_memory(
+def merge_with_in_memory_channels(
     source: Log, channels: Sequence[OutputChannel], metadata: Mapping[str, Mapping[str, str]], replace: bool
 ) -> tuple[list[OutputChannel], dict[str, Mapping[str, str]]]:
     """Merge the channels and metadata that the source holds in memory with new ones; new ones win.
@@ -209,17 +213,17 @@ def with_memory(
     by_topic: dict[str, OutputChannel] = {}
     for channel in (*source.added_channels, *channels):
         if channel.topic in by_topic:
-            refuse_existing([channel.topic], "channel", source.name, replace)
+            check_no_existing_names([channel.topic], "channel", source.name, replace)
         by_topic[channel.topic] = channel
         if len(channel.log_time_ns) and int(channel.log_time_ns.min()) < 0:
             what = f"a message of {channel.topic} would be logged before 1970: its source is logged after 2262"
             raise DataError(what, where=source.name, hint="--start and --end leave such messages out")
     by_name = dict(source.added_metadata)
-    refuse_existing(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
+    check_no_existing_names(sorted(set(by_name) & set(metadata)), "metadata record", source.name, replace)
     return list(by_topic.values()), {**by_name, **metadata}
 
 
-def refuse_existing(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
+def check_no_existing_names(names: Sequence[str], kind: str, source: str, replace: bool) -> None:
     """Check that the log does not hold these names already, unless they are to be replaced.
 
     Raises:

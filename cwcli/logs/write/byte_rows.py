@@ -35,12 +35,12 @@ class ByteRows:
         """Return the length of each row in bytes, shape (n,)."""
         return np.diff(self.offsets)
 
-    def rows(self, start: int, stop: int) -> ByteRows:
+    def slice_rows(self, start: int, stop: int) -> ByteRows:
         """Return rows `start` to `stop` as a view."""
         return ByteRows(self.data, self.offsets[start : stop + 1])
 
 
-def offsets_of(sizes: Int64Array) -> Int64Array:
+def offsets_from_sizes(sizes: Int64Array) -> Int64Array:
     """Return the start of each of n rows and the total size, shape (n + 1,)."""
     offsets = np.zeros(len(sizes) + 1, np.int64)
     np.cumsum(sizes, out=offsets[1:])
@@ -50,10 +50,10 @@ def offsets_of(sizes: Int64Array) -> Int64Array:
 def join_rows(rows: list[bytes]) -> ByteRows:
     """Join byte strings into rows."""
     sizes = np.fromiter(map(len, rows), np.int64, len(rows))
-    return ByteRows(np.frombuffer(b"".join(rows), np.uint8), offsets_of(sizes))
+    return ByteRows(np.frombuffer(b"".join(rows), np.uint8), offsets_from_sizes(sizes))
 
 
-def windows(data: ByteArray, size: int) -> npt.NDArray[np.void]:
+def sliding_byte_windows(data: ByteArray, size: int) -> npt.NDArray[np.void]:
     """Return overlapping views: element `i` is the `size` bytes from `i` on, to copy rows of equal length."""
     return np.ndarray((max(len(data) - size + 1, 0),), np.dtype((np.void, size)), data, 0, (1,))
 
@@ -73,7 +73,9 @@ def copy_rows(
     first_size = int(sizes[0])
     if (sizes == first_size).all():
         if first_size:
-            windows(target, first_size)[target_starts] = windows(source, first_size)[source_starts]
+            sliding_byte_windows(target, first_size)[target_starts] = sliding_byte_windows(source, first_size)[
+                source_starts
+            ]
         return
     distinct, group, counts = np.unique(sizes, return_inverse=True, return_counts=True)
     order = np.argsort(group, kind="stable")
@@ -81,13 +83,15 @@ def copy_rows(
     for size, start, stop in zip(distinct.tolist(), (stops - counts).tolist(), stops.tolist(), strict=True):
         rows = order[start:stop]
         if size and stop - start >= MIN_ROWS_PER_LENGTH:
-            windows(target, size)[target_starts[rows]] = windows(source, size)[source_starts[rows]]
+            sliding_byte_windows(target, size)[target_starts[rows]] = sliding_byte_windows(source, size)[
+                source_starts[rows]
+            ]
         else:
             for to, at in zip(target_starts[rows].tolist(), source_starts[rows].tolist(), strict=True):
                 target[to : to + size] = source[at : at + size]
 
 
-def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
+def encode_varints(values: npt.NDArray[np.uint64]) -> ByteRows:
     """Encode numbers as protobuf varints: base 128, least significant group first.
 
     Args:
@@ -106,10 +110,10 @@ def varints(values: npt.NDArray[np.uint64]) -> ByteRows:
     more = np.arange(width) < sizes[:, None] - 1
     encoded = ((groups & np.uint64(0x7F)) | (more.astype(np.uint64) << np.uint64(7))).astype(np.uint8)
     kept = np.arange(width) < sizes[:, None]
-    return ByteRows(encoded[kept], offsets_of(sizes))
+    return ByteRows(encoded[kept], offsets_from_sizes(sizes))
 
 
-def varint(value: int) -> bytes:
+def encode_varint(value: int) -> bytes:
     """Encode one non-negative number as a protobuf varint."""
     encoded = bytearray()
     while value > 0x7F:

@@ -13,20 +13,27 @@ from functools import lru_cache
 
 import numpy as np
 
-from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, Definitions, MessageField, find_definition, parse_definitions
+from cwcli.logs.codecs.ros2msg import (
+    PRIMITIVE_DTYPES,
+    STRING_TYPE,
+    Definitions,
+    MessageField,
+    find_message_fields,
+    parse_message_definitions,
+)
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
-from cwcli.logs.write.cdr_fit import SECONDS, TIMES, unfit_numbers
-from cwcli.logs.write.column_tree import ColumnError, Tree, elements, tree_of
-from cwcli.logs.write.ros_schemas import ros_schema
-from cwcli.logs.write.row_assembly import Fixed, Piece, Varying, assemble, constant
+from cwcli.logs.write.cdr_fit import SECONDS_TYPE, TIME_TYPES, unrepresentable_mask
+from cwcli.logs.write.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
+from cwcli.logs.write.ros_schemas import ros2msg_schema_text
+from cwcli.logs.write.row_assembly import FixedPiece, Piece, VaryingPiece, assemble_rows, constant_piece
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
 
-CDR_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+CDR_LITTLE_ENDIAN_HEADER = b"\x00\x01\x00\x00"
 """The encapsulation header of plain little-endian CDR (DDSI-RTPS 2.5, 10)."""
-MAX_ALIGNMENT = 8
+MAX_ALIGNMENT_BYTES = 8
 """The largest alignment of a number in bytes (CDR version 1)."""
-NO_BYTES = np.zeros(MAX_ALIGNMENT, np.uint8)
+PADDING_BYTES = np.zeros(MAX_ALIGNMENT_BYTES, np.uint8)
 """The zero bytes from which padding is taken."""
 
 
@@ -44,21 +51,21 @@ def encode_cdr(schema_name: str, fields: Mapping[str, OutputField], n: int) -> B
     Raises:
         KeyError: There is no such message.
         ColumnError: A path names no field, or a column has the wrong kind for it or holds a number that does not fit
-            (`unfit_rows` finds such rows).
+            (`unrepresentable_row_masks` finds such rows).
     """
-    root, definitions = _definitions(schema_name)
-    body = _Rows(np.zeros(n, np.int64))
-    _add_message(body, definitions, root, tree_of(fields))
-    return assemble([constant(CDR_LITTLE_ENDIAN), *body.pieces], n)
+    root, definitions = _parse_cached_definitions(schema_name)
+    body = _CdrRows(np.zeros(n, np.int64))
+    _append_message(body, definitions, root, build_column_tree(fields))
+    return assemble_rows([constant_piece(CDR_LITTLE_ENDIAN_HEADER), *body.pieces], n)
 
 
 @lru_cache(maxsize=64)
-def _definitions(schema_name: str) -> tuple[str, Definitions]:
+def _parse_cached_definitions(schema_name: str) -> tuple[str, Definitions]:
     """Return short name of the root message and all message definitions of a schema that cwcli writes."""
-    return parse_definitions(schema_name, ros_schema(schema_name))
+    return parse_message_definitions(schema_name, ros2msg_schema_text(schema_name))
 
 
-class _Rows:
+class _CdrRows:
     """Rows that grow piece by piece.
 
     Attributes:
@@ -73,12 +80,12 @@ class _Rows:
     def __len__(self) -> int:
         return len(self.place)
 
-    def add(self, piece: Piece) -> None:
+    def append_piece(self, piece: Piece) -> None:
         """Append a piece to every row."""
         self.pieces.append(piece)
-        self.place = self.place + (piece.size if isinstance(piece, Fixed) else piece.sizes)
+        self.place = self.place + (piece.bytes_per_row if isinstance(piece, FixedPiece) else piece.sizes)
 
-    def align(self, size: int, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] | None = None) -> None:
+    def append_padding(self, size: int, where: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] | None = None) -> None:
         """Append zeros up to a multiple of the size, in the rows of the mask `where`."""
         gap = -self.place % size
         if where is not None:
@@ -86,53 +93,55 @@ class _Rows:
         if not gap.any():
             return
         if (gap == gap[0]).all():
-            self.add(constant(bytes(int(gap[0]))))
+            self.append_piece(constant_piece(bytes(int(gap[0]))))
         else:
-            self.add(Varying(NO_BYTES, np.zeros(len(gap), np.int64), gap))
+            self.append_piece(VaryingPiece(PADDING_BYTES, np.zeros(len(gap), np.int64), gap))
 
-    def numbers(self, code: str, values: NumericArray) -> None:
+    def append_numbers(self, code: str, values: NumericArray) -> None:
         """Append the same number of values to each row, aligned; `code` is a NumPy type without byte order."""
         dtype = np.dtype(f"<{code}")
-        self.align(dtype.itemsize)
-        self.add(Fixed(np.ascontiguousarray(values, dtype)))
+        self.append_padding(dtype.itemsize)
+        self.append_piece(FixedPiece(np.ascontiguousarray(values, dtype)))
 
-    def counts(self, counts: Int64Array) -> None:
+    def append_counts(self, counts: Int64Array) -> None:
         """Append a 32-bit length to each row."""
-        self.numbers("u4", counts)
+        self.append_numbers("u4", counts)
 
 
-def _add_message(rows: _Rows, definitions: Definitions, name: str, tree: Tree) -> None:
-    fields = find_definition(definitions, name)
+def _append_message(rows: _CdrRows, definitions: Definitions, name: str, tree: Tree) -> None:
+    fields = find_message_fields(definitions, name)
     unknown = sorted(set(tree) - {field.name for field in fields})
     if unknown:
         raise ColumnError(f"{name} has no field {', '.join(unknown)}")
     for field in fields:
         try:
-            _add_field(rows, definitions, field, tree.get(field.name))
+            _append_field(rows, definitions, field, tree.get(field.name))
         except ColumnError as error:
             raise ColumnError(f"{name}.{field.name}: {error}") from error
 
 
-def _add_field(rows: _Rows, definitions: Definitions, field: MessageField, column: OutputField | Tree | None) -> None:
+def _append_field(
+    rows: _CdrRows, definitions: Definitions, field: MessageField, column: OutputField | Tree | None
+) -> None:
     if column is not None and not isinstance(column, Mapping) and len(column) != len(rows):
         raise ColumnError(f"{len(column)} rows instead of {len(rows)}")
     is_array = field.is_sequence or field.length is not None
-    if field.type in PRIMITIVES:
+    if field.type in PRIMITIVE_DTYPES:
         if is_array:
-            _add_array(rows, field, column)
+            _append_array(rows, field, column)
         else:
-            _add_number(rows, field, column)
-    elif field.type == STRING and not is_array:
-        _add_text(rows, column)
-    elif field.type == STRING or field.length is not None:
+            _append_number(rows, field, column)
+    elif field.type == STRING_TYPE and not is_array:
+        _append_text(rows, column)
+    elif field.type == STRING_TYPE or field.length is not None:
         raise ColumnError("arrays of texts and of messages are not supported")
     elif field.is_sequence:
-        _add_sequence(rows, definitions, field.type, column)
+        _append_sequence(rows, definitions, field.type, column)
     else:
-        _add_message(rows, definitions, field.type, _inner(field.type, column))
+        _append_message(rows, definitions, field.type, _fields_of_nested_message(field.type, column))
 
 
-def _inner(name: str, column: OutputField | Tree | None) -> Tree:
+def _fields_of_nested_message(name: str, column: OutputField | Tree | None) -> Tree:
     """Return the column tree of a message inside a message.
 
     Raises:
@@ -142,53 +151,55 @@ def _inner(name: str, column: OutputField | Tree | None) -> Tree:
         return {}
     if isinstance(column, Mapping):
         return column
-    if name in TIMES and isinstance(column, np.ndarray):
+    if name in TIME_TYPES and isinstance(column, np.ndarray):
         seconds, nanos = np.divmod(column, NS_PER_S)
-        return {"sec": _fitting(SECONDS, seconds), "nanosec": nanos}
+        return {"sec": _check_numbers_fit_type(SECONDS_TYPE, seconds), "nanosec": nanos}
     raise ColumnError("it is a message: name the fields inside")
 
 
-def _fitting(type_name: str, values: NumericArray) -> NumericArray:
+def _check_numbers_fit_type(type_name: str, values: NumericArray) -> NumericArray:
     """Return the numbers unchanged.
 
     Raises:
         ColumnError: The primitive type can't represent some of them.
     """
-    n_unfit = int(np.count_nonzero(unfit_numbers(type_name, values)))
+    n_unfit = int(np.count_nonzero(unrepresentable_mask(type_name, values)))
     if n_unfit:
         raise ColumnError(f"{n_unfit} of {values.size} numbers do not fit in {type_name}")
     return values
 
 
-def _add_number(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
+def _append_number(rows: _CdrRows, field: MessageField, column: OutputField | Tree | None) -> None:
     if column is None:
         column = np.zeros(len(rows))
     if not isinstance(column, np.ndarray) or column.ndim != 1:
         raise ColumnError("it holds one number")
-    rows.numbers(PRIMITIVES[field.type], _fitting(field.type, column))
+    rows.append_numbers(PRIMITIVE_DTYPES[field.type], _check_numbers_fit_type(field.type, column))
 
 
-def _add_array(rows: _Rows, field: MessageField, column: OutputField | Tree | None) -> None:
-    code = PRIMITIVES[field.type]
+def _append_array(rows: _CdrRows, field: MessageField, column: OutputField | Tree | None) -> None:
+    code = PRIMITIVE_DTYPES[field.type]
     if column is None:
         column = np.zeros((len(rows), field.length or 0))
     if field.length is not None:
         if not isinstance(column, np.ndarray) or column.shape != (len(rows), field.length):
             raise ColumnError(f"it holds {field.length} numbers")
-        rows.numbers(code, _fitting(field.type, column))
+        rows.append_numbers(code, _check_numbers_fit_type(field.type, column))
         return
     if isinstance(column, np.ndarray) and column.ndim == 2:
         column = Ragged(column.ravel(), np.arange(len(column) + 1, dtype=np.int64) * column.shape[1])
     if not isinstance(column, Ragged):
         raise ColumnError("it needs an (n, k) array or a ragged column")
-    values = np.ascontiguousarray(_fitting(field.type, column.values), f"<{code}")
+    values = np.ascontiguousarray(_check_numbers_fit_type(field.type, column.values), f"<{code}")
     counts = np.diff(column.offsets)
-    rows.counts(counts)
-    rows.align(values.itemsize, counts > 0)  # nothing is aligned for numbers that are not there
-    rows.add(Varying(values.view(np.uint8), column.offsets[:-1] * values.itemsize, counts * values.itemsize))
+    rows.append_counts(counts)
+    rows.append_padding(values.itemsize, counts > 0)  # nothing is aligned for numbers that are not there
+    rows.append_piece(
+        VaryingPiece(values.view(np.uint8), column.offsets[:-1] * values.itemsize, counts * values.itemsize)
+    )
 
 
-def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
+def _append_text(rows: _CdrRows, column: OutputField | Tree | None) -> None:
     """Append texts: the length with the final zero, and the text. Absent texts are empty; a zero inside is replaced."""
     if column is None:
         column = Strings(np.full(len(rows), -1, np.int32), ())
@@ -197,32 +208,32 @@ def _add_text(rows: _Rows, column: OutputField | Tree | None) -> None:
     texts = [value.replace("\0", "\N{REPLACEMENT CHARACTER}").encode(errors="replace") for value in column.values]
     entries = join_rows([text + b"\0" for text in (*texts, b"")])
     codes = np.where(column.codes < 0, len(texts), column.codes)
-    rows.counts(entries.sizes[codes])
-    rows.add(Varying(entries.data, entries.offsets[codes], entries.sizes[codes]))
+    rows.append_counts(entries.sizes[codes])
+    rows.append_piece(VaryingPiece(entries.data, entries.offsets[codes], entries.sizes[codes]))
 
 
-def _add_sequence(rows: _Rows, definitions: Definitions, name: str, column: OutputField | Tree | None) -> None:
+def _append_sequence(rows: _CdrRows, definitions: Definitions, name: str, column: OutputField | Tree | None) -> None:
     """Append a sequence of messages. The size of an element depends on its start modulo eight."""
     if column is None:
-        rows.counts(np.zeros(len(rows), np.int64))
+        rows.append_counts(np.zeros(len(rows), np.int64))
         return
-    repeated = column if isinstance(column, Repeated) else elements(column)
-    tree = tree_of(repeated.fields)
-    rows.counts(np.diff(repeated.offsets))
+    repeated = column if isinstance(column, Repeated) else repeated_from_ragged_leaves(column)
+    tree = build_column_tree(repeated.fields)
+    rows.append_counts(np.diff(repeated.offsets))
 
-    def encode_elements_at(place: Int64Array) -> _Rows:
-        each = _Rows(place)
-        _add_message(each, definitions, name, tree)
+    def encode_elements_at(place: Int64Array) -> _CdrRows:
+        each = _CdrRows(place)
+        _append_message(each, definitions, name, tree)
         return each
 
-    place = _element_places(rows.place, repeated.offsets, encode_elements_at)
-    encoded = assemble(encode_elements_at(place).pieces, len(place))
+    place = _element_alignment_offsets(rows.place, repeated.offsets, encode_elements_at)
+    encoded = assemble_rows(encode_elements_at(place).pieces, len(place))
     bounds = encoded.offsets[repeated.offsets]
-    rows.add(Varying(encoded.data, bounds[:-1], np.diff(bounds)))
+    rows.append_piece(VaryingPiece(encoded.data, bounds[:-1], np.diff(bounds)))
 
 
-def _element_places(
-    row_place: Int64Array, offsets: Int64Array, encode_elements_at: Callable[[Int64Array], _Rows]
+def _element_alignment_offsets(
+    row_place: Int64Array, offsets: Int64Array, encode_elements_at: Callable[[Int64Array], _CdrRows]
 ) -> Int64Array:
     """Return the start of each element modulo eight, which is the end of the element before it in its row.
 
@@ -233,15 +244,15 @@ def _element_places(
     """
     total, counts = int(offsets[-1]), np.diff(offsets)
     ends: dict[int, list[int]] = {}
-    open_places = set((row_place[counts > 0] % MAX_ALIGNMENT).tolist())
+    open_places = set((row_place[counts > 0] % MAX_ALIGNMENT_BYTES).tolist())
     while open_places:
         place = open_places.pop()
-        end = encode_elements_at(np.full(total, place, np.int64)).place % MAX_ALIGNMENT
+        end = encode_elements_at(np.full(total, place, np.int64)).place % MAX_ALIGNMENT_BYTES
         ends[place] = end.tolist()
         open_places |= set(np.unique(end).tolist()) - set(ends)
     places: list[int] = []
     for row in np.flatnonzero(counts).tolist():
-        place = int(row_place[row]) % MAX_ALIGNMENT
+        place = int(row_place[row]) % MAX_ALIGNMENT_BYTES
         for k in range(int(offsets[row]), int(offsets[row + 1])):
             places.append(place)
             place = ends[place][k]

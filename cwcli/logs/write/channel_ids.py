@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cwcli.errors import OutputError
-from cwcli.logs.format.index import Index
+from cwcli.logs.format.index import LogIndex
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.write.written_schema import written_schema
+from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.signals.columns import OutputChannel
 
-MAX_ID = 0xFFFF
+MAX_RECORD_ID = 0xFFFF
 """The greatest id of a schema or a channel: the format has 16 bits for it (MCAP specification)."""
 
 
@@ -24,7 +24,9 @@ class NewChannel:
     channel: Channel
 
 
-def assign_ids(index: Index, channels: Sequence[OutputChannel], replaced: Mapping[int, Channel]) -> list[NewChannel]:
+def assign_channel_ids(
+    index: LogIndex, channels: Sequence[OutputChannel], replaced: Mapping[int, Channel]
+) -> list[NewChannel]:
     """Return schema and channel records for the new channels.
 
     An equal schema of the source is used again. A new id is larger than all of the source's, even those of channels
@@ -40,7 +42,7 @@ def assign_ids(index: Index, channels: Sequence[OutputChannel], replaced: Mappin
     next_channel_id = max(index.channels, default=0) + 1
     new: list[NewChannel] = []
     for columns in channels:
-        message = written_schema(columns.schema_name)
+        message = find_output_schema(columns.schema_name)
         key = (message.name, message.encoding, message.data)
         if key not in schema_ids:
             schema_ids[key] = next_schema_id
@@ -53,6 +55,6 @@ def assign_ids(index: Index, channels: Sequence[OutputChannel], replaced: Mappin
         else:
             next_channel_id += 1
         new.append(NewChannel(columns, schema, channel))
-    if max(next_schema_id, next_channel_id) > MAX_ID + 1:
+    if max(next_schema_id, next_channel_id) > MAX_RECORD_ID + 1:
         raise OutputError("the log has no room for more channels: their ids end at 65,535")
     return new

@@ -15,7 +15,7 @@ class ColumnError(ValueError):
     """The columns don't fit the message."""
 
 
-def tree_of(fields: Mapping[str, OutputField]) -> Tree:
+def build_column_tree(fields: Mapping[str, OutputField]) -> Tree:
     """Turn columns by dotted path into nested mappings.
 
     Raises:
@@ -32,17 +32,17 @@ def tree_of(fields: Mapping[str, OutputField]) -> Tree:
     for head, inner in below.items():
         if head in tree:
             raise ColumnError(f"both {head} and {head}.* are given")
-        tree[head] = tree_of(inner)
+        tree[head] = build_column_tree(inner)
     return tree
 
 
-def elements(column: OutputField | Tree) -> Repeated:
+def repeated_from_ragged_leaves(column: OutputField | Tree) -> Repeated:
     """Join the ragged leaves of a repeated message to one `Repeated`; they must agree on the offsets.
 
     Raises:
         ColumnError: They don't, or are not ragged.
     """
-    inside = dict(leaves(column)) if isinstance(column, Mapping) else {}
+    inside = dict(list_leaf_columns(column)) if isinstance(column, Mapping) else {}
     offsets: Int64Array | None = None
     fields: dict[str, OutputField] = {}
     for path, leaf in inside.items():
@@ -57,9 +57,9 @@ def elements(column: OutputField | Tree) -> Repeated:
     return Repeated(offsets, fields)
 
 
-def leaves(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
+def list_leaf_columns(tree: Tree, prefix: str = "") -> list[tuple[str, OutputField]]:
     """List dotted path and column of each leaf."""
     found: list[tuple[str, OutputField]] = []
     for name, node in tree.items():
-        found += leaves(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
+        found += list_leaf_columns(node, f"{prefix}{name}.") if isinstance(node, Mapping) else [(prefix + name, node)]
     return found

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_of, windows
+from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.signals.columns import Int64Array
 
 OPCODE_MESSAGE = 0x05
 """The opcode of a message record (MCAP specification)."""
-MESSAGE_HEADER = np.dtype(
+MESSAGE_RECORD_DTYPE = np.dtype(
     [
         ("opcode", "u1"),
         ("length", "<u8"),
@@ -29,23 +29,23 @@ MESSAGE_HEADER = np.dtype(
 """The bytes of a message record before its payload (MCAP specification)."""
 RECORD_PREFIX_BYTES = 9
 """Size in bytes of a record's opcode and length (MCAP specification)."""
-INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
+INDEX_ENTRY_DTYPE = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 """An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
-MAX_CHUNK_BYTES = 1 << 20
+NEW_CHUNK_BYTES = 1 << 20
 """The expected size in bytes at which a new chunk is full. Chosen by hand."""
-BLOCK_BYTES = 4 << 20
+ENCODE_BLOCK_BYTES = 4 << 20
 """Bytes of messages that are encoded at a time. Chosen by hand."""
-PROBE_ROWS = 64
+N_PROBE_ROWS = 64
 """The number of rows that are encoded to learn the mean size of a message. Chosen by hand."""
-SHORT_ROWS = 512
+MAX_ROWS_ENCODED_AT_ONCE = 512
 """The number of rows up to which a channel is encoded as a whole at once. Chosen by hand."""
-LOOK_AHEAD = 1 << 16
+MAX_LOOK_AHEAD_MESSAGES = 1 << 16
 """The greatest number of messages in a new chunk. Chosen by hand."""
 
 
 @dataclass
-class Feed:
+class MessageFeed:
     """The messages of one channel, encoded when they are needed.
 
     Attributes:
@@ -64,7 +64,7 @@ class Feed:
     publish_time_ns: Int64Array
     encode: Callable[[int, int], ByteRows]
     first_sequence: int = 0
-    probe_rows: int = PROBE_ROWS
+    probe_rows: int = N_PROBE_ROWS
     _next: int = 0
     _block_start: int = 0
     _block: ByteRows | None = field(default=None, repr=False)
@@ -77,24 +77,24 @@ class Feed:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
-    def mean_size(self) -> float:
+    def mean_message_bytes(self) -> float:
         """Return the mean size in bytes of a message with its header, from the first messages."""
         if not self._mean_size and len(self):
-            is_short = self.probe_rows == PROBE_ROWS and len(self) <= SHORT_ROWS
+            is_short = self.probe_rows == N_PROBE_ROWS and len(self) <= MAX_ROWS_ENCODED_AT_ONCE
             probe = self.encode(0, len(self) if is_short else min(self.probe_rows, len(self)))
             if is_short:
                 self._block = probe
-            self._mean_size = float(probe.sizes[: self.probe_rows].mean()) + MESSAGE_HEADER.itemsize
+            self._mean_size = float(probe.sizes[: self.probe_rows].mean()) + MESSAGE_RECORD_DTYPE.itemsize
         return self._mean_size
 
-    def take(self, n: int) -> tuple[slice, ByteRows]:
+    def take_messages(self, n: int) -> tuple[slice, ByteRows]:
         """Take the next n messages; return their rows and bytes."""
         start, stop = self._next, self._next + n
         self._next = stop
         if self._block is None or stop > self._block_start + len(self._block):
-            ahead = max(int(BLOCK_BYTES / max(self.mean_size(), 1.0)), n)
+            ahead = max(int(ENCODE_BLOCK_BYTES / max(self.mean_message_bytes(), 1.0)), n)
             self._block_start, self._block = start, self.encode(start, min(start + ahead, len(self)))
-        return slice(start, stop), self._block.rows(start - self._block_start, stop - self._block_start)
+        return slice(start, stop), self._block.slice_rows(start - self._block_start, stop - self._block_start)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class ChunkPayload:
     Attributes:
         data: Message records in log-time order, with `by_channel` grouped by channel.
         start_ns, end_ns: First and last log time.
-        entries: Channel id -> (log time, offset in `data`) of its messages, dtype `INDEX_ENTRY`.
+        entries: Channel id -> (log time, offset in `data`) of its messages, dtype `INDEX_ENTRY_DTYPE`.
     """
 
     data: ByteArray
@@ -125,7 +125,7 @@ class MessageMerge:
         log_time_ns: Shape (n,), non-decreasing.
     """
 
-    def __init__(self, feeds: Sequence[Feed], *, by_channel: bool = False) -> None:
+    def __init__(self, feeds: Sequence[MessageFeed], *, by_channel: bool = False) -> None:
         self._by_channel = by_channel
         self._feeds = [feed for feed in feeds if len(feed)]
         times = [feed.log_time_ns for feed in self._feeds]
@@ -135,7 +135,7 @@ class MessageMerge:
         self._feed_of = np.repeat(np.arange(len(times), dtype=np.int32), [len(each) for each in times])[order]
         self._position = 0
 
-    def take_until(self, time_ns: int | None, *, min_bytes: int = 0) -> Iterator[ChunkPayload]:
+    def iter_chunk_payloads_until(self, time_ns: int | None, *, min_bytes: int = 0) -> Iterator[ChunkPayload]:
         """Yield chunk contents of the remaining messages up to a log time.
 
         Args:
@@ -145,17 +145,17 @@ class MessageMerge:
         stop = len(self.log_time_ns)
         if time_ns is not None:
             stop = int(np.searchsorted(self.log_time_ns, time_ns, side="right"))
-        mean_sizes = np.array([feed.mean_size() for feed in self._feeds])
+        mean_sizes = np.array([feed.mean_message_bytes() for feed in self._feeds])
         while self._position < stop:
-            ahead = self._feed_of[self._position : min(stop, self._position + LOOK_AHEAD)]
+            ahead = self._feed_of[self._position : min(stop, self._position + MAX_LOOK_AHEAD_MESSAGES)]
             expected_bytes = np.cumsum(mean_sizes[ahead])
             if expected_bytes[-1] < min_bytes:
                 return
-            n = max(int(np.searchsorted(expected_bytes, MAX_CHUNK_BYTES, side="right")), 1)
-            yield self._payload(ahead[:n])
+            n = max(int(np.searchsorted(expected_bytes, NEW_CHUNK_BYTES, side="right")), 1)
+            yield self._build_next_payload(ahead[:n])
             min_bytes = 0
 
-    def _payload(self, feed_of: npt.NDArray[np.int32]) -> ChunkPayload:
+    def _build_next_payload(self, feed_of: npt.NDArray[np.int32]) -> ChunkPayload:
         """Build the content of a chunk from the next messages; `feed_of` is the feed number of each."""
         n = len(feed_of)
         log_time_ns = self.log_time_ns[self._position : self._position + n]
@@ -164,31 +164,33 @@ class MessageMerge:
         if self._by_channel:
             order = np.argsort(feed_of, kind="stable")
             feed_of, log_time_ns = feed_of[order], log_time_ns[order]
-        header = np.zeros(n, MESSAGE_HEADER)
+        header = np.zeros(n, MESSAGE_RECORD_DTYPE)
         header["opcode"] = OPCODE_MESSAGE
         header["log_time"] = log_time_ns
         taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
         for k in sorted(set(feed_of.tolist())):
             feed = self._feeds[k]
             at = np.flatnonzero(feed_of == k)
-            rows, messages = feed.take(len(at))
+            rows, messages = feed.take_messages(len(at))
             header["channel_id"][at] = feed.channel_id
             header["sequence"][at] = feed.first_sequence + np.arange(rows.start, rows.stop)
             header["publish_time"][at] = feed.publish_time_ns[rows]
-            header["length"][at] = messages.sizes + (MESSAGE_HEADER.itemsize - RECORD_PREFIX_BYTES)
+            header["length"][at] = messages.sizes + (MESSAGE_RECORD_DTYPE.itemsize - RECORD_PREFIX_BYTES)
             taken.append((at, messages))
-        offsets = offsets_of(header["length"].astype(np.int64) + RECORD_PREFIX_BYTES)
+        offsets = offsets_from_sizes(header["length"].astype(np.int64) + RECORD_PREFIX_BYTES)
         data = np.empty(int(offsets[-1]), np.uint8)
-        windows(data, MESSAGE_HEADER.itemsize)[offsets[:-1]] = header.view(np.dtype((np.void, MESSAGE_HEADER.itemsize)))
+        sliding_byte_windows(data, MESSAGE_RECORD_DTYPE.itemsize)[offsets[:-1]] = header.view(
+            np.dtype((np.void, MESSAGE_RECORD_DTYPE.itemsize))
+        )
         for at, messages in taken:
-            starts = offsets[at] + MESSAGE_HEADER.itemsize
+            starts = offsets[at] + MESSAGE_RECORD_DTYPE.itemsize
             copy_rows(data, starts, messages.data, messages.offsets[:-1], messages.sizes)
-        return ChunkPayload(data, start_ns, end_ns, _entries(header, offsets))
+        return ChunkPayload(data, start_ns, end_ns, _index_entries_by_channel(header, offsets))
 
 
-def _entries(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt.NDArray[np.void]]:
-    """Return channel id -> index entries, dtype `INDEX_ENTRY`."""
-    entries = np.empty(len(header), INDEX_ENTRY)
+def _index_entries_by_channel(header: npt.NDArray[np.void], offsets: Int64Array) -> dict[int, npt.NDArray[np.void]]:
+    """Return channel id -> index entries, dtype `INDEX_ENTRY_DTYPE`."""
+    entries = np.empty(len(header), INDEX_ENTRY_DTYPE)
     entries["log_time"] = header["log_time"]
     entries["offset"] = offsets[:-1]
     channel_ids = header["channel_id"]

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.column_tree import ColumnError
-from cwcli.logs.write.message_merge import Feed
-from cwcli.logs.write.written_schema import written_schema
-from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, column_rows
+from cwcli.logs.write.message_merge import MessageFeed
+from cwcli.logs.write.output_schema import find_output_schema
+from cwcli.signals.columns import Int64Array, OutputChannel, StreamedChannel, slice_column
 
-PROBED_STREAM_ROWS = 2
+N_PROBE_ROWS_OF_STREAM = 2
 """The number of rows of a streamed channel that are encoded to learn the mean size of a message. Chosen by hand: each
 row may be an image."""
 
 
-def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0) -> Feed:
+def feed_from_columns(channel: OutputChannel, channel_id: int, first_sequence: int = 0) -> MessageFeed:
     """Return the messages of a channel given as columns; their publish time is their log time.
 
     Raises:
@@ -22,39 +22,39 @@ def column_feed(channel: OutputChannel, channel_id: int, first_sequence: int = 0
         ValueError: The log times go back.
     """
     if isinstance(channel, StreamedChannel):
-        return _streamed_feed(channel, channel_id, first_sequence)
+        return _feed_from_stream(channel, channel_id, first_sequence)
     n = len(channel)
     for path, column in channel.fields.items():
         if len(column) != n:
             raise ColumnError(f"{channel.topic}: {path} has {len(column)} rows instead of {n}")
-    schema = written_schema(channel.schema_name)
+    schema = find_output_schema(channel.schema_name)
 
     def encode(start: int, stop: int) -> ByteRows:
-        rows = {path: column_rows(column, start, stop) for path, column in channel.fields.items()}
+        rows = {path: slice_column(column, start, stop) for path, column in channel.fields.items()}
         return schema.encode(rows, stop - start)
 
     times = channel.log_time_ns
-    return Feed(channel_id, times, times, encode, first_sequence)
+    return MessageFeed(channel_id, times, times, encode, first_sequence)
 
 
-def _streamed_feed(channel: StreamedChannel, channel_id: int, first_sequence: int) -> Feed:
+def _feed_from_stream(channel: StreamedChannel, channel_id: int, first_sequence: int) -> MessageFeed:
     """Return the messages of a channel whose columns are computed when needed."""
-    schema = written_schema(channel.schema_name)
+    schema = find_output_schema(channel.schema_name)
 
     def encode(start: int, stop: int) -> ByteRows:
-        return schema.encode(channel.rows(start, stop), stop - start)
+        return schema.encode(channel.make_rows(start, stop), stop - start)
 
     times = channel.log_time_ns
-    return Feed(channel_id, times, times, encode, first_sequence, probe_rows=PROBED_STREAM_ROWS)
+    return MessageFeed(channel_id, times, times, encode, first_sequence, probe_rows=N_PROBE_ROWS_OF_STREAM)
 
 
-def row_feed(
+def feed_from_encoded_messages(
     channel_id: int,
     messages: ByteRows,
     log_time_ns: Int64Array,
     publish_time_ns: Int64Array,
     first_sequence: int = 0,
-) -> Feed:
+) -> MessageFeed:
     """Return messages that are encoded already, with their times (n,) in ns.
 
     Raises:
@@ -64,4 +64,4 @@ def row_feed(
         raise ValueError(
             f"{len(messages)} messages, {len(log_time_ns)} log times and {len(publish_time_ns)} publish times"
         )
-    return Feed(channel_id, log_time_ns, publish_time_ns, messages.rows, first_sequence)
+    return MessageFeed(channel_id, log_time_ns, publish_time_ns, messages.slice_rows, first_sequence)

@@ -13,18 +13,18 @@ ROS_ENCODINGS = {"ros1": ("ros1", ("ros1msg",)), "ros2": ("cdr", ("ros2msg", "ro
 """Profile -> message encoding, and the allowed schema encodings (MCAP registry, "Well-known profiles")."""
 
 
-def is_of_profile(profile: str, message_encoding: str, schema_encoding: str) -> bool:
+def matches_ros_profile(profile: str, message_encoding: str, schema_encoding: str) -> bool:
     """Tell whether a channel conforms to a ROS profile; it may lack a schema (""), if the recorder did not find one."""
     expected, schema_encodings = ROS_ENCODINGS[profile]
     return message_encoding == expected and schema_encoding in ("", *schema_encodings)
 
 
-def kept_profile(profile: str, channels: Iterable[Channel], schemas: Mapping[int, Schema]) -> str:
+def profile_that_channels_keep(profile: str, channels: Iterable[Channel], schemas: Mapping[int, Schema]) -> str:
     """Return the profile, or "" if it is a ROS profile and a channel does not conform, on which other tools fail."""
     if profile not in ROS_ENCODINGS:
         return profile
     for channel in channels:
         schema = schemas.get(channel.schema_id)
-        if not is_of_profile(profile, channel.message_encoding, schema.encoding if schema else ""):
+        if not matches_ros_profile(profile, channel.message_encoding, schema.encoding if schema else ""):
             return ""
     return profile

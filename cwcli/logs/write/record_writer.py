@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 from cwcli.input import InputFile
 from cwcli.logs.format import record_bytes
-from cwcli.logs.format.metadata_table import MetadataTable, Run
+from cwcli.logs.format.metadata_table import MetadataRun, MetadataTable
 from cwcli.logs.format.records import (
-    ATTACHMENT_INDEX,
-    CHANNEL,
-    CHUNK_INDEX,
-    MAGIC,
-    METADATA_INDEX,
-    SCHEMA,
-    STATISTICS,
+    MCAP_MAGIC,
+    OPCODE_ATTACHMENT_INDEX,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK_INDEX,
+    OPCODE_METADATA_INDEX,
+    OPCODE_SCHEMA,
+    OPCODE_STATISTICS,
     AttachmentIndex,
     Channel,
     ChunkIndex,
@@ -27,7 +27,7 @@ from cwcli.logs.format.records import (
     Statistics,
 )
 from cwcli.logs.write.message_merge import ChunkPayload
-from cwcli.output_stream import Output
+from cwcli.output_stream import OutputStream
 
 if TYPE_CHECKING:
     import zstandard
@@ -43,7 +43,7 @@ class RecordWriter:
     attachment and the summary carry their CRC, and another one over all bytes would double the time of a copy.
     """
 
-    def __init__(self, output: Output) -> None:
+    def __init__(self, output: OutputStream) -> None:
         self._output = output
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
@@ -55,49 +55,49 @@ class RecordWriter:
         self._last_ns = 0
         self._compressor: zstandard.ZstdCompressor | None = None
 
-    def header(self, profile: str, library: str) -> None:
+    def write_header(self, profile: str, library: str) -> None:
         """Write magic bytes and header, the first bytes of the file."""
-        self._output.write(MAGIC + record_bytes.header(profile, library))
+        self._output.write(MCAP_MAGIC + record_bytes.encode_header(profile, library))
 
-    def schema(self, schema: Schema, *, listed_only: bool = False) -> None:
+    def write_schema(self, schema: Schema, *, listed_only: bool = False) -> None:
         """Write a schema to the data section and the summary; with `listed_only` to the summary alone."""
         self._schemas[schema.id] = schema
         if not listed_only:
-            self._output.write(record_bytes.schema(schema))
+            self._output.write(record_bytes.encode_schema(schema))
 
-    def channel(self, channel: Channel, *, listed_only: bool = False) -> None:
+    def write_channel(self, channel: Channel, *, listed_only: bool = False) -> None:
         """Write a channel to the data section and the summary; with `listed_only` to the summary alone."""
         self._channels[channel.id] = channel
         self._counts.setdefault(channel.id, 0)
         if not listed_only:
-            self._output.write(record_bytes.channel(channel))
+            self._output.write(record_bytes.encode_channel(channel))
 
-    def chunk(self, payload: ChunkPayload) -> None:
+    def write_chunk(self, payload: ChunkPayload) -> None:
         """Write new messages: a compressed chunk, and a message index for each of its channels."""
         if self._compressor is None:
             import zstandard
 
             self._compressor = zstandard.ZstdCompressor(ZSTD_LEVEL)
-        self.raw_chunk(payload, "zstd", self._compressor.compress(payload.data.data))
+        self.write_stored_chunk(payload, "zstd", self._compressor.compress(payload.data.data))
 
-    def raw_chunk(
+    def write_stored_chunk(
         self, payload: ChunkPayload, compression: str, stored: bytes | memoryview, *, is_indexed: bool = True
     ) -> None:
         """Write a chunk whose bytes are compressed already (`stored`), with or without message indexes."""
         start, size = self._output.position, len(payload.data)
         crc = zlib.crc32(payload.data.data)
         self._output.write(
-            record_bytes.chunk_head(payload.start_ns, payload.end_ns, size, crc, compression, len(stored))
+            record_bytes.encode_chunk_head(payload.start_ns, payload.end_ns, size, crc, compression, len(stored))
         )
         self._output.write(stored)
         end = self._output.position
         offsets: dict[int, int] = {}
         for channel_id, entries in payload.entries.items() if is_indexed else ():
             offsets[channel_id] = self._output.position
-            self._output.write(record_bytes.message_index(channel_id, entries.tobytes()))
+            self._output.write(record_bytes.encode_message_index(channel_id, entries.tobytes()))
         counts = {channel_id: len(entries) for channel_id, entries in payload.entries.items()}
         span, index_length = (payload.start_ns, payload.end_ns), self._output.position - end
-        self._list_chunk(
+        self._add_chunk_to_summary(
             ChunkIndex(*span, start, end - start, offsets, index_length, compression, len(stored), size, counts)
         )
 
@@ -105,12 +105,12 @@ class RecordWriter:
         """Copy a chunk of another file with its message indexes, byte for byte; `chunk.counts` must be set."""
         shift = self._output.position - chunk.chunk_start
         offsets = {channel_id: offset + shift for channel_id, offset in chunk.index_offsets.items()}
-        self.copy(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
-        self._list_chunk(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
+        self.copy_bytes(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
+        self._add_chunk_to_summary(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
 
-    def attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
+    def write_attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
         """Write a new attachment; times in ns."""
-        record = record_bytes.attachment(log_time_ns, create_time_ns, name, media_type, data)
+        record = record_bytes.encode_attachment(log_time_ns, create_time_ns, name, media_type, data)
         place = self._output.position, len(record)
         self._attachments.append(AttachmentIndex(*place, log_time_ns, create_time_ns, len(data), name, media_type))
         self._output.write(record)
@@ -118,30 +118,30 @@ class RecordWriter:
     def copy_attachment(self, source: InputFile, index: AttachmentIndex) -> None:
         """Copy an attachment record byte for byte; `index` gives its place in the source."""
         self._attachments.append(index._replace(offset=self._output.position))
-        self.copy(source, index.offset, index.length)
+        self.copy_bytes(source, index.offset, index.length)
 
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a new metadata record."""
-        data = record_bytes.metadata(name, values)
+        data = record_bytes.encode_metadata(name, values)
         self._metadata.append(self._output.position, len(data), name)
         self._output.write(data)
 
-    def copy_metadata(self, source: InputFile, run: Run, table: MetadataTable) -> None:
+    def copy_metadata(self, source: InputFile, run: MetadataRun, table: MetadataTable) -> None:
         """Copy metadata records byte for byte; run and table give their places in the source."""
         shift = self._output.position - run.start
         for row in range(run.first, run.stop):
             offset, length, name = table[row]
             self._metadata.append(offset + shift, length, name)
-        self.copy(source, run.start, run.end - run.start)
+        self.copy_bytes(source, run.start, run.end - run.start)
 
-    def record(self, data: bytes | memoryview) -> None:
+    def write_raw_record(self, data: bytes | memoryview) -> None:
         """Write the bytes of a record that the summary does not list."""
         self._output.write(data)
 
-    def copy(self, source: InputFile, start: int, length: int) -> None:
+    def copy_bytes(self, source: InputFile, start: int, length: int) -> None:
         """Copy bytes of another file that the summary does not list."""
-        file, start = source.place(start)
-        self._output.copy(file.descriptor, start, length)
+        file, start = source.part_and_offset(start)
+        self._output.copy_from_file(file.descriptor, start, length)
 
     def finish(self, kinds: Collection[int] | None = None, *, has_offsets: bool = True, data_crc: int = 0) -> None:
         """Write the data end record, the summary with its offsets, and the footer with the summary's CRC.
@@ -151,28 +151,28 @@ class RecordWriter:
             has_offsets: Write summary offset records.
             data_crc: CRC of the data section; 0 if it is not known.
         """
-        self._output.write(record_bytes.data_end(data_crc))
+        self._output.write(record_bytes.encode_data_end(data_crc))
         start = self._output.position
         summary, offsets = bytearray(), bytearray()
         groups = {
-            SCHEMA: [record_bytes.schema(each) for each in self._schemas.values()],
-            CHANNEL: [record_bytes.channel(each) for each in self._channels.values()],
-            STATISTICS: [record_bytes.statistics(self._statistics())],
-            CHUNK_INDEX: [record_bytes.chunk_index(each) for each in self._chunks],
-            ATTACHMENT_INDEX: [record_bytes.attachment_index(each) for each in self._attachments],
-            METADATA_INDEX: [record_bytes.metadata_index(each) for each in self._metadata],
+            OPCODE_SCHEMA: [record_bytes.encode_schema(each) for each in self._schemas.values()],
+            OPCODE_CHANNEL: [record_bytes.encode_channel(each) for each in self._channels.values()],
+            OPCODE_STATISTICS: [record_bytes.encode_statistics(self._build_statistics())],
+            OPCODE_CHUNK_INDEX: [record_bytes.encode_chunk_index(each) for each in self._chunks],
+            OPCODE_ATTACHMENT_INDEX: [record_bytes.encode_attachment_index(each) for each in self._attachments],
+            OPCODE_METADATA_INDEX: [record_bytes.encode_metadata_index(each) for each in self._metadata],
         }
         for opcode, records in groups.items():
             group = b"".join(records)
             if group and (kinds is None or opcode in kinds):
-                offsets += record_bytes.summary_offset(opcode, start + len(summary), len(group))
+                offsets += record_bytes.encode_summary_offset(opcode, start + len(summary), len(group))
                 summary += group
         offsets_start = start + len(summary) if has_offsets else 0
         summary += offsets if has_offsets else b""
-        footer = record_bytes.footer(start if summary else 0, offsets_start, summary)
-        self._output.write(summary + footer + MAGIC)
+        footer = record_bytes.encode_footer(start if summary else 0, offsets_start, summary)
+        self._output.write(summary + footer + MCAP_MAGIC)
 
-    def _statistics(self) -> Statistics:
+    def _build_statistics(self) -> Statistics:
         return Statistics(
             n_messages=sum(self._counts.values()),
             n_schemas=len(self._schemas),
@@ -185,7 +185,7 @@ class RecordWriter:
             channel_counts=self._counts,
         )
 
-    def _list_chunk(self, chunk: ChunkIndex) -> None:
+    def _add_chunk_to_summary(self, chunk: ChunkIndex) -> None:
         self._chunks.append(chunk)
         counts = chunk.counts or {}
         for channel_id, count in counts.items():

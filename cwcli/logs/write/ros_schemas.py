@@ -9,26 +9,26 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, parse_definitions, short_name
+from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, parse_message_definitions, short_message_name
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
 
-OWN_PACKAGE = "cwcli_msgs"
+CWCLI_ROS_PACKAGE = "cwcli_msgs"
 """The ROS 2 package name of cwcli's own messages."""
-OWN_PROTOBUF_PACKAGE = "cwcli.v1"
+CWCLI_PROTOBUF_PACKAGE = "cwcli.v1"
 """The protobuf package name of cwcli's own messages."""
-SEPARATOR = "=" * 80
+DEFINITION_SEPARATOR = "=" * 80
 """The line between two message definitions in a `ros2msg` schema (MCAP registry)."""
 
-_XYZ = "float64 x\nfloat64 y\nfloat64 z\n"
+_XYZ_FIELDS = "float64 x\nfloat64 y\nfloat64 z\n"
 """The fields of points and vectors in `geometry_msgs`."""
-_STANDARD = {
+_STANDARD_DEFINITIONS = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
-    "geometry_msgs/Point": _XYZ,
-    "geometry_msgs/Vector3": _XYZ,
-    "geometry_msgs/Quaternion": _XYZ + "float64 w\n",
+    "geometry_msgs/Point": _XYZ_FIELDS,
+    "geometry_msgs/Vector3": _XYZ_FIELDS,
+    "geometry_msgs/Quaternion": _XYZ_FIELDS + "float64 w\n",
     "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
     "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
     "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance\n",
@@ -61,67 +61,67 @@ _STANDARD = {
 }
 """Short name of a standard message -> its fields as text (common_interfaces, geometry2, rcl_interfaces)."""
 
-_SCALARS = {
+_ROS_TYPE_BY_PROTOBUF_TYPE = {
     1: "float64", 2: "float32", 3: "int64", 4: "uint64", 5: "int32", 6: "uint64", 7: "uint32", 8: "bool",
     9: "string", 13: "uint32", 14: "int32", 15: "int32", 16: "int64", 17: "int32", 18: "int64",
 }  # fmt: skip
 """Field type of protobuf (`FieldDescriptorProto.Type`) -> primitive type of ROS; an enum becomes a number."""
-_MESSAGE = 11
+_PROTOBUF_TYPE_MESSAGE = 11
 """The field type (`FieldDescriptorProto.Type`) of a message inside a message."""
 
 
-def is_ros(schema_name: str) -> bool:
+def is_ros_message_name(schema_name: str) -> bool:
     """Tell whether a schema's name is that of a ROS 2 message: `package/msg/Name`."""
     return "/msg/" in schema_name
 
 
 @cache
-def ros_schema(schema_name: str) -> str:
+def ros2msg_schema_text(schema_name: str) -> str:
     """Return the `ros2msg` text of a message: its fields, then the definition of each message inside.
 
     Raises:
         KeyError: There is no such message.
     """
-    root = short_name(schema_name)
-    bodies = {root: _body(root)}
+    root = short_message_name(schema_name)
+    bodies = {root: _definition_body(root)}
     waiting = [root]
     while waiting:
         name = waiting.pop(0)
-        _, definitions = parse_definitions(name, bodies[name])
+        _, definitions = parse_message_definitions(name, bodies[name])
         for field in definitions[name]:
-            if field.type not in PRIMITIVES and field.type != STRING and field.type not in bodies:
-                bodies[field.type] = _body(field.type)
+            if field.type not in PRIMITIVE_DTYPES and field.type != STRING_TYPE and field.type not in bodies:
+                bodies[field.type] = _definition_body(field.type)
                 waiting.append(field.type)
     parts = [bodies.pop(root), *(f"MSG: {name}\n{body}" for name, body in bodies.items())]
-    return f"{SEPARATOR}\n".join(parts)
+    return f"{DEFINITION_SEPARATOR}\n".join(parts)
 
 
-def _body(name: str) -> str:
+def _definition_body(name: str) -> str:
     """Return the field lines of a message by its short name.
 
     Raises:
         KeyError: There is no such message.
     """
     package, _, message = name.partition("/")
-    if package != OWN_PACKAGE:
-        return _STANDARD[name]
-    from cwcli.logs.write.schemas import message_schema
+    if package != CWCLI_ROS_PACKAGE:
+        return _STANDARD_DEFINITIONS[name]
+    from cwcli.logs.write.schemas import find_message_schema
 
-    descriptor = message_schema(f"{OWN_PROTOBUF_PACKAGE}.{message}").descriptor
-    return "".join(f"{line}\n" for line in _lines(descriptor))
+    descriptor = find_message_schema(f"{CWCLI_PROTOBUF_PACKAGE}.{message}").descriptor
+    return "".join(f"{line}\n" for line in _definition_lines(descriptor))
 
 
-def _lines(descriptor: Descriptor) -> list[str]:
+def _definition_lines(descriptor: Descriptor) -> list[str]:
     """Return the field lines of a protobuf message, each after the constants of its enum."""
     lines = []
     for field in sorted(descriptor.fields, key=lambda each: each.number):
         if field.enum_type is not None:
             lines += [f"int32 {value.name}={value.number}" for value in field.enum_type.values]
-        lines.append(f"{_type(field)}{'[]' if field.is_repeated else ''} {field.name}")
+        lines.append(f"{_ros_type_of_field(field)}{'[]' if field.is_repeated else ''} {field.name}")
     return lines
 
 
-def _type(field: FieldDescriptor) -> str:
-    if field.type == _MESSAGE:
-        return f"{OWN_PACKAGE}/{field.message_type.name}"
-    return _SCALARS[field.type]
+def _ros_type_of_field(field: FieldDescriptor) -> str:
+    if field.type == _PROTOBUF_TYPE_MESSAGE:
+        return f"{CWCLI_ROS_PACKAGE}/{field.message_type.name}"
+    return _ROS_TYPE_BY_PROTOBUF_TYPE[field.type]

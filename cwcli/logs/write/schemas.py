@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FileDescriptor
     from google.protobuf.descriptor_pool import DescriptorPool
 
-DESCRIPTOR_SET_NAME = "cwcli_v1.binpb"
+CWCLI_DESCRIPTOR_SET_FILE = "cwcli_v1.binpb"
 """The file with the compiled `cwcli.v1` schemas."""
-OSI_SET_NAME = "osi3_ground_truth.binpb"
+OSI_DESCRIPTOR_SET_FILE = "osi3_ground_truth.binpb"
 """The file with the compiled schemas of ASAM OSI 3.8.0."""
 
 
@@ -40,16 +40,18 @@ class MessageSchema:
 
 
 @cache
-def message_schema(name: str) -> MessageSchema:
+def find_message_schema(name: str) -> MessageSchema:
     """Return the schema of a message by its full name.
 
     Raises:
         KeyError: There is no such message.
     """
     standard = name.startswith("foxglove.")
-    kept = OSI_SET_NAME if name.startswith("osi3.") else DESCRIPTOR_SET_NAME
-    descriptor = _foxglove_descriptor(name) if standard else _pool(kept).FindMessageTypeByName(name)
-    return MessageSchema(name, _descriptor_set(descriptor.file), descriptor)
+    kept = OSI_DESCRIPTOR_SET_FILE if name.startswith("osi3.") else CWCLI_DESCRIPTOR_SET_FILE
+    descriptor = (
+        _find_foxglove_descriptor(name) if standard else _load_descriptor_pool(kept).FindMessageTypeByName(name)
+    )
+    return MessageSchema(name, _serialize_descriptor_set(descriptor.file), descriptor)
 
 
 def schema_folder() -> Traversable:
@@ -61,7 +63,7 @@ def schema_folder() -> Traversable:
 
 
 @cache
-def _pool(set_name: str) -> DescriptorPool:
+def _load_descriptor_pool(set_name: str) -> DescriptorPool:
     """Load a descriptor set of `schema_folder`."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
     from google.protobuf.descriptor_pool import DescriptorPool
@@ -72,7 +74,7 @@ def _pool(set_name: str) -> DescriptorPool:
     return pool
 
 
-def _foxglove_descriptor(name: str) -> Descriptor:
+def _find_foxglove_descriptor(name: str) -> Descriptor:
     short_name = name.removeprefix("foxglove.")
     try:
         module = import_module(f"foxglove_schemas_protobuf.{short_name}_pb2")
@@ -82,7 +84,7 @@ def _foxglove_descriptor(name: str) -> Descriptor:
     return descriptor
 
 
-def _descriptor_set(file: FileDescriptor) -> bytes:
+def _serialize_descriptor_set(file: FileDescriptor) -> bytes:
     """Serialise a file and all that it imports as a `FileDescriptorSet`, dependencies first, each once."""
     from google.protobuf.descriptor_pb2 import FileDescriptorSet
 

@@ -13,39 +13,39 @@ from cwcli.input import InputFile
 from cwcli.kernels.message_scan import DAMAGED
 from cwcli.logs.format.chunks import (
     ChunkError,
-    chunk_payload,
-    chunk_records,
-    partial_payload,
-    stored_records,
-    whole_records,
+    decompress_chunk,
+    decompress_cut_chunk,
+    iter_record_bounds,
+    stored_chunk_bytes,
+    trim_to_whole_records,
 )
-from cwcli.logs.format.faults import Faults, damaged
-from cwcli.logs.format.index import Index, Item, LooseRecord, Span
+from cwcli.logs.format.faults import Faults, damaged_file_error
+from cwcli.logs.format.index import Item, LogIndex, UnchunkedRange, UnchunkedRecord
 from cwcli.logs.format.records import (
-    CHANNEL,
-    MESSAGE,
-    PREFIX,
-    SCHEMA,
+    OPCODE_CHANNEL,
+    OPCODE_MESSAGE,
+    OPCODE_SCHEMA,
+    RECORD_PREFIX,
     AttachmentIndex,
     ChunkIndex,
     RecordError,
-    attachment_crc_at,
-    crc32,
-    read_prefix,
+    attachment_crc_offset,
+    crc32_of_range,
+    read_record_prefix,
 )
-from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, message_index, scan_records
-from cwcli.logs.write.message_merge import INDEX_ENTRY, ChunkPayload
+from cwcli.logs.read.message_reader import MIN_MESSAGE_BYTES, find_message_index_entries, scan_message_batch
+from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
 from cwcli.logs.write.record_writer import RecordWriter
 
-MAX_TIME_NS = (1 << 63) - 1
+MAX_INT64_TIME_NS = (1 << 63) - 1
 """The greatest log time in ns that a signed 64-bit number represents."""
-MAX_LOOSE_BYTES = 1 << 20
+UNCHUNKED_PIECE_BYTES = 1 << 20
 """The size in bytes at which messages outside chunks are put into a further chunk. Chosen by hand."""
-EVERY_CHANNEL = np.ones(1 << 16, np.uint8)
+ALL_CHANNELS_MASK = np.ones(1 << 16, np.uint8)
 """The mask of wanted channel ids (65536,) that selects all of them."""
 
 Entries = dict[int, npt.NDArray[np.void]]
-"""Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY`."""
+"""Channel id -> (log time, offset) of its messages in file order, dtype `INDEX_ENTRY_DTYPE`."""
 
 
 class SourceCopy:
@@ -68,7 +68,7 @@ class SourceCopy:
         InputError: A chunk is damaged and `recover` is off.
     """
 
-    def __init__(self, source: InputFile, index: Index, faults: Faults, *, recover: bool) -> None:
+    def __init__(self, source: InputFile, index: LogIndex, faults: Faults, *, recover: bool) -> None:
         self._source = source
         self._index = index
         self._faults = faults
@@ -77,67 +77,71 @@ class SourceCopy:
         self._replaced_ids: frozenset[int] = frozenset()
         self._replaced_metadata: frozenset[str] = frozenset()
         self._written_schema_ids: frozenset[int] = frozenset()
-        self.items: list[Item] = [kept for item in index.items for kept in self._checked(item)]
+        self.items: list[Item] = [kept for item in index.items for kept in self._iter_intact_items(item)]
         self.n_messages = 0
         self.n_chunks = 0
 
-    def _checked(self, item: Item) -> Iterator[Item]:
+    def _iter_intact_items(self, item: Item) -> Iterator[Item]:
         """Yield the item if it is intact: a chunk with its true message counts, a range outside chunks in pieces."""
         if isinstance(item, ChunkIndex):
             if item.chunk_start in self._index.cut_chunks:
                 self._faults.bytes_lost += item.chunk_length
                 yield item
-            elif self._recover or not item.index_offsets or not self._index.is_listed:
+            elif self._recover or not item.index_offsets or not self._index.has_complete_summary:
                 try:
-                    yield self._inspected(item)
+                    yield self._chunk_with_true_counts(item)
                 except (ChunkError, RecordError) as error:
                     if not self._recover:
-                        raise damaged(self._source, item.chunk_start, error) from error
+                        raise damaged_file_error(self._source, item.chunk_start, error) from error
                     self._faults.chunks_lost += 1
-                    self._faults.bytes_lost += item.end - item.chunk_start
+                    self._faults.bytes_lost += item.end_offset - item.chunk_start
             else:
                 yield item
-        elif isinstance(item, Span):
-            yield from self._pieces(item)
-        elif isinstance(item, AttachmentIndex) and self._recover and not self._is_intact(item):
+        elif isinstance(item, UnchunkedRange):
+            yield from self._split_unchunked_range(item)
+        elif isinstance(item, AttachmentIndex) and self._recover and not self._is_attachment_intact(item):
             self._faults.bytes_lost += item.length
         else:
             yield item
 
-    def _inspected(self, chunk: ChunkIndex) -> ChunkIndex:
+    def _chunk_with_true_counts(self, chunk: ChunkIndex) -> ChunkIndex:
         """Return the chunk with its true message counts, and mark it for new indexes if header or indexes are wrong."""
-        entries = index_entries(self._payload(chunk))
+        entries = message_index_entries(self._decompress_with_log_ids(chunk))
         times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])
         fits = not len(times) or (int(times.min()), int(times.max())) == (chunk.start_ns, chunk.end_ns)
         if chunk.index_offsets:
             fits &= entries.keys() == chunk.index_offsets.keys()
-            fits = fits and all(self._index_fits(chunk, channel_id, rows) for channel_id, rows in entries.items())
+            fits = fits and all(
+                self._is_message_index_correct(chunk, channel_id, rows) for channel_id, rows in entries.items()
+            )
         if not fits:
             self._reindexed.add(chunk.chunk_start)
         return chunk._replace(counts={channel_id: len(rows) for channel_id, rows in entries.items()})
 
-    def _index_fits(self, chunk: ChunkIndex, channel_id: int, entries: npt.NDArray[np.void]) -> bool:
+    def _is_message_index_correct(self, chunk: ChunkIndex, channel_id: int, entries: npt.NDArray[np.void]) -> bool:
         """Tell whether a message index record holds these entries, in any order."""
-        listed = message_index(self._source, self._index, chunk, channel_id)
-        return listed is not None and np.array_equal(np.sort(listed.view(INDEX_ENTRY)[:, 0], order="offset"), entries)
+        listed = find_message_index_entries(self._source, self._index, chunk, channel_id)
+        return listed is not None and np.array_equal(
+            np.sort(listed.view(INDEX_ENTRY_DTYPE)[:, 0], order="offset"), entries
+        )
 
-    def _pieces(self, span: Span) -> Iterator[Span]:
-        """Split a range outside chunks into ranges of about `MAX_LOOSE_BYTES`."""
+    def _split_unchunked_range(self, span: UnchunkedRange) -> Iterator[UnchunkedRange]:
+        """Split a range outside chunks into ranges of about `UNCHUNKED_PIECE_BYTES`."""
         bounds = [span.start]
         at = span.start
         while at < span.end:
-            if at - bounds[-1] >= MAX_LOOSE_BYTES:
+            if at - bounds[-1] >= UNCHUNKED_PIECE_BYTES:
                 bounds.append(at)
-            _, _, at = read_prefix(self._source, at, span.end)
-        return (Span(*bounds) for bounds in pairwise([*bounds, span.end]))
+            _, _, at = read_record_prefix(self._source, at, span.end)
+        return (UnchunkedRange(*bounds) for bounds in pairwise([*bounds, span.end]))
 
-    def _is_intact(self, item: AttachmentIndex) -> bool:
+    def _is_attachment_intact(self, item: AttachmentIndex) -> bool:
         """Tell whether the CRC of an attachment is right or absent."""
-        at = attachment_crc_at(item)
+        at = attachment_crc_offset(item)
         (crc,) = struct.unpack("<I", self._source[at : at + 4])
-        return not crc or crc == crc32(self._source, item.offset + PREFIX.size, at)
+        return not crc or crc == crc32_of_range(self._source, item.offset + RECORD_PREFIX.size, at)
 
-    def begin(
+    def write_beginning(
         self,
         writer: RecordWriter,
         profile: str,
@@ -159,107 +163,109 @@ class SourceCopy:
         self._written_schema_ids = written_schema_ids
         index = self._index
         if index.header_length and index.profile == profile:
-            writer.copy(self._source, 0, index.header_length)
+            writer.copy_bytes(self._source, 0, index.header_length)
         else:
-            writer.header(profile, index.library)
+            writer.write_header(profile, index.library)
         kept = [each for each in index.channels.values() if each.id not in replaced_ids]
         orphans = {index.channels[each].schema_id for each in replaced_ids} - {each.schema_id for each in kept}
         listed_only = not self._faults.bytes_lost and not index.renumberings
         for schema in index.schemas.values():
             if schema.id not in orphans:
-                writer.schema(schema, listed_only=listed_only)
+                writer.write_schema(schema, listed_only=listed_only)
         for channel in kept:
-            writer.channel(channel, listed_only=listed_only)
+            writer.write_channel(channel, listed_only=listed_only)
 
-    def check_source(self) -> None:
+    def check_source_unchanged(self) -> None:
         """Check that the source has not changed during the copy, before the end is written."""
         self._source.check_unchanged()
 
-    def item(self, writer: RecordWriter, item: Item) -> int | None:
+    def copy_item(self, writer: RecordWriter, item: Item) -> int | None:
         """Copy one item; return its last log time in ns, or None if it holds no message."""
         if isinstance(item, ChunkIndex):
-            return self._chunk(writer, item)
-        if isinstance(item, Span):
-            records = self._index.with_own_ids(item.start, self._source[item.start : item.end])
-            return self._messages(writer, records, compress=False)
-        if isinstance(item, LooseRecord):
-            left_out = {CHANNEL: self._replaced_ids, SCHEMA: self._written_schema_ids}.get(item.opcode, ())
+            return self._copy_chunk(writer, item)
+        if isinstance(item, UnchunkedRange):
+            records = self._index.records_with_log_ids(item.start, self._source[item.start : item.end])
+            return self._write_messages_as_chunk(writer, records, compress=False)
+        if isinstance(item, UnchunkedRecord):
+            left_out = {OPCODE_CHANNEL: self._replaced_ids, OPCODE_SCHEMA: self._written_schema_ids}.get(
+                item.opcode, ()
+            )
             if item.id not in left_out:
-                writer.copy(self._source, item.start, item.length)
+                writer.copy_bytes(self._source, item.start, item.length)
         elif isinstance(item, AttachmentIndex):
             writer.copy_attachment(self._source, item)
         else:
-            for run in self._index.metadata.without(item, self._replaced_metadata):
+            for run in self._index.metadata.split_run_around_names(item, self._replaced_metadata):
                 writer.copy_metadata(self._source, run, self._index.metadata)
         return None
 
-    def _chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
+    def _copy_chunk(self, writer: RecordWriter, chunk: ChunkIndex) -> int | None:
         """Copy a chunk, rebuilt if needed; return its last log time in ns."""
         if chunk.chunk_start in self._index.cut_chunks:
             try:
-                records = whole_records(partial_payload(self._source, chunk))
-                records = self._index.with_own_ids(chunk.chunk_start, records)
+                records = trim_to_whole_records(decompress_cut_chunk(self._source, chunk))
+                records = self._index.records_with_log_ids(chunk.chunk_start, records)
             except ChunkError:
                 self._faults.chunks_lost += 1
                 return None
-            return self._messages(writer, records, compress=True)
+            return self._write_messages_as_chunk(writer, records, compress=True)
         counts = chunk.counts or {}
         is_filtered = not self._replaced_ids.isdisjoint(counts)
-        is_renumbered = self._index.renumbering(chunk.chunk_start) is not None
+        is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
         if is_filtered or is_renumbered or chunk.chunk_start in self._reindexed:
-            return self._rebuilt_chunk(writer, chunk, is_changed=is_filtered or is_renumbered)
+            return self._rebuild_chunk(writer, chunk, is_changed=is_filtered or is_renumbered)
         writer.copy_chunk(self._source, chunk)
         self.n_chunks += 1
         self.n_messages += sum(counts.values())
-        return min(chunk.end_ns, MAX_TIME_NS) if any(counts.values()) else None
+        return min(chunk.end_ns, MAX_INT64_TIME_NS) if any(counts.values()) else None
 
-    def _payload(self, chunk: ChunkIndex) -> memoryview:
-        payload = chunk_payload(self._source, chunk, verify=True)
-        return self._index.with_own_ids(chunk.chunk_start, payload)
+    def _decompress_with_log_ids(self, chunk: ChunkIndex) -> memoryview:
+        payload = decompress_chunk(self._source, chunk, verify=True)
+        return self._index.records_with_log_ids(chunk.chunk_start, payload)
 
-    def _rebuilt_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_changed: bool) -> int | None:
+    def _rebuild_chunk(self, writer: RecordWriter, chunk: ChunkIndex, *, is_changed: bool) -> int | None:
         try:
-            records = self._payload(chunk)
+            records = self._decompress_with_log_ids(chunk)
             if is_changed:
-                is_renumbered = self._index.renumbering(chunk.chunk_start) is not None
-                records = without_channels(records, self._replaced_ids, definitions=not is_renumbered)
-            entries = index_entries(records)
+                is_renumbered = self._index.renumbering_at(chunk.chunk_start) is not None
+                records = remove_channels(records, self._replaced_ids, definitions=not is_renumbered)
+            entries = message_index_entries(records)
         except (ChunkError, RecordError) as error:
-            raise damaged(self._source, chunk.chunk_start, error) from error
+            raise damaged_file_error(self._source, chunk.chunk_start, error) from error
         if not entries:
-            for opcode, start, end in chunk_records(records):
-                if opcode in (SCHEMA, CHANNEL):
-                    writer.record(records[start:end])
+            for opcode, start, end in iter_record_bounds(records):
+                if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL):
+                    writer.write_raw_record(records[start:end])
             return None
-        stored = None if is_changed else stored_records(self._source, chunk)
-        return self._new_chunk(writer, records, entries, chunk.compression, stored)
+        stored = None if is_changed else stored_chunk_bytes(self._source, chunk)
+        return self._write_new_chunk(writer, records, entries, chunk.compression, stored)
 
-    def _messages(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
+    def _write_messages_as_chunk(self, writer: RecordWriter, records: memoryview, *, compress: bool) -> int | None:
         """Write records that have no intact chunk as a new chunk; return the last log time in ns."""
-        entries = index_entries(records)
+        entries = message_index_entries(records)
         if not self._replaced_ids.isdisjoint(entries) or (self._index.renumberings and entries):
-            records = without_channels(records, self._replaced_ids, definitions=not self._index.renumberings)
-            entries = index_entries(records)
+            records = remove_channels(records, self._replaced_ids, definitions=not self._index.renumberings)
+            entries = message_index_entries(records)
         if not entries:
             return None
-        return self._new_chunk(writer, records, entries, "", None if compress else records)
+        return self._write_new_chunk(writer, records, entries, "", None if compress else records)
 
-    def _new_chunk(
+    def _write_new_chunk(
         self, writer: RecordWriter, records: memoryview, entries: Entries, compression: str, stored: memoryview | None
     ) -> int:
         """Write a chunk with its indexes; `stored`: its compressed bytes, if known. Return its last log time in ns."""
         times = np.concatenate([each["log_time"] for each in entries.values()])
         payload = ChunkPayload(np.frombuffer(records, np.uint8), int(times.min()), int(times.max()), entries)
         if stored is None:
-            writer.chunk(payload)
+            writer.write_chunk(payload)
         else:
-            writer.raw_chunk(payload, compression, stored)
+            writer.write_stored_chunk(payload, compression, stored)
         self.n_chunks += 1
         self.n_messages += len(times)
-        return min(payload.end_ns, MAX_TIME_NS)
+        return min(payload.end_ns, MAX_INT64_TIME_NS)
 
 
-def index_entries(records: memoryview) -> Entries:
+def message_index_entries(records: memoryview) -> Entries:
     """Return the index entries of the messages among some records, by channel in order of first occurrence.
 
     Raises:
@@ -270,10 +276,10 @@ def index_entries(records: memoryview) -> Entries:
     ids: list[npt.NDArray[np.uint16]] = []
     at = 0
     while at < len(octets):
-        batch, at, status = scan_records(octets, at, len(octets), EVERY_CHANNEL)
+        batch, at, status = scan_message_batch(octets, at, len(octets), ALL_CHANNELS_MASK)
         if status == DAMAGED:
             raise RecordError(f"a record at {at} is damaged")
-        part = np.empty(len(batch), INDEX_ENTRY)
+        part = np.empty(len(batch), INDEX_ENTRY_DTYPE)
         part["log_time"] = batch.log_time_ns.view(np.uint64)
         part["offset"] = batch.payloads.starts - MIN_MESSAGE_BYTES
         parts.append(part)
@@ -285,20 +291,23 @@ def index_entries(records: memoryview) -> Entries:
     return {channel_id: entries[channel_ids == channel_id] for channel_id in found[np.argsort(first)].tolist()}
 
 
-def without_channels(records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True) -> memoryview:
+def remove_channels(records: memoryview, channel_ids: frozenset[int], *, definitions: bool = True) -> memoryview:
     """Return the records without messages and definitions of some channels; `definitions` off removes all of them.
 
     Raises:
         RecordError: A record reaches beyond the given bytes, or is too short for a channel id.
     """
     kept = bytearray()
-    for opcode, start, end in chunk_records(records):
-        if opcode in (SCHEMA, CHANNEL) and not definitions:
+    for opcode, start, end in iter_record_bounds(records):
+        if opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL) and not definitions:
             continue
-        if opcode in (MESSAGE, CHANNEL):
-            if end - start < PREFIX.size + 2:
+        if opcode in (OPCODE_MESSAGE, OPCODE_CHANNEL):
+            if end - start < RECORD_PREFIX.size + 2:
                 raise RecordError("a record ends before its fields do")
-            if int.from_bytes(records[start + PREFIX.size : start + PREFIX.size + 2], "little") in channel_ids:
+            if (
+                int.from_bytes(records[start + RECORD_PREFIX.size : start + RECORD_PREFIX.size + 2], "little")
+                in channel_ids
+            ):
                 continue
         kept += records[start:end]
     return memoryview(kept)

@@ -13,14 +13,14 @@ import numpy as np
 import cwcli
 from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
-from cwcli.logs.write.message_merge import Feed, MessageMerge
-from cwcli.logs.write.new_messages import column_feed, row_feed
+from cwcli.logs.write.message_merge import MessageFeed, MessageMerge
+from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_messages
+from cwcli.logs.write.output_schema import find_output_schema
 from cwcli.logs.write.record_writer import RecordWriter
-from cwcli.logs.write.written_schema import written_schema
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 
-LIBRARY = f"cwcli {cwcli.__version__}"
+LIBRARY_NAME = f"cwcli {cwcli.__version__}"
 """The library name in the header of new logs."""
 
 
@@ -43,12 +43,14 @@ class LogWriter:
         OutputError, UsageError: As `cwcli.output.open_output`.
     """
 
-    def __init__(self, target: str | Path, *, profile: str = "", library: str = LIBRARY, force: bool = False) -> None:
+    def __init__(
+        self, target: str | Path, *, profile: str = "", library: str = LIBRARY_NAME, force: bool = False
+    ) -> None:
         self._profile = profile
         self._library = library
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
-        self._feeds: list[Feed] = []
+        self._feeds: list[MessageFeed] = []
         self._counts: dict[int, int] = {}
         self._attachments: list[tuple[int, int, str, str, bytes]] = []
         self._metadata: list[tuple[str, Mapping[str, str]]] = []
@@ -89,10 +91,10 @@ class LogWriter:
             KeyError: Its schema is unknown.
             ValueError: A column does not fit the schema, or the log times go back.
         """
-        schema = written_schema(channel.schema_name)
+        schema = find_output_schema(channel.schema_name)
         schema_id = self.add_schema(schema.name, schema.encoding, schema.data)
         channel_id = self.add_channel(channel.topic, schema.message_encoding, schema_id)
-        self._add(column_feed(channel, channel_id))
+        self._add_feed(feed_from_columns(channel, channel_id))
         return channel_id
 
     def write_messages(
@@ -117,7 +119,9 @@ class LogWriter:
         rows = messages if isinstance(messages, ByteRows) else join_rows(list(messages))
         log_time_ns = np.asarray(log_time_ns, np.int64)
         publish_time_ns = log_time_ns if publish_time_ns is None else np.asarray(publish_time_ns, np.int64)
-        self._add(row_feed(channel_id, rows, log_time_ns, publish_time_ns, self._counts.get(channel_id, 0)))
+        self._add_feed(
+            feed_from_encoded_messages(channel_id, rows, log_time_ns, publish_time_ns, self._counts.get(channel_id, 0))
+        )
 
     def add_attachment(
         self, name: str, media_type: str, data: bytes, *, log_time_ns: int = 0, create_time_ns: int = 0
@@ -137,19 +141,19 @@ class LogWriter:
         """
         with self._open:
             writer = RecordWriter(self._output)
-            writer.header(self._profile, self._library)
+            writer.write_header(self._profile, self._library)
             for schema in self._schemas:
-                writer.schema(schema)
+                writer.write_schema(schema)
             for channel in self._channels:
-                writer.channel(channel)
-            for payload in MessageMerge(self._feeds).take_until(None):
-                writer.chunk(payload)
+                writer.write_channel(channel)
+            for payload in MessageMerge(self._feeds).iter_chunk_payloads_until(None):
+                writer.write_chunk(payload)
             for attachment in self._attachments:
-                writer.attachment(*attachment)
+                writer.write_attachment(*attachment)
             for name, values in self._metadata:
-                writer.metadata(name, values)
+                writer.write_metadata(name, values)
             writer.finish()
 
-    def _add(self, feed: Feed) -> None:
+    def _add_feed(self, feed: MessageFeed) -> None:
         self._counts[feed.channel_id] = self._counts.get(feed.channel_id, 0) + len(feed)
         self._feeds.append(feed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cwcli.prediction.models import onset
 from cwcli.prediction.models.base import Model, check_responses, check_trust
-from cwcli.registry import Registry, plugin_entry
+from cwcli.registry import Registry, accept_dataclass_of
 
 HYPOTHESES: dict[str, Model] = {
     "onset": onset.MODEL,
@@ -22,7 +22,7 @@ MODELS: Registry[Model] = Registry(
         "ctra": "cwcli.prediction.models.ctra:MODEL",
         "cj-cya": "cwcli.prediction.models.cj_cya:MODEL",
     },
-    plugin_entry(Model, {"responses": check_responses, "trust": check_trust}),
+    accept_dataclass_of(Model, {"responses": check_responses, "trust": check_trust}),
     taken=(*HYPOTHESES, "lateral", "lateral-zhang2011"),
 )
 DEFAULT_MODEL = "auto"

@@ -1,8 +1,8 @@
 """The default model: acceleration and yaw rate act as far as their gain was measured.
 
 How much of an acceleration or a yaw rate follows is measured, not taken from its covariance: by the outcomes of the
-vehicle's own states, of the log's other vehicles and of the fleet (`prediction.record`). Each acts for the time A(t)
-that its gain at each horizon needs (`prediction.fleet.acted_s`):
+vehicle's own states, of the log's other vehicles and of the fleet (`prediction.outcome_history`). Each acts for the
+time A(t) that its gain at each horizon needs (`prediction.fleet.acting_time_s`):
 
     v(t) = v0 + a0 A(t),    phi(t) = phi0 + w0 W(t).
 
@@ -16,22 +16,22 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.prediction.driver import DriverPrior
-from cwcli.prediction.fleet import PARTS, acted_at, acted_s, fleet_prior
+from cwcli.prediction.fleet import DERIVATIVE_PARTS, acting_time_s, interpolate_acting_time_s, load_fleet_prior
 from cwcli.prediction.models.base import Model, Responses
-from cwcli.prediction.record import clearness
+from cwcli.prediction.outcome_history import derivative_clearness
 from cwcli.signals.columns import FloatArray
 
 
-def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+def fleet_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
     """The responses A, J, W, D of a vehicle without a history, each of the shape of `time_s`."""
-    along, across = acted_s(fleet_prior().gain[:, :, PARTS.index("lasting")])
+    along, across = acting_time_s(load_fleet_prior().gain[:, :, DERIVATIVE_PARTS.index("lasting")])
     none = np.zeros_like(time_s)
-    return Responses(acted_at(along, time_s), none, acted_at(across, time_s), none)
+    return Responses(interpolate_acting_time_s(along, time_s), none, interpolate_acting_time_s(across, time_s), none)
 
 
-def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+def trust_by_clearness(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
     """How far (accel, jerk, yaw rate, yaw accel) stand out of their noise, shape (n, 4); ones without a covariance."""
-    clear = clearness(state, covariance)
+    clear = derivative_clearness(state, covariance)
     none = np.zeros(len(state))
     return np.stack([clear[:, 0], none, clear[:, 1], none], axis=1)
 
@@ -39,7 +39,7 @@ def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) 
 MODEL = Model(
     summary="acceleration and yaw rate as far as their gain was measured, else constant velocity",
     uses=(True, False, True, False),
-    responses=responses,
-    trust=trust,
+    responses=fleet_responses,
+    trust=trust_by_clearness,
     learns=True,
 )

@@ -35,9 +35,9 @@ class Responses(NamedTuple):
     heading_to_yaw_accel: FloatArray
 
 
-Hold = Callable[[FloatArray, DriverPrior], FloatArray]
+HoldFunction = Callable[[FloatArray, DriverPrior], FloatArray]
 """The type of `Model.hold`."""
-Trust = Callable[[FloatArray, FloatArray | None, DriverPrior], FloatArray]
+TrustFunction = Callable[[FloatArray, FloatArray | None, DriverPrior], FloatArray]
 """The type of `Model.trust`."""
 
 
@@ -55,15 +55,15 @@ class Model:
             when jerk and yaw acceleration act; they then stop, and acceleration and yaw rate stay as they are. Only
             for hypotheses: the Jacobian takes these times as given.
         in_paper: Whether song2016's recursion (eq. 2, 9, 10) covers it.
-        learns: Whether a record of the vehicle's states says for how long its derivatives act (`prediction.record`);
-            the responses and the trust then hold where there is no record.
+        learns: Whether a record of the vehicle's states says for how long its derivatives act
+            (`prediction.outcome_history`); the responses and the trust then hold where there is no record.
     """
 
     summary: str
     uses: tuple[bool, bool, bool, bool]
     responses: Callable[[FloatArray, DriverPrior], Responses]
-    trust: Trust
-    hold: Hold | None = None
+    trust: TrustFunction
+    hold: HoldFunction | None = None
     in_paper: bool = False
     learns: bool = False
 
@@ -73,7 +73,7 @@ def full_trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPr
     return np.ones((len(state), 4))
 
 
-def polynomial(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
+def constant_derivatives_model(summary: str, uses: tuple[bool, bool, bool, bool]) -> Model:
     """A model in which the derivatives it uses stay constant: A = t, J = t^2/2, W = t, D = t^2/2, or 0."""
 
     def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:

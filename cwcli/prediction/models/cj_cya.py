@@ -1,5 +1,5 @@
 """Constant jerk and yaw acceleration (song2016 eq. 10): the paper's own model."""
 
-from cwcli.prediction.models.base import polynomial
+from cwcli.prediction.models.base import constant_derivatives_model
 
-MODEL = polynomial("constant jerk and yaw acceleration", (True, True, True, True))
+MODEL = constant_derivatives_model("constant jerk and yaw acceleration", (True, True, True, True))

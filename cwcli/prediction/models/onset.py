@@ -23,37 +23,37 @@ from cwcli.signals.vehicle_state import ACCEL, JERK, SPEED, YAW_ACCEL, YAW_RATE
 
 ACCEL_LIMIT_MPS2 = 5.0
 """Acceleration or braking at which a manoeuvre stops growing: UN Regulation 157 lets emergency braking begin there."""
-LATERAL_LIMIT_MPS2 = 4.0
+LATERAL_ACCEL_LIMIT_MPS2 = 4.0
 """Lateral acceleration at which a turn stops growing: that of a brisk turn. Chosen by hand; not fitted."""
-MIN_SPEED_MPS = 1.0
+MIN_YAW_LIMIT_SPEED_MPS = 1.0
 """The yaw rate's limit of slower cars is that at this speed. Chosen by hand; not fitted."""
-JERK_SIGMAS = 1.0
+MIN_JERK_SIGMAS = 1.0
 """A jerk within this many of its sigmas counts as 0; the module's text says why."""
-YAW_ACCEL_SIGMAS = 2.0
+MIN_YAW_ACCEL_SIGMAS = 2.0
 """A yaw acceleration within this many of its sigmas counts as 0; the module's text says why."""
 
 
-def responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
+def constant_jerk_responses(time_s: FloatArray, prior: DriverPrior) -> Responses:
     """The responses to constant jerk and yaw acceleration; `hold` limits how long they act."""
     half_square = 0.5 * time_s**2
     return Responses(time_s, half_square, time_s, half_square)
 
 
-def trust(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
+def trust_in_clear_rates(state: FloatArray, covariance: FloatArray | None, prior: DriverPrior) -> FloatArray:
     """Trust in acceleration and yaw rate by the prior, in their rates where they exceed their noise, (n, 4)."""
-    out = prior.trust(state, covariance)
+    out = prior.trust_in_derivatives(state, covariance)
     if covariance is None:
         return out
-    for column, index, sigmas in ((1, JERK, JERK_SIGMAS), (3, YAW_ACCEL, YAW_ACCEL_SIGMAS)):
+    for column, index, sigmas in ((1, JERK, MIN_JERK_SIGMAS), (3, YAW_ACCEL, MIN_YAW_ACCEL_SIGMAS)):
         with np.errstate(divide="ignore", invalid="ignore"):
             clear = 1.0 - sigmas**2 * covariance[:, index, index] / state[:, index] ** 2
         out[:, column] = np.clip(np.nan_to_num(clear, nan=0.0, neginf=0.0), 0.0, 1.0)
     return out
 
 
-def hold(state: FloatArray, prior: DriverPrior) -> FloatArray:
+def times_until_limits_s(state: FloatArray, prior: DriverPrior) -> FloatArray:
     """Times at which acceleration and yaw rate reach their limits, s, shape (n, 2); their rates act until then."""
-    yaw_rate_limit = LATERAL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_SPEED_MPS)
+    yaw_rate_limit = LATERAL_ACCEL_LIMIT_MPS2 / np.maximum(np.abs(state[:, SPEED]), MIN_YAW_LIMIT_SPEED_MPS)
     limits = (np.full(len(state), ACCEL_LIMIT_MPS2), yaw_rate_limit)
     out = np.empty((len(state), 2))
     for column, (value, rate, limit) in enumerate(
@@ -68,7 +68,7 @@ def hold(state: FloatArray, prior: DriverPrior) -> FloatArray:
 MODEL = Model(
     summary="a manoeuvre that has begun goes on to the car's limits",
     uses=(True, True, True, True),
-    responses=responses,
-    trust=trust,
-    hold=hold,
+    responses=constant_jerk_responses,
+    trust=trust_in_clear_rates,
+    hold=times_until_limits_s,
 )

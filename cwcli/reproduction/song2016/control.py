@@ -4,63 +4,80 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.control.closed_loop import COLLISION_DISTANCE_M, RecordedMotion, Replay, driver_policy, fuzzy_policy, replay
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot, median_interval
-from cwcli.reproduction.song2016.methods import FAMILIES
-from cwcli.reproduction.song2016.warning import OURS, Moments, typical_seed
-from cwcli.simulation.scenario import HOST, Scenario
+from cwcli.control.closed_loop import (
+    COLLISION_DISTANCE_M,
+    RecordedMotion,
+    ReplayedRuns,
+    braking_driver_pedals,
+    fuzzy_controller_pedals,
+    replay_with_policy,
+)
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_with_interval
+from cwcli.reproduction.song2016.methods import MODEL_BY_FAMILY
+from cwcli.reproduction.song2016.warning import OUR_METHOD, WarningMoments, typical_seed
+from cwcli.simulation.scenario import HOST_NAME, Scenario
 
-GRID_S = 0.01
-EXTRA_S = 6.0
-"""The scenario ends with the collision; the car needs some seconds more to come to rest."""
-FIGURES = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
-LARGEST = {
+MOTION_GRID_STEP_S = 0.01
+"""Time step of the replayed motion, in s. Chosen by hand; not fitted."""
+EXTRA_DURATION_S = 6.0
+"""Time after the scenario's end, the collision, in which the car comes to rest, in s. Chosen by hand; not fitted."""
+FIGURES_BY_SCENARIO = {"rear-end": ("fig 12", "fig 13"), "intersection": ("fig 14", "fig 15")}
+"""Scenario -> the paper's figures of its distance and of its speed."""
+LARGEST_DISTANCE_CLAIMS = {
     "rear-end": "the jerk model leaves a larger gap than acceleration",
     "intersection": "the yaw-acceleration model keeps the largest distance",
 }
-LABELS = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
+"""Scenario -> what the paper says of the largest distance (figures 12 and 14)."""
+METHOD_LABELS = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {OUR_METHOD: "our default"}
+"""Method -> its label in plots."""
 
 
-def control_part(name: str, moments: Moments) -> Part:
-    """The replay of one scenario under control, for each family's warning moments over all seeds."""
-    host = true_motion(moments.scenario, HOST)
-    other = true_motion(moments.scenario, moments.other)
+def control_part(name: str, moments: WarningMoments) -> StudyPart:
+    """Replay one scenario under control, for each family's warning moments over all seeds."""
+    host = true_recorded_motion(moments.scenario, HOST_NAME)
+    other = true_recorded_motion(moments.scenario, moments.other)
     outcomes = {
-        method: replay(host, other, np.where(np.isnan(when), np.inf, when), fuzzy_policy)
-        for method, when in moments.by_method.items()
-        if method in LABELS
+        method: replay_with_policy(host, other, np.where(np.isnan(when), np.inf, when), fuzzy_controller_pedals)
+        for method, when in moments.warned_s_by_method.items()
+        if method in METHOD_LABELS
     }
-    jerk = moments.by_method["jerk"]
-    nothing = replay(host, other, np.array([np.inf]), fuzzy_policy)
-    driver = replay(host, other, np.where(np.isnan(jerk), np.inf, jerk), driver_policy)
-    figure = FIGURES[name][0]
+    jerk = moments.warned_s_by_method["jerk"]
+    nothing = replay_with_policy(host, other, np.array([np.inf]), fuzzy_controller_pedals)
+    driver = replay_with_policy(host, other, np.where(np.isnan(jerk), np.inf, jerk), braking_driver_pedals)
+    figure = FIGURES_BY_SCENARIO[name][0]
     measured = [
-        Measured(
+        MeasuredNumber(
             figure, f"{name}: runs that collide, constant {family}", 100.0 * float(outcomes[family].collided.mean())
         )
-        for family in FAMILIES
+        for family in MODEL_BY_FAMILY
     ]
-    least = {f"constant {family}": outcomes[family].min_distance_m for family in FAMILIES}
+    least = {f"constant {family}": outcomes[family].min_distance_m for family in MODEL_BY_FAMILY}
     least |= {
-        "our default": outcomes[OURS].min_distance_m,
+        "our default": outcomes[OUR_METHOD].min_distance_m,
         "no action": nothing.min_distance_m,
         "driver brakes 1.5 s after the jerk model's warning": driver.min_distance_m,
     }
     measured += [
-        Measured(figure, f"{name}: {what}, least distance, median", *median_interval(values))
+        MeasuredNumber(figure, f"{name}: {what}, least distance, median", *median_with_interval(values))
         for what, values in least.items()
     ]
-    medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in FAMILIES}
+    medians = {family: float(np.median(outcomes[family].min_distance_m)) for family in MODEL_BY_FAMILY}
     others = [medians["acceleration"]] if name == "rear-end" else [medians["acceleration"], medians["speed"]]
-    measured.append(Measured(figure, f"{name}: {LARGEST[name]}", float(medians["jerk"] > max(others))))
-    return Part(tuple(measured), _plots(name, outcomes, moments))
+    measured.append(
+        MeasuredNumber(figure, f"{name}: {LARGEST_DISTANCE_CLAIMS[name]}", float(medians["jerk"] > max(others)))
+    )
+    return StudyPart(tuple(measured), _control_plots(name, outcomes, moments))
 
 
-def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
-    """The vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for `EXTRA_S`."""
-    time_s = np.arange(round((scenario.duration_s + EXTRA_S) / GRID_S) + 1, dtype=np.float64) * GRID_S
-    state = scenario.vehicles[vehicle].motion.at(np.minimum(time_s, scenario.duration_s))
+def true_recorded_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
+    """Return a vehicle's true motion; beyond the scenario's end at its last speed and yaw rate for
+    `EXTRA_DURATION_S`."""
+    time_s = (
+        np.arange(round((scenario.duration_s + EXTRA_DURATION_S) / MOTION_GRID_STEP_S) + 1, dtype=np.float64)
+        * MOTION_GRID_STEP_S
+    )
+    state = scenario.vehicles[vehicle].motion.states_at(np.minimum(time_s, scenario.duration_s))
     beyond_s = np.maximum(time_s - scenario.duration_s, 0.0)
     speed, heading, yaw_rate = np.maximum(state[:, 2], 0.0), state[:, 3], state[:, 5]
     half_turn = 0.5 * yaw_rate * beyond_s
@@ -74,10 +91,10 @@ def true_motion(scenario: Scenario, vehicle: str) -> RecordedMotion:
     )
 
 
-def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Plot, ...]:
-    """Distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
-    distance, speed = FIGURES[name]
-    when = np.column_stack([moments.by_method[method] for method in outcomes])
+def _control_plots(name: str, outcomes: dict[str, ReplayedRuns], moments: WarningMoments) -> tuple[Plot, ...]:
+    """Plot distance and speed around the braking, in the seed whose warnings are nearest to the medians."""
+    distance, speed = FIGURES_BY_SCENARIO[name]
+    when = np.column_stack([moments.warned_s_by_method[method] for method in outcomes])
     seed = typical_seed(when)
     shown = (moments.ideal_s - 1.0, moments.ideal_s + 6.0)
     first = next(iter(outcomes.values()))
@@ -90,7 +107,7 @@ def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Pl
             f"{name}: distance under control, warnings as dots (seed {seed})",
             "time [s]",
             "distance [m]",
-            [Curve(LABELS[m], o.time_s, o.distance_m[seed], dots[m]) for m, o in outcomes.items()],
+            [Curve(METHOD_LABELS[m], o.time_s, o.distance_m[seed], dots[m]) for m, o in outcomes.items()],
             {},
             ("collision", COLLISION_DISTANCE_M),
             shown,
@@ -101,7 +118,7 @@ def _plots(name: str, outcomes: dict[str, Replay], moments: Moments) -> tuple[Pl
             f"{name}: speed of the host under control, warnings as dots (seed {seed})",
             "time [s]",
             "speed [m/s]",
-            [Curve(LABELS[m], o.time_s, o.speed_mps[seed], dots[m]) for m, o in outcomes.items()],
+            [Curve(METHOD_LABELS[m], o.time_s, o.speed_mps[seed], dots[m]) for m, o in outcomes.items()],
             x_range=shown,
         ),
     )

@@ -10,99 +10,113 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.estimation.consistency import ErrorRow, error_rows
+from cwcli.estimation.consistency import ErrorTableRow, compare_errors_with_truth
 from cwcli.metrics.intervals import normal_interval
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot
-from cwcli.reproduction.song2016.methods import Run, our_track, paper_states, sense
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart
+from cwcli.reproduction.song2016.methods import MeasuredRun, estimate_our_track, measure_vehicle, paper_filter_states
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
-QUANTITIES = {
+QUANTITY_LABELS = {
     "position": "position",
     "speed": "speed",
     "heading": "heading",
     "accel": "acceleration",
     "yaw_rate": "yaw rate",
 }
-"""Rows of table 1: name in `error_rows` -> printed name."""
-PAPERS_FILTER = "song2016"
-PERCENT_OF_G = 100.0 / 9.81
-"""The table has the acceleration in per cent, read as of g."""
-LABELS = {
+"""Name of a quantity in `compare_errors_with_truth` -> its printed name in table 1."""
+PAPER_FILTER_KEY = "song2016"
+"""Key of the paper's filter in `LABELS`."""
+PERCENT_OF_G_PER_MPS2 = 100.0 / 9.81
+"""Per cent of g in 1 m/s^2: table 1 gives the acceleration in per cent, read as of g."""
+ESTIMATOR_LABELS = {
     "smoothed": "our smoother",
     "default": "our smoother as on the command line, latencies searched",
     "causal": "our filter",
     "song2016": "the paper's filter",
 }
+"""Key of an estimator -> its label in tables and plots."""
 
 
-def estimates_of(run: Run) -> dict[str, FloatArray]:
-    """Key of `LABELS` -> states, shape (n, 8), from the same measurements."""
+def estimate_with_all_methods(run: MeasuredRun) -> dict[str, FloatArray]:
+    """Estimate states (n, 8) from the same measurements by every estimator: key of `LABELS` -> states."""
     return {
-        "smoothed": our_track(run, causal=False).state,
-        "default": our_track(run, causal=False, latency="auto").state,
-        "causal": our_track(run).state,
-        "song2016": paper_states(run),
+        "smoothed": estimate_our_track(run, causal=False).state,
+        "default": estimate_our_track(run, causal=False, latency="auto").state,
+        "causal": estimate_our_track(run).state,
+        "song2016": paper_filter_states(run),
     }
 
 
-def table1_rows(run: Run, state: FloatArray) -> list[ErrorRow]:
-    """Table 1 of one run: the errors of the measurements and of an estimate, shape (n, >= 6)."""
-    return error_rows(_quantities(run.truth), _quantities(run.vectors), _quantities(state))
+def table1_error_rows(run: MeasuredRun, state: FloatArray) -> list[ErrorTableRow]:
+    """Compute table 1 of one run: the errors of the measurements and of an estimate, shape (n, >= 6)."""
+    return compare_errors_with_truth(
+        _split_into_quantities(run.truth), _split_into_quantities(run.vectors), _split_into_quantities(state)
+    )
 
 
-def table1_part(name: str, n_seeds: int, tick: Callable[[], None]) -> Part:
-    """Table 1 on one scenario: the errors measured and by the paper's filter, and the change by each estimator."""
+def table1_part(name: str, n_seeds: int, tick: Callable[[], None]) -> StudyPart:
+    """Compute table 1 on one scenario: errors measured and filtered, and the change by each estimator."""
     scenario = load_scenario(name)
-    changes: dict[tuple[str, str], list[float]] = {(m, q): [] for q in QUANTITIES for m in LABELS}
-    levels: dict[tuple[str, str], list[float]] = {(k, q): [] for k in ("measured", "estimated") for q in QUANTITIES}
+    changes: dict[tuple[str, str], list[float]] = {(m, q): [] for q in QUANTITY_LABELS for m in ESTIMATOR_LABELS}
+    levels: dict[tuple[str, str], list[float]] = {
+        (k, q): [] for k in ("measured", "estimated") for q in QUANTITY_LABELS
+    }
     plots: tuple[Plot, ...] = ()
     for seed in range(n_seeds):
-        run = sense(scenario, HOST, seed)
-        estimates = estimates_of(run)
+        run = measure_vehicle(scenario, HOST_NAME, seed)
+        estimates = estimate_with_all_methods(run)
         for method, state in estimates.items():
-            for row in table1_rows(run, state):
+            for row in table1_error_rows(run, state):
                 changes[method, row.name].append(row.change_percent)
-                if method == PAPERS_FILTER:
-                    scale = PERCENT_OF_G if row.name == "accel" else 1.0
+                if method == PAPER_FILTER_KEY:
+                    scale = PERCENT_OF_G_PER_MPS2 if row.name == "accel" else 1.0
                     levels["measured", row.name].append(scale * row.measured_sigma)
                     levels["estimated", row.name].append(scale * row.estimated_sigma)
         if seed == 0 and name == "straight":
-            plots = _traces(run, estimates)
+            plots = _error_plots(run, estimates)
         tick()
     measured = [
-        _mean(
-            f"{name}: {kind} {QUANTITIES[quantity]} error" + (", the paper's filter" if kind == "estimated" else ""),
+        _mean_with_interval(
+            f"{name}: {kind} {QUANTITY_LABELS[quantity]} error"
+            + (", the paper's filter" if kind == "estimated" else ""),
             values,
         )
         for (kind, quantity), values in levels.items()
     ]
     measured += [
-        _mean(f"{name}: change of the {QUANTITIES[quantity]} error, {LABELS[method]}", values)
+        _mean_with_interval(
+            f"{name}: change of the {QUANTITY_LABELS[quantity]} error, {ESTIMATOR_LABELS[method]}", values
+        )
         for (method, quantity), values in changes.items()
     ]
-    return Part(tuple(measured), plots)
+    return StudyPart(tuple(measured), plots)
 
 
-def _mean(what: str, values: list[float]) -> Measured:
+def _mean_with_interval(what: str, values: list[float]) -> MeasuredNumber:
+    """Return the mean of values over the seeds, with its interval, as a number of table 1."""
     low, high = normal_interval(np.array(values))
-    return Measured("table 1", what, float(np.mean(values)), low, high)
+    return MeasuredNumber("table 1", what, float(np.mean(values)), low, high)
 
 
-def _quantities(state: FloatArray) -> dict[str, FloatArray]:
-    """The rows of table 1 from columns x, y, v, heading, a, yaw rate, in the units of `error_rows`."""
+def _split_into_quantities(state: FloatArray) -> dict[str, FloatArray]:
+    """Split columns x, y, v, heading, a, yaw rate into the rows of table 1, in the units of
+    `compare_errors_with_truth`."""
     singles = {name: state[:, column] for column, name in enumerate(("speed", "heading", "accel", "yaw_rate"), start=2)}
     return {"position": state[:, :2], **singles}
 
 
-def _traces(run: Run, estimates: dict[str, FloatArray]) -> tuple[Plot, ...]:
-    """Figures 1 and 2: error over time, position (its east part) and speed."""
+def _error_plots(run: MeasuredRun, estimates: dict[str, FloatArray]) -> tuple[Plot, ...]:
+    """Plot figures 1 and 2: error over time of the position (its east part) and of the speed."""
     plots = []
     for figure, what, unit, column in (("fig 1", "east position", "m", 0), ("fig 2", "speed", "m/s", 2)):
         curves = [
             Curve(label, run.time_s, state[:, column] - run.truth[:, column])
-            for label, state in (("measured", run.vectors), *((LABELS[m], state) for m, state in estimates.items()))
+            for label, state in (
+                ("measured", run.vectors),
+                *((ESTIMATOR_LABELS[m], state) for m, state in estimates.items()),
+            )
         ]
         title = f"straight: error of the {what} (first seed)"
         plots.append(Plot(figure, title, "time [s]", f"error [{unit}]", curves))

@@ -10,38 +10,40 @@ import numpy as np
 from cwcli.estimation.config import EstimatorConfig, LatencyOption
 from cwcli.estimation.measurements import Kind, Measurements
 from cwcli.estimation.result import Track
-from cwcli.estimation.song2016 import STEP_S, filter_vectors, trailing_slope
+from cwcli.estimation.song2016 import SAMPLING_TIME_S, filter_measurement_matrix, trailing_slope
 from cwcli.estimation.track import estimate_track
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import DEFAULT_MODEL
+from cwcli.prediction.outcome_history import measure_acting_time_s
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.record import measured_acted
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
-from cwcli.simulation.scenario import HOST, Scenario
-from cwcli.simulation.sensors import measure
-from cwcli.stages.inputs.vehicles import ONSET
+from cwcli.simulation.scenario import HOST_NAME, Scenario
+from cwcli.simulation.sensors import simulate_sensor_messages
+from cwcli.stages.inputs.vehicles import ONSET_MODEL
 from cwcli.warning.types import VehicleTrack
 
-STEP_NS = 50_000_000
-HORIZON_S = 2.5  # song2016, section 4
-FAMILIES = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
-"""The paper's three families (eq. 9, 2, 10) and our names of the models."""
+SENSOR_PERIOD_NS = 50_000_000
+"""Period of the sensors, in ns: 20 Hz."""
+PREDICTION_HORIZON_S = 2.5
+"""How far ahead the paper predicts, in s (song2016, section 4)."""
+MODEL_BY_FAMILY = {"speed": "cv", "acceleration": "ctra", "jerk": "cj-cya"}
+"""The paper's three families of models (eq. 9, 2, 10) -> our names of these models."""
 
 
-VECTOR = {
+VECTOR_COLUMNS_BY_KIND = {
     Kind.POSITION: [0, 1],
     Kind.SPEED: [2],
     Kind.HEADING: [3],
     Kind.ACCEL: [4],
     Kind.YAW_RATE: [5],
 }
-"""Which columns of Z (eq. 1) each kind of measurement is."""
+"""Kind of measurement -> its columns of the measurement vector Z (eq. 1)."""
 
 
 @dataclass(frozen=True)
-class Run:
+class MeasuredRun:
     """One vehicle of one seed, at the common 20 Hz stamps of its sensors.
 
     Attributes:
@@ -57,11 +59,13 @@ class Run:
     sigma: FloatArray
 
 
-def sense(scenario: Scenario, vehicle: str, seed: int) -> Run:
-    """The paper's synchronous measurement vector of one vehicle (eq. 1), from the scenario's sensors."""
+def measure_vehicle(scenario: Scenario, vehicle: str, seed: int) -> MeasuredRun:
+    """Measure the paper's synchronous vector (eq. 1) of one vehicle with the scenario's sensors."""
     motion = scenario.vehicles[vehicle].motion
     data = {
-        name: measure(name, motion, settings, start_ns=0, end_s=scenario.duration_s, seed=seed, vehicle=vehicle)
+        name: simulate_sensor_messages(
+            name, motion, settings, start_ns=0, end_s=scenario.duration_s, seed=seed, vehicle=vehicle
+        )
         for name, settings in scenario.sensors.items()
     }
     columns = (("gnss", 0), ("gnss", 1), ("speed", 0), ("gnss_heading", 0), ("imu", 0), ("imu", 5))
@@ -69,31 +73,34 @@ def sense(scenario: Scenario, vehicle: str, seed: int) -> Run:
     vectors = np.column_stack([data[name].values[:n, column] for name, column in columns])
     sigma = np.array([data[name].sigma[column] for name, column in columns])
     time_s = np.asarray(data["gnss"].stamp_ns[:n] * 1e-9, dtype=np.float64)
-    return Run(time_s, motion.at(time_s), vectors, sigma)
+    return MeasuredRun(time_s, motion.states_at(time_s), vectors, sigma)
 
 
-def paper_states(run: Run) -> FloatArray:
-    """song2016's filter (eq. 8) and the derivatives that its prediction needs, shape (n, 8)."""
-    states, _ = filter_vectors(run.vectors, tuple(run.sigma))
+def paper_filter_states(run: MeasuredRun) -> FloatArray:
+    """Run song2016's filter (eq. 8) and add the derivatives that its prediction needs, shape (n, 8)."""
+    states, _ = filter_measurement_matrix(run.vectors, tuple(run.sigma))
     return np.column_stack([states[:, :6], trailing_slope(states[:, 4]), trailing_slope(states[:, 5])])
 
 
-def our_track(run: Run, *, causal: bool = True, latency: LatencyOption = "none") -> Track:
-    """Our default estimator on the same measurements, told the same noise.
+def estimate_our_track(run: MeasuredRun, *, causal: bool = True, latency: LatencyOption = "none") -> Track:
+    """Run our default estimator on the same measurements, with the same noise given.
 
     Args:
         run: The measurements; their stamps are right.
         causal: The filter alone.
         latency: "auto": latencies are searched, as the command line does.
     """
-    stamp_ns = np.arange(len(run.vectors), dtype=np.int64) * STEP_NS
-    measurements = [_measured(kind, stamp_ns, run.vectors[:, own], run.sigma[own]) for kind, own in VECTOR.items()]
+    stamp_ns = np.arange(len(run.vectors), dtype=np.int64) * SENSOR_PERIOD_NS
+    measurements = [
+        _measurements_of_kind(kind, stamp_ns, run.vectors[:, own], run.sigma[own])
+        for kind, own in VECTOR_COLUMNS_BY_KIND.items()
+    ]
     return estimate_track(measurements, EstimatorConfig(latency=latency, causal=causal), stamp_ns)
 
 
 @dataclass(frozen=True)
-class Known:
-    """One vehicle as our default chain knows it on line, from the past alone.
+class KnownVehicle:
+    """One vehicle as our default chain knows it online, from the past alone.
 
     Attributes:
         name: `host` or the station id.
@@ -110,63 +117,67 @@ class Known:
     length_m: float
     width_m: float
 
-    def predicted(self, model: str, *, with_onset: bool = False) -> VehicleTrack:
-        """With a path from every state by a key of `prediction.models.MODELS`, and the onset hypothesis if asked."""
+    def with_predicted_paths(self, model: str, *, with_onset: bool = False) -> VehicleTrack:
+        """Predict a path from every state by a key of `MODELS`, and the onset hypothesis if asked."""
         return VehicleTrack(
             self.name,
             self.track.stamp_ns,
             self.log_time_ns,
             self.track.state,
-            self._paths(model),
+            self._predict_paths(model),
             self.length_m,
             self.width_m,
-            self._paths(ONSET) if with_onset else None,
+            self._predict_paths(ONSET_MODEL) if with_onset else None,
             self.track.flags,
         )
 
-    def _paths(self, model: str) -> Paths:
-        acted = acted_online(self.track, self.log_time_ns) if model == DEFAULT_MODEL else None
+    def _predict_paths(self, model: str) -> Paths:
+        """Predict a path from every state."""
+        acted = online_acting_durations_s(self.track, self.log_time_ns) if model == DEFAULT_MODEL else None
         state, covariance = self.track.state, self.track.covariance
-        return rollout(model, state, covariance, horizon_s=self.horizon_s, step_s=STEP_S, acted=acted)
+        return roll_out_paths(
+            model, state, covariance, horizon_s=self.horizon_s, step_s=SAMPLING_TIME_S, acting_s=acted
+        )
 
 
-def acted_online(track: Track, log_time_ns: Int64Array | None = None) -> FloatArray:
-    """For how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
+def online_acting_durations_s(track: Track, log_time_ns: Int64Array | None = None) -> FloatArray:
+    """Return for how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
     vehicle = np.zeros(len(track.state), np.int64)
-    return measured_acted(vehicle, track.stamp_ns, log_time_ns, track.state, track.covariance)
+    return measure_acting_time_s(vehicle, track.stamp_ns, log_time_ns, track.state, track.covariance)
 
 
-def known_exactly(run: Run, name: str) -> Known:
-    """One vehicle as the paper has it: its own filter's state is known to the host at once, here from our filter."""
-    track = our_track(run)
-    return Known(name, track, track.stamp_ns, HORIZON_S + MAX_MESSAGE_AGE_S, math.nan, math.nan)
+def vehicle_known_without_delay(run: MeasuredRun, name: str) -> KnownVehicle:
+    """Return a vehicle whose filtered state the host knows at once, as the paper assumes; the filter is ours."""
+    track = estimate_our_track(run)
+    return KnownVehicle(name, track, track.stamp_ns, PREDICTION_HORIZON_S + MAX_MESSAGE_AGE_S, math.nan, math.nan)
 
 
-def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
-    """The host from its sensors and the others from the messages that it received of them.
+def host_and_received_vehicles(drive: SimulatedDrive) -> tuple[KnownVehicle, list[KnownVehicle]]:
+    """Estimate the host from its sensors, and the others from the messages that it received of them.
 
     Args:
         drive: A simulated drive with at least one other vehicle on V2X.
     """
     first_ns = max(int(data.stamp_ns.min()) for data in drive.sensors.values())
     last_ns = min(int(data.stamp_ns.max()) for data in drive.sensors.values())
-    grid_ns = np.arange(first_ns, last_ns + 1, STEP_NS, dtype=np.int64)
+    grid_ns = np.arange(first_ns, last_ns + 1, SENSOR_PERIOD_NS, dtype=np.int64)
     config = EstimatorConfig(latency="none", causal=True)
-    sizes = drive.scenario.vehicles[HOST]
+    sizes = drive.scenario.vehicles[HOST_NAME]
     track = estimate_track(_host_measurements(drive), config, grid_ns)
-    host = Known(HOST, track, grid_ns, HORIZON_S, sizes.length_m, sizes.width_m)
+    host = KnownVehicle(HOST_NAME, track, grid_ns, PREDICTION_HORIZON_S, sizes.length_m, sizes.width_m)
     others = []
     for received in drive.v2x.values():
         stamp_ns, rows = np.unique(received.stamp_ns, return_index=True)
         said = [
-            _measured(kind, stamp_ns, received.state[rows][:, own], received.sigma[own]) for kind, own in VECTOR.items()
+            _measurements_of_kind(kind, stamp_ns, received.state[rows][:, own], received.sigma[own])
+            for kind, own in VECTOR_COLUMNS_BY_KIND.items()
         ]
         others.append(
-            Known(
+            KnownVehicle(
                 received.station_id,
                 estimate_track(said, config, stamp_ns),
                 received.log_time_ns[rows],
-                HORIZON_S + MAX_MESSAGE_AGE_S,
+                PREDICTION_HORIZON_S + MAX_MESSAGE_AGE_S,
                 received.length_m,
                 received.width_m,
             )
@@ -175,12 +186,13 @@ def known_vehicles(drive: SimulatedDrive) -> tuple[Known, list[Known]]:
 
 
 def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
+    """Return the measurements of the host's sensors."""
     sensors = drive.sensors
     gnss, imu = sensors["gnss"], sensors["imu"]
     return [
-        _measured(Kind.POSITION, gnss.stamp_ns, gnss.values[:, :2], gnss.sigma[:2]),
-        _measured(Kind.SPEED, sensors["speed"].stamp_ns, sensors["speed"].values, sensors["speed"].sigma),
-        _measured(
+        _measurements_of_kind(Kind.POSITION, gnss.stamp_ns, gnss.values[:, :2], gnss.sigma[:2]),
+        _measurements_of_kind(Kind.SPEED, sensors["speed"].stamp_ns, sensors["speed"].values, sensors["speed"].sigma),
+        _measurements_of_kind(
             Kind.HEADING,
             sensors["gnss_heading"].stamp_ns,
             sensors["gnss_heading"].values,
@@ -190,11 +202,14 @@ def _host_measurements(drive: SimulatedDrive) -> list[Measurements]:
     ]
 
 
-def _measured(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
+def _measurements_of_kind(kind: Kind, stamp_ns: Int64Array, values: FloatArray, sigma: FloatArray) -> Measurements:
+    """Return values as measurements of a kind."""
     return Measurements(kind.name.lower(), kind, stamp_ns, values, np.tile(np.square(sigma), (len(values), 1)))
 
 
-def paper_points(states: FloatArray, family: str, horizon_s: float) -> FloatArray:
-    """Where the paper's recursion (eq. 9, 2 or 10) puts the vehicle `horizon_s` later, shape (n, 2)."""
-    paths = rollout(FAMILIES[family], states, None, horizon_s=horizon_s, step_s=STEP_S, discretisation="paper")
+def paper_predicted_points_m(states: FloatArray, family: str, horizon_s: float) -> FloatArray:
+    """Predict positions `horizon_s` ahead by the paper's recursion (eq. 9, 2 or 10), shape (n, 2), m."""
+    paths = roll_out_paths(
+        MODEL_BY_FAMILY[family], states, None, horizon_s=horizon_s, step_s=SAMPLING_TIME_S, discretisation="paper"
+    )
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

@@ -8,32 +8,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.estimation.result import Track
-from cwcli.estimation.song2016 import STEP_S
+from cwcli.estimation.song2016 import SAMPLING_TIME_S
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.rollout import rollout
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot, median_interval, ordered
+from cwcli.prediction.rollout import roll_out_paths
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
 from cwcli.reproduction.song2016.methods import (
-    FAMILIES,
-    HORIZON_S,
-    acted_online,
-    our_track,
-    paper_points,
-    paper_states,
-    sense,
+    MODEL_BY_FAMILY,
+    PREDICTION_HORIZON_S,
+    estimate_our_track,
+    measure_vehicle,
+    online_acting_durations_s,
+    paper_filter_states,
+    paper_predicted_points_m,
 )
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.scenario import HOST, load_scenario
+from cwcli.simulation.scenario import HOST_NAME, load_scenario
 
-HORIZONS_S = (2.1, 2.5, 2.9)
-FIGURES = {"straight": "fig 3", "curve": "fig 5"}
-OURS = "cwcli"
+COMPARED_HORIZONS_S = (2.1, 2.5, 2.9)
+"""The horizons that figure 7 compares, in s (song2016, figure 7)."""
+FIGURE_BY_SCENARIO = {"straight": "fig 3", "curve": "fig 5"}
+"""Scenario -> the paper's figure."""
+OUR_METHOD = "cwcli"
+"""Key of our default model among the methods."""
 WARM_UP_S = 2.0
-"""Earlier starts are left out: the filters have not settled, and no car is switched on just when it matters."""
+"""Earlier starts are left out, in s, because the filters have not settled. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Errors:
+class PredictionErrors:
     """Prediction errors of one scenario.
 
     Attributes:
@@ -52,36 +55,38 @@ class Errors:
     horizon_example_m: dict[float, tuple[FloatArray, FloatArray]]
 
 
-def prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> Errors:
+def compute_prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> PredictionErrors:
     """Predict from every state of the host, in every seed, and compare with the truth."""
     scenario = load_scenario(name)
-    motion = scenario.vehicles[HOST].motion
-    means: dict[str, list[float]] = {method: [] for method in (*FAMILIES, OURS)}
+    motion = scenario.vehicles[HOST_NAME].motion
+    means: dict[str, list[float]] = {method: [] for method in (*MODEL_BY_FAMILY, OUR_METHOD)}
     largest: dict[str, list[float]] = {method: [] for method in means}
-    by_horizon: dict[float, list[float]] = {horizon: [] for horizon in HORIZONS_S}
+    by_horizon: dict[float, list[float]] = {horizon: [] for horizon in COMPARED_HORIZONS_S}
     example: dict[str, FloatArray] = {}
     horizon_example: dict[float, tuple[FloatArray, FloatArray]] = {}
     start_s = np.zeros(0)
     for seed in range(n_seeds):
-        run = sense(scenario, HOST, seed)
-        states = paper_states(run)
-        start_s, errors = _errors_at(run.time_s, scenario.duration_s, HORIZON_S, motion.at)
-        for family in FAMILIES:
-            error_m = errors(paper_points(states, family, HORIZON_S))
+        run = measure_vehicle(scenario, HOST_NAME, seed)
+        states = paper_filter_states(run)
+        start_s, errors = _starts_and_error_function(
+            run.time_s, scenario.duration_s, PREDICTION_HORIZON_S, motion.states_at
+        )
+        for family in MODEL_BY_FAMILY:
+            error_m = errors(paper_predicted_points_m(states, family, PREDICTION_HORIZON_S))
             example.setdefault(family, error_m)
             means[family].append(float(error_m.mean()))
             largest[family].append(float(error_m.max()))
-        error_m = errors(_default_points(our_track(run)))
-        example.setdefault(OURS, error_m)
-        means[OURS].append(float(error_m.mean()))
-        largest[OURS].append(float(error_m.max()))
-        for horizon in HORIZONS_S:
-            at_s, at_horizon = _errors_at(run.time_s, scenario.duration_s, horizon, motion.at)
-            error_m = at_horizon(paper_points(states, "jerk", horizon))
+        error_m = errors(_default_predicted_points_m(estimate_our_track(run)))
+        example.setdefault(OUR_METHOD, error_m)
+        means[OUR_METHOD].append(float(error_m.mean()))
+        largest[OUR_METHOD].append(float(error_m.max()))
+        for horizon in COMPARED_HORIZONS_S:
+            at_s, at_horizon = _starts_and_error_function(run.time_s, scenario.duration_s, horizon, motion.states_at)
+            error_m = at_horizon(paper_predicted_points_m(states, "jerk", horizon))
             by_horizon[horizon].append(float(error_m.max()))
             horizon_example.setdefault(horizon, (at_s, error_m))
         tick()
-    return Errors(
+    return PredictionErrors(
         start_s,
         {method: np.array(values) for method, values in means.items()},
         {method: np.array(values) for method, values in largest.items()},
@@ -91,41 +96,43 @@ def prediction_errors(name: str, n_seeds: int, tick: Callable[[], None]) -> Erro
     )
 
 
-def prediction_part(name: str, errors: Errors) -> Part:
-    """Figure 3 or 5: the order of the families, in the mean and in the maximum; our default beside them."""
-    figure = FIGURES[name]
-    measured: list[Measured] = []
+def prediction_part(name: str, errors: PredictionErrors) -> StudyPart:
+    """Compute figure 3 or 5: the order of the families, in the mean and in the maximum, and our default."""
+    figure = FIGURE_BY_SCENARIO[name]
+    measured: list[MeasuredNumber] = []
     medians: dict[str, list[float]] = {"mean": [], "largest": []}
-    for method in ("jerk", "acceleration", "speed", OURS):
-        label = "our default" if method == OURS else f"constant {method}"
+    for method in ("jerk", "acceleration", "speed", OUR_METHOD):
+        label = "our default" if method == OUR_METHOD else f"constant {method}"
         for kind, values in (("mean", errors.mean_m[method]), ("largest", errors.max_m[method])):
-            found = median_interval(values)
-            measured.append(Measured(figure, f"{name}: {kind} error, {label}", *found))
-            if method != OURS:
+            found = median_with_interval(values)
+            measured.append(MeasuredNumber(figure, f"{name}: {kind} error, {label}", *found))
+            if method != OUR_METHOD:
                 medians[kind].append(found[0])
     for kind, values_m in medians.items():
         what = f"{name}: {kind} error: jerk below acceleration below speed"
-        measured.append(Measured(figure, what, float(ordered(values_m))))
-    labels = {family: f"constant {family}" for family in FAMILIES} | {OURS: "our default"}
+        measured.append(MeasuredNumber(figure, what, float(is_strictly_increasing(values_m))))
+    labels = {family: f"constant {family}" for family in MODEL_BY_FAMILY} | {OUR_METHOD: "our default"}
     plot = Plot(
         figure,
-        f"{name}: position error {HORIZON_S:g} s ahead (first seed)",
+        f"{name}: position error {PREDICTION_HORIZON_S:g} s ahead (first seed)",
         "time of the prediction [s]",
         "error [m]",
         [Curve(labels[method], errors.time_s, values) for method, values in errors.example_m.items()],
     )
-    return Part(tuple(measured), (plot,))
+    return StudyPart(tuple(measured), (plot,))
 
 
-def horizon_part(errors: Errors) -> Part:
-    """Figure 7: the jerk model at three horizons, straight scenario."""
+def horizon_part(errors: PredictionErrors) -> StudyPart:
+    """Compute figure 7: the jerk model at three horizons on the straight scenario."""
     measured = [
-        Measured("fig 7", f"straight: largest error of constant jerk, {horizon:g} s ahead", *median_interval(values))
+        MeasuredNumber(
+            "fig 7", f"straight: largest error of constant jerk, {horizon:g} s ahead", *median_with_interval(values)
+        )
         for horizon, values in errors.horizon_max_m.items()
     ]
-    growth = errors.horizon_max_m[HORIZONS_S[-1]] / errors.horizon_max_m[HORIZON_S]
-    what = f"straight: largest error {HORIZONS_S[-1]:g} s ahead over that {HORIZON_S:g} s ahead"
-    measured.append(Measured("fig 7", what, *median_interval(growth)))
+    growth = errors.horizon_max_m[COMPARED_HORIZONS_S[-1]] / errors.horizon_max_m[PREDICTION_HORIZON_S]
+    what = f"straight: largest error {COMPARED_HORIZONS_S[-1]:g} s ahead over that {PREDICTION_HORIZON_S:g} s ahead"
+    measured.append(MeasuredNumber("fig 7", what, *median_with_interval(growth)))
     plot = Plot(
         "fig 7",
         "straight: position error of constant jerk at three horizons (first seed)",
@@ -133,13 +140,13 @@ def horizon_part(errors: Errors) -> Part:
         "error [m]",
         [Curve(f"{h:g} s", time_s, error_m) for h, (time_s, error_m) in errors.horizon_example_m.items()],
     )
-    return Part(tuple(measured), (plot,))
+    return StudyPart(tuple(measured), (plot,))
 
 
-def path_part() -> Part:
-    """Figure 4: the way of the car in the curve, true, measured and filtered (seed 0)."""
-    run = sense(load_scenario("curve"), HOST, 0)
-    states = paper_states(run)
+def filtered_path_part() -> StudyPart:
+    """Plot figure 4: the path of the car in the curve, true, measured and filtered (seed 0)."""
+    run = measure_vehicle(load_scenario("curve"), HOST_NAME, 0)
+    states = paper_filter_states(run)
     curves = [
         Curve("measured", run.vectors[:, 0], run.vectors[:, 1]),
         Curve("the paper's filter", states[:, 0], states[:, 1]),
@@ -148,25 +155,33 @@ def path_part() -> Part:
     radius_m = run.truth[:, 2] / np.maximum(run.truth[:, 5], 1e-9)
     in_curve = run.time_s[radius_m < 2.0 * radius_m.min()]
     measured = (
-        Measured("fig 4", "curve: speed", float(run.truth[:, 2].mean())),
-        Measured("fig 4", "curve: radius", float(radius_m.min())),
-        Measured("fig 4", "curve: half of its curvature is reached at", float(in_curve[0])),
-        Measured("fig 4", "curve: half of its curvature is left at", float(in_curve[-1])),
+        MeasuredNumber("fig 4", "curve: speed", float(run.truth[:, 2].mean())),
+        MeasuredNumber("fig 4", "curve: radius", float(radius_m.min())),
+        MeasuredNumber("fig 4", "curve: half of its curvature is reached at", float(in_curve[0])),
+        MeasuredNumber("fig 4", "curve: half of its curvature is left at", float(in_curve[-1])),
     )
     title = "curve: the way of the car (first seed)"
-    return Part(measured, (Plot("fig 4", title, "east [m]", "north [m]", curves, is_map=True),))
+    return StudyPart(measured, (Plot("fig 4", title, "east [m]", "north [m]", curves, is_map=True),))
 
 
-def _errors_at(
+def _starts_and_error_function(
     time_s: FloatArray, end_s: float, horizon_s: float, true_state: Callable[[FloatArray], FloatArray]
 ) -> tuple[FloatArray, Callable[[FloatArray], FloatArray]]:
-    """The starts whose outcome is known, and a function from predicted points (n, 2) of all starts to their errors."""
+    """Return the starts whose outcome is known, and a function from points (n, 2) of all starts to errors."""
     rows = np.flatnonzero((time_s >= WARM_UP_S) & (time_s + horizon_s <= end_s + 1e-9))
     actual = true_state(time_s[rows] + horizon_s)[:, :2]
     return time_s[rows], lambda points: np.asarray(np.hypot(*(points[rows] - actual).T))
 
 
-def _default_points(track: Track) -> FloatArray:
-    acted = acted_online(track)
-    paths = rollout(DEFAULT_MODEL, track.state, track.covariance, horizon_s=HORIZON_S, step_s=STEP_S, acted=acted)
+def _default_predicted_points_m(track: Track) -> FloatArray:
+    """Predict positions (n, 2) in m by our default model."""
+    acted = online_acting_durations_s(track)
+    paths = roll_out_paths(
+        DEFAULT_MODEL,
+        track.state,
+        track.covariance,
+        horizon_s=PREDICTION_HORIZON_S,
+        step_s=SAMPLING_TIME_S,
+        acting_s=acted,
+    )
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

@@ -5,23 +5,34 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from cwcli.pipeline.result import Section
-from cwcli.reproduction.findings import Part
-from cwcli.reproduction.findings_report import Reproduction, reproduction
-from cwcli.reproduction.processes import processes
+from cwcli.pipeline.result import SummaryTable
+from cwcli.reproduction.findings import StudyPart
+from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
+from cwcli.reproduction.processes import process_pool
 from cwcli.reproduction.song2016.control import control_part
 from cwcli.reproduction.song2016.estimation import table1_part
-from cwcli.reproduction.song2016.prediction import horizon_part, path_part, prediction_errors, prediction_part
-from cwcli.reproduction.song2016.sensitivity import MAX_SEEDS as MAX_SEEDS_OF_CHOICES
+from cwcli.reproduction.song2016.prediction import (
+    compute_prediction_errors,
+    filtered_path_part,
+    horizon_part,
+    prediction_part,
+)
+from cwcli.reproduction.song2016.sensitivity import MAX_SENSITIVITY_SEEDS as MAX_SEEDS_OF_CHOICES
 from cwcli.reproduction.song2016.sensitivity import sensitivity_part
-from cwcli.reproduction.song2016.warning import TRAPS, false_warnings, figure_part, trap_part, warning_moments
+from cwcli.reproduction.song2016.warning import (
+    TRAP_SCENARIOS,
+    count_false_warnings,
+    simulate_warning_moments,
+    trap_part,
+    warning_moments_part,
+)
 
 Tick = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Settings.
+    """Settings of the study.
 
     Attributes:
         seeds: Seeds per scenario of the warnings, of the control and of the traps. Table 1 and the prediction figures
@@ -36,8 +47,8 @@ class ReproduceConfig:
 
 
 MAX_SEEDS_OF_FIGURES = 20
-"""Largest number of seeds of table 1 and of the prediction figures, whose intervals are narrow with so few."""
-MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
+"""The greatest number of seeds of table 1 and the prediction figures, whose intervals are narrow with so few."""
+FIGURES_BY_TASK: dict[tuple[str, str], tuple[str, ...]] = {
     ("traps", ""): ("traps",),
     ("warnings", "rear-end"): ("fig 8", "fig 9", "fig 12", "fig 13"),
     ("warnings", "intersection"): ("fig 10", "fig 11", "fig 14", "fig 15"),
@@ -48,78 +59,81 @@ MADE_BY: dict[tuple[str, str], tuple[str, ...]] = {
     ("prediction", "straight"): ("fig 3", "fig 7"),
     ("prediction", "curve"): ("fig 4", "fig 5"),
 }
-"""Task -> the figures and tables that it makes."""
-MAX_SEEDS_OF = {
+"""Kind of task and scenario -> the figures and tables that it makes."""
+MAX_SEEDS_BY_TASK_KIND = {
     "table 1": MAX_SEEDS_OF_FIGURES,
     "prediction": MAX_SEEDS_OF_FIGURES,
     "sensitivity": MAX_SEEDS_OF_CHOICES,
 }
-"""Kind of task -> the largest number of seeds that it takes, where there is one."""
-WORDS_OF = {
+"""Kind of task -> the greatest number of seeds that it takes, where there is one."""
+TASK_KIND_LABELS = {
     "warnings": "warnings and control",
     "traps": "traps",
     "table 1": "table 1",
     "prediction": "predicted paths",
     "sensitivity": "moved choices",
 }
-"""Kind of task -> what it is called in notes, in the order of the notes."""
+"""Kind of task -> its name in notes, in the order of the notes."""
 
 
 def reproduce_song2016(config: ReproduceConfig, tick: Tick = lambda what: None) -> Reproduction:
     """Run the study. `tick` is called with the name of each part that is done."""
     tasks = [
-        (kind, each, min(config.seeds, MAX_SEEDS_OF.get(kind, config.seeds)))
-        for (kind, name), figures in MADE_BY.items()
+        (kind, each, min(config.seeds, MAX_SEEDS_BY_TASK_KIND.get(kind, config.seeds)))
+        for (kind, name), figures in FIGURES_BY_TASK.items()
         if not config.only or set(config.only) & set(figures)
-        for each in (TRAPS if kind == "traps" else (name,))
+        for each in (TRAP_SCENARIOS if kind == "traps" else (name,))
     ]
-    made: list[tuple[list[Part], list[Section]]] = []
+    made: list[tuple[list[StudyPart], list[SummaryTable]]] = []
     if config.jobs > 1:
-        with processes(config.jobs) as pool:
-            running = [(task, pool.submit(_run, *task)) for task in tasks]
+        with process_pool(config.jobs) as pool:
+            running = [(task, pool.submit(_run_task, *task)) for task in tasks]
             for task, future in running:
                 made.append(future.result())
                 tick(f"{task[0]}: {task[1]}")
     else:
         for task in tasks:
-            made.append(_run(*task))
+            made.append(_run_task(*task))
             tick(f"{task[0]}: {task[1]}")
     parts = [part for found, _ in made for part in found]
     sections = [section for _, found in made for section in found]
-    return reproduction("song2016", parts, seed_note(tasks), sections=sections, only=config.only)
+    return assemble_reproduction("song2016", parts, format_seed_note(tasks), sections=sections, only=config.only)
 
 
-def seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
-    """How many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1, predicted paths".
+def format_seed_note(tasks: Collection[tuple[str, str, int]]) -> str:
+    """Format how many seeds each kind of task took: "100 seeds of warnings and control; 20 seeds of table 1".
 
     Args:
         tasks: Kind, scenario and number of seeds.
     """
     n_seeds = {kind: n for kind, _, n in tasks}
     kinds_by_seeds: dict[int, list[str]] = {}
-    for kind, words in WORDS_OF.items():
+    for kind, words in TASK_KIND_LABELS.items():
         if kind in n_seeds:
             kinds_by_seeds.setdefault(n_seeds[kind], []).append(words)
     return "; ".join(f"{n} seeds of {', '.join(words)}" for n, words in kinds_by_seeds.items())
 
 
-def _run(kind: str, name: str, n_seeds: int) -> tuple[list[Part], list[Section]]:
-    """One task of the study, in a process of its own."""
+def _run_task(kind: str, name: str, n_seeds: int) -> tuple[list[StudyPart], list[SummaryTable]]:
+    """Run one task of the study, in a process of its own."""
 
-    def nothing() -> None:
+    def ignore_tick() -> None:
         return None
 
     match kind:
         case "table 1":
-            return [table1_part(name, n_seeds, nothing)], []
+            return [table1_part(name, n_seeds, ignore_tick)], []
         case "prediction":
-            errors = prediction_errors(name, n_seeds, nothing)
-            return [prediction_part(name, errors), horizon_part(errors) if name == "straight" else path_part()], []
+            errors = compute_prediction_errors(name, n_seeds, ignore_tick)
+            return [
+                prediction_part(name, errors),
+                horizon_part(errors) if name == "straight" else filtered_path_part(),
+            ], []
         case "warnings":
-            moments = warning_moments(name, n_seeds, nothing)
-            return [figure_part(name, moments), control_part(name, moments)], []
+            moments = simulate_warning_moments(name, n_seeds, ignore_tick)
+            return [warning_moments_part(name, moments), control_part(name, moments)], []
         case "sensitivity":
             part, section = sensitivity_part(name, n_seeds)
             return [part], [section]
         case _:
-            return [trap_part(name, false_warnings(name, n_seeds, nothing), n_seeds)], []
+            return [trap_part(name, count_false_warnings(name, n_seeds, ignore_tick), n_seeds)], []

@@ -8,44 +8,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.estimation.song2016 import STEP_S
+from cwcli.estimation.song2016 import SAMPLING_TIME_S
 from cwcli.metrics.intervals import poisson_interval
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot, median_interval, ordered
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
 from cwcli.reproduction.song2016.methods import (
-    FAMILIES,
-    HORIZON_S,
-    Known,
-    known_exactly,
-    known_vehicles,
-    paper_points,
-    paper_states,
-    sense,
+    MODEL_BY_FAMILY,
+    PREDICTION_HORIZON_S,
+    KnownVehicle,
+    host_and_received_vehicles,
+    measure_vehicle,
+    paper_filter_states,
+    paper_predicted_points_m,
+    vehicle_known_without_delay,
 )
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.drive import simulate
-from cwcli.simulation.scenario import HOST, Scenario, load_scenario
+from cwcli.simulation.drive import simulate_scenario
+from cwcli.simulation.scenario import HOST_NAME, Scenario, load_scenario
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.rules import RULES
 from cwcli.warning.types import WarningConfig
 
-COLLISION_M = 2.5
-FINE_STEP_S = 0.001
-FIGURES = {"rear-end": "fig 9", "intersection": "fig 11"}
-DRAWINGS = {"rear-end": "fig 8", "intersection": "fig 10"}
-OURS, OURS_ON_LINK = "cwcli", "cwcli-v2x"
-TRAPS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
+COLLISION_CENTRE_DISTANCE_M = 2.5
+"""Centres nearer than this count as a collision, in m: the threshold of the paper's rule (figures 9 and 11)."""
+COLLISION_SEARCH_STEP_S = 0.001
+"""Time step of the search for the true collision, in s. Chosen by hand; not fitted."""
+FIGURE_BY_SCENARIO = {"rear-end": "fig 9", "intersection": "fig 11"}
+"""Scenario -> the paper's figure of predicted distances."""
+MAP_FIGURE_BY_SCENARIO = {"rear-end": "fig 8", "intersection": "fig 10"}
+"""Scenario -> the paper's figure of the paths from above."""
+OUR_METHOD = "cwcli"
+"""Key of our default chain with the paper's knowledge among the methods."""
+OUR_METHOD_ON_V2X = "cwcli-v2x"
+"""Key of our default chain on V2X messages among the methods."""
+TRAP_SCENARIOS = ("brake-and-release", "parallel-lanes", "near-miss-crossing", "following")
+"""Scenarios without a collision in which our default must not warn."""
 
 
 @dataclass(frozen=True)
-class Moments:
-    """Warning moments of one scenario.
+class WarningMoments:
+    """Warning moments of one scenario over all seeds.
 
     Attributes:
         scenario: The scenario.
         other: Name of the other vehicle.
-        ideal_s: `HORIZON_S` before the cars are nearer than `COLLISION_M`.
+        ideal_s: `HORIZON_S` before the cars are nearer than `COLLISION_CENTRE_DISTANCE_M`.
         by_method: Method -> shape (seeds,), NaN where it never warned. Methods: the families of the paper; `cwcli`, our
             default, which knows what the paper's chain knows when it knows it; `cwcli-v2x`, our default on messages.
         distance_m: Family -> predicted distance over time, shape (seeds, n).
@@ -55,101 +63,113 @@ class Moments:
     scenario: Scenario
     other: str
     ideal_s: float
-    by_method: dict[str, FloatArray]
+    warned_s_by_method: dict[str, FloatArray]
     distance_m: dict[str, FloatArray]
     time_s: FloatArray
 
 
-def warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> Moments:
-    """Run a two-car scenario over seeds 0 to n_seeds - 1; `tick` is called after each seed."""
+def simulate_warning_moments(name: str, n_seeds: int, tick: Callable[[], None]) -> WarningMoments:
+    """Simulate a two-car scenario over seeds 0 to n_seeds - 1; `tick` is called after each seed."""
     scenario = load_scenario(name)
-    other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST)
-    moments: dict[str, list[float]] = {method: [] for method in (*FAMILIES, OURS, OURS_ON_LINK)}
-    distances: dict[str, list[FloatArray]] = {family: [] for family in FAMILIES}
+    other = next(vehicle for vehicle in scenario.vehicles if vehicle != HOST_NAME)
+    moments: dict[str, list[float]] = {method: [] for method in (*MODEL_BY_FAMILY, OUR_METHOD, OUR_METHOD_ON_V2X)}
+    distances: dict[str, list[FloatArray]] = {family: [] for family in MODEL_BY_FAMILY}
     time_s = np.zeros(0)
     for seed in range(n_seeds):
-        runs = [sense(scenario, vehicle, seed) for vehicle in (HOST, other)]
-        states = [paper_states(run) for run in runs]
+        runs = [measure_vehicle(scenario, vehicle, seed) for vehicle in (HOST_NAME, other)]
+        states = [paper_filter_states(run) for run in runs]
         time_s = runs[0].time_s
-        for family in FAMILIES:
-            host_xy, other_xy = (paper_points(own, family, HORIZON_S) for own in states)
+        for family in MODEL_BY_FAMILY:
+            host_xy, other_xy = (paper_predicted_points_m(own, family, PREDICTION_HORIZON_S) for own in states)
             distance_m = np.hypot(*(host_xy - other_xy).T)
             distances[family].append(distance_m)
-            moments[family].append(first_below(time_s, distance_m, COLLISION_M))
-        host, partner = (known_exactly(run, vehicle) for vehicle, run in zip((HOST, other), runs, strict=True))
-        moments[OURS].append(_first_default_warning_s(host, [partner], 0))
-        host, others = known_vehicles(simulate(scenario, seed))
-        moments[OURS_ON_LINK].append(_first_default_warning_s(host, others, scenario.start_ns))
+            moments[family].append(first_time_below_s(time_s, distance_m, COLLISION_CENTRE_DISTANCE_M))
+        host, partner = (
+            vehicle_known_without_delay(run, vehicle) for vehicle, run in zip((HOST_NAME, other), runs, strict=True)
+        )
+        moments[OUR_METHOD].append(_first_default_warning_s(host, [partner], 0))
+        host, others = host_and_received_vehicles(simulate_scenario(scenario, seed))
+        moments[OUR_METHOD_ON_V2X].append(_first_default_warning_s(host, others, scenario.start_ns))
         tick()
     arrays = {method: np.array(values) for method, values in moments.items()}
     distance_m = {family: np.array(values) for family, values in distances.items()}
-    return Moments(scenario, other, collision_time_s(scenario, other) - HORIZON_S, arrays, distance_m, time_s)
+    return WarningMoments(
+        scenario, other, collision_time_s(scenario, other) - PREDICTION_HORIZON_S, arrays, distance_m, time_s
+    )
 
 
-def first_below(time_s: FloatArray, distance_m: FloatArray, threshold_m: float) -> float:
-    """The first time at which the distance is below the threshold, NaN if it never is."""
+def first_time_below_s(time_s: FloatArray, distance_m: FloatArray, threshold_m: float) -> float:
+    """Return the first time at which the distance is below the threshold, NaN if it never is."""
     below = np.flatnonzero(distance_m < threshold_m)
     return float(time_s[below[0]]) if len(below) else math.nan
 
 
 def collision_time_s(scenario: Scenario, other: str) -> float:
-    """When the true centres come nearer than `COLLISION_M`, NaN if they never do."""
-    time_s = np.arange(int(scenario.duration_s / FINE_STEP_S) + 1, dtype=np.float64) * FINE_STEP_S
-    host_state, other_state = (scenario.vehicles[vehicle].motion.at(time_s) for vehicle in (HOST, other))
-    return first_below(time_s, np.hypot(*(host_state[:, :2] - other_state[:, :2]).T), COLLISION_M)
+    """Return when the true centres come nearer than `COLLISION_CENTRE_DISTANCE_M`, NaN if they never do."""
+    time_s = (
+        np.arange(int(scenario.duration_s / COLLISION_SEARCH_STEP_S) + 1, dtype=np.float64) * COLLISION_SEARCH_STEP_S
+    )
+    host_state, other_state = (scenario.vehicles[vehicle].motion.states_at(time_s) for vehicle in (HOST_NAME, other))
+    return first_time_below_s(
+        time_s, np.hypot(*(host_state[:, :2] - other_state[:, :2]).T), COLLISION_CENTRE_DISTANCE_M
+    )
 
 
-def false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[str, int]:
-    """Warnings in a trap over all seeds: of our default, and of the paper's rule on the paper's model."""
+def count_false_warnings(name: str, n_seeds: int, tick: Callable[[], None]) -> dict[str, int]:
+    """Count the warnings in a trap over all seeds: of our default, and of the paper's rule and model."""
     scenario = load_scenario(name)
-    counts = {OURS: 0, "song2016": 0}
+    counts = {OUR_METHOD: 0, "song2016": 0}
     for seed in range(n_seeds):
-        host, others = known_vehicles(simulate(scenario, seed))
-        counts[OURS] += len(_warnings_ns(host, others, DEFAULT_MODEL, WarningConfig()))
-        counts["song2016"] += len(_warnings_ns(host, others, FAMILIES["jerk"], WarningConfig(rule="song2016")))
+        host, others = host_and_received_vehicles(simulate_scenario(scenario, seed))
+        counts[OUR_METHOD] += len(_warning_times_ns(host, others, DEFAULT_MODEL, WarningConfig()))
+        counts["song2016"] += len(
+            _warning_times_ns(host, others, MODEL_BY_FAMILY["jerk"], WarningConfig(rule="song2016"))
+        )
         tick()
     return counts
 
 
-def figure_part(name: str, moments: Moments) -> Part:
-    """Figure 9 or 11: the moments, and the predicted distances in a typical seed."""
-    figure = FIGURES[name]
-    measured = [Measured(figure, "ideal moment", moments.ideal_s)]
+def warning_moments_part(name: str, moments: WarningMoments) -> StudyPart:
+    """Compute figure 9 or 11: the moments, and the predicted distances in a typical seed."""
+    figure = FIGURE_BY_SCENARIO[name]
+    measured = [MeasuredNumber(figure, "ideal moment", moments.ideal_s)]
     medians: dict[str, float] = {}
-    for family in FAMILIES:
-        found = median_interval(moments.by_method[family])
+    for family in MODEL_BY_FAMILY:
+        found = median_with_interval(moments.warned_s_by_method[family])
         medians[family] = found[0]
-        measured.append(Measured(figure, f"{name}: warning, constant {family}, median", *found))
-        silent = 100.0 * float(np.isnan(moments.by_method[family]).mean())
-        measured.append(Measured(figure, f"{name}: runs without a warning, constant {family}", silent))
-    in_order = ordered([medians[family] for family in ("jerk", "acceleration", "speed")])
-    measured.append(Measured(figure, f"{name}: jerk before acceleration before speed", float(in_order)))
-    found = median_interval(moments.by_method[OURS])
-    measured.append(Measured(figure, f"{name}: warning, our default, median", *found))
+        measured.append(MeasuredNumber(figure, f"{name}: warning, constant {family}, median", *found))
+        silent = 100.0 * float(np.isnan(moments.warned_s_by_method[family]).mean())
+        measured.append(MeasuredNumber(figure, f"{name}: runs without a warning, constant {family}", silent))
+    in_order = is_strictly_increasing([medians[family] for family in ("jerk", "acceleration", "speed")])
+    measured.append(MeasuredNumber(figure, f"{name}: jerk before acceleration before speed", float(in_order)))
+    found = median_with_interval(moments.warned_s_by_method[OUR_METHOD])
+    measured.append(MeasuredNumber(figure, f"{name}: warning, our default, median", *found))
     farther_s = abs(found[0] - moments.ideal_s) - abs(medians["jerk"] - moments.ideal_s)
-    measured.append(Measured(figure, f"{name}: our default farther from the ideal moment than jerk by", farther_s))
-    found = median_interval(moments.by_method[OURS_ON_LINK])
-    measured.append(Measured(figure, f"{name}: warning, our default over the V2X link, median", *found))
-    seed = typical_seed(np.column_stack([moments.by_method[family] for family in FAMILIES]))
+    measured.append(
+        MeasuredNumber(figure, f"{name}: our default farther from the ideal moment than jerk by", farther_s)
+    )
+    found = median_with_interval(moments.warned_s_by_method[OUR_METHOD_ON_V2X])
+    measured.append(MeasuredNumber(figure, f"{name}: warning, our default over the V2X link, median", *found))
+    seed = typical_seed(np.column_stack([moments.warned_s_by_method[family] for family in MODEL_BY_FAMILY]))
     plot = Plot(
         figure,
-        f"{name}: distance predicted {HORIZON_S:g} s ahead, warnings as dots (seed {seed})",
+        f"{name}: distance predicted {PREDICTION_HORIZON_S:g} s ahead, warnings as dots (seed {seed})",
         "time [s]",
         "predicted distance [m]",
         [
-            Curve(f"constant {family}", moments.time_s, values[seed], float(moments.by_method[family][seed]))
+            Curve(f"constant {family}", moments.time_s, values[seed], float(moments.warned_s_by_method[family][seed]))
             for family, values in moments.distance_m.items()
         ],
         {"ideal moment": moments.ideal_s},
-        ("collision", COLLISION_M),
+        ("collision", COLLISION_CENTRE_DISTANCE_M),
         x_range=(moments.ideal_s - 2.5, moments.ideal_s + 2.5),
         y_range=(0.0, 30.0),
     )
-    return Part(tuple(measured), (plot, _seen_from_above(name, moments)))
+    return StudyPart(tuple(measured), (plot, _paths_from_above_plot(name, moments)))
 
 
 def typical_seed(when_s: FloatArray) -> int:
-    """The seed (row) in which every method (column) warns and the moments are nearest to their medians; else 0."""
+    """Return the seed (row) in which all methods (columns) warn and are nearest to their medians; else 0."""
     everywhere = np.isfinite(when_s).all(axis=1)
     if not everywhere.any():
         return 0
@@ -157,24 +177,24 @@ def typical_seed(when_s: FloatArray) -> int:
     return int(np.where(everywhere, away_s, np.inf).argmin())
 
 
-def _seen_from_above(name: str, moments: Moments) -> Plot:
-    """Figure 8 or 10: the ways of the two cars until they collide; dots where they are at the ideal moment."""
-    time_s = np.arange(0.0, moments.ideal_s + HORIZON_S, STEP_S)
+def _paths_from_above_plot(name: str, moments: WarningMoments) -> Plot:
+    """Plot figure 8 or 10: the paths of both cars until they collide, with dots at the ideal moment."""
+    time_s = np.arange(0.0, moments.ideal_s + PREDICTION_HORIZON_S, SAMPLING_TIME_S)
     curves = []
-    for vehicle in (HOST, moments.other):
-        state = moments.scenario.vehicles[vehicle].motion.at(np.append(time_s, moments.ideal_s))
+    for vehicle in (HOST_NAME, moments.other):
+        state = moments.scenario.vehicles[vehicle].motion.states_at(np.append(time_s, moments.ideal_s))
         curves.append(Curve(vehicle, state[:-1, 0], state[:-1, 1]))
         curves.append(Curve(f"{vehicle} at the ideal moment", state[-1:, 0], state[-1:, 1], is_points=True))
     title = f"{name}: the ways of the two cars until they collide"
-    return Plot(DRAWINGS[name], title, "east [m]", "north [m]", curves, is_map=True)
+    return Plot(MAP_FIGURE_BY_SCENARIO[name], title, "east [m]", "north [m]", curves, is_map=True)
 
 
-def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> Part:
-    """A trap: our default must stay silent; the warnings of the paper's rule beside it."""
-    labels = {OURS: "our default", "song2016": "the paper's rule"}
-    return Part(
+def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> StudyPart:
+    """Report the warnings in a trap of our default, which must stay silent, and of the paper's rule."""
+    labels = {OUR_METHOD: "our default", "song2016": "the paper's rule"}
+    return StudyPart(
         tuple(
-            Measured(
+            MeasuredNumber(
                 "traps",
                 f"{name}: warnings in a hundred runs, {label}",
                 100.0 * counts[method] / n_seeds,
@@ -185,15 +205,17 @@ def trap_part(name: str, counts: dict[str, int], n_seeds: int) -> Part:
     )
 
 
-def _first_default_warning_s(host: Known, others: Sequence[Known], start_ns: int) -> float:
-    """When our default chain warns first, seconds from the start; NaN if it never does."""
-    warnings_ns = _warnings_ns(host, others, DEFAULT_MODEL, WarningConfig())
+def _first_default_warning_s(host: KnownVehicle, others: Sequence[KnownVehicle], start_ns: int) -> float:
+    """Return when our default chain warns first, in s from the start; NaN if it never does."""
+    warnings_ns = _warning_times_ns(host, others, DEFAULT_MODEL, WarningConfig())
     return (warnings_ns[0] - start_ns) * 1e-9 if warnings_ns else math.nan
 
 
-def _warnings_ns(host: Known, others: Sequence[Known], model: str, config: WarningConfig) -> list[int]:
-    """When the rule raises a warning on what the host knows on line, in order."""
+def _warning_times_ns(
+    host: KnownVehicle, others: Sequence[KnownVehicle], model: str, config: WarningConfig
+) -> list[int]:
+    """Return the stamps at which the rule raises a warning on what the host knows online, in order."""
     with_onset = RULES[config.rule].uses_onset
-    partners = [other.predicted(model, with_onset=with_onset) for other in others]
-    result = find_warnings(host.predicted(model), partners, config)
-    return [int(event["raised_stamp_ns"]) for event in result.events.records()]
+    partners = [other.with_predicted_paths(model, with_onset=with_onset) for other in others]
+    result = find_warnings(host.with_predicted_paths(model), partners, config)
+    return [int(event["raised_stamp_ns"]) for event in result.events.rows_as_dicts()]

@@ -5,14 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
-from cwcli.pipeline.result import Cell, Section
-from cwcli.reproduction.findings import Part
-from cwcli.reproduction.findings_report import Reproduction, reproduction
-from cwcli.reproduction.xiang2019.figures import errors_plot, looks_plot, numbers, tracks_part
-from cwcli.reproduction.xiang2019.reproduce import Table, reproduce
-from cwcli.reproduction.xiang2019.sentences import verdict
+from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.reproduction.findings import StudyPart
+from cwcli.reproduction.findings_report import Reproduction, assemble_reproduction
+from cwcli.reproduction.xiang2019.figures import (
+    distance_errors_plot,
+    filter_tracks_part,
+    measured_numbers_of_tables,
+    sensor_looks_plot,
+)
+from cwcli.reproduction.xiang2019.reproduce import Table, compute_tables
+from cwcli.reproduction.xiang2019.sentences import verdict_sentences
 
-TITLES = {
+TABLE_TITLES = {
     "figure_6": "Figures 5 and 6: error of the distance (paper: both together below 0.01 m)",
     "looks": "How many looks of each sensor bring the error at 4.90 m to the paper's 0.01 m",
     "table_1": "Table 1: mean square error in per mille of a square metre",
@@ -20,7 +25,8 @@ TITLES = {
     "table_2": "Table 2: time of 500 samples, inside the process",
     "where": "EKF and UKF elsewhere: radar alone, near and far, narrow and wide beams",
 }
-SHOWN: dict[str, dict[str, str]] = {
+"""Table -> its title on the terminal."""
+SHOWN_COLUMNS: dict[str, dict[str, str]] = {
     "figure_6": {
         "range_m": "range [m]",
         "lidar_error_m": "lidar [m]",
@@ -55,10 +61,10 @@ SHOWN: dict[str, dict[str, str]] = {
         "gain_high_pct": "to",
     },
 }
-"""What the terminal shows, with its headings; of the other tables all columns."""
+"""Table -> the columns that the terminal shows, with their headings; of other tables all columns are shown."""
 
 
-MADE_BY = {
+FIGURES_BY_TABLE = {
     "figure_6": ("fig 6",),
     "table_1": ("table 1",),
     "table_2": ("table 2",),
@@ -66,12 +72,12 @@ MADE_BY = {
     "settings": ("where",),
     "where": ("where",),
 }
-"""Table -> what stands in it."""
+"""Table -> the figures and tables of the paper that it holds."""
 
 
 @dataclass(frozen=True)
 class ReproduceConfig:
-    """Settings.
+    """Settings of the study.
 
     Attributes:
         seeds: Paired seeds.
@@ -82,30 +88,33 @@ class ReproduceConfig:
     only: Collection[str] = ()
 
 
-def report_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
-    """Run the study. 1,000 seeds take about half a minute. `tick` is called with the name of each part."""
+def reproduce_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = lambda what: None) -> Reproduction:
+    """Run the study; `tick` gets the name of each part. 1,000 seeds take about half a minute."""
 
     def is_wanted(*figures: str) -> bool:
         return not config.only or not set(config.only).isdisjoint(figures)
 
-    names = [name for name, figures in MADE_BY.items() if is_wanted(*figures)]
-    tables = reproduce(config.seeds, progress=tick, names=names) if names else {}
-    parts = [Part(numbers(tables))]
+    names = [name for name, figures in FIGURES_BY_TABLE.items() if is_wanted(*figures)]
+    tables = compute_tables(config.seeds, progress=tick, names=names) if names else {}
+    parts = [StudyPart(measured_numbers_of_tables(tables))]
     if is_wanted("fig 5"):
-        parts.append(Part((), (looks_plot(),)))
+        parts.append(StudyPart((), (sensor_looks_plot(),)))
     if "figure_6" in tables:
-        parts.append(Part((), (errors_plot(tables["figure_6"]),)))
+        parts.append(StudyPart((), (distance_errors_plot(tables["figure_6"]),)))
     if is_wanted("fig 7", "fig 8"):
-        parts.append(tracks_part())
-    sections = [_section(name, tables[name]) for name in TITLES if name in tables]
+        parts.append(filter_tracks_part())
+    sections = [_table_section(name, tables[name]) for name in TABLE_TITLES if name in tables]
     if not config.only:
-        findings: tuple[tuple[Cell, ...], ...] = tuple((text,) for text in verdict(tables))
-        sections.append(Section("verdict", "Does the UKF beat the EKF?", ("finding",), findings))
-    return reproduction("xiang2019", parts, f"{config.seeds} paired seeds", sections=sections, only=config.only)
+        findings: tuple[tuple[Cell, ...], ...] = tuple((text,) for text in verdict_sentences(tables))
+        sections.append(SummaryTable("verdict", "Does the UKF beat the EKF?", ("finding",), findings))
+    return assemble_reproduction(
+        "xiang2019", parts, f"{config.seeds} paired seeds", sections=sections, only=config.only
+    )
 
 
-def _section(name: str, table: Table) -> Section:
-    shown = SHOWN.get(name, {column: column.replace("_", " ") for column in table})
+def _table_section(name: str, table: Table) -> SummaryTable:
+    """Convert a table to a section of the summary."""
+    shown = SHOWN_COLUMNS.get(name, {column: column.replace("_", " ") for column in table})
     rows: list[tuple[Cell, ...]] = [tuple(cells) for cells in zip(*(table[column] for column in shown), strict=True)]
     key = f"ours_{name}" if name.startswith("table") else name
-    return Section(key, TITLES[name], tuple(shown.values()), tuple(rows))
+    return SummaryTable(key, TABLE_TITLES[name], tuple(shown.values()), tuple(rows))

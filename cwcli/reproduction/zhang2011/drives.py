@@ -15,41 +15,55 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.prediction.lateral import Z_90, LateralPathConfig, dead_reckon, lateral_paths
-from cwcli.prediction.lateral_calibrate import calibrate_paths
+from cwcli.prediction.lateral import (
+    SIGMAS_HOLDING_90_PERCENT,
+    LateralPathConfig,
+    dead_reckon_poses,
+    predict_paths_from_observer,
+)
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot, median_interval
-from cwcli.reproduction.zhang2011.pictures import picture
-from cwcli.reproduction.zhang2011.rendered import Look, RenderedDrive, sense_rendered
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart, median_with_interval
+from cwcli.reproduction.zhang2011.pictures import frame_with_boundaries_plot
+from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import MPS_PER_KMH
-from cwcli.simulation.lane_camera import SensedDrive, sense_lane
-from cwcli.simulation.lane_drive import STEP_S, Road, Runs, Truth, drive_lane
+from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors
+from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit
 
-HORIZON_S = 2.0
-FRAMES_OF_TRACK = 20
-SETTLED_FRAMES = 20
+PATH_HORIZON_S = 2.0
+"""How far ahead the paths are judged, in s: that of figures 17 to 19."""
+FRAMES_PER_TRACK = 20
+"""Frames of one track: 2 s at 10 Hz, as in the paper."""
+N_SETTLING_FRAMES = 20
+"""Earlier frames are not judged, because the observers have not settled. Chosen by hand; not fitted."""
 EXAMPLE_FRAME = 150
-MAX_SEEDS = 20
-FRAME_HZ = 10.0
-"""The paper's (section 2.1)."""
-PLOT_NAMES = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "and gyroscope"}
-RENDERED = "rendered frames, "
+"""The frame at which the plots begin. Chosen by hand; not fitted."""
+MAX_DRIVE_SEEDS = 20
+"""The greatest number of seeds of a figure. Chosen by hand; not fitted."""
+FRAME_RATE_HZ = 10.0
+"""The paper's frame rate, in Hz (zhang2011, section 2.1)."""
+CURVE_LABELS = {"zhang2011": "zhang2011", "camera and speed": "camera", "with a gyroscope": "and gyroscope"}
+"""Method -> its label in plots."""
+RENDERED_PREFIX = "rendered frames, "
+"""The prefix of numbers from rendered frames."""
 
-ROAD = Road(
+WINDING_ROAD = Road(
     np.array([0.0, 200.0, 280.0, 500.0, 580.0, 800.0, 880.0, 1100.0, 1180.0]),
     np.array([0.0, 0.0, 0.002, 0.002, 0.0, 0.0, -0.003, -0.003, 0.0]),
 )
+"""The lane of the drives, with bends of 500 and 330 m. Chosen by hand, as the paper describes none
+(docs/papers/zhang2011-motion.md)."""
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveSetup:
     """One of the paper's drives."""
 
     load: str
@@ -58,18 +72,21 @@ class Drive:
     duration_s: float = 40.0
 
 
-DRIVES: dict[str, Drive] = {
-    "fig 17": Drive("half", 90.0, 0.0),
-    "fig 18": Drive("half", 80.0, 0.2),
-    "fig 19": Drive("full", 70.0, 0.18),
+DRIVE_BY_FIGURE: dict[str, DriveSetup] = {
+    "fig 17": DriveSetup("half", 90.0, 0.0),
+    "fig 18": DriveSetup("half", 80.0, 0.2),
+    "fig 19": DriveSetup("full", 70.0, 0.18),
 }
+"""Figure -> the paper's drive."""
 
-TRACK = "track over 2 s, median error"
-BAND_NAME = "share of the truth in the 90 % band at 2 s"
+TRACK_ERROR_NAME = "track over 2 s, median error"
+"""The name of the track's error among the numbers."""
+BAND_SHARE_NAME = "share of the truth in the 90 % band at 2 s"
+"""The name of the band's share among the numbers."""
 
 
-def methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
-    """Name -> observer, path model, whether the gyroscope is used.
+def observer_methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
+    """Return name -> observer, path model, and whether the gyroscope is used.
 
     All are told half load, as the paper's is. The load is not estimated: that takes lanes without errors that last, and
     those of rendered frames have such errors in bends.
@@ -83,8 +100,8 @@ def methods() -> dict[str, tuple[ObserverConfig, str, bool]]:
 
 def drive_part(
     figure: str, n_seeds: int, tick: Callable[[], None] = lambda: None, *, lane_method: str | None = None
-) -> Part:
-    """One figure over seeds 0, 1, 2, ...: medians over the seeds.
+) -> StudyPart:
+    """Compute one figure over seeds 0, 1, 2, ...: medians over the seeds.
 
     Args:
         figure: A key of `DRIVES`.
@@ -92,133 +109,144 @@ def drive_part(
         tick: Called after each seed.
         lane_method: A key of `vision.methods.METHODS` that finds the lanes in rendered frames; None: simulated points.
     """
-    seen = "" if lane_method is None else RENDERED
-    drive, half = DRIVES[figure], load_vehicle()
-    n = max(1, min(n_seeds, MAX_SEEDS))
+    seen = "" if lane_method is None else RENDERED_PREFIX
+    drive, half = DRIVE_BY_FIGURE[figure], load_vehicle()
+    n = max(1, min(n_seeds, MAX_DRIVE_SEEDS))
     start = np.full(n, drive.start_kmh * MPS_PER_KMH)
-    runs = Runs(start, np.zeros(n), np.full(n, np.inf), drive.accel_mps2, drive.duration_s)
-    truth = drive_lane(ROAD, half.loaded(drive.load), runs, seed=0)
-    values: dict[str, dict[str, list[float]]] = {name: {} for name in methods()}
+    runs = LaneRuns(start, np.zeros(n), np.full(n, np.inf), drive.accel_mps2, drive.duration_s)
+    truth = simulate_lane_runs(WINDING_ROAD, half.with_load(drive.load), runs, seed=0)
+    values: dict[str, dict[str, list[float]]] = {name: {} for name in observer_methods()}
     curves: list[Curve] = []
     pictures: list[Plot] = []
     for run in range(n):
         rendered = None
         if lane_method is None:
-            sensed = sense_lane(truth, run, ROAD, half, seed=run)
+            sensed = simulate_lane_sensors(truth, run, WINDING_ROAD, half, seed=run)
         else:
-            look = Look(rate_hz=FRAME_HZ)
-            rendered = sense_rendered(truth, run, ROAD, half, look=look, method=lane_method, seed=run)
+            look = RenderSettings(rate_hz=FRAME_RATE_HZ)
+            rendered = sense_rendered_drive(truth, run, WINDING_ROAD, half, settings=look, method=lane_method, seed=run)
             sensed = rendered.sensed
-        for name, (config, model, with_gyro) in methods().items():
-            track = observe(sensed.lanes, sensed.speed, half, config, yaw_rate=sensed.yaw_rate if with_gyro else None)
-            paths = calibrate_paths(lateral_paths(track, half, LateralPathConfig(model=model)), track)
-            found = drive_errors(truth, run, sensed, track, (paths.x_m, paths.y_m), paths.position_covariance_m2)
+        for name, (config, model, with_gyro) in observer_methods().items():
+            track = observe_lateral_motion(
+                sensed.lanes, sensed.speed, half, config, yaw_rate=sensed.yaw_rate if with_gyro else None
+            )
+            paths = scale_lateral_covariance(
+                predict_paths_from_observer(track, half, LateralPathConfig(model=model)), track
+            )
+            found = compute_drive_errors(
+                truth, run, sensed, track, (paths.x_m, paths.y_m), paths.position_covariance_m2
+            )
             for what, value in found.items():
                 values[name].setdefault(what, []).append(value)
             if run == 0 and rendered is not None and not with_gyro and name != "zhang2011":
-                pictures.append(_path_picture(figure, rendered, paths))
+                pictures.append(_predicted_path_plot(figure, rendered, paths))
             if run == 0:
-                curves.append(_track_curve(name, track, truth, sensed, run))
+                curves.append(_observed_track_curve(name, track, truth, sensed, run))
         if run == 0:
-            curves[:0] = _road_curves(truth, sensed, run)
+            curves[:0] = _road_and_track_curves(truth, sensed, run)
         tick()
     measured = [
-        Measured(figure, f"{seen}{name}: {what}", *median_interval(np.array(found)))
+        MeasuredNumber(figure, f"{seen}{name}: {what}", *median_with_interval(np.array(found)))
         for name, each in values.items()
         for what, found in each.items()
     ]
     title = f"{drive.load} load, from {drive.start_kmh:g} km/h at {drive.accel_mps2:g} m/s^2: 2 s of the first seed"
     track_plot = Plot(f"{figure} rendered" if seen else f"{figure}a", title, "x [m]", "y [m]", curves)
-    return Part(tuple(measured), (track_plot, *pictures))
+    return StudyPart(tuple(measured), (track_plot, *pictures))
 
 
-def _boundary(abc: FloatArray) -> Boundary:
+def _boundary_from_parabola(abc: FloatArray) -> Boundary:
+    """Return the boundary of three coefficients of a parabola; not found if they are NaN."""
     a, b, c = abc.tolist()
     return Boundary(a, b, c, np.nan, np.nan, True) if np.isfinite(c) else NOT_FOUND
 
 
-def _path_picture(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
-    """Figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
+def _predicted_path_plot(figure: str, rendered: RenderedDrive, paths: Paths) -> Plot:
+    """Plot figure 17b, 18b or 19b: a frame with its boundaries and the path of the next 2 s."""
     k = EXAMPLE_FRAME
     camera = rendered.drive.camera
     x_m, y_m = paths.x_m[k] - load_vehicle().camera_forward_m, paths.y_m[k]
-    u, v = camera.project(x_m, y_m, np.zeros(len(x_m)))
+    u, v = camera.project_to_image_px(x_m, y_m, np.zeros(len(x_m)))
     inside = (u >= 0) & (u < camera.width_px) & (v >= 0) & (v < camera.height_px)
     path = Curve("path", u[inside] + 0.5, camera.height_px - 0.5 - v[inside])
-    left, right = (_boundary(rendered.fits.parabolas[k, side]) for side in range(2))
+    left, right = (_boundary_from_parabola(rendered.fits.parabolas[k, side]) for side in range(2))
     fit = LaneFit(left, right)
-    title = f"the path of the next {HORIZON_S:g} s"
-    return picture(f"{figure}b", title, rendered.drive.frame(k), fit, (path,))
+    title = f"the path of the next {PATH_HORIZON_S:g} s"
+    return frame_with_boundaries_plot(f"{figure}b", title, rendered.drive.render_frame_at(k), fit, (path,))
 
 
-def drive_errors(
-    truth: Truth,
+def compute_drive_errors(
+    truth: LaneDriveTruth,
     run: int,
     sensed: SensedDrive,
     track: LateralTrack,
     path_xy: tuple[FloatArray, FloatArray],
     covariance: FloatArray,
 ) -> dict[str, float]:
-    """Errors of one run, from `SETTLED_FRAMES` on."""
-    rows = np.arange(SETTLED_FRAMES, len(track))
+    """Compute the errors of one run, from `N_SETTLING_FRAMES` on."""
+    rows = np.arange(N_SETTLING_FRAMES, len(track))
     index = sensed.index[rows]
     state = track.state[rows]
     yaw_rate = state[:, 1] - truth.yaw_rate_radps[index, run]
     lateral = state[:, 0] - truth.lateral_speed_mps[index, run]
-    later = index + round(HORIZON_S / STEP_S)
+    later = index + round(PATH_HORIZON_S / INTEGRATION_STEP_S)
     ok = (later < len(truth.time_s)) & np.isfinite(state[:, 0])
     rows, index, later = rows[ok], index[ok], later[ok]
-    forward, left = _moved(truth, run, index, later)
+    forward, left = _displacement_in_body_frame_m(truth, run, index, later)
     ex, ey = path_xy[0][rows, -1] - forward, path_xy[1][rows, -1] - left
     sigma = np.sqrt(covariance[rows, -1, 2])
     return {
         "yaw rate, RMSE": float(np.degrees(np.sqrt(np.nanmean(yaw_rate**2)))),
         "v_y, RMSE": float(np.sqrt(np.nanmean(lateral**2))),
-        TRACK: _track_error(truth, run, sensed, track),
+        TRACK_ERROR_NAME: _median_track_error_m(truth, run, sensed, track),
         "path at 2 s, median error": float(np.median(np.hypot(ex, ey))),
-        BAND_NAME: float(np.mean(np.abs(ey) < Z_90 * sigma)),
+        BAND_SHARE_NAME: float(np.mean(np.abs(ey) < SIGMAS_HOLDING_90_PERCENT * sigma)),
     }
 
 
-def _moved(
-    truth: Truth, run: int, index: npt.NDArray[np.intp], later: npt.NDArray[np.intp]
+def _displacement_in_body_frame_m(
+    truth: LaneDriveTruth, run: int, index: npt.NDArray[np.intp], later: npt.NDArray[np.intp]
 ) -> tuple[FloatArray, FloatArray]:
-    """Where the car is later, in its body frame now."""
+    """Return the car's later position in its body frame of now, forward and left, m."""
     dx, dy = (values[later, run] - values[index, run] for values in (truth.x_m, truth.y_m))
     cos, sin = np.cos(truth.yaw_rad[index, run]), np.sin(truth.yaw_rad[index, run])
     return cos * dx + sin * dy, -sin * dx + cos * dy
 
 
-def _track_error(truth: Truth, run: int, sensed: SensedDrive, track: LateralTrack) -> float:
-    """Median distance between the ends of observed and actual tracks of 20 frames that begin at the same pose."""
-    x, y, heading = dead_reckon(track)
-    first = np.arange(SETTLED_FRAMES, len(track) - FRAMES_OF_TRACK)
-    last = first + FRAMES_OF_TRACK
+def _median_track_error_m(truth: LaneDriveTruth, run: int, sensed: SensedDrive, track: LateralTrack) -> float:
+    """Return the median distance, m, between the ends of observed and actual tracks that begin at the same pose."""
+    x, y, heading = dead_reckon_poses(track)
+    first = np.arange(N_SETTLING_FRAMES, len(track) - FRAMES_PER_TRACK)
+    last = first + FRAMES_PER_TRACK
     cos, sin = np.cos(heading[first]), np.sin(heading[first])
     dx, dy = x[last] - x[first], y[last] - y[first]
-    forward, left = _moved(truth, run, sensed.index[first], sensed.index[last])
+    forward, left = _displacement_in_body_frame_m(truth, run, sensed.index[first], sensed.index[last])
     return float(np.median(np.hypot(cos * dx + sin * dy - forward, -sin * dx + cos * dy - left)))
 
 
-def _track_curve(name: str, track: LateralTrack, truth: Truth, sensed: SensedDrive, run: int) -> Curve:
-    rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_OF_TRACK + 1)
-    x, y, heading = (values[rows] for values in dead_reckon(track))
+def _observed_track_curve(
+    name: str, track: LateralTrack, truth: LaneDriveTruth, sensed: SensedDrive, run: int
+) -> Curve:
+    """Return the observed track of the example, placed at the true pose."""
+    rows = slice(EXAMPLE_FRAME, EXAMPLE_FRAME + FRAMES_PER_TRACK + 1)
+    x, y, heading = (values[rows] for values in dead_reckon_poses(track))
     at = sensed.index[EXAMPLE_FRAME]
     turn = truth.yaw_rad[at, run] - heading[0]
     dx, dy = x - x[0], y - y[0]
     return Curve(
-        PLOT_NAMES[name],
+        CURVE_LABELS[name],
         truth.x_m[at, run] + np.cos(turn) * dx - np.sin(turn) * dy,
         truth.y_m[at, run] + np.sin(turn) * dx + np.cos(turn) * dy,
     )
 
 
-def _road_curves(truth: Truth, sensed: SensedDrive, run: int) -> list[Curve]:
-    index = sensed.index[EXAMPLE_FRAME : EXAMPLE_FRAME + FRAMES_OF_TRACK + 1]
-    table, x, y, direction = ROAD.table(float(truth.station_m.max()) + 100.0)
+def _road_and_track_curves(truth: LaneDriveTruth, sensed: SensedDrive, run: int) -> list[Curve]:
+    """Return the actual track of the example and both boundaries of the lane."""
+    index = sensed.index[EXAMPLE_FRAME : EXAMPLE_FRAME + FRAMES_PER_TRACK + 1]
+    table, x, y, direction = WINDING_ROAD.centre_line_table(float(truth.station_m.max()) + 100.0)
     station = truth.station_m[index, run]
     centre_x, centre_y, along = (np.interp(station, table, values) for values in (x, y, direction))
-    half = 0.5 * ROAD.lane_width_m
+    half = 0.5 * WINDING_ROAD.lane_width_m
     return [
         Curve("actual", truth.x_m[index, run], truth.y_m[index, run]),
         Curve("left", centre_x - half * np.sin(along), centre_y + half * np.cos(along)),

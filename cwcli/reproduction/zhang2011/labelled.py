@@ -15,22 +15,25 @@ from cwcli.channels.published import LANES
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.intervals import proportion_interval
-from cwcli.metrics.lane_scores import ego_lanes, tusimple_score
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Part
-from cwcli.signals.leaf_fields import row_of, stamps
+from cwcli.metrics.lane_scores import lanes_beside_ego, tusimple_score
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import StudyPart
+from cwcli.signals.leaf_fields import numbers_of_row, read_stamps
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.vision.methods import ready_methods
+from cwcli.vision.methods import methods_without_model
 
-FIGURE = "labelled frames"
-MATCH_NS = 5_000_000
-SEED = 2011
-SEARCHED_SHARE = 150.0 / 240.0
-"""The lower part of the image is searched by the paper (section 1.1): only its rows are judged."""
+LABELLED_FRAMES_FIGURE = "labelled frames"
+"""The name under which the labelled frames are reported."""
+MAX_LABEL_OFFSET_NS = 5_000_000
+"""Labels and frames whose stamps differ by at most this, in ns, belong together. Chosen by hand; not fitted."""
+SEARCH_SEED = 2011
+"""Seed of the random searches, the year of zhang2011; any seed would do."""
+SEARCHED_HEIGHT_SHARE = 150.0 / 240.0
+"""Share of the image's height, from below, that the paper searches (section 1.1); only its rows are judged."""
 
 
-def labelled_part(path: Path) -> Part:
-    """All methods on a labelled log.
+def labelled_frames_part(path: Path) -> StudyPart:
+    """Run all methods on a labelled log.
 
     Args:
         path: Of the log.
@@ -40,12 +43,14 @@ def labelled_part(path: Path) -> Part:
         CwcliError: As the stage `lanes`.
     """
     with Log.open(path) as log:
-        topic = labels_of(log)
-        return Part(tuple(each for key in ready_methods() for each in _shares(key, log, topic)))
+        topic = find_labels_topic(log)
+        return StudyPart(
+            tuple(each for key in methods_without_model() for each in _measure_shares_found(key, log, topic))
+        )
 
 
-def labels_of(log: Log) -> str:
-    """The first topic with labels in TuSimple's form.
+def find_labels_topic(log: Log) -> str:
+    """Find the first topic with labels in TuSimple's form.
 
     Raises:
         MissingSignalError: There is none.
@@ -58,27 +63,31 @@ def labels_of(log: Log) -> str:
     )
 
 
-def _shares(key: str, log: Log, topic: str) -> list[Measured]:
-    """Of one method: the labelled boundaries beside the car that it finds, and the frames with all of them found."""
-    rows = read_lanes(log.with_channels(lanes(log, LanesConfig(method=key, seed=SEED)).channels).columns(LANES.topic))
+def _measure_shares_found(key: str, log: Log, topic: str) -> list[MeasuredNumber]:
+    """Measure which labelled boundaries next to the car a method finds, and the frames with all of them found."""
+    rows = read_lanes(
+        log.with_channels(lanes(log, LanesConfig(method=key, seed=SEARCH_SEED)).channels).columns(LANES.topic)
+    )
     labels = log.columns(topic)
-    label_ns, has_stamp = stamps(labels)
+    label_ns, has_stamp = read_stamps(labels)
     label_ns = np.where(has_stamp, label_ns, labels.log_time_ns)
     n_boundaries = n_found = n_frames = n_right = 0
     for label, stamp_ns in enumerate(label_ns.tolist()):
-        [near] = np.nonzero(np.abs(rows.stamp_ns - stamp_ns) <= MATCH_NS)
-        heights, flat = row_of(labels.fields["h_samples"], label), row_of(labels.fields["lanes"], label)
+        [near] = np.nonzero(np.abs(rows.stamp_ns - stamp_ns) <= MAX_LABEL_OFFSET_NS)
+        heights, flat = numbers_of_row(labels.fields["h_samples"], label), numbers_of_row(labels.fields["lanes"], label)
         if not len(near) or not len(heights) or len(flat) % len(heights):
             continue
         row = int(near[0])
         width_px, height_px = rows.image_size[row].tolist()
-        beside = ego_lanes(flat.reshape(-1, len(heights)), heights, width_px, height_px)
+        beside = lanes_beside_ego(flat.reshape(-1, len(heights)), heights, width_px, height_px)
         lines = [
             np.interp(heights, line[::-1, 1], line[::-1, 0], left=np.nan, right=np.nan)
-            for line in (each[np.argsort(-each[:, 1])] for each in rows.lines(row, (width_px, height_px)))
+            for line in (
+                each[np.argsort(-each[:, 1])] for each in rows.boundaries_in_pixels(row, (width_px, height_px))
+            )
             if len(line)
         ]
-        is_searched = heights >= height_px * (1.0 - SEARCHED_SHARE)
+        is_searched = heights >= height_px * (1.0 - SEARCHED_HEIGHT_SHARE)
         right = [
             tusimple_score([line[is_searched] for line in lines], [truth[is_searched]], heights[is_searched])
             for truth in beside
@@ -88,11 +97,12 @@ def _shares(key: str, log: Log, topic: str) -> list[Measured]:
         n_frames += bool(right)
         n_right += bool(right) and all(score.false_negative == 0.0 for score in right)
     return [
-        _share(f"{key}: boundaries beside the car that are found", n_found, n_boundaries),
-        _share(f"{key}: frames with every boundary beside the car found", n_right, n_frames),
+        _share_with_interval(f"{key}: boundaries beside the car that are found", n_found, n_boundaries),
+        _share_with_interval(f"{key}: frames with every boundary beside the car found", n_right, n_frames),
     ]
 
 
-def _share(what: str, n_right: int, n: int) -> Measured:
+def _share_with_interval(what: str, n_right: int, n: int) -> MeasuredNumber:
+    """Return a share in per cent with its interval."""
     low, high = proportion_interval(n_right, n) if n else (np.nan, np.nan)
-    return Measured(FIGURE, what, 100.0 * n_right / n if n else np.nan, 100.0 * low, 100.0 * high)
+    return MeasuredNumber(LABELLED_FRAMES_FIGURE, what, 100.0 * n_right / n if n else np.nan, 100.0 * low, 100.0 * high)

@@ -15,30 +15,30 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.metrics.lane_scores import visual_score
+from cwcli.metrics.lane_scores import visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.car import YAW_RATE
-from cwcli.simulation.road.drive import RoadDrive, set_drives
+from cwcli.simulation.road.drive import RoadDrive, iter_set_drives
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.vision.boundary import Boundary
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame
-from cwcli.vision.methods import METHODS, ready_methods
+from cwcli.vision.methods import METHODS, methods_without_model
 
-FIRST_FRAMES = 6
-"""Of the first two search phases."""
-JUDGED_FRAMES = 10
-"""Of each drive."""
-SEARCHED_ROWS = 150
-"""From the bottom, of 240 (section 1.1): the rows above are not judged."""
+N_UNSTABLE_FRAMES = 6
+"""Frames of the first two search phases, which the paper calls not yet stable (section 1.2.2.1)."""
+N_JUDGED_FRAMES = 10
+"""Frames of each drive that are judged. Chosen by hand; not fitted."""
+N_SEARCHED_ROWS = 150
+"""Rows from the bottom, of 240, that the paper searches (section 1.1); the rows above are not judged."""
 
 BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class MethodOnDrives:
-    """What one method made of some drives; arrays of shape (drives, frames).
+class MethodResults:
+    """The results of one method on some drives; arrays of shape (drives, frames).
 
     Attributes:
         is_right: Both boundaries within 6 pixels of the painted stripe on 85 % of the visible rows.
@@ -47,15 +47,15 @@ class MethodOnDrives:
         prepare_ms: Likewise of what is computed of a frame before (zhang2011: the block responses).
     """
 
-    is_right: BoolArray
-    is_right_by_centre: BoolArray
+    is_correct: BoolArray
+    is_correct_by_centre: BoolArray
     search_ms: FloatArray
     prepare_ms: FloatArray
 
 
-def run_drives(
+def run_methods_on_drives(
     name: str, first: int, last: int, *, methods: tuple[str, ...] | None = None, seed: int = 0
-) -> dict[str, MethodOnDrives]:
+) -> dict[str, MethodResults]:
     """Run methods on the drives `first` to `last` - 1 of a set.
 
     Args:
@@ -64,35 +64,38 @@ def run_drives(
         methods: Keys of `METHODS`; None: all that need no model.
         seed: Of the set and of random searches.
     """
-    chosen = ready_methods() if methods is None else methods
-    n_frames = FIRST_FRAMES + JUDGED_FRAMES
+    chosen = methods_without_model() if methods is None else methods
+    n_frames = N_UNSTABLE_FRAMES + N_JUDGED_FRAMES
     shape = (last - first, n_frames)
     found = {
-        key: MethodOnDrives(np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape), np.zeros(shape))
+        key: MethodResults(np.zeros(shape, np.bool_), np.zeros(shape, np.bool_), np.zeros(shape), np.zeros(shape))
         for key in chosen
     }
-    for row, drive in enumerate(islice(set_drives(name, last, seed=seed, n_frames=n_frames), first, last)):
-        frames = list(drive.frames())
+    for row, drive in enumerate(islice(iter_set_drives(name, last, seed=seed, n_frames=n_frames), first, last)):
+        frames = list(drive.iter_rendered_frames())
         for key in chosen:
-            _run_drive(key, drive, frames, found[key], row, seed + first + row)
+            _run_method_on_drive(key, drive, frames, found[key], row, seed + first + row)
     return found
 
 
-def _run_drive(key: str, drive: RoadDrive, frames: list[RoadFrame], found: MethodOnDrives, row: int, seed: int) -> None:
+def _run_method_on_drive(
+    key: str, drive: RoadDrive, frames: list[RoadFrame], found: MethodResults, row: int, seed: int
+) -> None:
+    """Run one method on one drive and fill in its row of the results."""
     method = METHODS[key]
     search = method.make(seed)
     yaw_rates = drive.states_at(drive.time_s)[:, YAW_RATE]
-    speeds = drive.speed_at(drive.time_s)
+    speeds = drive.speed_at_mps(drive.time_s)
     for k, frame in enumerate(frames):
         height, width = frame.grey.shape
         size = method.search_size(width, height)
-        grey = _resized(frame.grey, size)
+        grey = _resize_grey_image(frame.grey, size)
         begin = time.thread_time()
         prepared = None if method.prepare is None else method.prepare(grey)
         middle = time.thread_time()
         lane_frame = LaneFrame(
             grey=grey,
-            camera=vision_camera(width, height).resized(*size),
+            camera=camera_for_lane_methods(width, height).with_image_size(*size),
             stamp_ns=round(float(drive.time_s[k]) * 1e9),
             number=k,
             speed_mps=float(speeds[k]) if method.uses_motion else np.nan,
@@ -102,19 +105,20 @@ def _run_drive(key: str, drive: RoadDrive, frames: list[RoadFrame], found: Metho
         fit = search.step(lane_frame)
         found.search_ms[row, k] = 1e3 * (time.thread_time() - middle)
         found.prepare_ms[row, k] = 1e3 * (middle - begin)
-        found.is_right[row, k] = is_right(frame, fit, size, by_stripe=True)
-        found.is_right_by_centre[row, k] = is_right(frame, fit, size, by_stripe=False)
+        found.is_correct[row, k] = is_fit_correct(frame, fit, size, by_stripe=True)
+        found.is_correct_by_centre[row, k] = is_fit_correct(frame, fit, size, by_stripe=False)
 
 
 @cache
-def vision_camera(width_px: int, height_px: int) -> Camera:
-    """The renderer's paper camera at rest, as a lane method is told it."""
+def camera_for_lane_methods(width_px: int, height_px: int) -> Camera:
+    """Return the renderer's paper camera at rest, as lane methods get it."""
     camera = paper_camera(width_px, height_px)
     mounting = Mounting(height_m=camera.height_m, pitch_rad=camera.pitch_rad)
     return Camera(width_px, height_px, camera.fx, camera.fy, camera.cx, camera.cy, mounting=mounting)
 
 
-def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+def _resize_grey_image(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+    """Resize a grey image."""
     if grey.shape[1::-1] == size:
         return grey
     import cv2
@@ -122,7 +126,7 @@ def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def is_right(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe: bool) -> bool:
+def is_fit_correct(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe: bool) -> bool:
     """Judge a fit by the paper's visual standard.
 
     Args:
@@ -134,9 +138,9 @@ def is_right(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe
     truth = frame.truth
     height, width = frame.grey.shape
     rows = np.arange(height)
-    is_searched = rows >= height - round(SEARCHED_ROWS * height / 240)
-    left, right = (columns_px(each, (width, height), size) for each in (fit.left, fit.right))
-    return visual_score(
+    is_searched = rows >= height - round(N_SEARCHED_ROWS * height / 240)
+    left, right = (boundary_columns_px(each, (width, height), size) for each in (fit.left, fit.right))
+    return visual_standard_score(
         left,
         right,
         truth.left_u_px,
@@ -148,8 +152,8 @@ def is_right(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_stripe
     ).is_correct
 
 
-def columns_px(boundary: Boundary, image: tuple[int, int], search: tuple[int, int]) -> FloatArray:
-    """Shape (image height,): the boundary's column in every row of the image, NaN where it was not found."""
+def boundary_columns_px(boundary: Boundary, image: tuple[int, int], search: tuple[int, int]) -> FloatArray:
+    """Return the boundary's column in every row of the image, shape (image height,), NaN if it was not found."""
     rows = np.arange(image[1])
     if not boundary.found:
         return np.full(len(rows), np.nan)

@@ -8,27 +8,37 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.metrics.intervals import clustered_proportion_interval
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot
-from cwcli.reproduction.processes import processes
-from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, JUDGED_FRAMES, BoolArray, MethodOnDrives, run_drives
-from cwcli.vision.methods import ready_methods
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart
+from cwcli.reproduction.processes import process_pool
+from cwcli.reproduction.zhang2011.lane_drives import (
+    N_JUDGED_FRAMES,
+    N_UNSTABLE_FRAMES,
+    BoolArray,
+    MethodResults,
+    run_methods_on_drives,
+)
+from cwcli.vision.methods import methods_without_model
 
-CONCLUSION = "conclusion 1"
-LANE_SETS = ("good", "complex", "hard")
-PAPER_PERCENT = {"good": 100.0, "complex": 90.0}
-PHASES = (("frame 1", 0, 1), ("frames 2-6", 1, FIRST_FRAMES), ("later", FIRST_FRAMES, None))
-"""Name, first and last frame (table 4)."""
+CONCLUSION_FIGURE = "conclusion 1"
+"""The paper's conclusion on the lanes, as the expectations name it."""
+ROAD_SET_NAMES = ("good", "complex", "hard")
+"""Names of the rendered sets of roads."""
+PAPER_CORRECT_PERCENT = {"good": 100.0, "complex": 90.0}
+"""Set -> per cent of frames whose boundaries are found (zhang2011, conclusion 1)."""
+PHASE_FRAME_RANGES = (("frame 1", 0, 1), ("frames 2-6", 1, N_UNSTABLE_FRAMES), ("later", N_UNSTABLE_FRAMES, None))
+"""Name of a search phase, its first frame and the frame after its last (table 4)."""
 HELD_OUT_SEED = 2011
-"""Of the sets: not 0, 1 or 2, with which sets and methods were made. Drawn once."""
+"""Seed of the judged sets, drawn once and held out: sets and methods were made with seeds 0, 1 and 2."""
 DRIVES_PER_TASK = 5
+"""Number of drives that one task of a process runs. Chosen by hand; not fitted."""
 
-Results = Mapping[str, Mapping[str, MethodOnDrives]]
+Results = Mapping[str, Mapping[str, MethodResults]]
 
 
 @dataclass(frozen=True)
 class LaneStudy:
-    """The lane part's results.
+    """The results of the lane methods.
 
     Attributes:
         part: Shares and plots; the same for the same numbers of frames and drives.
@@ -36,12 +46,12 @@ class LaneStudy:
         n_judged: Frames of each set.
     """
 
-    part: Part
-    times: Part
+    shares_part: StudyPart
+    times_part: StudyPart
     n_judged: int
 
 
-def lane_study(
+def run_lane_study(
     n_frames: int, *, jobs: int = 1, seed: int = HELD_OUT_SEED, tick: Callable[[str], None] = lambda what: None
 ) -> LaneStudy:
     """Run all methods on all sets.
@@ -52,89 +62,103 @@ def lane_study(
         seed: Of the sets and of random searches.
         tick: Called with the name of each set that is done.
     """
-    n_drives = -(-n_frames // JUDGED_FRAMES)
-    results = _results(n_drives, jobs, seed, tick)
-    measured = [each for name in LANE_SETS for key in ready_methods() for each in _shares(name, key, results)]
-    plots = tuple(_plot(name, results[name]) for name in LANE_SETS)
-    return LaneStudy(Part(tuple(measured), plots), _times(results), n_drives * JUDGED_FRAMES)
+    n_drives = -(-n_frames // N_JUDGED_FRAMES)
+    results = _run_methods_on_all_sets(n_drives, jobs, seed, tick)
+    measured = [
+        each
+        for name in ROAD_SET_NAMES
+        for key in methods_without_model()
+        for each in _correct_share_numbers(name, key, results)
+    ]
+    plots = tuple(_correct_share_plot(name, results[name]) for name in ROAD_SET_NAMES)
+    return LaneStudy(StudyPart(tuple(measured), plots), _times_of_phases_part(results), n_drives * N_JUDGED_FRAMES)
 
 
-def _results(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -> Results:
+def _run_methods_on_all_sets(n_drives: int, jobs: int, seed: int, tick: Callable[[str], None]) -> Results:
+    """Run all methods on all sets, in processes if wanted."""
     tasks = [
         (name, first, min(first + DRIVES_PER_TASK, n_drives))
-        for name in LANE_SETS
+        for name in ROAD_SET_NAMES
         for first in range(0, n_drives, DRIVES_PER_TASK)
     ]
-    found: dict[str, list[dict[str, MethodOnDrives]]] = {name: [] for name in LANE_SETS}
+    found: dict[str, list[dict[str, MethodResults]]] = {name: [] for name in ROAD_SET_NAMES}
 
-    def take(task: tuple[str, int, int], made: dict[str, MethodOnDrives]) -> None:
+    def collect_results(task: tuple[str, int, int], made: dict[str, MethodResults]) -> None:
         found[task[0]].append(made)
         if task[2] == n_drives:
             tick(f"lanes: {task[0]}")
 
     if jobs > 1:
-        with processes(jobs) as pool:
-            running = [(task, pool.submit(run_drives, *task, seed=seed)) for task in tasks]
+        with process_pool(jobs) as pool:
+            running = [(task, pool.submit(run_methods_on_drives, *task, seed=seed)) for task in tasks]
             for task, future in running:
-                take(task, future.result())
+                collect_results(task, future.result())
     else:
         for task in tasks:
-            take(task, run_drives(*task, seed=seed))
+            collect_results(task, run_methods_on_drives(*task, seed=seed))
     return {
-        name: {key: _joined([part[key] for part in parts]) for key in ready_methods()} for name, parts in found.items()
+        name: {key: _concatenate_results([part[key] for part in parts]) for key in methods_without_model()}
+        for name, parts in found.items()
     }
 
 
-def _joined(parts: Sequence[MethodOnDrives]) -> MethodOnDrives:
-    return MethodOnDrives(
-        is_right=np.concatenate([part.is_right for part in parts]),
-        is_right_by_centre=np.concatenate([part.is_right_by_centre for part in parts]),
+def _concatenate_results(parts: Sequence[MethodResults]) -> MethodResults:
+    """Concatenate the results of several tasks."""
+    return MethodResults(
+        is_correct=np.concatenate([part.is_correct for part in parts]),
+        is_correct_by_centre=np.concatenate([part.is_correct_by_centre for part in parts]),
         search_ms=np.concatenate([part.search_ms for part in parts]),
         prepare_ms=np.concatenate([part.prepare_ms for part in parts]),
     )
 
 
-def _shares(name: str, key: str, results: Results) -> list[Measured]:
+def _correct_share_numbers(name: str, key: str, results: Results) -> list[MeasuredNumber]:
+    """Return the shares of frames in which a method finds both boundaries."""
     made = results[name][key]
     return [
-        _share(f"{key}, {name}: both boundaries right", made.is_right[:, FIRST_FRAMES:]),
-        _share(f"{key}, {name}: the same in the first six frames", made.is_right[:, :FIRST_FRAMES]),
-        _share(f"{key}, {name}: the same by the stripe's centre", made.is_right_by_centre[:, FIRST_FRAMES:]),
+        _correct_share_with_interval(f"{key}, {name}: both boundaries right", made.is_correct[:, N_UNSTABLE_FRAMES:]),
+        _correct_share_with_interval(
+            f"{key}, {name}: the same in the first six frames", made.is_correct[:, :N_UNSTABLE_FRAMES]
+        ),
+        _correct_share_with_interval(
+            f"{key}, {name}: the same by the stripe's centre", made.is_correct_by_centre[:, N_UNSTABLE_FRAMES:]
+        ),
     ]
 
 
-def _share(what: str, is_right: BoolArray) -> Measured:
-    """A share of frames in per cent; the interval knows that the frames of a drive are alike."""
+def _correct_share_with_interval(what: str, is_right: BoolArray) -> MeasuredNumber:
+    """Return a share of frames in per cent; its interval accounts for the likeness of a drive's frames."""
     n_frames = is_right.shape[1]
     low, high = clustered_proportion_interval(is_right.sum(axis=1).tolist(), [n_frames] * len(is_right))
-    return Measured(CONCLUSION, what, 100.0 * float(is_right.mean()), 100.0 * low, 100.0 * high)
+    return MeasuredNumber(CONCLUSION_FIGURE, what, 100.0 * float(is_right.mean()), 100.0 * low, 100.0 * high)
 
 
-def _plot(name: str, methods: Mapping[str, MethodOnDrives]) -> Plot:
+def _correct_share_plot(name: str, methods: Mapping[str, MethodResults]) -> Plot:
+    """Plot the share of correct frames over the frames of a drive."""
     curves = [
-        Curve(key, np.arange(1.0, made.is_right.shape[1] + 1.0), 100.0 * made.is_right.mean(axis=0))
+        Curve(key, np.arange(1.0, made.is_correct.shape[1] + 1.0), 100.0 * made.is_correct.mean(axis=0))
         for key, made in methods.items()
     ]
-    level = ("the paper's", PAPER_PERCENT[name]) if name in PAPER_PERCENT else None
+    level = ("the paper's", PAPER_CORRECT_PERCENT[name]) if name in PAPER_CORRECT_PERCENT else None
     return Plot(
         f"lanes {name}",
         f"frames of the set '{name}' with both boundaries right",
         "frame of the drive",
         "share [%]",
         curves,
-        marks={"statistics begin": FIRST_FRAMES + 0.5},
+        marks={"statistics begin": N_UNSTABLE_FRAMES + 0.5},
         level=level,
         y_range=(0.0, 105.0),
     )
 
 
-def _times(results: Results) -> Part:
-    """Processor time of a frame, both boundaries: medians over all sets. Nothing is said of their spread."""
+def _times_of_phases_part(results: Results) -> StudyPart:
+    """Return the processor time of a frame, both boundaries, as medians over all sets, without intervals."""
     measured = []
-    for key in ready_methods():
-        for phase, first, last in PHASES:
+    for key in methods_without_model():
+        for phase, first, last in PHASE_FRAME_RANGES:
             for kind in ("search", "prepare"):
                 times = [getattr(results[name][key], f"{kind}_ms")[:, first:last].ravel() for name in results]
                 what = f"{key}, {phase}: time of {'the search' if kind == 'search' else 'what is computed before it'}"
-                measured.append(Measured("table 4", what, float(np.median(np.concatenate(times)))))
-    return Part(tuple(measured))
+                measured.append(MeasuredNumber("table 4", what, float(np.median(np.concatenate(times)))))
+    return StudyPart(tuple(measured))

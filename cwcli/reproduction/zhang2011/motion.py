@@ -8,22 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.dynamics.config import FilterNoise, ObserverConfig
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.metrics.table import ColumnDoc, Table
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.single_track import PAPER_RUNS, LinearRun, PaperRun, simulate_paper_run
 
-PAPER_BOUND_PERCENT = 10.0
-STATIC_S = 1.0
-"""The static error is the largest of the last second."""
-EQUAL_PERCENT = 0.05
-"""Static errors below this are equal: both are zero for any purpose."""
+CONVERGED_ERROR_PERCENT = 10.0
+"""An observer has converged where its error stays below this, in per cent, the paper's bound."""
+STATIC_ERROR_WINDOW_S = 1.0
+"""The static error is the largest of this last part of a run, in s. Chosen by hand; not fitted."""
+EQUAL_STATIC_ERROR_PERCENT = 0.05
+"""Static errors below this, in per cent, count as equal, as both are practically zero. Chosen by hand; not fitted."""
 
-EXACT_SENSORS = FilterNoise(
+EXACT_SENSOR_NOISE = FilterNoise(
     lateral_sigma_m=0.01,
     heading_sigma_rad=0.001,
     curvature_sigma_1pm=1e-5,
@@ -34,14 +35,15 @@ EXACT_SENSORS = FilterNoise(
     camera_yaw_rad=0.0,
     camera_yaw_walk_rad=0.0,
 )
-"""What the default filter is told of the noise-free runs: a centimetre, a milliradian, a camera mounted exactly."""
+"""Noise that the default filter gets for the noise-free runs: 1 cm, 1 mrad, an exactly mounted camera."""
 
-UNITS = {"v_y": "m/s", "gamma": "rad/s"}
+UNIT_BY_STATE = {"v_y": "m/s", "gamma": "rad/s"}
+"""Name of a state -> its unit."""
 
 
 @dataclass(frozen=True)
-class RunErrors:
-    """How an observer did in one run; of v_y and gamma, in this order.
+class ObserverErrors:
+    """Errors of an observer in one run, of v_y and gamma in this order.
 
     Attributes:
         static_percent: Largest error of the last second, of the true value.
@@ -52,23 +54,23 @@ class RunErrors:
     converged_s: tuple[float, float]
 
 
-def run_errors(run: LinearRun, track: LateralTrack) -> RunErrors:
-    """Static error and convergence time; both start from the first frame."""
+def compute_observer_errors(run: LinearRun, track: LateralTrack) -> ObserverErrors:
+    """Compute static error and convergence time; both start from the first frame."""
     percent = 100.0 * np.abs(track.state[:, :2] - run.state[:, :2]) / np.maximum(np.abs(run.state[:, :2]), 1e-9)
-    last = run.time_s >= run.time_s[-1] - STATIC_S - 1e-9
+    last = run.time_s >= run.time_s[-1] - STATIC_ERROR_WINDOW_S - 1e-9
     static = percent[last].max(axis=0)
     converged = []
     for column in percent.T:
-        bad = np.flatnonzero(~(column < PAPER_BOUND_PERCENT))
+        bad = np.flatnonzero(~(column < CONVERGED_ERROR_PERCENT))
         first = 0 if not len(bad) else int(bad[-1]) + 1
         converged.append(float(run.time_s[first]) if first < len(column) else math.nan)
-    return RunErrors((float(static[0]), float(static[1])), (converged[0], converged[1]))
+    return ObserverErrors((float(static[0]), float(static[1])), (converged[0], converged[1]))
 
 
-def observers(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, ObserverConfig]]:
-    """Name -> car that the observer believes in and its options, for one run."""
-    car = vehicle.loaded(run.load)
-    ours = ObserverConfig(noise=EXACT_SENSORS)
+def observer_setups_for_run(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, ObserverConfig]]:
+    """Return name -> the car that the observer assumes and its options, for one run."""
+    car = vehicle.with_load(run.load)
+    ours = ObserverConfig(noise=EXACT_SENSOR_NOISE)
     chosen = {"zhang2011": (car, ObserverConfig("zhang2011")), "cwcli": (car, ours)}
     if car.mass_kg != vehicle.mass_kg:
         chosen |= {
@@ -76,42 +78,42 @@ def observers(run: PaperRun, vehicle: Vehicle) -> dict[str, tuple[Vehicle, Obser
             "cwcli, told half load": (vehicle, ours),
             "cwcli, told half load, estimates the load": (
                 vehicle,
-                ObserverConfig(noise=EXACT_SENSORS, estimate_load=True),
+                ObserverConfig(noise=EXACT_SENSOR_NOISE, estimate_load=True),
             ),
         }
     return chosen
 
 
-def run_part(figure: str, vehicle: Vehicle | None = None) -> Part:
-    """Figure 14, 15 or 16: the observers start at v_y = gamma = 0 while the car is already in its turn."""
+def simulated_run_part(figure: str, vehicle: Vehicle | None = None) -> StudyPart:
+    """Compute figure 14, 15 or 16: observers that start at v_y = gamma = 0 while the car already turns."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
     run = simulate_paper_run(settings, half)
-    errors: dict[str, RunErrors] = {}
+    errors: dict[str, ObserverErrors] = {}
     curves = [Curve("car, yaw rate", run.time_s, run.state[:, 1]), Curve("car, v_y", run.time_s, run.state[:, 0])]
-    for name, (car, config) in observers(settings, half).items():
-        track = observe(run.lanes, run.speed, car, config)
-        errors[name] = run_errors(run, track)
+    for name, (car, config) in observer_setups_for_run(settings, half).items():
+        track = observe_lateral_motion(run.lanes, run.speed, car, config)
+        errors[name] = compute_observer_errors(run, track)
         if name in ("zhang2011", "cwcli"):
             curves += [
                 Curve(f"{name}, yaw rate", run.time_s, track.state[:, 1]),
                 Curve(f"{name}, v_y", run.time_s, track.state[:, 0]),
             ]
-    measured: list[Measured] = []
-    for k, name in enumerate(UNITS):
+    measured: list[MeasuredNumber] = []
+    for k, name in enumerate(UNIT_BY_STATE):
         for other, found in errors.items():
-            measured.append(Measured(figure, f"{other}: static error of {name}", found.static_percent[k]))
+            measured.append(MeasuredNumber(figure, f"{other}: static error of {name}", found.static_percent[k]))
             if other in ("zhang2011", "cwcli"):
-                measured.append(Measured(figure, f"{other}: {name} converged", found.converged_s[k]))
-        allowed = max(errors["zhang2011"].static_percent[k], EQUAL_PERCENT)
-        what = f"cwcli: static error of {name} above zhang2011's, or above {EQUAL_PERCENT:g} %"
-        measured.append(Measured(figure, what, errors["cwcli"].static_percent[k] - allowed))
+                measured.append(MeasuredNumber(figure, f"{other}: {name} converged", found.converged_s[k]))
+        allowed = max(errors["zhang2011"].static_percent[k], EQUAL_STATIC_ERROR_PERCENT)
+        what = f"cwcli: static error of {name} above zhang2011's, or above {EQUAL_STATIC_ERROR_PERCENT:g} %"
+        measured.append(MeasuredNumber(figure, what, errors["cwcli"].static_percent[k] - allowed))
     title = f"{settings.load} load, {settings.steer_rad:g} rad, from {settings.start_kmh:g} km/h"
-    return Part(tuple(measured), (Plot(figure, title, "time [s]", "yaw rate [rad/s], v_y [m/s]", curves),))
+    return StudyPart(tuple(measured), (Plot(figure, title, "time [s]", "yaw rate [rad/s], v_y [m/s]", curves),))
 
 
-def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
-    """Figure 14, 15 or 16 as columns: one row a frame, true and observed."""
+def simulated_run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
+    """Return figure 14, 15 or 16 as columns: one row a frame, true and observed."""
     half = vehicle or load_vehicle()
     settings = PAPER_RUNS[figure]
     run = simulate_paper_run(settings, half)
@@ -121,10 +123,10 @@ def run_table(figure: str, vehicle: Vehicle | None = None) -> Table:
         "lateral_speed_mps": run.state[:, 0],
         "yaw_rate_radps": run.state[:, 1],
     }
-    for name, (car, config) in observers(settings, half).items():
+    for name, (car, config) in observer_setups_for_run(settings, half).items():
         if "," in name:
             continue
-        track = observe(run.lanes, run.speed, car, config)
+        track = observe_lateral_motion(run.lanes, run.speed, car, config)
         columns[f"{name}_lateral_speed_mps"] = track.state[:, 0]
         columns[f"{name}_yaw_rate_radps"] = track.state[:, 1]
     docs = {

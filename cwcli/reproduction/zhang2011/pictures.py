@@ -14,24 +14,40 @@ import numpy.typing as npt
 
 from cwcli.kernels import lane_search
 from cwcli.metrics.intervals import proportion_interval
-from cwcli.reproduction.classes import Measured
-from cwcli.reproduction.findings import Curve, Part, Plot
-from cwcli.reproduction.zhang2011.lane_drives import FIRST_FRAMES, columns_px, is_right, vision_camera
+from cwcli.reproduction.classes import MeasuredNumber
+from cwcli.reproduction.findings import Curve, Plot, StudyPart
+from cwcli.reproduction.zhang2011.lane_drives import (
+    N_UNSTABLE_FRAMES,
+    boundary_columns_px,
+    camera_for_lane_methods,
+    is_fit_correct,
+)
 from cwcli.reproduction.zhang2011.lanes import HELD_OUT_SEED
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.drive import RoadDrive, set_drives
+from cwcli.simulation.road.drive import RoadDrive, iter_set_drives
 from cwcli.simulation.road.render import RoadFrame
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.method import LaneFit, LaneFrame
-from cwcli.vision.objective import HEIGHT_PX, WIDTH_PX, BlockResponses, block_responses
-from cwcli.vision.zhang2011 import CROSSOVER_RATE, FIRST, FIRST_LEFT, FIRST_RIGHT, METHOD, MUTATION_RATE, genetic_of
+from cwcli.vision.objective import PAPER_HEIGHT_PX, PAPER_WIDTH_PX, BlockResponses, compute_block_responses
+from cwcli.vision.zhang2011 import (
+    CROSSOVER_RATE,
+    FIRST_LEFT_REGION,
+    FIRST_PHASE,
+    FIRST_RIGHT_REGION,
+    METHOD,
+    MUTATION_RATE,
+    genetic_settings,
+)
 
-SIZE = (WIDTH_PX, HEIGHT_PX)
-N_FRAMES = 40
-EXAMPLE_SET = "complex"
+IMAGE_SIZE_PX = (PAPER_WIDTH_PX, PAPER_HEIGHT_PX)
+"""Width and height of the paper's image, in pixels."""
+N_SEARCHED_FRAMES = 40
+"""Number of first frames over which the rates are compared. Chosen by hand; not fitted."""
+EXAMPLE_ROAD_SET = "complex"
+"""The set of roads whose frames are searched. Chosen by hand; not fitted."""
 HIGH_MUTATION_RATE = 0.9
-"""The paper shows a rate that is too high without printing it."""
-RATES: dict[str, tuple[float, float]] = {
+"""A mutation rate that is too high; the paper shows one without printing it. Chosen by hand; not fitted."""
+RATES_BY_FIGURE: dict[str, tuple[float, float]] = {
     "fig 3": (0.4, MUTATION_RATE),
     "fig 4": (CROSSOVER_RATE, MUTATION_RATE),
     "fig 5": (0.5, MUTATION_RATE),
@@ -39,91 +55,119 @@ RATES: dict[str, tuple[float, float]] = {
     "fig 7": (CROSSOVER_RATE, HIGH_MUTATION_RATE),
     "fig 8": (CROSSOVER_RATE, MUTATION_RATE),
 }
-"""Figure -> rates of crossover and of mutation."""
-GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
-MIN_GAP_PX = 4.0
-"""Both boundaries end where they come nearer."""
-LOOKED_AT = 20
-"""Drives among which the bend and the straight of figures 9 and 10 are chosen."""
+"""Figure -> rates of crossover and of mutation; the paper's but for `HIGH_MUTATION_RATE`."""
+SHOWN_GENERATIONS = (1, 2, 5, 10, 20, 40, 60, 90, 120, 150, 180)
+"""Generations at which the convergence is plotted. Chosen by hand; not fitted."""
+MIN_BOUNDARY_GAP_PX = 4.0
+"""Both boundaries end where they come nearer to each other, in pixels. Chosen by hand; not fitted."""
+N_CANDIDATE_DRIVES = 20
+"""Number of drives among which the bend and the straight of figures 9 and 10 are chosen. Chosen by hand; not fitted."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One frame, ready for the search."""
+class PreparedFrame:
+    """One frame with its block responses, ready for the search."""
 
     frame: RoadFrame
-    both: BlockResponses
+    responses: BlockResponses
 
 
-def rates_part() -> Part:
-    """Figures 3 to 8, and the objective over the generations for all of their rates."""
-    drives = set_drives(EXAMPLE_SET, N_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
-    seen = [Seen(frame, block_responses(frame.grey)) for frame in (drive.frame(0) for drive in drives)]
+def search_rates_part() -> StudyPart:
+    """Compute figures 3 to 8, and plot the objective over the generations for all of their rates."""
+    drives = iter_set_drives(EXAMPLE_ROAD_SET, N_SEARCHED_FRAMES, seed=HELD_OUT_SEED, n_frames=2)
+    seen = [
+        PreparedFrame(frame, compute_block_responses(frame.grey))
+        for frame in (drive.render_frame_at(0) for drive in drives)
+    ]
     measured, plots = [], []
     shares: dict[str, float] = {}
-    for figure, rates in RATES.items():
-        fits = [_search(each, k, rates, FIRST.generations)[0] for k, each in enumerate(seen)]
-        n_right = sum(is_right(each.frame, fit, SIZE, by_stripe=True) for each, fit in zip(seen, fits, strict=True))
+    for figure, rates in RATES_BY_FIGURE.items():
+        fits = [_search_both_boundaries(each, k, rates, FIRST_PHASE.generations)[0] for k, each in enumerate(seen)]
+        n_right = sum(
+            is_fit_correct(each.frame, fit, IMAGE_SIZE_PX, by_stripe=True) for each, fit in zip(seen, fits, strict=True)
+        )
         low, high = proportion_interval(n_right, len(seen))
         what = "first frames with both boundaries right"
         shares[figure] = n_right / len(seen)
-        measured.append(Measured(figure, what, 100.0 * shares[figure], 100.0 * low, 100.0 * high))
-        title = f"crossover {rates[0]:g}, mutation {rates[1]:g}: a first frame of '{EXAMPLE_SET}'"
-        plots.append(picture(figure, title, seen[0].frame, fits[0]))
+        measured.append(MeasuredNumber(figure, what, 100.0 * shares[figure], 100.0 * low, 100.0 * high))
+        title = f"crossover {rates[0]:g}, mutation {rates[1]:g}: a first frame of '{EXAMPLE_ROAD_SET}'"
+        plots.append(frame_with_boundaries_plot(figure, title, seen[0].frame, fits[0]))
     is_best = shares["fig 4"] > max(shares[figure] for figure in ("fig 3", "fig 5", "fig 6"))
     what = "more first frames right than with crossover 0.4, 0.5 and 0.8"
-    measured.append(Measured("fig 4", what, float(is_best)))
+    measured.append(MeasuredNumber("fig 4", what, float(is_best)))
     what = "more first frames right than with the high mutation rate"
-    measured.append(Measured("fig 8", what, float(shares["fig 8"] > shares["fig 7"])))
+    measured.append(MeasuredNumber("fig 8", what, float(shares["fig 8"] > shares["fig 7"])))
     plots += [
-        _convergence("crossover rates", seen, {f"crossover {RATES[f][0]:g}": RATES[f] for f in tuple(RATES)[:4]}),
-        _convergence("mutation rates", seen, {f"mutation {RATES[f][1]:g}": RATES[f] for f in tuple(RATES)[4:]}),
+        _convergence_plot(
+            "crossover rates",
+            seen,
+            {f"crossover {RATES_BY_FIGURE[f][0]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[:4]},
+        ),
+        _convergence_plot(
+            "mutation rates",
+            seen,
+            {f"mutation {RATES_BY_FIGURE[f][1]:g}": RATES_BY_FIGURE[f] for f in tuple(RATES_BY_FIGURE)[4:]},
+        ),
     ]
-    return Part(tuple(measured), tuple(plots))
+    return StudyPart(tuple(measured), tuple(plots))
 
 
-def roads_part() -> Part:
-    """Figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
-    n_frames = FIRST_FRAMES + 1
-    drives = list(set_drives("good", LOOKED_AT, seed=HELD_OUT_SEED, n_frames=n_frames))
+def bend_and_straight_part() -> StudyPart:
+    """Plot figures 9 and 10: a bend and a straight, followed as in a video until the third phase."""
+    n_frames = N_UNSTABLE_FRAMES + 1
+    drives = list(iter_set_drives("good", N_CANDIDATE_DRIVES, seed=HELD_OUT_SEED, n_frames=n_frames))
     bends = [abs(float(np.interp(0.0, drive.knots_m, drive.curvature_1pm))) for drive in drives]
     chosen = {"fig 9": ("a bend", int(np.argmax(bends))), "fig 10": ("a straight", int(np.argmin(bends)))}
-    return Part((), tuple(_followed(figure, text, drives[k], k) for figure, (text, k) in chosen.items()))
+    return StudyPart(
+        (), tuple(_followed_drive_plot(figure, text, drives[k], k) for figure, (text, k) in chosen.items())
+    )
 
 
-def picture(figure: str, title: str, frame: RoadFrame, fit: LaneFit, curves: tuple[Curve, ...] = ()) -> Plot:
-    """A frame with the boundaries of a fit and other curves on it, in the paper's axes: x right, y up."""
+def frame_with_boundaries_plot(
+    figure: str, title: str, frame: RoadFrame, fit: LaneFit, curves: tuple[Curve, ...] = ()
+) -> Plot:
+    """Plot a frame with the boundaries of a fit and other curves, in the paper's axes: x right, y up."""
     y = np.arange(0.5, 150.0)
     lines = []
-    both = [columns_px(boundary, SIZE, SIZE)[::-1][: len(y)] for boundary in (fit.left, fit.right)]
-    meet = np.maximum.accumulate(both[1] - both[0] < MIN_GAP_PX)
+    both = [
+        boundary_columns_px(boundary, IMAGE_SIZE_PX, IMAGE_SIZE_PX)[::-1][: len(y)]
+        for boundary in (fit.left, fit.right)
+    ]
+    meet = np.maximum.accumulate(both[1] - both[0] < MIN_BOUNDARY_GAP_PX)
     for label, columns in zip(("left", "right"), both, strict=True):
-        inside = (columns >= 0.0) & (columns < WIDTH_PX) & ~meet
+        inside = (columns >= 0.0) & (columns < PAPER_WIDTH_PX) & ~meet
         lines.append(Curve(label, np.where(inside, columns + 0.5, np.nan), y))
     return Plot(
         figure, title, "x [pixel]", "y [pixel]", (*lines, *curves),
-        x_range=(0.0, WIDTH_PX), y_range=(0.0, HEIGHT_PX), image=frame.grey, is_map=True,
+        x_range=(0.0, PAPER_WIDTH_PX), y_range=(0.0, PAPER_HEIGHT_PX), image=frame.grey, is_map=True,
     )  # fmt: skip
 
 
-def _followed(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
+def _followed_drive_plot(figure: str, text: str, drive: RoadDrive, seed: int) -> Plot:
+    """Follow the lane along a drive and plot its last frame."""
     search = METHOD.make(seed)
     fit = LaneFit(NOT_FOUND, NOT_FOUND)
-    frame = drive.frame(0)
-    for k, frame in enumerate(drive.frames()):
+    frame = drive.render_frame_at(0)
+    for k, frame in enumerate(drive.iter_rendered_frames()):
         stamp_ns = round(float(drive.time_s[k]) * 1e9)
-        prepared = block_responses(frame.grey)
-        fit = search.step(LaneFrame(frame.grey, vision_camera(*SIZE), stamp_ns, k, prepared=prepared))
-    return picture(figure, f"{text}, the paper's search, frame {len(drive)}", frame, fit)
+        prepared = compute_block_responses(frame.grey)
+        fit = search.step(
+            LaneFrame(frame.grey, camera_for_lane_methods(*IMAGE_SIZE_PX), stamp_ns, k, prepared=prepared)
+        )
+    return frame_with_boundaries_plot(figure, f"{text}, the paper's search, frame {len(drive)}", frame, fit)
 
 
-def _search(seen: Seen, seed: int, rates: tuple[float, float], generations: int) -> tuple[LaneFit, float]:
-    """Both boundaries of a first frame, and the sum of their objectives, grey levels."""
-    genetic = genetic_of(FIRST)
+def _search_both_boundaries(
+    seen: PreparedFrame, seed: int, rates: tuple[float, float], generations: int
+) -> tuple[LaneFit, float]:
+    """Search both boundaries in a first frame; return them and the sum of their objectives, grey levels."""
+    genetic = genetic_settings(FIRST_PHASE)
     genetic["crossover_rate"], genetic["mutation_rate"] = rates
     genetic["generations"] = generations
     found, total = [], 0.0
-    for side, (responses, region) in enumerate(((seen.both.left, FIRST_LEFT), (seen.both.right, FIRST_RIGHT))):
+    for side, (responses, region) in enumerate(
+        ((seen.responses.left, FIRST_LEFT_REGION), (seen.responses.right, FIRST_RIGHT_REGION))
+    ):
         bounds: npt.NDArray[np.float64] = np.array(region)
         low, high = np.ascontiguousarray(bounds[:, 0]), np.ascontiguousarray(bounds[:, 1])
         abc, score = lane_search.search(
@@ -134,13 +178,16 @@ def _search(seen: Seen, seed: int, rates: tuple[float, float], generations: int)
     return LaneFit(found[0], found[1]), total
 
 
-def _convergence(name: str, seen: list[Seen], rates: dict[str, tuple[float, float]]) -> Plot:
-    """The best objective over the generations, mean over the frames: the same random numbers, stopped earlier."""
+def _convergence_plot(name: str, seen: list[PreparedFrame], rates: dict[str, tuple[float, float]]) -> Plot:
+    """Plot the best objective over the generations, mean over the frames, from the same random numbers."""
     curves = []
     for label, each in rates.items():
         means: FloatArray = np.array(
-            [np.mean([_search(one, k, each, stop)[1] for k, one in enumerate(seen)]) for stop in GENERATIONS]
+            [
+                np.mean([_search_both_boundaries(one, k, each, stop)[1] for k, one in enumerate(seen)])
+                for stop in SHOWN_GENERATIONS
+            ]
         )
-        curves.append(Curve(label, np.array(GENERATIONS, np.float64), means))
-    title = f"best objective, mean of {len(seen)} first frames of '{EXAMPLE_SET}'"
+        curves.append(Curve(label, np.array(SHOWN_GENERATIONS, np.float64), means))
+    title = f"best objective, mean of {len(seen)} first frames of '{EXAMPLE_ROAD_SET}'"
     return Plot(name, title, "generation", "F, left and right [grey levels]", curves)

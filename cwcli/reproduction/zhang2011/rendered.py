@@ -1,6 +1,7 @@
 """Drives seen through rendered frames: the chain from the picture to the lane, without a log between.
 
-`sense_rendered` gives what `sense_lane` gives, but its boundaries are found by a lane method in rendered frames.
+`sense_rendered_drive` gives what `simulate_lane_sensors` gives, but its boundaries are found by a lane method in
+rendered frames.
 """
 
 from __future__ import annotations
@@ -9,25 +10,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cwcli.dynamics.samples import PREVIEW_M, LaneSamples
+from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane
-from cwcli.simulation.lane_drive import STEP_S, Road, Truth
+from cwcli.simulation.lane_camera import LaneSensorNoise, SensedDrive, simulate_lane_sensors
+from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.drive import RoadDrive
-from cwcli.simulation.road.lane_frames import drive_of_run
-from cwcli.simulation.streams import to_ns
+from cwcli.simulation.road.lane_frames import road_drive_from_lane_run
+from cwcli.simulation.streams import seconds_to_ns
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.fit_columns import FitColumns, FitRecorder
-from cwcli.vision.ground import GeometrySigmas, LaneGeometry, lane_geometry
+from cwcli.vision.fit_columns import FitCollector, FitColumns
+from cwcli.vision.ground import GeometrySigmas, LaneGeometry, compute_lane_geometry
 from cwcli.vision.method import GreyImage, LaneFrame
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 
 
 @dataclass(frozen=True)
-class Look:
-    """What the frames look like.
+class RenderSettings:
+    """Settings of the rendered frames.
 
     Attributes:
         road: A key of `simulation.road.sets.SETS`.
@@ -46,10 +47,10 @@ class Look:
 
 @dataclass(frozen=True)
 class RenderedDrive:
-    """One run as its rendered camera and its other sensors saw it.
+    """One run as its rendered camera and its other sensors measured it.
 
     Attributes:
-        sensed: As from `sense_lane`.
+        sensed: As from `simulate_lane_sensors`.
         drive: Renders the frames.
         camera: As the lane method was told, in the pixels of the frames.
         fits: n rows, in the pixels of the search image.
@@ -63,57 +64,57 @@ class RenderedDrive:
     geometry: LaneGeometry
 
 
-def sense_rendered(
-    truth: Truth,
+def sense_rendered_drive(
+    truth: LaneDriveTruth,
     run: int,
     road: Road,
     vehicle: Vehicle,
     *,
-    look: Look | None = None,
+    settings: RenderSettings | None = None,
     method: str = DEFAULT_METHOD,
-    noise: CameraNoise | None = None,
+    noise: LaneSensorNoise | None = None,
     seed: int = 0,
 ) -> RenderedDrive:
     """Render one run, find its lanes, and sense speed and yaw rate.
 
     Args:
-        truth: From `drive_lane`.
+        truth: From `simulate_lane_runs`.
         run: Which column of it.
-        road, vehicle: As given to `drive_lane`.
+        road, vehicle: As given to `simulate_lane_runs`.
         look: None: the defaults.
         method: A key of `vision.methods.METHODS`. It is told the speed, not the yaw rate.
         noise: Of speed and gyroscope; None: the defaults.
         seed: Of everything.
     """
-    look = look or Look()
-    drive = drive_of_run(
+    settings = settings or RenderSettings()
+    drive = road_drive_from_lane_run(
         truth,
         run,
         road,
-        look=look.road,
-        weather=look.weather,
+        look=settings.road,
+        weather=settings.weather,
         seed=seed,
-        rate_hz=look.rate_hz,
-        camera=look.camera,
+        rate_hz=settings.rate_hz,
+        camera=settings.camera,
     )
-    others = sense_lane(truth, run, road, vehicle, noise=noise, seed=seed)
-    speed_mps = np.interp(to_ns(drive.time_s), others.speed.stamp_ns, others.speed.values)
-    camera = told_camera(drive.camera, look.pitch_error_rad)
-    fits = find_lanes(drive, camera, method, speed_mps, seed)
-    search = camera.resized(*METHODS[method].search_size(camera.width_px, camera.height_px))
-    geometry = lane_geometry(fits, search, preview_m=PREVIEW_M)
+    others = simulate_lane_sensors(truth, run, road, vehicle, noise=noise, seed=seed)
+    speed_mps = np.interp(seconds_to_ns(drive.time_s), others.speed.stamp_ns, others.speed.values)
+    camera = camera_with_pitch_error(drive.camera, settings.pitch_error_rad)
+    fits = find_lanes_in_drive(drive, camera, method, speed_mps, seed)
+    search = camera.with_image_size(*METHODS[method].search_size(camera.width_px, camera.height_px))
+    geometry = compute_lane_geometry(fits, search, preview_m=DEFAULT_PREVIEW_M)
     sensed = replace(
         others,
-        index=np.rint(drive.time_s / STEP_S).astype(np.intp),
+        index=np.rint(drive.time_s / INTEGRATION_STEP_S).astype(np.intp),
         left_body=geometry.left_body,
         right_body=geometry.right_body,
-        lanes=lane_samples(drive.time_s, geometry, fits),
+        lanes=lane_samples_from_geometry(drive.time_s, geometry, fits),
     )
     return RenderedDrive(sensed, drive, camera, fits, geometry)
 
 
-def told_camera(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
-    """The renderer's camera at rest, as a user would describe it."""
+def camera_with_pitch_error(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
+    """Return the renderer's camera at rest, as a user would describe it."""
     return Camera(
         width_px=camera.width_px,
         height_px=camera.height_px,
@@ -125,8 +126,10 @@ def told_camera(camera: RoadCamera, pitch_error_rad: float = 0.0) -> Camera:
     )
 
 
-def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatArray, seed: int = 0) -> FitColumns:
-    """The boundaries in every frame of a drive.
+def find_lanes_in_drive(
+    drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatArray, seed: int = 0
+) -> FitColumns:
+    """Find the boundaries in every frame of a drive.
 
     Args:
         drive: Renders the frames.
@@ -137,22 +140,22 @@ def find_lanes(drive: RoadDrive, camera: Camera, method: str, speed_mps: FloatAr
     """
     chosen = METHODS[method]
     size = chosen.search_size(camera.width_px, camera.height_px)
-    search, seen_by = chosen.make(seed), camera.resized(*size)
-    recorder = FitRecorder()
-    for number, stamp_ns in enumerate(to_ns(drive.time_s).tolist()):
-        grey = _resized(drive.frame(number).grey, size)
+    search, seen_by = chosen.make(seed), camera.with_image_size(*size)
+    recorder = FitCollector()
+    for number, stamp_ns in enumerate(seconds_to_ns(drive.time_s).tolist()):
+        grey = _resize_to_search_size(drive.render_frame_at(number).grey, size)
         prepared = None if chosen.prepare is None else chosen.prepare(grey)
         frame = LaneFrame(grey, seen_by, stamp_ns, number, speed_mps=float(speed_mps[number]), prepared=prepared)
-        recorder.append(search.step(frame))
-    return recorder.columns()
+        recorder.append_fit(search.step(frame))
+    return recorder.to_columns()
 
 
-def lane_samples(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -> LaneSamples:
-    """What the observer is given of the lanes, at the stamps of the frames."""
+def lane_samples_from_geometry(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -> LaneSamples:
+    """Return the observer's input from the lanes, at the stamps of the frames."""
     is_curve = np.isfinite(fits.roads).all(axis=-1, keepdims=True)
     bodies = np.stack([geometry.left_body, geometry.right_body], axis=1)
     return LaneSamples(
-        stamp_ns=to_ns(time_s),
+        stamp_ns=seconds_to_ns(time_s),
         lateral_deviation_m=geometry.lateral_deviation_m,
         heading_deviation_rad=geometry.heading_deviation_rad,
         curvature_1pm=geometry.curvature_1pm,
@@ -165,8 +168,8 @@ def lane_samples(time_s: FloatArray, geometry: LaneGeometry, fits: FitColumns) -
     )
 
 
-def _resized(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
-    """The picture in the size of the search, as `vision.frames` makes it."""
+def _resize_to_search_size(grey: GreyImage, size: tuple[int, int]) -> GreyImage:
+    """Resize a picture to the size of the search, as `vision.frames` does."""
     if grey.shape[1::-1] == size:
         return grey
     import cv2

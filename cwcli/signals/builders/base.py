@@ -58,6 +58,6 @@ class Input:
     build: Build | None
     rank: int | None = 0
     needs_ego_station: bool = False
-    fits: Callable[[str], bool] = lambda topic: True
+    fits_topic: Callable[[str], bool] = lambda topic: True
     says_what_it_is: bool = False
-    is_beside: bool = False
+    is_additive: bool = False

@@ -6,18 +6,18 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionKind, DetectionSignal
-from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, settle
+from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS, build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings
-from cwcli.signals.elements import Elements, ragged, taken
-from cwcli.signals.leaf_fields import find, stamps
+from cwcli.signals.elements import Elements, find_ragged_field, take_sequences
+from cwcli.signals.leaf_fields import find_field, read_stamps
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
-MIN_COSINE = 0.1
+MIN_ELEVATION_COSINE = 0.1
 """The least cosine (1) of an elevation: beyond it, a range says nothing about the ground plane. Chosen by hand."""
-POSE_COVARIANCE_XY = (0, 1, 6, 7)
+POSE_COVARIANCE_XY_INDICES = (0, 1, 6, 7)
 """The indices of xx, xy, yx and yy in a 6 x 6 covariance, row-major."""
-TRIANGLE_XY = (0, 1, 1, 3)
+TRIANGLE_XY_INDICES = (0, 1, 1, 3)
 """The indices of xx, xy, yx and yy in the upper triangle xx, xy, xz, yy, yz, zz."""
 
 
@@ -28,15 +28,17 @@ def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     """
     ledger = RowLedger(columns, reading.role)
     returns = Elements(columns, ledger, "returns.range", "returns.azimuth")
-    elevation = returns.numbers("returns.elevation")
+    elevation = returns.read_numbers("returns.elevation")
     with np.errstate(invalid="ignore"):
-        cosine = np.maximum(np.cos(np.where(np.isfinite(elevation), elevation, 0.0)), MIN_COSINE)
-    rate = returns.numbers("returns.doppler_velocity")
+        cosine = np.maximum(np.cos(np.where(np.isfinite(elevation), elevation, 0.0)), MIN_ELEVATION_COSINE)
+    rate = returns.read_numbers("returns.doppler_velocity")
     if len(rate) > 1 and not np.any(rate):
-        ledger.note("the range rate is exactly 0 in every return, taken as not measured")
+        ledger.add_note("the range rate is exactly 0 in every return, taken as not measured")
         rate = np.full(len(rate), np.nan)
-    values = np.stack([returns.numbers("returns.range") * cosine, returns.numbers("returns.azimuth"), rate / cosine], 1)
-    return detection_signal(columns, reading, ledger, "radar", returns, values, None, *stamps(columns))
+    values = np.stack(
+        [returns.read_numbers("returns.range") * cosine, returns.read_numbers("returns.azimuth"), rate / cosine], 1
+    )
+    return make_detection_signal(columns, reading, ledger, "radar", returns, values, None, *read_stamps(columns))
 
 
 def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -44,15 +46,17 @@ def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSig
     ledger = RowLedger(columns, reading.role)
     tracks = Elements(columns, ledger, "tracks.position.x", "tracks.position.y")
     leaves = ("position.x", "position.y", "velocity.x", "velocity.y")
-    values = np.stack([tracks.numbers(f"tracks.{leaf}") for leaf in leaves], axis=1)
+    values = np.stack([tracks.read_numbers(f"tracks.{leaf}") for leaf in leaves], axis=1)
     if len(values) > 1 and not np.any(values[:, 2:]):
-        ledger.note("the velocity is exactly 0 in every track, taken as not measured")
+        ledger.add_note("the velocity is exactly 0 in every track, taken as not measured")
         values[:, 2:] = np.nan
     covariance = np.zeros((len(tracks), 4, 4))
     for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
-        triangle = tracks.numbers(f"tracks.{name}_covariance", width=6)
-        covariance[:, part, part] = triangle[:, TRIANGLE_XY].reshape(-1, 2, 2)
-    return detection_signal(columns, reading, ledger, "radar_track", tracks, values, covariance, *stamps(columns))
+        triangle = tracks.read_numbers(f"tracks.{name}_covariance", width=6)
+        covariance[:, part, part] = triangle[:, TRIANGLE_XY_INDICES].reshape(-1, 2, 2)
+    return make_detection_signal(
+        columns, reading, ledger, "radar_track", tracks, values, covariance, *read_stamps(columns)
+    )
 
 
 def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -63,15 +67,15 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     """
     ledger = RowLedger(columns, reading.role)
     boxes = Elements(columns, ledger, "detections.bbox.center.position.x", "detections.bbox.center.position.y")
-    values = np.stack([boxes.numbers(f"detections.bbox.center.position.{axis}") for axis in "xy"], axis=1)
+    values = np.stack([boxes.read_numbers(f"detections.bbox.center.position.{axis}") for axis in "xy"], axis=1)
     if len(values) > 1 and not np.any(values):
-        poses = np.stack([boxes.numbers(f"detections.results.pose.pose.position.{axis}") for axis in "xy"], axis=1)
+        poses = np.stack([boxes.read_numbers(f"detections.results.pose.pose.position.{axis}") for axis in "xy"], axis=1)
         if np.isfinite(poses).any():
-            ledger.note("every box is empty, the poses of the hypotheses are taken")
+            ledger.add_note("every box is empty, the poses of the hypotheses are taken")
             values = poses
-    matrices = boxes.numbers("detections.results.pose.covariance", width=36)
-    covariance = matrices[:, POSE_COVARIANCE_XY].reshape(-1, 2, 2)
-    return detection_signal(columns, reading, ledger, "position", boxes, values, covariance, *stamps(columns))
+    matrices = boxes.read_numbers("detections.results.pose.covariance", width=36)
+    covariance = matrices[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)
+    return make_detection_signal(columns, reading, ledger, "position", boxes, values, covariance, *read_stamps(columns))
 
 
 def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -82,31 +86,35 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     ledger = RowLedger(columns, reading.role)
     path = "entities.cubes.pose.position"
     cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
-    values = np.stack([cubes.numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
-    return detection_signal(columns, reading, ledger, "position", cubes, values, None, *_first_entity_stamps(columns))
+    values = np.stack([cubes.read_numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
+    return make_detection_signal(
+        columns, reading, ledger, "position", cubes, values, None, *_read_first_entity_stamps(columns)
+    )
 
 
 def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
     """Build detections from JSON messages as in `schemas/detections.schema.json`: positions, or ranges and azimuths."""
     ledger = RowLedger(columns, reading.role)
-    if find(columns, "detections.range_m") is not None:
+    if find_field(columns, "detections.range_m") is not None:
         found = Elements(columns, ledger, "detections.range_m", "detections.azimuth_rad")
         names = ("range_m", "azimuth_rad", "range_rate_mps")
-        sigmas = [found.numbers(f"detections.{name}") for name in ("range_sigma_m", "azimuth_sigma_rad")]
-        rate_sigma = found.numbers("detections.range_rate_sigma_mps")
-        values = np.stack([found.numbers(f"detections.{name}") for name in names], axis=1)
+        sigmas = [found.read_numbers(f"detections.{name}") for name in ("range_sigma_m", "azimuth_sigma_rad")]
+        rate_sigma = found.read_numbers("detections.range_rate_sigma_mps")
+        values = np.stack([found.read_numbers(f"detections.{name}") for name in names], axis=1)
         # a rate that is not measured has no noise: 1 keeps the matrix whole, and nobody reads it
         rate_sigma = np.where(np.isnan(values[:, 2]) & np.isnan(rate_sigma), 1.0, rate_sigma)
         covariance = np.stack([*sigmas, rate_sigma], axis=1)[:, :, None] ** 2 * np.eye(3)
-        return detection_signal(columns, reading, ledger, "radar", found, values, covariance, *stamps(columns))
+        return make_detection_signal(
+            columns, reading, ledger, "radar", found, values, covariance, *read_stamps(columns)
+        )
     found = Elements(columns, ledger, "detections.x_m", "detections.y_m")
-    values = np.stack([found.numbers("detections.x_m"), found.numbers("detections.y_m")], axis=1)
+    values = np.stack([found.read_numbers("detections.x_m"), found.read_numbers("detections.y_m")], axis=1)
     parts = ("covariance_xx_m2", "covariance_xy_m2", "covariance_xy_m2", "covariance_yy_m2")
-    covariance = np.stack([found.numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
-    return detection_signal(columns, reading, ledger, "position", found, values, covariance, *stamps(columns))
+    covariance = np.stack([found.read_numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
+    return make_detection_signal(columns, reading, ledger, "position", found, values, covariance, *read_stamps(columns))
 
 
-def detection_signal(
+def make_detection_signal(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -131,15 +139,15 @@ def detection_signal(
     if covariance is None:
         covariance = np.full((len(values), width, width), np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
-        marks = [elements.counts.astype(np.float64), *(elements.sums(column) for column in values.T)]
-    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, marks)
-    offsets, index = taken(elements.offsets, timeline.rows)
+        marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
+    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    offsets, index = take_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
         kind=kind,
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[timeline.rows],
-        frame=_frames(columns, timeline.rows),
+        frame=_frame_names_of_rows(columns, timeline.rows),
         offsets=offsets,
         values=values[index],
         covariance=covariance[index],
@@ -147,17 +155,19 @@ def detection_signal(
     return signal, ledger.quality
 
 
-def _frames(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Strings:
-    field = find(columns, "header.frame_id", "frame_id")
+def _frame_names_of_rows(columns: Columns, rows: np.ndarray[tuple[int, ...], np.dtype[np.intp]]) -> Strings:
+    field = find_field(columns, "header.frame_id", "frame_id")
     if not isinstance(field, Strings):
         return Strings(np.full(len(rows), -1, np.int32), ())
     return Strings(field.codes[rows], tuple(name.lstrip("/") for name in field.values))
 
 
-def _first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
+def _read_first_entity_stamps(columns: Columns) -> tuple[Int64Array, BoolArray]:
     """Return the stamps (ns) of each message's first entity, and whether it has one."""
-    seconds = ragged(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
-    nanoseconds = ragged(columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec")
+    seconds = find_ragged_field(columns, "entities.timestamp.seconds", "entities.timestamp.sec")
+    nanoseconds = find_ragged_field(
+        columns, "entities.timestamp.nanos", "entities.timestamp.nsec", "entities.timestamp.nanosec"
+    )
     n = len(columns)
     if seconds is None or nanoseconds is None or not (len(seconds.values) and len(nanoseconds.values)):
         return np.zeros(n, np.int64), np.zeros(n, np.bool_)

@@ -10,50 +10,54 @@ import numpy as np
 
 from cwcli.signals.builders.gnss import (
     GnssFix,
-    position_builder,
-    round_covariance,
-    velocity_builder,
-    velocity_of_course,
+    isotropic_covariance,
+    make_position_builder,
+    make_velocity_builder,
+    velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, turned
-from cwcli.signals.leaf_fields import matrix, numbers, stamps
+from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, SIGMAS_PER_95_PERCENT_ELLIPSE, rotate_plane_covariance
+from cwcli.signals.leaf_fields import read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
 
 
 def read_gps_fix(columns: Columns, ledger: RowLedger) -> GnssFix:
     """Read position and velocity of the messages."""
-    matrices = matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
-    is_known = (numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
-    by_error = round_covariance(_sigma(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2)
-    speed_mps, course_deg = numbers(columns, "speed"), numbers(columns, "track")
+    matrices = read_matrix(columns, "position_covariance", 9)[:, [0, 1, 4]]
+    is_known = (read_numbers(columns, "position_covariance_type") > 0) & (matrices[:, 0] > 0.0)
+    by_error = isotropic_covariance(
+        _sigma_from_95_percent_error(columns, "err_horz", SIGMAS_PER_95_PERCENT_ELLIPSE) ** 2
+    )
+    speed_mps, course_deg = read_numbers(columns, "speed"), read_numbers(columns, "track")
     return GnssFix(
-        *stamps(columns),
-        is_fix=~(numbers(columns, "status.status") < 0),
-        latitude_deg=numbers(columns, "latitude"),
-        longitude_deg=numbers(columns, "longitude"),
-        altitude_m=numbers(columns, "altitude"),
+        *read_stamps(columns),
+        is_fix=~(read_numbers(columns, "status.status") < 0),
+        latitude_deg=read_numbers(columns, "latitude"),
+        longitude_deg=read_numbers(columns, "longitude"),
+        altitude_m=read_numbers(columns, "altitude"),
         position_covariance_m2=np.where(is_known[:, None], matrices, by_error),
-        velocity_mps=velocity_of_course(speed_mps, course_deg),
-        velocity_covariance_m2ps2=_velocity_covariance(columns, speed_mps, course_deg),
+        velocity_mps=velocity_from_speed_and_course(speed_mps, course_deg),
+        velocity_covariance_m2ps2=_velocity_covariance_from_errors(columns, speed_mps, course_deg),
     )
 
 
-build_position = position_builder(read_gps_fix)
-build_velocity = velocity_builder(read_gps_fix)
+build_position = make_position_builder(read_gps_fix)
+build_velocity = make_velocity_builder(read_gps_fix)
 
 
-def _sigma(columns: Columns, name: str, sigmas: float) -> FloatArray:
-    values = numbers(columns, name)
+def _sigma_from_95_percent_error(columns: Columns, name: str, sigmas: float) -> FloatArray:
+    values = read_numbers(columns, name)
     with np.errstate(over="ignore"):
         return np.where((values > 0.0) & (values < 1e6), values, np.nan) / sigmas
 
 
-def _velocity_covariance(columns: Columns, speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
+def _velocity_covariance_from_errors(columns: Columns, speed_mps: FloatArray, course_deg: FloatArray) -> FloatArray:
     """Return velocity covariances (n, 3) from the errors of speed and track; without a track error, they are round."""
-    along = _sigma(columns, "err_speed", SIGMAS_PER_95_PERCENT)
-    across = np.abs(speed_mps) * np.deg2rad(_sigma(columns, "err_track", SIGMAS_PER_95_PERCENT))
+    along = _sigma_from_95_percent_error(columns, "err_speed", SIGMAS_PER_95_PERCENT)
+    across = np.abs(speed_mps) * np.deg2rad(_sigma_from_95_percent_error(columns, "err_track", SIGMAS_PER_95_PERCENT))
     across = np.where(np.isfinite(across) & (across > 0.0), across, along)
     own = np.stack([along**2, 0.0 * along, across**2], axis=1)
     with np.errstate(invalid="ignore"):
-        return turned(own, np.deg2rad(course_deg - 90.0))  # from along and across back to east and north
+        return rotate_plane_covariance(
+            own, np.deg2rad(course_deg - 90.0)
+        )  # from along and across back to east and north

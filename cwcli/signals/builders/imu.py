@@ -6,11 +6,11 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import ImuSignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import given_variances
-from cwcli.signals.leaf_fields import matrix, stamps, vector
-from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_unusable
+from cwcli.signals.covariances import usable_variances_or_nan
+from cwcli.signals.leaf_fields import read_matrix, read_stamps, read_vector
+from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 
 
@@ -21,9 +21,9 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     is exactly zero in every message.
     """
     ledger = RowLedger(columns, reading.role)
-    accel_mps2, accel_variance = _measured(columns, ledger, "linear_acceleration", MAX_ACCEL_MPS2)
-    gyro_radps, gyro_variance = _measured(columns, ledger, "angular_velocity", MAX_TURN_RATE_RADPS)
-    timeline = settle(ledger, *stamps(columns), reading.clock, [accel_mps2, gyro_radps])
+    accel_mps2, accel_variance = _read_vector_and_variances(columns, ledger, "linear_acceleration", MAX_ACCEL_MPS2)
+    gyro_radps, gyro_variance = _read_vector_and_variances(columns, ledger, "angular_velocity", MAX_TURN_RATE_RADPS)
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
     rows = timeline.rows
     signal = ImuSignal(
         source=columns.topic,
@@ -37,14 +37,16 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     return signal, ledger.quality
 
 
-def _measured(columns: Columns, ledger: RowLedger, name: str, limit: float) -> tuple[FloatArray, FloatArray]:
+def _read_vector_and_variances(
+    columns: Columns, ledger: RowLedger, name: str, limit: float
+) -> tuple[FloatArray, FloatArray]:
     """Read a vector of the message and its variances, both of shape (n, 3)."""
-    values = vector(columns, name)
-    covariance = matrix(columns, f"{name}_covariance", 9)
+    values = read_vector(columns, name)
+    covariance = read_matrix(columns, f"{name}_covariance", 9)
     is_absent = covariance[:, 0] == -1.0
     if len(values) > 1 and not np.any(values):
-        ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
+        ledger.add_note(f"{name} is exactly 0 in every message, taken as not measured")
         is_absent = np.ones(len(values), dtype=np.bool_)
-    reject_unusable(ledger, values, limit, unless=is_absent)
-    variance = given_variances(ledger, covariance[:, [0, 4, 8]])
+    reject_rows_beyond_limit(ledger, values, limit, unless=is_absent)
+    variance = usable_variances_or_nan(ledger, covariance[:, [0, 4, 8]])
     return np.where(is_absent[:, None], np.nan, values), np.where(is_absent[:, None], np.nan, variance)

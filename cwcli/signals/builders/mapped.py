@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.canonical import Signal
 from cwcli.signals.columns import Columns
-from cwcli.signals.input_rows import CAN_SCHEMAS
-from cwcli.signals.inputs import normalise
-from cwcli.signals.mapped_columns import mapped, with_part
+from cwcli.signals.input_rows import CAN_FRAME_SCHEMAS
+from cwcli.signals.inputs import normalise_schema_name
+from cwcli.signals.mapped_columns import add_quantities_of_channel, apply_mapping
 from cwcli.signals.mapping import FieldMapping
 from cwcli.signals.quality import Quality
 
 if TYPE_CHECKING:
-    from cwcli.signals.can import Decoded
+    from cwcli.signals.can import DecodedFrames
 
 
-def build_mapped(
+def build_mapped_signal(
     columns: Columns,
     reading: Reading,
     mapping: FieldMapping,
@@ -39,12 +39,12 @@ def build_mapped(
     Raises:
         UsageError: The mapping, or a DBC file, does not fit the messages.
     """
-    columns, mapping, frames = _decoded(columns, mapping)
-    made, is_stamped = mapped(columns, mapping)
+    columns, mapping, frames = _decode_if_can_frames(columns, mapping)
+    made, is_stamped = apply_mapping(columns, mapping)
     notes = []
     for each, of_part in parts:
-        further, said, of_frames = _decoded(each, of_part)
-        made, note = with_part(made, is_stamped, further, said)
+        further, said, of_frames = _decode_if_can_frames(each, of_part)
+        made, note = add_quantities_of_channel(made, is_stamped, further, said)
         notes += [note, *(of_frames.notes if of_frames is not None else ())]
     how = replace(reading, is_override=True, clock=reading.clock if is_stamped else "log")
     signal, quality = build(made, how)
@@ -57,11 +57,13 @@ def build_mapped(
     return signal, quality
 
 
-def _decoded(columns: Columns, mapping: FieldMapping) -> tuple[Columns, FieldMapping, Decoded | None]:
+def _decode_if_can_frames(
+    columns: Columns, mapping: FieldMapping
+) -> tuple[Columns, FieldMapping, DecodedFrames | None]:
     """Return columns and mapping; CAN frames are decoded first, with a record of what became of them."""
-    if normalise(columns.schema_name) not in CAN_SCHEMAS:
+    if normalise_schema_name(columns.schema_name) not in CAN_FRAME_SCHEMAS:
         return columns, mapping, None
-    from cwcli.signals.can import decoded
+    from cwcli.signals.can import decode_can_signals
 
-    frames, mapping = decoded(columns, mapping)
+    frames, mapping = decode_can_signals(columns, mapping)
     return frames.columns, mapping, frames

@@ -12,21 +12,23 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import given_plane_covariance, given_variances
-from cwcli.signals.leaf_fields import frame_id, matrix, numbers, stamps
-from cwcli.signals.limits import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
+from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
+from cwcli.signals.leaf_fields import read_frame_id, read_matrix, read_numbers, read_stamps
+from cwcli.signals.limits import MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, nan_beyond_limit, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.role import Role
 
-MAP_FRAMES = frozenset({"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"})
+MAP_FRAME_IDS = frozenset(
+    {"map", "enu", "earth", "world", "utm", "local_enu", "local", "map_enu", "navsat", "ecef_enu"}
+)
 """The frame ids that mean east-north axes; collected from common drivers."""
-BODY_FRAMES = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
+BODY_FRAME_IDS = frozenset({"base_link", "base_footprint", "body", "vehicle", "car", "ego", "rear_axle", "base"})
 """The frame ids that mean the vehicle's axes; collected from common drivers."""
-MIN_QUATERNION, MAX_QUATERNION = 1e-3, 1e3
+MIN_QUATERNION, MAX_QUATERNION_COMPONENT = 1e-3, 1e3
 """The norms (1) of a quaternion below and above which it is not used; chosen by hand."""
-NO_ORIENTATION = "orientation not given"
+NO_ORIENTATION_REASON = "orientation not given"
 """The reason for rejecting a message without a usable orientation."""
 
 
@@ -49,61 +51,68 @@ class BodyMotion:
 def build_twist(columns: Columns, reading: Reading) -> tuple[VelocitySignal | SpeedSignal, Quality]:
     """Build a velocity or a speed from `TwistStamped` or `TwistWithCovarianceStamped`, by frame_id and role."""
     base = "twist.twist" if "twist.twist.linear.x" in columns.fields else "twist"
-    frame = frame_id(columns)
+    frame = read_frame_id(columns)
     is_map = reading.role == Role.EGO_VELOCITY
     if not reading.is_override:
-        is_map = frame in MAP_FRAMES or (is_map and frame not in BODY_FRAMES)
-    covariance = matrix(columns, "twist.covariance", 36)
+        is_map = frame in MAP_FRAME_IDS or (is_map and frame not in BODY_FRAME_IDS)
+    covariance = read_matrix(columns, "twist.covariance", 36)
     ledger = RowLedger(columns, reading.role)
-    east_or_forward, north_or_left = numbers(columns, f"{base}.linear.x"), numbers(columns, f"{base}.linear.y")
+    east_or_forward, north_or_left = (
+        read_numbers(columns, f"{base}.linear.x"),
+        read_numbers(columns, f"{base}.linear.y"),
+    )
     if is_map:
-        if frame in BODY_FRAMES:
-            ledger.note(f"frame_id {frame} names body axes; they are read as east and north, as the role requires")
-        return _velocity(columns, reading, ledger, east_or_forward, north_or_left, covariance)
-    yaw_rate = filled(ledger, numbers(columns, f"{base}.angular.z"), "yaw rate")
+        if frame in BODY_FRAME_IDS:
+            ledger.add_note(f"frame_id {frame} names body axes; they are read as east and north, as the role requires")
+        return _make_velocity_signal(columns, reading, ledger, east_or_forward, north_or_left, covariance)
+    yaw_rate = nan_if_always_zero(ledger, read_numbers(columns, f"{base}.angular.z"), "yaw rate")
     speed = east_or_forward
-    if frame in MAP_FRAMES:
+    if frame in MAP_FRAME_IDS:
         speed = np.hypot(east_or_forward, north_or_left)
-        ledger.note(f"frame_id {frame} names map axes, the speed is the magnitude of the velocity")
-    return build_speed(columns, reading, ledger, BodyMotion(speed, yaw_rate, covariance[:, 0], covariance[:, 35]))
+        ledger.add_note(f"frame_id {frame} names map axes, the speed is the magnitude of the velocity")
+    return speed_signal_from_body_motion(
+        columns, reading, ledger, BodyMotion(speed, yaw_rate, covariance[:, 0], covariance[:, 35])
+    )
 
 
 def build_plain_twist(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build a speed from `Twist` or `TwistWithCovariance`, which have neither time nor frame: the log's, body axes."""
     base = "twist." if "twist.linear.x" in columns.fields else ""
-    covariance = matrix(columns, "covariance", 36)
+    covariance = read_matrix(columns, "covariance", 36)
     ledger = RowLedger(columns, reading.role)
-    yaw_rate = filled(ledger, numbers(columns, f"{base}angular.z"), "yaw rate")
-    motion = BodyMotion(numbers(columns, f"{base}linear.x"), yaw_rate, covariance[:, 0], covariance[:, 35])
-    return build_speed(columns, replace(reading, clock="log"), ledger, motion)
+    yaw_rate = nan_if_always_zero(ledger, read_numbers(columns, f"{base}angular.z"), "yaw rate")
+    motion = BodyMotion(read_numbers(columns, f"{base}linear.x"), yaw_rate, covariance[:, 0], covariance[:, 35])
+    return speed_signal_from_body_motion(columns, replace(reading, clock="log"), ledger, motion)
 
 
 def build_plain_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build a speed from `Float32` or `Float64`, taken as m/s along the body, at the log's time."""
     nothing = np.full(len(columns), np.nan)
-    motion = BodyMotion(numbers(columns, "data"), nothing, nothing, nothing)
-    return build_speed(columns, replace(reading, clock="log"), RowLedger(columns, reading.role), motion)
+    motion = BodyMotion(read_numbers(columns, "data"), nothing, nothing, nothing)
+    return speed_signal_from_body_motion(
+        columns, replace(reading, clock="log"), RowLedger(columns, reading.role), motion
+    )
 
 
 def build_velocity_report(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build a speed from Autoware's `VelocityReport` (longitudinal_velocity m/s, heading_rate rad/s, left positive)."""
     ledger = RowLedger(columns, reading.role)
-    yaw_rate = filled(ledger, numbers(columns, "heading_rate"), "yaw rate")
+    yaw_rate = nan_if_always_zero(ledger, read_numbers(columns, "heading_rate"), "yaw rate")
     nothing = np.full(len(columns), np.nan)
-    motion = BodyMotion(numbers(columns, "longitudinal_velocity"), yaw_rate, nothing, nothing)
-    return build_speed(columns, reading, ledger, motion)
+    motion = BodyMotion(read_numbers(columns, "longitudinal_velocity"), yaw_rate, nothing, nothing)
+    return speed_signal_from_body_motion(columns, reading, ledger, motion)
 
 
 def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[HeadingSignal, Quality]:
     """Build a heading from `QuaternionStamped` or an `Imu`'s orientation: yaw of map-from-body, ENU (REP-103)."""
     base = "quaternion" if "quaternion.w" in columns.fields else "orientation"
     ledger = RowLedger(columns, reading.role)
-    yaw_rad = yaw_of(columns, base)
-    orientation_covariance = matrix(columns, "orientation_covariance", 9)
-    ledger.reject(orientation_covariance[:, 0] == -1.0, NO_ORIENTATION)
-    ledger.reject(~np.isfinite(yaw_rad), NO_ORIENTATION)
-    variance = given_variances(ledger, orientation_covariance[:, 8])
-    timeline = settle(ledger, *stamps(columns), reading.clock, [yaw_rad])
+    yaw_rad = read_yaw_rad(columns, base)
+    orientation_covariance = read_matrix(columns, "orientation_covariance", 9)
+    ledger.reject(orientation_covariance[:, 0] == -1.0, NO_ORIENTATION_REASON)
+    ledger.reject(~np.isfinite(yaw_rad), NO_ORIENTATION_REASON)
+    variance = usable_variances_or_nan(ledger, orientation_covariance[:, 8])
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [yaw_rad])
     rows = timeline.rows
     signal = HeadingSignal(
         source=columns.topic,
@@ -115,7 +124,7 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
     return signal, ledger.quality
 
 
-def yaw_of(columns: Columns, base: str) -> FloatArray:
+def read_yaw_rad(columns: Columns, base: str) -> FloatArray:
     """Yaw of the quaternion at `base`, radians in (-pi, pi], shape (n,); NaN for one that is far from unit length."""
     x, y, z, w = _quaternion(columns, base)
     yaw_rad = np.arctan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
@@ -138,14 +147,14 @@ def rotation_of(columns: Columns, base: str) -> FloatArray:
 
 def _quaternion(columns: Columns, base: str) -> FloatArray:
     """x, y, z, w of unit length, shape (4, n); NaN for one that is far from it."""
-    quaternion = np.stack([numbers(columns, f"{base}.{name}") for name in "xyzw"])
-    is_given = (np.abs(quaternion) < MAX_QUATERNION).all(axis=0)
+    quaternion = np.stack([read_numbers(columns, f"{base}.{name}") for name in "xyzw"])
+    is_given = (np.abs(quaternion) < MAX_QUATERNION_COMPONENT).all(axis=0)
     length = np.sqrt((np.where(is_given, quaternion, 0.0) ** 2).sum(axis=0))
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(length > MIN_QUATERNION, quaternion / length, np.nan)
 
 
-def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
+def nan_if_always_zero(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
     """Return the values (n,), or all NaN when every one is exactly 0, because the sender never fills the field.
 
     Args:
@@ -154,12 +163,12 @@ def filled(ledger: RowLedger, values: FloatArray, name: str) -> FloatArray:
         name: The field's name, for the note.
     """
     if len(values) > 1 and not np.any(values):
-        ledger.note(f"{name} is exactly 0 in every message, taken as not measured")
+        ledger.add_note(f"{name} is exactly 0 in every message, taken as not measured")
         return np.full(len(values), np.nan)
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _velocity(
+def _make_velocity_signal(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -167,9 +176,9 @@ def _velocity(
     north_mps: FloatArray,
     covariance: FloatArray,
 ) -> tuple[VelocitySignal, Quality]:
-    reject_unusable(ledger, np.stack([east_mps, north_mps], axis=1), MAX_SPEED_MPS)
-    plane = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
-    timeline = settle(ledger, *stamps(columns), reading.clock, [east_mps, north_mps])
+    reject_rows_beyond_limit(ledger, np.stack([east_mps, north_mps], axis=1), MAX_SPEED_MPS)
+    plane = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [east_mps, north_mps])
     rows = timeline.rows
     signal = VelocitySignal(
         source=columns.topic,
@@ -182,14 +191,14 @@ def _velocity(
     return signal, ledger.quality
 
 
-def build_speed(
+def speed_signal_from_body_motion(
     columns: Columns, reading: Reading, ledger: RowLedger, motion: BodyMotion
 ) -> tuple[SpeedSignal, Quality]:
     """Build the speed signal from the body's motion; rows without a usable speed are rejected."""
-    reject_unusable(ledger, motion.speed_mps, MAX_SPEED_MPS)
-    yaw_rate_radps = within(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    variances = given_variances(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))
-    timeline = settle(ledger, *stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
+    reject_rows_beyond_limit(ledger, motion.speed_mps, MAX_SPEED_MPS)
+    yaw_rate_radps = nan_beyond_limit(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
+    variances = usable_variances_or_nan(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
     rows = timeline.rows
     signal = SpeedSignal(
         source=columns.topic,

@@ -16,14 +16,14 @@ import numpy as np
 
 from cwcli.signals.builders.gnss import (
     GnssFix,
-    heading_builder,
-    heading_of_compass,
-    position_builder,
-    velocity_builder,
-    velocity_of_course,
+    heading_from_compass_or_nan,
+    make_heading_builder,
+    make_position_builder,
+    make_velocity_builder,
+    velocity_from_speed_and_course,
 )
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.leaf_fields import stamps, texts
+from cwcli.signals.leaf_fields import read_stamps, read_texts
 from cwcli.signals.quality import RowLedger
 
 MPS_PER_KNOT = 1852.0 / 3600.0
@@ -32,24 +32,24 @@ MPS_PER_KMH = 1.0 / 3.6
 """One km/h in m/s."""
 NAN = float("nan")
 """The value of a quantity that a sentence does not give."""
-NO_SENTENCE = "no NMEA sentence"
+NO_SENTENCE_REASON = "no NMEA sentence"
 """The reason for rejecting a text that is no NMEA sentence."""
-NO_CHECKSUM = "NMEA checksum missing"
+NO_CHECKSUM_REASON = "NMEA checksum missing"
 """The reason for rejecting a sentence without a checksum."""
-BAD_CHECKSUM = "NMEA checksum wrong"
+BAD_CHECKSUM_REASON = "NMEA checksum wrong"
 """The reason for rejecting a sentence whose checksum does not match."""
-TOO_SHORT = "NMEA sentence too short"
+SENTENCE_TOO_SHORT_REASON = "NMEA sentence too short"
 """The reason for rejecting a sentence with too few fields."""
-OTHER = "other NMEA sentence"
+OTHER_SENTENCE_REASON = "other NMEA sentence"
 """The reason for setting aside a sentence of a type that is not needed."""
-POSITIONS, VELOCITIES, HEADINGS = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
+POSITION_SENTENCE_TYPES, VELOCITY_SENTENCE_TYPES, HEADING_SENTENCE_TYPES = ("GGA", "RMC"), ("RMC", "VTG"), ("HDT",)
 """The sentence types that give position, velocity and heading, best first."""
-NOT_MEASURED = ("0", "7")
+UNMEASURED_GGA_QUALITIES = ("0", "7")
 """The GGA quality codes of fixes that are not measured: 0 is no fix, 7 is typed in by hand (NMEA 0183)."""
 
 
 @dataclass(frozen=True)
-class Said:
+class SentenceValues:
     """The values of one sentence, in degrees, metres and m/s; NaN where it gives none."""
 
     is_fix: bool = True
@@ -60,112 +60,122 @@ class Said:
     course_deg: float = NAN
 
 
-def kind_and_fields(text: str) -> tuple[str, list[str]]:
+def split_sentence(text: str) -> tuple[str, list[str]]:
     """Return a sentence's type (`GGA`) and fields; for an unusable text the reason and no fields."""
     body = text.strip()
     start = max(body.find("$"), body.find("!"))
     if start < 0 or not body.isascii():
-        return NO_SENTENCE, []
+        return NO_SENTENCE_REASON, []
     content, star, checksum = body[start + 1 :].partition("*")
     if not star or len(checksum) < 2:
-        return NO_CHECKSUM, []
+        return NO_CHECKSUM_REASON, []
     try:
         given = int(checksum[:2], 16)
     except ValueError:
-        return BAD_CHECKSUM, []
+        return BAD_CHECKSUM_REASON, []
     if given != reduce(xor, content.encode(), 0):
-        return BAD_CHECKSUM, []
+        return BAD_CHECKSUM_REASON, []
     address, *fields = content.split(",")
-    kind = address[2:] if len(address) == 5 and not address.startswith("P") else OTHER
-    return (TOO_SHORT, []) if kind in PARSERS and len(fields) < PARSERS[kind][0] else (kind, fields)
+    kind = address[2:] if len(address) == 5 and not address.startswith("P") else OTHER_SENTENCE_REASON
+    return (
+        (SENTENCE_TOO_SHORT_REASON, [])
+        if kind in SENTENCE_PARSERS and len(fields) < SENTENCE_PARSERS[kind][0]
+        else (kind, fields)
+    )
 
 
-def gga(fields: Sequence[str]) -> Said:
+def parse_gga(fields: Sequence[str]) -> SentenceValues:
     """Parse GGA, the fix. The geoid separation turns its height into one above the ellipsoid."""
     _, latitude, north, longitude, east, quality, _, _, altitude, _, separation = fields[:11]
-    is_fix = quality.isdecimal() and quality not in NOT_MEASURED
-    place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
-    return Said(is_fix, *place, altitude_m=number(altitude) + number(separation))
+    is_fix = quality.isdecimal() and quality not in UNMEASURED_GGA_QUALITIES
+    place = parse_degrees_minutes(latitude, north, "NS"), parse_degrees_minutes(longitude, east, "EW")
+    return SentenceValues(is_fix, *place, altitude_m=parse_number_or_nan(altitude) + parse_number_or_nan(separation))
 
 
-def rmc(fields: Sequence[str]) -> Said:
+def parse_rmc(fields: Sequence[str]) -> SentenceValues:
     """Parse RMC, the recommended minimum, with the speed in knots."""
     _, status, latitude, north, longitude, east, speed, course = fields[:8]
     is_fix = status == "A" and not (len(fields) > 11 and fields[11] == "N")
-    place = degrees(latitude, north, "NS"), degrees(longitude, east, "EW")
-    return Said(is_fix, *place, speed_mps=MPS_PER_KNOT * number(speed), course_deg=number(course))
+    place = parse_degrees_minutes(latitude, north, "NS"), parse_degrees_minutes(longitude, east, "EW")
+    return SentenceValues(
+        is_fix, *place, speed_mps=MPS_PER_KNOT * parse_number_or_nan(speed), course_deg=parse_number_or_nan(course)
+    )
 
 
-def vtg(fields: Sequence[str]) -> Said:
+def parse_vtg(fields: Sequence[str]) -> SentenceValues:
     """Parse VTG, course and speed over ground, in km/h or else in knots."""
     course, _, _, _, knots, _, kmh, _ = fields[:8]
-    speed = MPS_PER_KMH * number(kmh) if kmh else MPS_PER_KNOT * number(knots)
-    return Said(not (len(fields) > 8 and fields[8] == "N"), speed_mps=speed, course_deg=number(course))
+    speed = MPS_PER_KMH * parse_number_or_nan(kmh) if kmh else MPS_PER_KNOT * parse_number_or_nan(knots)
+    return SentenceValues(
+        not (len(fields) > 8 and fields[8] == "N"), speed_mps=speed, course_deg=parse_number_or_nan(course)
+    )
 
 
-def hdt(fields: Sequence[str]) -> Said:
+def parse_hdt(fields: Sequence[str]) -> SentenceValues:
     """Parse HDT, the vehicle's true heading."""
     heading, of_north = fields[:2]
-    return Said(course_deg=number(heading) if of_north == "T" else NAN)
+    return SentenceValues(course_deg=parse_number_or_nan(heading) if of_north == "T" else NAN)
 
 
-PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], Said]]] = {
-    "GGA": (11, gga),
-    "RMC": (8, rmc),
-    "VTG": (8, vtg),
-    "HDT": (2, hdt),
+SENTENCE_PARSERS: dict[str, tuple[int, Callable[[Sequence[str]], SentenceValues]]] = {
+    "GGA": (11, parse_gga),
+    "RMC": (8, parse_rmc),
+    "VTG": (8, parse_vtg),
+    "HDT": (2, parse_hdt),
 }
 """The least number of fields and the parser, by sentence type."""
 
 
-def degrees(text: str, half: str, halves: str) -> float:
+def parse_degrees_minutes(text: str, half: str, halves: str) -> float:
     """Parse degrees and minutes: `4807.038`, `N` gives 48.1173; the second hemisphere is negative, an invalid text
     NaN."""
-    value = number(text)
+    value = parse_number_or_nan(text)
     whole, minutes = divmod(value, 100.0)
     if len(half) != 1 or half not in halves or not (value >= 0.0 and minutes < 60.0):
         return NAN
     return (whole + minutes / 60.0) * (1.0 if half == halves[0] else -1.0)
 
 
-def number(text: str) -> float:
+def parse_number_or_nan(text: str) -> float:
     """Parse digits with one point and a sign at most; NaN for any other text."""
     unsigned = text[1:] if text.startswith(("+", "-")) else text
     return float(text) if unsigned.replace(".", "", 1).isdecimal() else NAN
 
 
-def _reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:
+def _make_sentence_reader(kinds: tuple[str, ...]) -> Callable[[Columns, RowLedger], GnssFix]:
     """Return a reader of the sentences of the first of these types that the channel has."""
 
     def read(columns: Columns, ledger: RowLedger) -> GnssFix:
-        field = texts(columns, "sentence")
+        field = read_texts(columns, "sentence")
         values = () if field is None else field.values
-        split = [*map(kind_and_fields, values), (NO_SENTENCE, [])]
+        split = [*map(split_sentence, values), (NO_SENTENCE_REASON, [])]
         codes = np.full(len(columns), -1, np.int64) if field is None else field.codes.astype(np.int64)
         names = np.array([kind for kind, _ in split])
         wanted = next((kind for kind in kinds if kind in names), kinds[0])
-        for reason in (NO_SENTENCE, NO_CHECKSUM, BAD_CHECKSUM, TOO_SHORT):
+        for reason in (NO_SENTENCE_REASON, NO_CHECKSUM_REASON, BAD_CHECKSUM_REASON, SENTENCE_TOO_SHORT_REASON):
             ledger.reject((names == reason)[codes], reason)
-        ledger.set_aside((names != wanted)[codes], OTHER)
-        said = [PARSERS[kind][1](fields) if kind == wanted else Said(False) for kind, fields in split]
+        ledger.set_aside((names != wanted)[codes], OTHER_SENTENCE_REASON)
+        said = [
+            SENTENCE_PARSERS[kind][1](fields) if kind == wanted else SentenceValues(False) for kind, fields in split
+        ]
 
         def column(name: str) -> FloatArray:
             return np.array([getattr(each, name) for each in said], np.float64)[codes]
 
         course_deg = column("course_deg")
         return GnssFix(
-            *stamps(columns),
+            *read_stamps(columns),
             is_fix=np.array([each.is_fix for each in said])[codes],
             latitude_deg=column("latitude_deg"),
             longitude_deg=column("longitude_deg"),
             altitude_m=column("altitude_m"),
-            velocity_mps=velocity_of_course(column("speed_mps"), course_deg),
-            heading_rad=heading_of_compass(course_deg),
+            velocity_mps=velocity_from_speed_and_course(column("speed_mps"), course_deg),
+            heading_rad=heading_from_compass_or_nan(course_deg),
         )
 
     return read
 
 
-build_position = position_builder(_reader(POSITIONS))
-build_velocity = velocity_builder(_reader(VELOCITIES))
-build_heading = heading_builder(_reader(HEADINGS))
+build_position = make_position_builder(_make_sentence_reader(POSITION_SENTENCE_TYPES))
+build_velocity = make_velocity_builder(_make_sentence_reader(VELOCITY_SENTENCE_TYPES))
+build_heading = make_heading_builder(_make_sentence_reader(HEADING_SENTENCE_TYPES))

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.signals.builders.motion import filled, rotation_of
+from cwcli.signals.builders.motion import nan_if_always_zero, rotation_of
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.direction_of_travel import ComplexArray, heading_and_speed
-from cwcli.signals.leaf_fields import find, matrix, numbers, stamps
+from cwcli.signals.leaf_fields import find_field, read_matrix, read_numbers, read_stamps
 from cwcli.signals.quality import RowLedger
 
 MIN_SPEED_FOR_AXES_MPS = 0.5
@@ -60,23 +60,23 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     """
     n = len(columns)
     nothing = np.full(n, np.nan)
-    if find(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
-        return Twist(nothing + 0j, nothing, nothing, _yaw_rate(columns, ledger, None), nothing)
-    covariance = matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
-    linear, variance = _measured(_vector(columns, "linear"), covariance[:, :3, :3])
+    if find_field(columns, "twist.twist.linear.x") is None or _is_never_filled(columns, ledger, position_m):
+        return Twist(nothing + 0j, nothing, nothing, _read_yaw_rate(columns, ledger, None), nothing)
+    covariance = read_matrix(columns, "twist.covariance", 36).reshape(n, 6, 6)
+    linear, variance = _zero_unmeasured_components(_vector(columns, "linear"), covariance[:, :3, :3])
     yaw_rate_variance = covariance[:, 5, 5]
     if not np.isfinite(yaw_rad).any():
         speed, towards = _speed_without_orientation(ledger, linear)
-        yaw_rate = _yaw_rate(columns, ledger, None)
-        return Twist(nothing + 0j, speed, _along(variance, towards), yaw_rate, yaw_rate_variance)
+        yaw_rate = _read_yaw_rate(columns, ledger, None)
+        return Twist(nothing + 0j, speed, _variance_along(variance, towards), yaw_rate, yaw_rate_variance)
     rotation = rotation_of(columns, "pose.pose.orientation")
     in_map, in_child = linear[:, 0] + 1j * linear[:, 1], _plane(rotation, linear)
     if _is_map_twist(columns, position_m, in_map, in_child):
-        ledger.note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
+        ledger.add_note("the twist is in the axes of the pose, not of the child frame: taken as it stands")
         velocity, rotation = in_map, np.broadcast_to(np.eye(3), rotation.shape)
-        yaw_rate = _yaw_rate(columns, ledger, None)
+        yaw_rate = _read_yaw_rate(columns, ledger, None)
     else:
-        velocity, yaw_rate = in_child, _yaw_rate(columns, ledger, rotation)
+        velocity, yaw_rate = in_child, _read_yaw_rate(columns, ledger, rotation)
     heading, speed = heading_and_speed(velocity, yaw_rad, 0.0)
     ahead = np.column_stack([np.cos(heading), np.sin(heading), np.zeros(n)])
     towards = np.einsum("nij,ni->nj", rotation, ahead)
@@ -84,7 +84,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
     return Twist(
         velocity,
         np.where(is_turned, speed, linear[:, 0]),
-        np.where(is_turned, _along(variance, towards), variance[:, 0, 0]),
+        np.where(is_turned, _variance_along(variance, towards), variance[:, 0, 0]),
         yaw_rate,
         yaw_rate_variance,
     )
@@ -92,7 +92,7 @@ def read_twist(columns: Columns, ledger: RowLedger, position_m: FloatArray, yaw_
 
 def _vector(columns: Columns, name: str) -> FloatArray:
     """A vector of the twist, shape (n, 3); z is 0 where the message has none."""
-    vector = np.stack([numbers(columns, f"twist.twist.{name}.{axis}") for axis in "xyz"], axis=1)
+    vector = np.stack([read_numbers(columns, f"twist.twist.{name}.{axis}") for axis in "xyz"], axis=1)
     vector[:, 2] = np.where(np.isfinite(vector[:, 2]), vector[:, 2], 0.0)
     return vector
 
@@ -104,11 +104,11 @@ def _is_never_filled(columns: Columns, ledger: RowLedger, position_m: FloatArray
     known = position_m[np.isfinite(position_m[:, :2]).all(axis=1), :2]
     if not len(known) or float(np.ptp(known, axis=0).max()) < MOVED_M:
         return False
-    ledger.note("the twist is exactly 0 in every message though the position moves, taken as not measured")
+    ledger.add_note("the twist is exactly 0 in every message though the position moves, taken as not measured")
     return True
 
 
-def _measured(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _zero_unmeasured_components(linear: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Velocities (n, 3) and covariances (n, 3, 3) in which sideways and upward components are 0 where not measured."""
     linear, variance = linear.copy(), variance.copy()
     for axis in (1, 2):
@@ -126,7 +126,7 @@ def _speed_without_orientation(ledger: RowLedger, linear: FloatArray) -> tuple[F
     x, y = linear[:, 0], linear[:, 1]
     if np.nansum(np.abs(y)) <= MAX_SLIP * np.nansum(np.abs(x)):
         return x, towards
-    ledger.note("the speed is the magnitude of the twist")
+    ledger.add_note("the speed is the magnitude of the twist")
     angle = np.arctan2(y, x)
     return np.hypot(x, y), np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(x))])
 
@@ -137,7 +137,7 @@ def _plane(rotation: FloatArray, vector: FloatArray) -> ComplexArray:
     return np.asarray(turned[:, 0] + 1j * turned[:, 1])
 
 
-def _along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
+def _variance_along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
     """The variance along unit vectors (n, 3) of covariances (n, 3, 3)."""
     with np.errstate(invalid="ignore", over="ignore"):
         return np.asarray(
@@ -145,12 +145,12 @@ def _along(covariance: FloatArray, towards: FloatArray) -> FloatArray:
         )
 
 
-def _yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) -> FloatArray:
+def _read_yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) -> FloatArray:
     """About the vertical, (n,): the angular velocity turned by the orientation, or its z as it stands."""
-    about_z = filled(ledger, numbers(columns, "twist.twist.angular.z"), "yaw rate")
+    about_z = nan_if_always_zero(ledger, read_numbers(columns, "twist.twist.angular.z"), "yaw rate")
     if rotation is None:
         return about_z
-    angular = np.stack([numbers(columns, f"twist.twist.angular.{axis}") for axis in "xyz"], axis=1)
+    angular = np.stack([read_numbers(columns, f"twist.twist.angular.{axis}") for axis in "xyz"], axis=1)
     angular[:, :2] = np.where(np.isfinite(angular[:, :2]), angular[:, :2], 0.0)
     vertical = np.einsum("nj,nj->n", rotation[:, 2], angular)
     return np.where(np.isfinite(vertical) & np.isfinite(about_z), vertical, about_z)
@@ -158,7 +158,7 @@ def _yaw_rate(columns: Columns, ledger: RowLedger, rotation: FloatArray | None) 
 
 def _is_map_twist(columns: Columns, position_m: FloatArray, in_map: ComplexArray, in_child: ComplexArray) -> bool:
     """Whether the way from pose to pose follows the twist clearly better as it stands than turned by the yaw."""
-    stamp_ns, has_stamp = stamps(columns)
+    stamp_ns, has_stamp = read_stamps(columns)
     step_s = np.diff(stamp_ns) * 1e-9
     with np.errstate(divide="ignore", invalid="ignore"):
         driven = np.diff(position_m[:, 0] + 1j * position_m[:, 1]) / step_s

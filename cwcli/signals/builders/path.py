@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.elements import Elements, taken
-from cwcli.signals.leaf_fields import frame_id, stamps
-from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, NOT_FINITE, OUT_OF_RANGE
+from cwcli.signals.elements import Elements, take_sequences
+from cwcli.signals.leaf_fields import read_frame_id, read_stamps
+from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, NOT_FINITE_REASON, OUT_OF_RANGE_REASON
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
-TOO_SHORT = "fewer than two points"
+TOO_FEW_POINTS_REASON = "fewer than two points"
 """The reason for rejecting a path with fewer than two points."""
 S_PER_NS = 1.0 / NS_PER_S
 """One nanosecond in seconds."""
@@ -51,9 +51,9 @@ def build_trajectory(columns: Columns, reading: Reading) -> tuple[PathSignal, Qu
     ledger = RowLedger(columns, reading.role)
     points = Elements(columns, ledger, "points.pose.position.x", "points.pose.position.y")
     start = "points.time_from_start"
-    time_s = points.numbers(f"{start}.sec") + S_PER_NS * points.numbers(f"{start}.nanosec", f"{start}.nsec")
-    speed_mps = points.numbers("points.longitudinal_velocity_mps")
-    return _signal(columns, reading, ledger, points, "points.pose.position", time_s, speed_mps)
+    time_s = points.read_numbers(f"{start}.sec") + S_PER_NS * points.read_numbers(f"{start}.nanosec", f"{start}.nsec")
+    speed_mps = points.read_numbers("points.longitudinal_velocity_mps")
+    return _make_path_signal(columns, reading, ledger, points, "points.pose.position", time_s, speed_mps)
 
 
 def build_path(columns: Columns, reading: Reading) -> tuple[PathSignal, Quality]:
@@ -61,18 +61,18 @@ def build_path(columns: Columns, reading: Reading) -> tuple[PathSignal, Quality]
     ledger = RowLedger(columns, reading.role)
     points = Elements(columns, ledger, "poses.pose.position.x", "poses.pose.position.y")
     stamp = "poses.header.stamp"
-    seconds = points.numbers(f"{stamp}.sec", f"{stamp}.secs")
-    nanoseconds = points.numbers(f"{stamp}.nanosec", f"{stamp}.nsec", f"{stamp}.nsecs")
-    begin_ns, has_stamp = stamps(columns)
+    seconds = points.read_numbers(f"{stamp}.sec", f"{stamp}.secs")
+    nanoseconds = points.read_numbers(f"{stamp}.nanosec", f"{stamp}.nsec", f"{stamp}.nsecs")
+    begin_ns, has_stamp = read_stamps(columns)
     whole_s, rest_ns = np.divmod(np.where(has_stamp, begin_ns, 0), NS_PER_S)
     begin_s, begin_rest_ns = (np.repeat(each.astype(np.float64), points.counts) for each in (whole_s, rest_ns))
     time_s = (seconds - begin_s) + S_PER_NS * (nanoseconds - begin_rest_ns)
     time_s[~np.repeat(has_stamp, points.counts)] = np.nan
     nothing = np.full(len(points), np.nan)
-    return _signal(columns, reading, ledger, points, "poses.pose.position", time_s, nothing)
+    return _make_path_signal(columns, reading, ledger, points, "poses.pose.position", time_s, nothing)
 
 
-def _signal(
+def _make_path_signal(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -81,23 +81,27 @@ def _signal(
     time_s: FloatArray,
     speed_mps: FloatArray,
 ) -> tuple[PathSignal, Quality]:
-    x_m, y_m = points.numbers(f"{position}.x"), points.numbers(f"{position}.y")
-    ledger.reject(points.counts < 2, TOO_SHORT)
+    x_m, y_m = points.read_numbers(f"{position}.x"), points.read_numbers(f"{position}.y")
+    ledger.reject(points.counts < 2, TOO_FEW_POINTS_REASON)
     with np.errstate(invalid="ignore"):
-        ledger.reject(points.sums((~np.isfinite(x_m + y_m)).astype(np.float64)) > 0, NOT_FINITE)
+        ledger.reject(points.sum_per_message((~np.isfinite(x_m + y_m)).astype(np.float64)) > 0, NOT_FINITE_REASON)
         is_far = (np.abs(x_m) > MAX_POSITION_M) | (np.abs(y_m) > MAX_POSITION_M)
-        ledger.reject(points.sums(is_far.astype(np.float64)) > 0, OUT_OF_RANGE)
+        ledger.reject(points.sum_per_message(is_far.astype(np.float64)) > 0, OUT_OF_RANGE_REASON)
         speed_mps = np.where(np.abs(speed_mps) <= MAX_SPEED_MPS, speed_mps, np.nan)
-    marks = [points.counts.astype(np.float64), points.sums(np.nan_to_num(x_m)), points.sums(np.nan_to_num(y_m))]
-    timeline = settle(ledger, *stamps(columns), reading.clock, marks)
-    offsets, index = taken(points.offsets, timeline.rows)
+    marks = [
+        points.counts.astype(np.float64),
+        points.sum_per_message(np.nan_to_num(x_m)),
+        points.sum_per_message(np.nan_to_num(y_m)),
+    ]
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, marks)
+    offsets, index = take_sequences(points.offsets, timeline.rows)
     signal = PathSignal(
         source=columns.topic,
-        frame_id=frame_id(columns),
+        frame_id=read_frame_id(columns),
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[timeline.rows],
         offsets=offsets,
-        time_s=_increasing(offsets, time_s[index]),
+        time_s=_nan_unless_times_increase(offsets, time_s[index]),
         x_m=x_m[index],
         y_m=y_m[index],
         speed_mps=speed_mps[index],
@@ -105,7 +109,7 @@ def _signal(
     return signal, ledger.quality
 
 
-def _increasing(offsets: Int64Array, time_s: FloatArray) -> FloatArray:
+def _nan_unless_times_increase(offsets: Int64Array, time_s: FloatArray) -> FloatArray:
     """Return the times of the points, NaN in paths in which they do not increase."""
     owner = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     with np.errstate(invalid="ignore"):

@@ -9,15 +9,29 @@ import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.motion import BodyMotion, build_speed, yaw_of
+from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal_from_body_motion
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
-from cwcli.signals.covariances import given_plane_covariance, given_variances
+from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.direction_of_travel import find_yaw_mounting, heading_and_speed, velocity_of_positions
-from cwcli.signals.leaf_fields import find, frame_id, matrix, numbers, stamps, vector, whole_numbers
-from cwcli.signals.limits import MAX_POSITION_M, MAX_SPEED_MPS, MAX_TURN_RATE_RADPS, reject_unusable, within
+from cwcli.signals.leaf_fields import (
+    find_field,
+    read_frame_id,
+    read_integers,
+    read_matrix,
+    read_numbers,
+    read_stamps,
+    read_vector,
+)
+from cwcli.signals.limits import (
+    MAX_POSITION_M,
+    MAX_SPEED_MPS,
+    MAX_TURN_RATE_RADPS,
+    nan_beyond_limit,
+    reject_rows_beyond_limit,
+)
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 
 
@@ -28,15 +42,15 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
     is compared with them. Without a twist the way from pose to pose tells how the device is mounted.
     """
     ledger = RowLedger(columns, reading.role)
-    base = "pose.pose" if find(columns, "pose.pose.position.x") is not None else "pose"
-    position_m = vector(columns, f"{base}.position")
-    yaw_rad = _given_yaw(columns, ledger, f"{base}.orientation")
+    base = "pose.pose" if find_field(columns, "pose.pose.position.x") is not None else "pose"
+    position_m = read_vector(columns, f"{base}.position")
+    yaw_rad = _read_yaw_unless_identity(columns, ledger, f"{base}.orientation")
     twist = read_twist(columns, ledger, position_m, yaw_rad)
-    reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
-    covariance = matrix(columns, "pose.covariance", 36)
-    plane_m2 = given_plane_covariance(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
-    heading_variance = given_variances(ledger, covariance[:, 35])
-    signal, quality = _pose(
+    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_POSITION_M)
+    covariance = read_matrix(columns, "pose.covariance", 36)
+    plane_m2 = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
+    heading_variance = usable_variances_or_nan(ledger, covariance[:, 35])
+    signal, quality = _make_pose_signal(
         columns,
         reading,
         ledger,
@@ -45,7 +59,7 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
         twist.speed_mps,
         twist.yaw_rate_radps,
         plane_m2,
-        *stamps(columns),
+        *read_stamps(columns),
         yaw_variance_rad2=heading_variance,
         velocity_mps=np.column_stack([twist.velocity.real, twist.velocity.imag]),
     )
@@ -55,15 +69,15 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
 def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]:
     """Build poses from `cwcli.v1.VehicleState` (the truth channel of a simulated log)."""
     ledger = RowLedger(columns, reading.role)
-    position_m = np.stack([numbers(columns, "x_m"), numbers(columns, "y_m"), np.zeros(len(columns))], axis=1)
-    reject_unusable(ledger, position_m[:, :2], MAX_POSITION_M)
-    stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
+    position_m = np.stack([read_numbers(columns, "x_m"), read_numbers(columns, "y_m"), np.zeros(len(columns))], axis=1)
+    reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_POSITION_M)
+    stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     nothing = np.full((len(columns), 3), np.nan)
-    heading_rad = wrap_angle(numbers(columns, "heading_rad"))
-    speed_mps, yaw_rate = numbers(columns, "speed_mps"), numbers(columns, "yaw_rate_radps")
+    heading_rad = wrap_angle(read_numbers(columns, "heading_rad"))
+    speed_mps, yaw_rate = read_numbers(columns, "speed_mps"), read_numbers(columns, "yaw_rate_radps")
     has_stamp &= stamp_ns > 0
-    more = {name: numbers(columns, name) for name in ("latitude_deg", "longitude_deg", "accel_mps2")}
-    return _pose(
+    more = {name: read_numbers(columns, name) for name in ("latitude_deg", "longitude_deg", "accel_mps2")}
+    return _make_pose_signal(
         columns, reading, ledger, position_m, heading_rad, speed_mps, yaw_rate, nothing, stamp_ns, has_stamp, **more
     )
 
@@ -74,13 +88,13 @@ def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSigna
     A mounting of the device, which only the whole log would show, takes no part.
     """
     ledger = RowLedger(columns, reading.role)
-    yaw_rad = _given_yaw(columns, ledger, "pose.pose.orientation")
-    twist = read_twist(columns, ledger, vector(columns, "pose.pose.position"), yaw_rad)
+    yaw_rad = _read_yaw_unless_identity(columns, ledger, "pose.pose.orientation")
+    twist = read_twist(columns, ledger, read_vector(columns, "pose.pose.position"), yaw_rad)
     motion = BodyMotion(twist.speed_mps, twist.yaw_rate_radps, twist.speed_variance, twist.yaw_rate_variance)
-    return build_speed(columns, reading, ledger, motion)
+    return speed_signal_from_body_motion(columns, reading, ledger, motion)
 
 
-def _pose(
+def _make_pose_signal(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -93,13 +107,13 @@ def _pose(
     has_stamp: BoolArray,
     **more: Any,
 ) -> tuple[PoseSignal, Quality]:
-    speed_mps = within(ledger, speed_mps, MAX_SPEED_MPS, "speed")
-    yaw_rate_radps = within(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
+    speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
+    yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
+    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
     rows = timeline.rows
     signal = PoseSignal(
         source=columns.topic,
-        frame_id=frame_id(columns),
+        frame_id=read_frame_id(columns),
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[rows],
         x_m=position_m[rows, 0],
@@ -135,10 +149,10 @@ def _with_direction_of_travel(signal: PoseSignal) -> PoseSignal:
     )
 
 
-def _given_yaw(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
-    yaw_rad = yaw_of(columns, base)
-    w = numbers(columns, f"{base}.w")
+def _read_yaw_unless_identity(columns: Columns, ledger: RowLedger, base: str) -> FloatArray:
+    yaw_rad = read_yaw_rad(columns, base)
+    w = read_numbers(columns, f"{base}.w")
     if len(w) > 1 and np.all(w == 1.0):
-        ledger.note("orientation is the identity in every message, taken as not given")
+        ledger.add_note("orientation is the identity in every message, taken as not given")
         return np.full(len(columns), np.nan)
     return yaw_rad

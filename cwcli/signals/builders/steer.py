@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import SteerSignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns
-from cwcli.signals.leaf_fields import numbers, stamps
-from cwcli.signals.limits import MAX_STEER_RAD, reject_unusable
+from cwcli.signals.leaf_fields import read_numbers, read_stamps
+from cwcli.signals.limits import MAX_STEER_RAD, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 
 
 def build_steering_report(columns: Columns, reading: Reading) -> tuple[SteerSignal, Quality]:
     """Build a steering angle of the front wheels; both message types count it in radians, left positive."""
     ledger = RowLedger(columns, reading.role)
-    steer_rad = numbers(columns, "steering_tire_angle", "drive.steering_angle")
-    reject_unusable(ledger, steer_rad, MAX_STEER_RAD)
-    timeline = settle(ledger, *stamps(columns), reading.clock, [steer_rad])
+    steer_rad = read_numbers(columns, "steering_tire_angle", "drive.steering_angle")
+    reject_rows_beyond_limit(ledger, steer_rad, MAX_STEER_RAD)
+    timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [steer_rad])
     rows = timeline.rows
     signal = SteerSignal(
         source=columns.topic,

@@ -7,14 +7,14 @@ import numpy as np
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.pose import build_pose
 from cwcli.signals.canonical import TargetTruthSignal
-from cwcli.signals.clocks import settle
-from cwcli.signals.columns import Columns, FloatArray, constant_strings
-from cwcli.signals.leaf_fields import find, frame_id, numbers, texts, whole_numbers
-from cwcli.signals.limits import MAX_POSITION_M, reject_unusable
+from cwcli.signals.clocks import build_timeline
+from cwcli.signals.columns import Columns, FloatArray, repeat_string
+from cwcli.signals.leaf_fields import find_field, read_frame_id, read_integers, read_numbers, read_texts
+from cwcli.signals.limits import MAX_POSITION_M, reject_rows_beyond_limit
 from cwcli.signals.quality import Quality, RowLedger
 from cwcli.signals.vehicle_state import MAP_FRAME
 
-ONLY_TARGET = "1"
+ONLY_TARGET_ID = "1"
 """The id of a target whose messages give none."""
 
 
@@ -27,7 +27,7 @@ def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSig
     signal = TargetTruthSignal(
         source=pose.source,
         frame_id=pose.frame_id,
-        id=constant_strings(ONLY_TARGET, n),
+        id=repeat_string(ONLY_TARGET_ID, n),
         stamp_ns=pose.stamp_ns,
         log_time_ns=pose.log_time_ns,
         x_m=pose.x_m,
@@ -40,39 +40,41 @@ def build_pose_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSig
 
 def build_target_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
     """Build the truth of any number of targets from `cwcli.v1.Target`."""
-    return _states(columns, reading, numbers(columns, "vx_mps"), numbers(columns, "vy_mps"), frame_id(columns))
+    return _make_target_truth_signal(
+        columns, reading, read_numbers(columns, "vx_mps"), read_numbers(columns, "vy_mps"), read_frame_id(columns)
+    )
 
 
 def build_state_truth(columns: Columns, reading: Reading) -> tuple[TargetTruthSignal, Quality]:
     """Build the truth of any number of targets from `cwcli.v1.VehicleState` (frame `map`)."""
-    speed_mps, heading_rad = numbers(columns, "speed_mps"), numbers(columns, "heading_rad")
+    speed_mps, heading_rad = read_numbers(columns, "speed_mps"), read_numbers(columns, "heading_rad")
     vx_mps, vy_mps = speed_mps * np.cos(heading_rad), speed_mps * np.sin(heading_rad)
-    return _states(columns, reading, vx_mps, vy_mps, MAP_FRAME)
+    return _make_target_truth_signal(columns, reading, vx_mps, vy_mps, MAP_FRAME)
 
 
-def _states(
+def _make_target_truth_signal(
     columns: Columns, reading: Reading, vx_mps: FloatArray, vy_mps: FloatArray, frame: str
 ) -> tuple[TargetTruthSignal, Quality]:
     ledger = RowLedger(columns, reading.role)
-    x_m, y_m = numbers(columns, "x_m"), numbers(columns, "y_m")
-    reject_unusable(ledger, np.stack([x_m, y_m], axis=1), MAX_POSITION_M)
-    ids = texts(columns, "id") or constant_strings(ONLY_TARGET, len(columns))
-    stamp_ns, has_stamp = whole_numbers(columns, "stamp_ns")
+    x_m, y_m = read_numbers(columns, "x_m"), read_numbers(columns, "y_m")
+    reject_rows_beyond_limit(ledger, np.stack([x_m, y_m], axis=1), MAX_POSITION_M)
+    ids = read_texts(columns, "id") or repeat_string(ONLY_TARGET_ID, len(columns))
+    stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
     has_stamp &= stamp_ns > 0
-    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
+    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, [x_m, y_m], sender=ids.codes)
     rows = timeline.rows
-    has_place = find(columns, "latitude_deg") is not None
+    has_place = find_field(columns, "latitude_deg") is not None
     signal = TargetTruthSignal(
         source=columns.topic,
         frame_id=frame,
-        id=ids.rows(rows),
+        id=ids.select_rows(rows),
         stamp_ns=timeline.stamp_ns,
         log_time_ns=columns.log_time_ns[rows],
         x_m=x_m[rows],
         y_m=y_m[rows],
         vx_mps=vx_mps[rows],
         vy_mps=vy_mps[rows],
-        latitude_deg=numbers(columns, "latitude_deg")[rows] if has_place else None,
-        longitude_deg=numbers(columns, "longitude_deg")[rows] if has_place else None,
+        latitude_deg=read_numbers(columns, "latitude_deg")[rows] if has_place else None,
+        longitude_deg=read_numbers(columns, "longitude_deg")[rows] if has_place else None,
     )
     return signal, ledger.quality

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.signals.bsm_flags import flag_notes
+from cwcli.signals.bsm_flags import format_flag_notes
 from cwcli.signals.builders.base import Build, Reading
-from cwcli.signals.builders.position import reject_bad_positions
+from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
-from cwcli.signals.clocks import Timeline, settle
+from cwcli.signals.clocks import Timeline, build_timeline
 from cwcli.signals.columns import Columns, Int64Array, Strings
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
-from cwcli.signals.remotes import joined_remotes
+from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
-from cwcli.signals.v2x_codec import OTHER_STATION, RemoteRows, Senders, V2xCodec
+from cwcli.signals.v2x_codec import OTHER_STATION_REASON, RemoteRows, Senders, V2xCodec
 
-OWN_STATION = "sent by the ego station"
+OWN_STATION_REASON = "sent by the ego station"
 """The reason for setting aside the ego's own messages."""
-ROADSIDE = "sent by a roadside unit"
+ROADSIDE_UNIT_REASON = "sent by a roadside unit"
 """The reason for setting aside messages of roadside units."""
-NO_VALUE = "not available in the message"
+MISSING_QUANTITY_REASON = "not available in the message"
 """The reason for setting aside a message without the quantity that is needed."""
-MAX_AHEAD_NS = 2_000_000
+MAX_STAMP_AHEAD_OF_LOG_NS = 2_000_000
 """The time by which a stamp may be after its log time, in ns: two steps of the message clock (1 ms)."""
 
 
@@ -39,28 +39,30 @@ def remote_builder(codec: V2xCodec) -> Build:
         signal, quality = build_one(codec, columns, reading)
         for part, inner in codec.objects(columns):
             more, its = build_one(inner, part, reading)
-            quality.objects = its if quality.objects is None else quality.objects.and_of(its)
+            quality.objects = its if quality.objects is None else quality.objects.combine_with(its)
             quality.notes += its.notes
-            signal = joined_remotes([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
+            signal = join_remote_signals([signal, replace(more, is_perceived=np.ones(len(more.stamp_ns), np.bool_))])
         senders = codec.identify(columns)
         events, is_unread = codec.events(columns)
-        events = _of_others(events, senders, reading) if len(events) else events
-        quality.notes += flag_notes(events, is_unread & ~_is_own(senders, reading))
-        return replace(signal, events=_at_their_states(events, signal)) if len(events) else signal, quality
+        events = _drop_own_events(events, senders, reading) if len(events) else events
+        quality.notes += format_flag_notes(events, is_unread & ~_is_own_message(senders, reading))
+        return replace(signal, events=_align_flag_events_with_states(events, signal)) if len(
+            events
+        ) else signal, quality
 
     def build_one(codec: V2xCodec, columns: Columns, reading: Reading) -> tuple[RemoteSignal, Quality]:
         ledger = RowLedger(columns, reading.role)
         senders = codec.identify(columns)
-        ledger.set_aside(senders.is_roadside, ROADSIDE)
-        ledger.set_aside(_is_own(senders, reading), OWN_STATION)
+        ledger.set_aside(senders.is_roadside, ROADSIDE_UNIT_REASON)
+        ledger.set_aside(_is_own_message(senders, reading), OWN_STATION_REASON)
         decoded = codec.decode(columns, ledger)
-        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
-        _note_repeats(ledger, decoded, senders.station, timeline)
+        timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
+        _note_timing_anomalies(ledger, decoded, senders.station, timeline)
         rows = timeline.rows
         codes = senders.station.codes[rows]
         signal = RemoteSignal(
             source=columns.topic,
-            station=_only_used(codes, senders.station.values),
+            station=_encode_used_station_names(codes, senders.station.values),
             stamp_ns=timeline.stamp_ns,
             log_time_ns=columns.log_time_ns[rows],
             **{entry.name: getattr(decoded, entry.name)[rows] for entry in fields(RemoteQuantities)},
@@ -72,7 +74,7 @@ def remote_builder(codec: V2xCodec) -> Build:
 
 def own_position_builder(codec: V2xCodec) -> Build:
     """Return a builder of the ego's `PositionSignal` from its own messages."""
-    return _own_builder(
+    return _make_own_signal_builder(
         codec,
         lambda decoded, rows, base: PositionSignal(
             **base,
@@ -86,7 +88,7 @@ def own_position_builder(codec: V2xCodec) -> Build:
 
 def own_speed_builder(codec: V2xCodec) -> Build:
     """Return a builder of the ego's `SpeedSignal` (speed and yaw rate) from its own messages."""
-    return _own_builder(
+    return _make_own_signal_builder(
         codec,
         lambda decoded, rows, base: SpeedSignal(
             **base,
@@ -101,7 +103,7 @@ def own_speed_builder(codec: V2xCodec) -> Build:
 
 def own_heading_builder(codec: V2xCodec) -> Build:
     """Return a builder of the ego's `HeadingSignal` from its own messages."""
-    return _own_builder(
+    return _make_own_signal_builder(
         codec,
         lambda decoded, rows, base: HeadingSignal(
             **base, heading_rad=decoded.heading_rad[rows], variance_rad2=decoded.heading_sigma_rad[rows] ** 2
@@ -110,7 +112,7 @@ def own_heading_builder(codec: V2xCodec) -> Build:
     )
 
 
-def _own_builder(
+def _make_own_signal_builder(
     codec: V2xCodec, make: Callable[[RemoteRows, Int64Array, dict[str, Any]], Signal], needs: str = ""
 ) -> Build:
     """Return a builder of a signal of the ego.
@@ -124,11 +126,11 @@ def _own_builder(
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
         ledger = RowLedger(columns, reading.role)
         senders = codec.identify(columns)
-        ledger.set_aside(~_is_own(senders, reading), OTHER_STATION)
+        ledger.set_aside(~_is_own_message(senders, reading), OTHER_STATION_REASON)
         decoded = codec.decode(columns, ledger)
         if needs:
-            ledger.set_aside(~np.isfinite(getattr(decoded, needs)), NO_VALUE)
-        timeline = _timeline(columns, reading, ledger, decoded, senders.station)
+            ledger.set_aside(~np.isfinite(getattr(decoded, needs)), MISSING_QUANTITY_REASON)
+        timeline = _timeline_per_station(columns, reading, ledger, decoded, senders.station)
         rows = timeline.rows
         times = {"stamp_ns": timeline.stamp_ns, "log_time_ns": columns.log_time_ns[rows]}
         return make(decoded, rows, {"source": columns.topic, **times}), ledger.quality
@@ -136,15 +138,15 @@ def _own_builder(
     return build
 
 
-def _of_others(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
+def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> RoadEvents:
     """Return the events without those of the ego's own messages."""
-    own_codes = np.unique(senders.station.codes[_is_own(senders, reading)])
+    own_codes = np.unique(senders.station.codes[_is_own_message(senders, reading)])
     own = {senders.station.values[code] for code in own_codes if code >= 0}
     is_own = np.array([*(name in own for name in events.station.values), False])
-    return events.rows(np.flatnonzero(~is_own[events.station.codes]))
+    return events.select_rows(np.flatnonzero(~is_own[events.station.codes]))
 
 
-def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
+def _align_flag_events_with_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
     """Return the events with the flags at the repaired stamps of their messages."""
     states = zip(signal.station.codes.tolist(), signal.log_time_ns.tolist(), strict=True)
     at_ns = {(signal.station.values[code], log): k for k, (code, log) in enumerate(states)}
@@ -157,7 +159,7 @@ def _at_their_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
     return replace(events, stamp_ns=stamp_ns, until_ns=until_ns)
 
 
-def _is_own(senders: Senders, reading: Reading) -> BoolArray:
+def _is_own_message(senders: Senders, reading: Reading) -> BoolArray:
     """Return which messages (n,) the recording vehicle sent: they say so, or the user has named its station."""
     if reading.ego_station is None:
         return senders.is_own
@@ -167,10 +169,12 @@ def _is_own(senders: Senders, reading: Reading) -> BoolArray:
     return is_own
 
 
-def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows, station: Strings) -> Timeline:
+def _timeline_per_station(
+    columns: Columns, reading: Reading, ledger: RowLedger, decoded: RemoteRows, station: Strings
+) -> Timeline:
     """Reject invalid positions, and repair the clock of each station by itself."""
-    reject_bad_positions(ledger, decoded.latitude_deg, decoded.longitude_deg)
-    return settle(
+    reject_invalid_positions(ledger, decoded.latitude_deg, decoded.longitude_deg)
+    return build_timeline(
         ledger,
         decoded.stamp_ns,
         np.ones(len(columns), dtype=np.bool_),
@@ -180,7 +184,7 @@ def _timeline(columns: Columns, reading: Reading, ledger: RowLedger, decoded: Re
     )
 
 
-def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, timeline: Timeline) -> None:
+def _note_timing_anomalies(ledger: RowLedger, decoded: RemoteRows, station: Strings, timeline: Timeline) -> None:
     """Add notes on repeated positions, bursts, and stamps ahead of the log time."""
     rows = timeline.rows
     order = np.argsort(station.codes[rows], kind="stable")
@@ -190,12 +194,12 @@ def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, time
     repeats = (np.diff(decoded.latitude_deg[rows]) == 0) & (np.diff(decoded.longitude_deg[rows]) == 0)
     n_repeats = int(np.count_nonzero(repeats & is_same_station))
     if n_repeats:
-        ledger.note(f"{n_repeats} messages repeat their station's position under a new time")
+        ledger.add_note(f"{n_repeats} messages repeat their station's position under a new time")
     ahead_ns = timeline.stamp_ns - ledger.columns.log_time_ns[timeline.rows]
-    is_ahead = ahead_ns > MAX_AHEAD_NS
+    is_ahead = ahead_ns > MAX_STAMP_AHEAD_OF_LOG_NS
     if is_ahead.any():
         median_ms = float(np.median(ahead_ns[is_ahead])) * 1e-6
-        ledger.note(
+        ledger.add_note(
             f"{np.count_nonzero(is_ahead)} messages are stamped after they were logged (median {median_ms:.0f} ms): "
             "the sender's clock is ahead, or the log time is early"
         )
@@ -203,10 +207,10 @@ def _note_repeats(ledger: RowLedger, decoded: RemoteRows, station: Strings, time
     if len(intervals_ns):
         n_bursts = int(np.count_nonzero(intervals_ns < 0.25 * np.median(intervals_ns)))
         if n_bursts:
-            ledger.note(f"{n_bursts} messages come in bursts (less than a quarter of the usual interval apart)")
+            ledger.add_note(f"{n_bursts} messages come in bursts (less than a quarter of the usual interval apart)")
 
 
-def _only_used(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:
+def _encode_used_station_names(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:
     """Return the station names of the rows in use, in order of first appearance; a row without an id is `unknown`."""
     distinct, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
     order = np.argsort(first)

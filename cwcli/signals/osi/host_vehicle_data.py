@@ -11,48 +11,52 @@ import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
-from cwcli.signals.builders.position import reject_bad_positions
+from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import PoseSignal, PositionSignal, SpeedSignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.covariances import given_variances
-from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.covariances import usable_variances_or_nan
+from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.limits import (
     MAX_ALTITUDE_M,
     MAX_ANGLE_RAD,
     MAX_POSITION_M,
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
-    reject_unusable,
-    within,
+    nan_beyond_limit,
+    reject_rows_beyond_limit,
 )
-from cwcli.signals.osi.world import OSI_FRAME, world_times
+from cwcli.signals.osi.world import OSI_FRAME, read_world_times
 from cwcli.signals.quality import Quality, RowLedger
 
-GLOBE = "vehicle_localization.geodetic_position"
+GEODETIC_POSITION_PATH = "vehicle_localization.geodetic_position"
 """The path of the vehicle's WGS84 position."""
-PLACES = ("vehicle_localization", "location", "vehicle_motion")
+POSE_PARTS = ("vehicle_localization", "location", "vehicle_motion")
 """The parts of the message that can hold the pose, best first."""
 
 
 def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | PositionSignal, Quality]:
     """Build the host's poses from the first part that holds one, else fixes from its WGS84 position."""
     ledger = RowLedger(columns, reading.role)
-    part = next((part for part in PLACES if np.isfinite(numbers(columns, f"{part}.position.x")).any()), None)
-    if part is None and np.isfinite(numbers(columns, f"{GLOBE}.latitude")).any():
-        return _on_globe(columns, reading, ledger)
-    part = part or PLACES[0]
-    place = np.stack([numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
+    part = next((part for part in POSE_PARTS if np.isfinite(read_numbers(columns, f"{part}.position.x")).any()), None)
+    if part is None and np.isfinite(read_numbers(columns, f"{GEODETIC_POSITION_PATH}.latitude")).any():
+        return _build_geodetic_position(columns, reading, ledger)
+    part = part or POSE_PARTS[0]
+    place = np.stack([read_numbers(columns, f"{part}.position.{axis}") for axis in "xy"], axis=1)
     if part == "vehicle_motion":
-        ledger.note("the position is the middle of the rear axle, not of the vehicle: outlines are shifted accordingly")
-    reject_unusable(ledger, place, MAX_POSITION_M)
-    yaw_rad = wrap_angle(within(ledger, numbers(columns, f"{part}.orientation.yaw"), MAX_ANGLE_RAD, "yaw"))
+        ledger.add_note(
+            "the position is the middle of the rear axle, not of the vehicle: outlines are shifted accordingly"
+        )
+    reject_rows_beyond_limit(ledger, place, MAX_POSITION_M)
+    yaw_rad = wrap_angle(
+        nan_beyond_limit(ledger, read_numbers(columns, f"{part}.orientation.yaw"), MAX_ANGLE_RAD, "yaw")
+    )
     nothing = np.full(len(columns), np.nan)
     variances = [nothing, nothing, nothing]
     if part == "location":
         leaves = ("position.x", "position.y", "orientation.yaw")
-        variances = [_variances(ledger, numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
-    timeline = settle(ledger, *world_times(columns), reading.clock, [place, yaw_rad])
+        variances = [_variances(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
+    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
     rows = timeline.rows
     signal = PoseSignal(
         source=columns.topic,
@@ -71,11 +75,15 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
     return signal, ledger.quality
 
 
-def _on_globe(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[PositionSignal, Quality]:
-    latitude_deg, longitude_deg = (numbers(columns, f"{GLOBE}.{name}") for name in ("latitude", "longitude"))
-    reject_bad_positions(ledger, latitude_deg, longitude_deg)
-    altitude_m = within(ledger, numbers(columns, f"{GLOBE}.altitude"), MAX_ALTITUDE_M, "altitude")
-    timeline = settle(ledger, *world_times(columns), reading.clock, [latitude_deg, longitude_deg])
+def _build_geodetic_position(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[PositionSignal, Quality]:
+    latitude_deg, longitude_deg = (
+        read_numbers(columns, f"{GEODETIC_POSITION_PATH}.{name}") for name in ("latitude", "longitude")
+    )
+    reject_invalid_positions(ledger, latitude_deg, longitude_deg)
+    altitude_m = nan_beyond_limit(
+        ledger, read_numbers(columns, f"{GEODETIC_POSITION_PATH}.altitude"), MAX_ALTITUDE_M, "altitude"
+    )
+    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [latitude_deg, longitude_deg])
     rows = timeline.rows
     signal = PositionSignal(
         source=columns.topic,
@@ -92,15 +100,15 @@ def _on_globe(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[Po
 def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
     """Build the host's speed and yaw rate from `vehicle_motion`, else the velocity of `location` along its yaw."""
     ledger = RowLedger(columns, reading.role)
-    speed_mps, yaw_rate = numbers(columns, "vehicle_motion.velocity.x"), "vehicle_motion.orientation_rate.yaw"
+    speed_mps, yaw_rate = read_numbers(columns, "vehicle_motion.velocity.x"), "vehicle_motion.orientation_rate.yaw"
     if not np.isfinite(speed_mps).any():
-        yaw_rad, yaw_rate = numbers(columns, "location.orientation.yaw"), "location.orientation_rate.yaw"
-        velocity = [numbers(columns, f"location.velocity.{axis}") for axis in "xy"]
+        yaw_rad, yaw_rate = read_numbers(columns, "location.orientation.yaw"), "location.orientation_rate.yaw"
+        velocity = [read_numbers(columns, f"location.velocity.{axis}") for axis in "xy"]
         with np.errstate(invalid="ignore", over="ignore"):
             speed_mps = velocity[0] * np.cos(yaw_rad) + velocity[1] * np.sin(yaw_rad)
-    reject_unusable(ledger, speed_mps[:, None], MAX_SPEED_MPS)
-    yaw_rate_radps = within(ledger, numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = settle(ledger, *world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
+    reject_rows_beyond_limit(ledger, speed_mps[:, None], MAX_SPEED_MPS)
+    yaw_rate_radps = nan_beyond_limit(ledger, read_numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
+    timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
     rows = timeline.rows
     nothing = np.full(len(rows), np.nan)
     signal = SpeedSignal(
@@ -118,4 +126,4 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
 def _variances(ledger: RowLedger, rmse: FloatArray) -> FloatArray:
     """Squares of root mean squared errors (n,); NaN where not given (0), and where unusable, which is counted."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return given_variances(ledger, np.where((rmse < 0.0) | (rmse > MAX_POSITION_M), np.inf, rmse * rmse))
+        return usable_variances_or_nan(ledger, np.where((rmse < 0.0) | (rmse > MAX_POSITION_M), np.inf, rmse * rmse))

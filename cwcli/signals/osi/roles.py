@@ -7,24 +7,31 @@ import numpy.typing as npt
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal, TargetTruthSignal
-from cwcli.signals.clocks import Timeline, settle
+from cwcli.signals.clocks import Timeline, build_timeline
 from cwcli.signals.columns import Columns, FloatArray
-from cwcli.signals.osi.world import NO_HOST, OSI_FRAME, World, read_world, station_names, world_times
+from cwcli.signals.osi.world import (
+    NO_HOST_REASON,
+    OSI_FRAME,
+    MovingObjects,
+    encode_station_names,
+    read_moving_objects,
+    read_world_times,
+)
 from cwcli.signals.quality import Quality, RowLedger
 
-NO_OTHERS = "without another road user"
+NO_OTHERS_REASON = "without another road user"
 """The reason for setting aside a message without another road user."""
-POSITION_SIGMA_M = 0.01
+SIMULATED_POSITION_SIGMA_M = 0.01
 """The assumed error (one sigma) of a simulated position, in metres. A GroundTruth gives no errors; these five allow for
 one step of the simulator, which moves with the velocity of either end, and for a velocity of the rear axle. Chosen by
 hand."""
-SPEED_SIGMA_MPS = 0.005
+SIMULATED_SPEED_SIGMA_MPS = 0.005
 """The assumed error (one sigma) of a simulated speed, in m/s; chosen by hand."""
-HEADING_SIGMA_RAD = 0.002
+SIMULATED_HEADING_SIGMA_RAD = 0.002
 """The assumed error (one sigma) of a simulated heading, in rad; chosen by hand."""
-ACCEL_SIGMA_MPS2 = 0.1
+SIMULATED_ACCEL_SIGMA_MPS2 = 0.1
 """The assumed error (one sigma) of a simulated acceleration, in m/s^2; chosen by hand."""
-YAW_RATE_SIGMA_RADPS = 0.005
+SIMULATED_YAW_RATE_SIGMA_RADPS = 0.005
 """The assumed error (one sigma) of a simulated yaw rate, in rad/s; chosen by hand."""
 
 
@@ -37,7 +44,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
         prefix: Path of the GroundTruth in the message, with its dot.
     """
     ledger = RowLedger(columns, reading.role)
-    world, at, timeline = _host_rows(columns, reading, ledger, prefix)
+    world, at, timeline = _read_host_rows(columns, reading, ledger, prefix)
     n = len(at)
     signal = PoseSignal(
         source=columns.topic,
@@ -50,11 +57,11 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
         yaw_rad=world.heading_rad[at],
         speed_mps=world.speed_mps[at],
         yaw_rate_radps=world.yaw_rate_radps[at],
-        covariance_m2=_round(n),
+        covariance_m2=_isotropic_position_covariances(n),
         accel_mps2=world.accel_mps2[at],
-        yaw_variance_rad2=np.full(n, HEADING_SIGMA_RAD**2),
+        yaw_variance_rad2=np.full(n, SIMULATED_HEADING_SIGMA_RAD**2),
         is_exact=True,
-        size_m=(_usual(world.length_m[at]), _usual(world.width_m[at])),
+        size_m=(_median_or_none(world.length_m[at]), _median_or_none(world.width_m[at])),
     )
     return signal, ledger.quality
 
@@ -62,7 +69,7 @@ def build_pose(columns: Columns, reading: Reading, prefix: str = "") -> tuple[Po
 def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[SpeedSignal, Quality]:
     """Build the host vehicle's speed along its heading, and its yaw rate."""
     ledger = RowLedger(columns, reading.role)
-    world, at, timeline = _host_rows(columns, reading, ledger, prefix)
+    world, at, timeline = _read_host_rows(columns, reading, ledger, prefix)
     n = len(at)
     signal = SpeedSignal(
         source=columns.topic,
@@ -70,8 +77,8 @@ def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[S
         log_time_ns=columns.log_time_ns[timeline.rows],
         speed_mps=world.speed_mps[at],
         yaw_rate_radps=world.yaw_rate_radps[at],
-        speed_variance_m2ps2=np.full(n, SPEED_SIGMA_MPS**2),
-        yaw_rate_variance_rad2ps2=np.full(n, YAW_RATE_SIGMA_RADPS**2),
+        speed_variance_m2ps2=np.full(n, SIMULATED_SPEED_SIGMA_MPS**2),
+        yaw_rate_variance_rad2ps2=np.full(n, SIMULATED_YAW_RATE_SIGMA_RADPS**2),
         is_exact=True,
     )
     return signal, ledger.quality
@@ -80,12 +87,12 @@ def build_speed(columns: Columns, reading: Reading, prefix: str = "") -> tuple[S
 def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[RemoteSignal, Quality]:
     """Build remote vehicles from all objects but the host, as if each reported itself by radio under its id."""
     ledger = RowLedger(columns, reading.role)
-    world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
+    world, at, row, timeline = _read_other_rows(columns, reading, ledger, prefix)
     n = len(at)
     nothing = np.full(n, np.nan)
     signal = RemoteSignal(
         source=columns.topic,
-        station=station_names(world.id[at]),
+        station=encode_station_names(world.id[at]),
         stamp_ns=timeline.stamp_ns[row],
         log_time_ns=columns.log_time_ns[timeline.rows][row],
         latitude_deg=nothing,
@@ -98,11 +105,11 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
         yaw_rate_radps=world.yaw_rate_radps[at],
         length_m=world.length_m[at],
         width_m=world.width_m[at],
-        position_covariance_m2=_round(n),
-        speed_sigma_mps=np.full(n, SPEED_SIGMA_MPS),
-        heading_sigma_rad=np.full(n, HEADING_SIGMA_RAD),
-        accel_sigma_mps2=np.full(n, ACCEL_SIGMA_MPS2),
-        yaw_rate_sigma_radps=np.full(n, YAW_RATE_SIGMA_RADPS),
+        position_covariance_m2=_isotropic_position_covariances(n),
+        speed_sigma_mps=np.full(n, SIMULATED_SPEED_SIGMA_MPS),
+        heading_sigma_rad=np.full(n, SIMULATED_HEADING_SIGMA_RAD),
+        accel_sigma_mps2=np.full(n, SIMULATED_ACCEL_SIGMA_MPS2),
+        yaw_rate_sigma_radps=np.full(n, SIMULATED_YAW_RATE_SIGMA_RADPS),
         message_count=nothing,
         frame_id=OSI_FRAME,
         x_m=world.x_m[at],
@@ -115,11 +122,11 @@ def build_remote(columns: Columns, reading: Reading, prefix: str = "") -> tuple[
 def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> tuple[TargetTruthSignal, Quality]:
     """Build the truth of all objects but the host."""
     ledger = RowLedger(columns, reading.role)
-    world, at, row, timeline = _other_rows(columns, reading, ledger, prefix)
+    world, at, row, timeline = _read_other_rows(columns, reading, ledger, prefix)
     signal = TargetTruthSignal(
         source=columns.topic,
         frame_id="",
-        id=station_names(world.id[at]),
+        id=encode_station_names(world.id[at]),
         stamp_ns=timeline.stamp_ns[row],
         log_time_ns=columns.log_time_ns[timeline.rows][row],
         x_m=world.x_m[at],
@@ -130,33 +137,33 @@ def build_target_truth(columns: Columns, reading: Reading, prefix: str = "") -> 
     return signal, ledger.quality
 
 
-def _host_rows(
+def _read_host_rows(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
-) -> tuple[World, npt.NDArray[np.intp], Timeline]:
+) -> tuple[MovingObjects, npt.NDArray[np.intp], Timeline]:
     """Return the objects, the host's rows of them by stamp, and their times."""
-    world = read_world(columns, reading, ledger, prefix)
+    world = read_moving_objects(columns, reading, ledger, prefix)
     of_message = np.full(len(columns), -1, np.intp)
     rows = np.flatnonzero(world.is_host)
     of_message[world.message[rows]] = rows
-    ledger.set_aside(of_message < 0, NO_HOST)
+    ledger.set_aside(of_message < 0, NO_HOST_REASON)
     pose = np.full((len(columns), 3), np.nan)
     pose[world.message[rows]] = np.stack([world.x_m[rows], world.y_m[rows], world.heading_rad[rows]], axis=1)
-    timeline = settle(ledger, *world_times(columns, prefix), reading.clock, [pose])
+    timeline = build_timeline(ledger, *read_world_times(columns, prefix), reading.clock, [pose])
     return world, of_message[timeline.rows], timeline
 
 
-def _other_rows(
+def _read_other_rows(
     columns: Columns, reading: Reading, ledger: RowLedger, prefix: str
-) -> tuple[World, npt.NDArray[np.intp], npt.NDArray[np.intp], Timeline]:
+) -> tuple[MovingObjects, npt.NDArray[np.intp], npt.NDArray[np.intp], Timeline]:
     """Return the objects, the rows of all but the host by stamp, the timeline's row of each, and the times."""
-    world = read_world(columns, reading, ledger, prefix)
+    world = read_moving_objects(columns, reading, ledger, prefix)
     others = np.flatnonzero(~world.is_host)
     marks = [
         np.bincount(world.message[others], weights=each[others], minlength=len(columns)).astype(np.float64)
         for each in (np.ones(len(world.id)), world.x_m, world.y_m)
     ]
-    ledger.set_aside(marks[0] == 0.0, NO_OTHERS)
-    timeline = settle(ledger, *world_times(columns, prefix), reading.clock, marks)
+    ledger.set_aside(marks[0] == 0.0, NO_OTHERS_REASON)
+    timeline = build_timeline(ledger, *read_world_times(columns, prefix), reading.clock, marks)
     place = np.full(len(columns), -1, np.intp)
     place[timeline.rows] = np.arange(len(timeline.rows))
     row = place[world.message[others]]
@@ -165,12 +172,12 @@ def _other_rows(
     return world, others[order], row[order], timeline
 
 
-def _usual(sizes_m: FloatArray) -> float | None:
+def _median_or_none(sizes_m: FloatArray) -> float | None:
     """Return the median of the finite sizes, or None where there are none."""
     given = sizes_m[np.isfinite(sizes_m)]
     return float(np.median(given)) if len(given) else None
 
 
-def _round(n: int) -> FloatArray:
+def _isotropic_position_covariances(n: int) -> FloatArray:
     """Return n position covariances xx, xy, yy, (n, 3), the same in all directions."""
-    return np.tile([POSITION_SIGMA_M**2, 0.0, POSITION_SIGMA_M**2], (n, 1))
+    return np.tile([SIMULATED_POSITION_SIGMA_M**2, 0.0, SIMULATED_POSITION_SIGMA_M**2], (n, 1))

@@ -13,22 +13,22 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import DetectionSignal
-from cwcli.signals.clocks import settle
+from cwcli.signals.clocks import build_timeline
 from cwcli.signals.columns import Columns, FloatArray, Strings
-from cwcli.signals.elements import Elements, ragged, taken
-from cwcli.signals.leaf_fields import numbers
+from cwcli.signals.elements import Elements, find_ragged_field, take_sequences
+from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.osi import roles
-from cwcli.signals.osi.leaves import DETECTED_STATIONARY, EMBEDDED
-from cwcli.signals.osi.world import read_world, times, world_times
+from cwcli.signals.osi.leaves import DETECTED_STATIONARY_PATH, SENSOR_DATA_PREFIX
+from cwcli.signals.osi.world import read_moving_objects, read_timestamps, read_world_times
 from cwcli.signals.quality import Quality, RowLedger
 
-build_pose = partial(roles.build_pose, prefix=EMBEDDED)
-build_speed = partial(roles.build_speed, prefix=EMBEDDED)
-build_target_truth = partial(roles.build_target_truth, prefix=EMBEDDED)
+build_pose = partial(roles.build_pose, prefix=SENSOR_DATA_PREFIX)
+build_speed = partial(roles.build_speed, prefix=SENSOR_DATA_PREFIX)
+build_target_truth = partial(roles.build_target_truth, prefix=SENSOR_DATA_PREFIX)
 
-FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
+REFERENCE_POINT_FORWARD = np.array([0, 0, 0, 0, 0, -1, -1, -1, 1, 1, 1], np.float64)
 """The forward position of `DetectedMovingObject.ReferencePoint` on the box, in half lengths, by its number."""
-LEFT = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
+REFERENCE_POINT_LEFT = np.array([0, 0, 0, 1, -1, 0, 1, -1, 0, 1, -1], np.float64)
 """The leftward position of `DetectedMovingObject.ReferencePoint` on the box, in half widths, by its number."""
 
 
@@ -39,37 +39,42 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     """
     ledger = RowLedger(columns, reading.role)
     objects = Elements(columns, ledger, "moving_object.base.position.x", "moving_object.base.position.y")
-    place = np.stack([objects.numbers(f"moving_object.base.position.{axis}") for axis in "xy"], axis=1)
-    place = place - _reference_point(objects)
-    rmse = np.stack([objects.numbers(f"moving_object.base_rmse.position.{axis}") for axis in "xy"], axis=1)
+    place = np.stack([objects.read_numbers(f"moving_object.base.position.{axis}") for axis in "xy"], axis=1)
+    place = place - _reference_point_offsets_m(objects)
+    rmse = np.stack([objects.read_numbers(f"moving_object.base_rmse.position.{axis}") for axis in "xy"], axis=1)
     message = np.repeat(np.arange(len(columns)), objects.counts)
-    yaw_rad = np.nan_to_num(numbers(columns, "mounting_position.orientation.yaw"))[message]
-    mounting = np.stack([numbers(columns, f"mounting_position.position.{axis}") for axis in "xy"], axis=1)
+    yaw_rad = np.nan_to_num(read_numbers(columns, "mounting_position.orientation.yaw"))[message]
+    mounting = np.stack([read_numbers(columns, f"mounting_position.position.{axis}") for axis in "xy"], axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
         cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
         turn = np.stack([np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2)
         values = np.einsum("nij,nj->ni", turn, place) + np.nan_to_num(mounting)[message]
         variance = np.where(rmse > 0.0, rmse * rmse, np.nan)
         covariance = np.einsum("nij,nj,nkj->nik", turn, variance, turn)
-    still = ragged(columns, DETECTED_STATIONARY)
+    still = find_ragged_field(columns, DETECTED_STATIONARY_PATH)
     if still is not None and len(still.values):
-        ledger.note(f"{len(still.values)} detections of stationary objects are left out: road users are moving objects")
-    rear_x_m = _rear_axle(columns, reading)
+        ledger.add_note(
+            f"{len(still.values)} detections of stationary objects are left out: road users are moving objects"
+        )
+    rear_x_m = _rear_axle_x_m(columns, reading)
     if np.isfinite(rear_x_m):
         values[:, 0] += rear_x_m
     else:
-        ledger.note(
+        ledger.add_note(
             "the position of the rear axle, which detections refer to, is not given: they are taken relative to the "
             "centre of the vehicle (--sensor TOPIC:x=-1.4 shifts them)"
         )
-    stamp_ns, has_stamp = times(columns, "last_measurement_time")
+    stamp_ns, has_stamp = read_timestamps(columns, "last_measurement_time")
     if not has_stamp.any():
-        stamp_ns, has_stamp = world_times(columns)
+        stamp_ns, has_stamp = read_world_times(columns)
     else:
         has_stamp = np.ones(len(columns), np.bool_)
-    marks = [objects.counts.astype(np.float64), *(objects.sums(np.nan_to_num(column)) for column in values.T)]
-    timeline = settle(ledger, stamp_ns, has_stamp, reading.clock, marks)
-    offsets, index = taken(objects.offsets, timeline.rows)
+    marks = [
+        objects.counts.astype(np.float64),
+        *(objects.sum_per_message(np.nan_to_num(column)) for column in values.T),
+    ]
+    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    offsets, index = take_sequences(objects.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,
         kind="position",
@@ -83,23 +88,23 @@ def build_detections(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     return signal, ledger.quality
 
 
-def _reference_point(objects: Elements) -> FloatArray:
+def _reference_point_offsets_m(objects: Elements) -> FloatArray:
     """Return the offsets (n, 2) in metres of `base.position` from each box's centre, in the axes of the sensor."""
-    kind = objects.numbers("moving_object.reference_point")
+    kind = objects.read_numbers("moving_object.reference_point")
     with np.errstate(invalid="ignore"):
-        index = np.where((kind >= 0) & (kind < len(FORWARD)), kind, 0).astype(np.intp)
+        index = np.where((kind >= 0) & (kind < len(REFERENCE_POINT_FORWARD)), kind, 0).astype(np.intp)
     length, width, yaw = (
-        np.nan_to_num(objects.numbers(f"moving_object.base.{leaf}"))
+        np.nan_to_num(objects.read_numbers(f"moving_object.base.{leaf}"))
         for leaf in ("dimension.length", "dimension.width", "orientation.yaw")
     )
     with np.errstate(over="ignore"):
-        ahead, left = 0.5 * length * FORWARD[index], 0.5 * width * LEFT[index]
+        ahead, left = 0.5 * length * REFERENCE_POINT_FORWARD[index], 0.5 * width * REFERENCE_POINT_LEFT[index]
         return np.stack([ahead * np.cos(yaw) - left * np.sin(yaw), ahead * np.sin(yaw) + left * np.cos(yaw)], axis=1)
 
 
-def _rear_axle(columns: Columns, reading: Reading) -> float:
+def _rear_axle_x_m(columns: Columns, reading: Reading) -> float:
     """Return how far ahead (m) of the box's centre the host's rear axle is; NaN where the GroundTruth does not say."""
-    world = read_world(columns, reading, RowLedger(columns, reading.role), EMBEDDED)
+    world = read_moving_objects(columns, reading, RowLedger(columns, reading.role), SENSOR_DATA_PREFIX)
     given = world.rear_x_m[world.is_host]
     given = given[np.isfinite(given)]
     return float(np.median(given)) if len(given) else float("nan")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from cwcli.signals.osi import roles
-from cwcli.signals.osi.leaves import WORLD
+from cwcli.signals.osi.leaves import SENSOR_VIEW_PREFIX
 
-build_pose = partial(roles.build_pose, prefix=WORLD)
-build_speed = partial(roles.build_speed, prefix=WORLD)
-build_remote = partial(roles.build_remote, prefix=WORLD)
-build_target_truth = partial(roles.build_target_truth, prefix=WORLD)
+build_pose = partial(roles.build_pose, prefix=SENSOR_VIEW_PREFIX)
+build_speed = partial(roles.build_speed, prefix=SENSOR_VIEW_PREFIX)
+build_remote = partial(roles.build_remote, prefix=SENSOR_VIEW_PREFIX)
+build_target_truth = partial(roles.build_target_truth, prefix=SENSOR_VIEW_PREFIX)

@@ -16,8 +16,8 @@ import numpy.typing as npt
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, Ragged, Strings
-from cwcli.signals.elements import Elements, ragged
-from cwcli.signals.leaf_fields import find, whole_numbers
+from cwcli.signals.elements import Elements, find_ragged_field
+from cwcli.signals.leaf_fields import find_field, read_integers
 from cwcli.signals.limits import (
     MAX_ACCEL_MPS2,
     MAX_ANGLE_RAD,
@@ -26,20 +26,20 @@ from cwcli.signals.limits import (
     MAX_SPEED_MPS,
     MAX_TURN_RATE_RADPS,
 )
-from cwcli.signals.osi.leaves import PROJECTION, STATIONARY, WORLD
+from cwcli.signals.osi.leaves import PROJECTION_FIELD, SENSOR_VIEW_PREFIX, STATIONARY_OBJECT_FIELD
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 OSI_FRAME = "osi"
 """The name of the frame of all positions in OSI messages: the axes of the simulated world."""
-VEHICLE = 2
+VEHICLE_TYPE_CODE = 2
 """The code of `MovingObject.Type.TYPE_VEHICLE`."""
-MIN_WAY_M = 1.0
+MIN_MOVED_DISTANCE_M = 1.0
 """The distance in metres from which an object counts as moving. Chosen by hand; not fitted."""
 MIN_COURSE_SPEED_MPS = 0.3
 """The speed in m/s above which an object's velocity says where it is heading. Chosen by hand; not fitted."""
-MAX_SIDEWAYS = 0.7
+MAX_SIDEWAYS_SINE = 0.7
 """No vehicle drives at more than 45 degrees to its axis."""
 LIMITS = {
     "yaw": (("base.orientation.yaw",), MAX_ANGLE_RAD),
@@ -52,12 +52,12 @@ LIMITS = {
 """Quantity -> its fields in an object, and the largest magnitude that is accepted, in the unit of the field."""
 OF_HOST = (Role.EGO_POSITION, Role.EGO_SPEED, Role.TRUTH)
 """Roles that the host's own object fills; the others are filled by all other objects."""
-OTHER_HOST, NO_HOST = "of another host vehicle", "without the host vehicle"
+OTHER_HOST_REASON, NO_HOST_REASON = "of another host vehicle", "without the host vehicle"
 """The reasons for setting aside a message of another host vehicle, and one without the host vehicle."""
 
 
 @dataclass(frozen=True)
-class World:
+class MovingObjects:
     """The moving objects of all messages of a channel, one row per object and message, in the messages' order.
 
     Attributes:
@@ -98,7 +98,7 @@ class World:
         return found
 
 
-def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: str = "") -> World:
+def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, prefix: str = "") -> MovingObjects:
     """Read the moving objects of a channel; messages that name another host than the rest are set aside.
 
     Args:
@@ -109,10 +109,10 @@ def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: st
     """
     base = f"{prefix}moving_object.base"
     elements = Elements(columns, ledger, f"{base}.position.x", f"{base}.position.y")
-    ids = _ids(columns, elements, f"{prefix}moving_object.id.value")
+    ids = _read_object_ids(columns, elements, f"{prefix}moving_object.id.value")
     message = np.repeat(np.arange(len(columns)), elements.counts)
     values = {
-        leaf: elements.numbers(f"{prefix}moving_object.{leaf}")
+        leaf: elements.read_numbers(f"{prefix}moving_object.{leaf}")
         for leaf in (
             *("base.position.x", "base.position.y", "base.orientation.yaw", "base.velocity.x", "base.velocity.y"),
             *("base.acceleration.x", "base.acceleration.y", "base.orientation_rate.yaw"),
@@ -123,19 +123,19 @@ def read_world(columns: Columns, reading: Reading, ledger: RowLedger, prefix: st
     with np.errstate(invalid="ignore"):
         is_placed = (np.abs(place) < MAX_POSITION_M).all(axis=1)
     if not is_placed.all():
-        ledger.note(f"{np.count_nonzero(~is_placed)} objects without a usable position left out")
-    is_first = _first_of_message(message, ids)
+        ledger.add_note(f"{np.count_nonzero(~is_placed)} objects without a usable position left out")
+    is_first = _is_first_in_message(message, ids)
     if not is_first.all():
-        ledger.note(f"{np.count_nonzero(~is_first)} objects are in their message twice: the first counts")
-    _note_unused(columns, ledger, prefix)
+        ledger.add_note(f"{np.count_nonzero(~is_first)} objects are in their message twice: the first counts")
+    _note_unused_parts(columns, ledger, prefix)
     keep = is_placed & is_first & ledger.keep[message]
     values = {leaf: column[keep] for leaf, column in values.items()}
     message, ids, place = message[keep], ids[keep], place[keep]
-    host = _host(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE)
+    host = _choose_host_id(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE_TYPE_CODE)
     is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
     _leave_out_of_range(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
-    return _moving(message, ids, host, place, values, keep)
+    return _derive_object_motion(message, ids, host, place, values, keep)
 
 
 def _leave_out_of_range(
@@ -157,43 +157,45 @@ def _leave_out_of_range(
             values[leaf] = np.where(is_beyond, np.nan, values[leaf])
         has_beyond = np.zeros(len(ledger.keep), np.bool_)
         has_beyond[message[is_beyond & is_of_role]] = True
-        ledger.repair(has_beyond, f"{quantity} out of range, left out")
+        ledger.count_repaired(has_beyond, f"{quantity} out of range, left out")
 
 
-def _note_unused(columns: Columns, ledger: RowLedger, prefix: str) -> None:
+def _note_unused_parts(columns: Columns, ledger: RowLedger, prefix: str) -> None:
     """Add notes on the parts of the world that are not used."""
-    still = ragged(columns, f"{prefix}{STATIONARY}.id.value")
+    still = find_ragged_field(columns, f"{prefix}{STATIONARY_OBJECT_FIELD}.id.value")
     if still is not None and len(still.values):
         n_messages = int(np.count_nonzero(np.diff(still.offsets)))
         n = len(np.unique(still.values))
-        ledger.note(f"{n} stationary objects (in {n_messages} messages) are left out: road users are moving objects")
-    projection = find(columns, f"{prefix}{PROJECTION}")
+        ledger.add_note(
+            f"{n} stationary objects (in {n_messages} messages) are left out: road users are moving objects"
+        )
+    projection = find_field(columns, f"{prefix}{PROJECTION_FIELD}")
     if isinstance(projection, Strings) and (projection.codes >= 0).any():
-        ledger.note("the map projection (proj_string) is not used: positions stay in the simulated plane")
+        ledger.add_note("the map projection (proj_string) is not used: positions stay in the simulated plane")
 
 
-def world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
+def read_world_times(columns: Columns, prefix: str = "") -> tuple[Int64Array, BoolArray]:
     """Read stamps in ns and whether they are there, both (n,): of the GroundTruth, else of the message around it.
 
     Simulated time begins at 0, and a 0 is left out of a message: a stamp is missing only where no message has one.
     """
     for path in dict.fromkeys((f"{prefix}timestamp", "timestamp")):
-        stamp_ns, is_given = times(columns, path)
+        stamp_ns, is_given = read_timestamps(columns, path)
         if is_given.any():
             return stamp_ns, np.ones(len(columns), np.bool_)
     return np.zeros(len(columns), np.int64), np.zeros(len(columns), np.bool_)
 
 
-def times(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+def read_timestamps(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read an `osi3.Timestamp` in ns, 0 where it is left out, and whether a message has it, both (n,)."""
-    parts = [_first_value(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
+    parts = [_read_first_values(columns, f"{path}.{name}") for name in ("seconds", "nanos")]
     (seconds, has_seconds), (nanos, has_nanos) = parts
     is_sane = (seconds >= 0) & (seconds < 2**33) & (nanos >= 0) & (nanos < NS_PER_S)
     stamp_ns = np.where(is_sane, seconds, 0) * NS_PER_S + np.where(is_sane, nanos, 0)
     return stamp_ns, (has_seconds | has_nanos) & is_sane
 
 
-def station_names(ids: npt.NDArray[np.uint64]) -> Strings:
+def encode_station_names(ids: npt.NDArray[np.uint64]) -> Strings:
     """Return the ids as texts, coded in the order of their first appearance."""
     distinct, first, inverse = np.unique(ids, return_index=True, return_inverse=True)
     rank = np.empty(len(distinct), np.int32)
@@ -202,11 +204,11 @@ def station_names(ids: npt.NDArray[np.uint64]) -> Strings:
     return Strings(rank[inverse].astype(np.int32), tuple(str(each) for each in distinct[order].tolist()))
 
 
-def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
+def _read_first_values(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     """Read a number of each message, the first where it holds several (views of several sensors)."""
-    field = find(columns, path)
+    field = find_field(columns, path)
     if not isinstance(field, Ragged):
-        return whole_numbers(columns, path)
+        return read_integers(columns, path)
     has_one = np.diff(field.offsets) > 0
     first = field.values[field.offsets[:-1][has_one]]
     values, is_whole = np.zeros(len(columns), np.int64), has_one.copy()
@@ -217,9 +219,9 @@ def _first_value(columns: Columns, path: str) -> tuple[Int64Array, BoolArray]:
     return values, is_whole
 
 
-def _ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint64]:
+def _read_object_ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint64]:
     """Read the objects' ids exactly; 0 where a message does not give one for each object."""
-    leaf = ragged(columns, path)
+    leaf = find_ragged_field(columns, path)
     out = np.zeros(len(elements), np.uint64)
     if leaf is not None and np.issubdtype(leaf.values.dtype, np.integer):
         lengths = np.diff(leaf.offsets)
@@ -228,7 +230,7 @@ def _ids(columns: Columns, elements: Elements, path: str) -> npt.NDArray[np.uint
     return out
 
 
-def _first_of_message(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]) -> BoolArray:
+def _is_first_in_message(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]) -> BoolArray:
     order = np.lexsort((ids, message))
     is_again = np.zeros(len(ids), np.bool_)
     same = (np.diff(message[order]) == 0) & (ids[order][1:] == ids[order][:-1])
@@ -236,7 +238,7 @@ def _first_of_message(message: npt.NDArray[np.intp], ids: npt.NDArray[np.uint64]
     return ~is_again
 
 
-def _host(
+def _choose_host_id(
     columns: Columns,
     reading: Reading,
     ledger: RowLedger,
@@ -254,9 +256,9 @@ def _host(
         return None
     if reading.ego_station is not None and reading.ego_station.isdecimal() and int(reading.ego_station) < 2**64:
         return int(reading.ego_station)
-    paths = (f"{prefix.removesuffix(WORLD)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
+    paths = (f"{prefix.removesuffix(SENSOR_VIEW_PREFIX)}host_vehicle_id.value", f"{prefix}host_vehicle_id.value")
     for path in dict.fromkeys(paths):
-        said, is_said = _first_value(columns, path)
+        said, is_said = _read_first_values(columns, path)
         said = said.astype(np.uint64)
         is_there = is_said & np.isin(said, ids) & ledger.keep
         if not is_there.any():
@@ -265,22 +267,22 @@ def _host(
         host = int(hosts[np.argmax(n)])
         if len(hosts) > 1:
             named_hosts = ", ".join(f"{one} ({k} messages)" for one, k in zip(hosts.tolist(), n.tolist(), strict=True))
-            ledger.note(f"several host vehicles, {named_hosts}: {host} is the ego (--ego-station chooses another)")
-            ledger.set_aside(is_there & (said != host), OTHER_HOST)
+            ledger.add_note(f"several host vehicles, {named_hosts}: {host} is the ego (--ego-station chooses another)")
+            ledger.set_aside(is_there & (said != host), OTHER_HOST_REASON)
         return host
-    host, why = _first_driven(ids, place, is_vehicle)
-    ledger.note(f"no message names the host vehicle: {host}, {why}, is the ego (--ego-station chooses another)")
+    host, why = _smallest_moving_id(ids, place, is_vehicle)
+    ledger.add_note(f"no message names the host vehicle: {host}, {why}, is the ego (--ego-station chooses another)")
     return host
 
 
-def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray) -> tuple[int, str]:
+def _smallest_moving_id(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: BoolArray) -> tuple[int, str]:
     """Return the smallest id of a vehicle that moves, else of an object that moves, of a vehicle, of any object; and
     why."""
     distinct, inverse = np.unique(ids, return_inverse=True)
     low, high = np.full((len(distinct), 2), np.inf), np.full((len(distinct), 2), -np.inf)
     np.minimum.at(low, inverse, place)
     np.maximum.at(high, inverse, place)
-    moves = (high - low).max(axis=1) > MIN_WAY_M
+    moves = (high - low).max(axis=1) > MIN_MOVED_DISTANCE_M
     drives = np.zeros(len(distinct), np.bool_)
     drives[inverse[is_vehicle]] = True
     for chosen, why in (
@@ -293,14 +295,14 @@ def _first_driven(ids: npt.NDArray[np.uint64], place: FloatArray, is_vehicle: Bo
     return int(distinct[0]), "the smallest id (nothing moves)"
 
 
-def _moving(
+def _derive_object_motion(
     message: npt.NDArray[np.intp],
     ids: npt.NDArray[np.uint64],
     host: int | None,
     place: FloatArray,
     values: dict[str, FloatArray],
     keep: BoolArray,
-) -> World:
+) -> MovingObjects:
     """Derive each object's motion along and across its heading.
 
     A vehicle's heading is its yaw, so that it may reverse; that of others is the course of their way: a pedestrian may
@@ -319,7 +321,7 @@ def _moving(
     low, high = np.full((n, 2), np.inf), np.full((n, 2), -np.inf)
     np.minimum.at(low, owner, place)
     np.maximum.at(high, owner, place)
-    moves = (high - low).max(axis=1, initial=0.0) > MIN_WAY_M
+    moves = (high - low).max(axis=1, initial=0.0) > MIN_MOVED_DISTANCE_M
     is_still = is_always_zero(velocity)
     no_velocity = (is_still & moves)[owner]
     with np.errstate(invalid="ignore", over="ignore"):
@@ -329,11 +331,11 @@ def _moving(
     with np.errstate(invalid="ignore"):
         is_fast = np.abs(velocity) > MIN_COURSE_SPEED_MPS
         course_rad = np.angle(velocity)
-        is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SIDEWAYS)
+        is_sideways = is_fast & (np.abs(np.sin(course_rad - yaw_rad)) > MAX_SIDEWAYS_SINE)
     n_sideways = np.bincount(owner, weights=is_sideways.astype(np.float64), minlength=n)
     n_fast = np.bincount(owner, weights=is_fast.astype(np.float64), minlength=n)
     no_yaw = is_always_zero(yaw_rad) & (n_sideways > 0.5 * n_fast) & (n_fast > 0)
-    follows_course = ((values["type"] != VEHICLE) | no_yaw[owner]) & is_fast
+    follows_course = ((values["type"] != VEHICLE_TYPE_CODE) | no_yaw[owner]) & is_fast
     yaw_rad = np.where(no_yaw[owner] & ~is_fast, np.nan, yaw_rad)
     heading_rad = np.where(follows_course, course_rad, yaw_rad)
     with np.errstate(invalid="ignore"):
@@ -347,7 +349,7 @@ def _moving(
         for name in ("length", "width")
     ]
     rear = values["vehicle_attributes.bbcenter_to_rear.x"]
-    return World(
+    return MovingObjects(
         message=message[keep],
         id=ids[keep],
         host=host,

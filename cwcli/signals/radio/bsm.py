@@ -6,55 +6,55 @@ from functools import cache
 
 import numpy as np
 
-from cwcli.signals.bsm_flags import CODED, N_FLAGS
+from cwcli.signals.bsm_flags import CODED_FLAGS_PATHS, N_EVENT_FLAGS
 from cwcli.signals.columns import Field, Strings
-from cwcli.signals.j2735 import JSON_RAW
-from cwcli.signals.radio.messages import MISSING, Decoded
+from cwcli.signals.j2735 import JSON_RAW_PATHS
+from cwcli.signals.radio.messages import MISSING_CODE, DecodedMessages
 from cwcli.signals.radio.program import Program, compile_type
-from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bits, sequence
+from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bit_string_type, sequence_type
 
-MESSAGE_ID = 20
+BSM_MESSAGE_ID = 20
 """The DSRCmsgID of a BSM (SAE J2735)."""
-VEHICLE_SAFETY_EXTENSIONS = 0
+VEHICLE_SAFETY_EXTENSIONS_ID = 0
 """The PartII-Id of the vehicle safety extensions."""
-LATITUDE = Int(-900_000_000, 900_000_001)
+LATITUDE_TYPE = Int(-900_000_000, 900_000_001)
 """The ASN.1 type of a latitude."""
-LONGITUDE = Int(-1_799_999_999, 1_800_000_001)
+LONGITUDE_TYPE = Int(-1_799_999_999, 1_800_000_001)
 """The ASN.1 type of a longitude."""
-ELEVATION = Int(-4096, 61_439)
+ELEVATION_TYPE = Int(-4096, 61_439)
 """The ASN.1 type of an elevation."""
-ACCURACY = sequence(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
+ACCURACY_TYPE = sequence_type(("semiMajor", Int(0, 255)), ("semiMinor", Int(0, 255)), ("orientation", Int(0, 65_535)))
 """The ASN.1 type of the position accuracy."""
-_TRANSMISSION = Enum(8)
+_TRANSMISSION_TYPE = Enum(8)
 """The ASN.1 type of the transmission's state."""
-VELOCITY = Int(0, 8191)
+VELOCITY_TYPE = Int(0, 8191)
 """The ASN.1 type of a speed."""
-HEADING = Int(0, 28_800)
+HEADING_TYPE = Int(0, 28_800)
 """The ASN.1 type of a heading."""
-ACCELERATIONS = sequence(
+ACCELERATIONS_TYPE = sequence_type(
     ("long", Int(-2000, 2001)),
     ("lat", Int(-2000, 2001)),
     ("vert", Int(-127, 127)),
     ("yaw", Int(-32_767, 32_767)),
 )
 """The ASN.1 type of the accelerations and the yaw rate."""
-_CORE = sequence(
+_CORE_DATA_TYPE = sequence_type(
     ("msgCnt", Int(0, 127)),
     ("id", Sized(8, 4, 4)),
     ("secMark", Int(0, 65_535)),
-    ("lat", LATITUDE),
-    ("long", LONGITUDE),
-    ("elev", ELEVATION),
-    ("accuracy", ACCURACY),
-    ("transmission", _TRANSMISSION),
-    ("speed", VELOCITY),
-    ("heading", HEADING),
+    ("lat", LATITUDE_TYPE),
+    ("long", LONGITUDE_TYPE),
+    ("elev", ELEVATION_TYPE),
+    ("accuracy", ACCURACY_TYPE),
+    ("transmission", _TRANSMISSION_TYPE),
+    ("speed", VELOCITY_TYPE),
+    ("heading", HEADING_TYPE),
     ("angle", Int(-126, 127)),
-    ("accelSet", ACCELERATIONS),
+    ("accelSet", ACCELERATIONS_TYPE),
     (
         "brakes",
-        sequence(
-            ("wheelBrakes", bits(5)),
+        sequence_type(
+            ("wheelBrakes", bit_string_type(5)),
             ("traction", Enum(4)),
             ("abs", Enum(4)),
             ("scs", Enum(4)),
@@ -62,10 +62,10 @@ _CORE = sequence(
             ("auxBrakes", Enum(4)),
         ),
     ),
-    ("size", sequence(("width", Int(0, 1023)), ("length", Int(0, 4095)))),
+    ("size", sequence_type(("width", Int(0, 1023)), ("length", Int(0, 4095)))),
 )
 """The ASN.1 type of the core data (part I)."""
-DATE_TIME = sequence(
+DATE_TIME_TYPE = sequence_type(
     ("year", Int(0, 4095), True),
     ("month", Int(0, 12), True),
     ("day", Int(0, 31), True),
@@ -75,65 +75,72 @@ DATE_TIME = sequence(
     ("offset", Int(-840, 840), True),
 )
 """The ASN.1 type of a date with time."""
-_FULL_POSITION = sequence(
-    ("utcTime", DATE_TIME, True),
-    ("long", LONGITUDE),
-    ("lat", LATITUDE),
-    ("elevation", ELEVATION, True),
-    ("heading", HEADING, True),
-    ("speed", sequence(("transmisson", _TRANSMISSION), ("speed", VELOCITY)), True),
-    ("posAccuracy", ACCURACY, True),
+_FULL_POSITION_TYPE = sequence_type(
+    ("utcTime", DATE_TIME_TYPE, True),
+    ("long", LONGITUDE_TYPE),
+    ("lat", LATITUDE_TYPE),
+    ("elevation", ELEVATION_TYPE, True),
+    ("heading", HEADING_TYPE, True),
+    ("speed", sequence_type(("transmisson", _TRANSMISSION_TYPE), ("speed", VELOCITY_TYPE)), True),
+    ("posAccuracy", ACCURACY_TYPE, True),
     ("timeConfidence", Enum(40), True),
-    ("posConfidence", sequence(("pos", Enum(16)), ("elevation", Enum(16))), True),
-    ("speedConfidence", sequence(("heading", Enum(8)), ("speed", Enum(8)), ("throttle", Enum(4))), True),
+    ("posConfidence", sequence_type(("pos", Enum(16)), ("elevation", Enum(16))), True),
+    ("speedConfidence", sequence_type(("heading", Enum(8)), ("speed", Enum(8)), ("throttle", Enum(4))), True),
     extensible=True,
 )
 """The ASN.1 type of a full position vector."""
-_CRUMB = sequence(
+_CRUMB_TYPE = sequence_type(
     ("latOffset", Int(-131_072, 131_071)),
     ("lonOffset", Int(-131_072, 131_071)),
     ("elevationOffset", Int(-2048, 2047)),
     ("timeOffset", Int(1, 65_535)),
-    ("speed", VELOCITY, True),
-    ("posAccuracy", ACCURACY, True),
+    ("speed", VELOCITY_TYPE, True),
+    ("posAccuracy", ACCURACY_TYPE, True),
     ("heading", Int(0, 240), True),
     extensible=True,
 )
 """The ASN.1 type of one point of the path history."""
-_SAFETY = sequence(
-    ("events", bits(N_FLAGS, extensible=True), True),
+_SAFETY_EXTENSIONS_TYPE = sequence_type(
+    ("events", bit_string_type(N_EVENT_FLAGS, extensible=True), True),
     (
         "pathHistory",
-        sequence(
-            ("initialPosition", _FULL_POSITION, True),
-            ("currGNSSstatus", bits(8), True),
-            ("crumbData", ListOf(_CRUMB, 1, 23)),
+        sequence_type(
+            ("initialPosition", _FULL_POSITION_TYPE, True),
+            ("currGNSSstatus", bit_string_type(8), True),
+            ("crumbData", ListOf(_CRUMB_TYPE, 1, 23)),
             extensible=True,
         ),
         True,
     ),
     (
         "pathPrediction",
-        sequence(("radiusOfCurve", Int(-32_767, 32_767)), ("confidence", Int(0, 200)), extensible=True),
+        sequence_type(("radiusOfCurve", Int(-32_767, 32_767)), ("confidence", Int(0, 200)), extensible=True),
         True,
     ),
-    ("lights", bits(9, extensible=True), True),
+    ("lights", bit_string_type(9, extensible=True), True),
     extensible=True,
 )
 """The ASN.1 type of the vehicle safety extensions."""
-BSM = sequence(
-    ("coreData", _CORE),
+BSM_TYPE = sequence_type(
+    ("coreData", _CORE_DATA_TYPE),
     (
         "partII",
-        ListOf(sequence(("partII-Id", Int(0, 63)), ("partII-Value", Open({VEHICLE_SAFETY_EXTENSIONS: _SAFETY}))), 1, 8),
+        ListOf(
+            sequence_type(
+                ("partII-Id", Int(0, 63)),
+                ("partII-Value", Open({VEHICLE_SAFETY_EXTENSIONS_ID: _SAFETY_EXTENSIONS_TYPE})),
+            ),
+            1,
+            8,
+        ),
         True,
     ),
-    ("regional", ListOf(sequence(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
+    ("regional", ListOf(sequence_type(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
     extensible=True,
 )
 """The ASN.1 type of a BasicSafetyMessage; of part II only the vehicle safety extensions are read."""
 
-CORE_PATHS = tuple(
+CORE_DATA_PATHS = tuple(
     f"coreData.{name}"
     for name in (
         *("msgCnt", "id", "secMark", "lat", "long", "elev", "transmission", "speed", "heading", "angle"),
@@ -144,34 +151,41 @@ CORE_PATHS = tuple(
     )
 )
 """The components of the core data that are decoded."""
-STATION = JSON_RAW["station"]
+STATION_PATH = JSON_RAW_PATHS["station"]
 """The component of the sender's temporary id."""
-EVENTS = CODED[0]
+EVENTS_PATH = CODED_FLAGS_PATHS[0]
 """The component of the event flags."""
-PREDICTION = "partII.partII-Value.pathPrediction"
+PATH_PREDICTION_PATH = "partII.partII-Value.pathPrediction"
 """The component of the path prediction."""
-CRUMBS = "partII.partII-Value.pathHistory.crumbData"
+PATH_HISTORY_CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
 """The component of the path history's points."""
 
 
 @cache
-def core_program() -> Program:
+def compile_core_program() -> Program:
     """Compile the program for part I and the event flags of part II."""
-    return compile_type(BSM, (*CORE_PATHS, EVENTS, f"{PREDICTION}.radiusOfCurve", f"{PREDICTION}.confidence"))
+    return compile_type(
+        BSM_TYPE,
+        (*CORE_DATA_PATHS, EVENTS_PATH, f"{PATH_PREDICTION_PATH}.radiusOfCurve", f"{PATH_PREDICTION_PATH}.confidence"),
+    )
 
 
 @cache
-def history_program() -> Program:
+def compile_path_history_program() -> Program:
     """Compile the program for the points of the path history."""
     names = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
-    return compile_type(BSM, tuple(f"{CRUMBS}.{name}" for name in names), (CRUMBS,))
+    return compile_type(
+        BSM_TYPE, tuple(f"{PATH_HISTORY_CRUMBS_PATH}.{name}" for name in names), (PATH_HISTORY_CRUMBS_PATH,)
+    )
 
 
-def fields(decoded: Decoded) -> dict[str, Field]:
+def bsm_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
-    made: dict[str, Field] = {path: decoded.numbers(path) for path in JSON_RAW.values() if path != STATION}
-    distinct, codes = np.unique(decoded.codes(STATION), return_inverse=True)
-    names = tuple("" if code == MISSING else f"{code:08x}" for code in distinct)
-    made[STATION] = Strings(codes.astype(np.int32), names)
-    made[EVENTS] = np.nan_to_num(decoded.numbers(EVENTS)).astype(np.int64)
+    made: dict[str, Field] = {
+        path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values() if path != STATION_PATH
+    }
+    distinct, codes = np.unique(decoded.component_codes(STATION_PATH), return_inverse=True)
+    names = tuple("" if code == MISSING_CODE else f"{code:08x}" for code in distinct)
+    made[STATION_PATH] = Strings(codes.astype(np.int32), names)
+    made[EVENTS_PATH] = np.nan_to_num(decoded.component_numbers(EVENTS_PATH)).astype(np.int64)
     return made

@@ -8,87 +8,87 @@ from __future__ import annotations
 from functools import cache
 
 from cwcli.signals.columns import Field
-from cwcli.signals.radio.messages import Decoded
+from cwcli.signals.radio.messages import DecodedMessages
 from cwcli.signals.radio.program import Program, compile_type
-from cwcli.signals.radio.types import NEVER, Choice, Enum, Int, ListOf, Open, bits, sequence
-from cwcli.signals.radio.vam import REFERENCE_POSITION
+from cwcli.signals.radio.types import FORBIDDEN_TYPE, Choice, Enum, Int, ListOf, Open, bit_string_type, sequence_type
+from cwcli.signals.radio.vam import REFERENCE_POSITION_TYPE
 
-MESSAGE_ID = 14
+CPM_MESSAGE_ID = 14
 """The message id of a CPM (TS 102 894-2)."""
-PROTOCOL_VERSIONS = (2,)
+CPM_PROTOCOL_VERSIONS = (2,)
 """The protocol versions that are decoded; version 1 (TR 103 562) was packed differently."""
 
-_IDENTIFIER_1B, _IDENTIFIER_2B = Int(0, 255), Int(0, 65_535)
+_IDENTIFIER_1B_TYPE, _IDENTIFIER_2B_TYPE = Int(0, 255), Int(0, 65_535)
 """The ASN.1 types of identifiers of one and two octets."""
-_COORDINATE = sequence(("value", Int(-131_072, 131_071)), ("confidence", Int(1, 4096)))
+_COORDINATE_TYPE = sequence_type(("value", Int(-131_072, 131_071)), ("confidence", Int(1, 4096)))
 """The ASN.1 type of a coordinate with its confidence."""
-_VELOCITY_COMPONENT = sequence(("value", Int(-16_383, 16_383)), ("confidence", Int(1, 127)))
+_VELOCITY_COMPONENT_TYPE = sequence_type(("value", Int(-16_383, 16_383)), ("confidence", Int(1, 127)))
 """The ASN.1 type of a component of a velocity."""
-_ACCELERATION_COMPONENT = sequence(("value", Int(-160, 161)), ("confidence", Int(0, 102)))
+_ACCELERATION_COMPONENT_TYPE = sequence_type(("value", Int(-160, 161)), ("confidence", Int(0, 102)))
 """The ASN.1 type of a component of an acceleration."""
-_ANGLE = sequence(("value", Int(0, 3601)), ("confidence", Int(1, 127)))
+_ANGLE_TYPE = sequence_type(("value", Int(0, 3601)), ("confidence", Int(1, 127)))
 """The ASN.1 type of an angle with its confidence."""
-_DIMENSION = sequence(("value", Int(1, 256)), ("confidence", Int(1, 32)))
+_DIMENSION_TYPE = sequence_type(("value", Int(1, 256)), ("confidence", Int(1, 32)))
 """The ASN.1 type of an object's dimension."""
-_VELOCITY = Choice(
-    sequence(
+_VELOCITY_TYPE = Choice(
+    sequence_type(
         (
             "polarVelocity",
-            sequence(
+            sequence_type(
                 (
                     "velocityMagnitude",
-                    sequence(("speedValue", Int(0, 16_383)), ("speedConfidence", Int(1, 127))),
+                    sequence_type(("speedValue", Int(0, 16_383)), ("speedConfidence", Int(1, 127))),
                 ),
-                ("velocityDirection", _ANGLE),
-                ("zVelocity", _VELOCITY_COMPONENT, True),
+                ("velocityDirection", _ANGLE_TYPE),
+                ("zVelocity", _VELOCITY_COMPONENT_TYPE, True),
             ),
         ),
         (
             "cartesianVelocity",
-            sequence(
-                ("xVelocity", _VELOCITY_COMPONENT),
-                ("yVelocity", _VELOCITY_COMPONENT),
-                ("zVelocity", _VELOCITY_COMPONENT, True),
+            sequence_type(
+                ("xVelocity", _VELOCITY_COMPONENT_TYPE),
+                ("yVelocity", _VELOCITY_COMPONENT_TYPE),
+                ("zVelocity", _VELOCITY_COMPONENT_TYPE, True),
             ),
         ),
     ).parts
 )
 """The ASN.1 type of a velocity, polar or Cartesian."""
-_ACCELERATION = Choice(
-    sequence(
+_ACCELERATION_TYPE = Choice(
+    sequence_type(
         (
             "polarAcceleration",
-            sequence(
+            sequence_type(
                 (
                     "accelerationMagnitude",
-                    sequence(("accelerationMagnitudeValue", Int(0, 161)), ("accelerationConfidence", Int(0, 102))),
+                    sequence_type(("accelerationMagnitudeValue", Int(0, 161)), ("accelerationConfidence", Int(0, 102))),
                 ),
-                ("accelerationDirection", _ANGLE),
-                ("zAcceleration", _ACCELERATION_COMPONENT, True),
+                ("accelerationDirection", _ANGLE_TYPE),
+                ("zAcceleration", _ACCELERATION_COMPONENT_TYPE, True),
             ),
         ),
         (
             "cartesianAcceleration",
-            sequence(
-                ("xAcceleration", _ACCELERATION_COMPONENT),
-                ("yAcceleration", _ACCELERATION_COMPONENT),
-                ("zAcceleration", _ACCELERATION_COMPONENT, True),
+            sequence_type(
+                ("xAcceleration", _ACCELERATION_COMPONENT_TYPE),
+                ("yAcceleration", _ACCELERATION_COMPONENT_TYPE),
+                ("zAcceleration", _ACCELERATION_COMPONENT_TYPE, True),
             ),
         ),
     ).parts
 )
 """The ASN.1 type of an acceleration, polar or Cartesian."""
-_CORRELATIONS = ListOf(
-    sequence(
-        ("componentsIncludedIntheMatrix", bits(13, extensible=True)),
+_CORRELATIONS_TYPE = ListOf(
+    sequence_type(
+        ("componentsIncludedIntheMatrix", bit_string_type(13, extensible=True)),
         ("matrix", ListOf(ListOf(Int(-100, 101), 1, 13, extensible=True), 1, 13)),
     ),
     1,
     4,
 )
 """The ASN.1 type of the correlation matrices."""
-_VRU_SUB_CLASS = Choice(
-    sequence(
+_VRU_SUB_CLASS_TYPE = Choice(
+    sequence_type(
         ("pedestrian", Enum(5)),
         ("bicyclistAndLightVruVehicle", Enum(10)),
         ("motorcyclist", Enum(6)),
@@ -97,33 +97,37 @@ _VRU_SUB_CLASS = Choice(
     extensible=True,
 )
 """The ASN.1 type of the class of a vulnerable road user."""
-_CLUSTER = sequence(
-    ("clusterId", _IDENTIFIER_1B, True),
-    ("clusterBoundingBoxShape", NEVER, True),
-    ("clusterCardinalitySize", _IDENTIFIER_1B),
-    ("clusterProfiles", bits(4), True),
+_CLUSTER_TYPE = sequence_type(
+    ("clusterId", _IDENTIFIER_1B_TYPE, True),
+    ("clusterBoundingBoxShape", FORBIDDEN_TYPE, True),
+    ("clusterCardinalitySize", _IDENTIFIER_1B_TYPE),
+    ("clusterProfiles", bit_string_type(4), True),
     extensible=True,
 )
 """The ASN.1 type of a cluster of road users."""
-_CLASS = Choice(
-    sequence(
+_OBJECT_CLASS_TYPE = Choice(
+    sequence_type(
         ("vehicleSubClass", Int(0, 14)),
-        ("vruSubClass", _VRU_SUB_CLASS),
-        ("groupSubClass", _CLUSTER),
+        ("vruSubClass", _VRU_SUB_CLASS_TYPE),
+        ("groupSubClass", _CLUSTER_TYPE),
         ("otherSubClass", Int(0, 255)),
     ).parts,
     extensible=True,
 )
 """The ASN.1 type of an object's class."""
-_ROAD_ID = sequence(("region", _IDENTIFIER_2B, True), ("id", _IDENTIFIER_2B))
+_ROAD_ID_TYPE = sequence_type(("region", _IDENTIFIER_2B_TYPE, True), ("id", _IDENTIFIER_2B_TYPE))
 """The ASN.1 type of the id of a road segment or intersection."""
-_MAP_POSITION = sequence(
-    ("mapReference", Choice(sequence(("roadsegment", _ROAD_ID), ("intersection", _ROAD_ID)).parts), True),
-    ("laneId", _IDENTIFIER_1B, True),
-    ("connectionId", _IDENTIFIER_1B, True),
+_MAP_POSITION_TYPE = sequence_type(
+    (
+        "mapReference",
+        Choice(sequence_type(("roadsegment", _ROAD_ID_TYPE), ("intersection", _ROAD_ID_TYPE)).parts),
+        True,
+    ),
+    ("laneId", _IDENTIFIER_1B_TYPE, True),
+    ("connectionId", _IDENTIFIER_1B_TYPE, True),
     (
         "longitudinalLanePosition",
-        sequence(
+        sequence_type(
             ("longitudinalLanePositionValue", Int(0, 32_767)), ("longitudinalLanePositionConfidence", Int(0, 1023))
         ),
         True,
@@ -131,63 +135,81 @@ _MAP_POSITION = sequence(
     extensible=True,
 )
 """The ASN.1 type of a position on a map."""
-_OBJECT = sequence(
-    ("objectId", _IDENTIFIER_2B, True),
+_PERCEIVED_OBJECT_TYPE = sequence_type(
+    ("objectId", _IDENTIFIER_2B_TYPE, True),
     ("measurementDeltaTime", Int(-2048, 2047)),
     (
         "position",
-        sequence(("xCoordinate", _COORDINATE), ("yCoordinate", _COORDINATE), ("zCoordinate", _COORDINATE, True)),
+        sequence_type(
+            ("xCoordinate", _COORDINATE_TYPE),
+            ("yCoordinate", _COORDINATE_TYPE),
+            ("zCoordinate", _COORDINATE_TYPE, True),
+        ),
     ),
-    ("velocity", _VELOCITY, True),
-    ("acceleration", _ACCELERATION, True),
-    ("angles", sequence(("zAngle", _ANGLE), ("yAngle", _ANGLE, True), ("xAngle", _ANGLE, True)), True),
-    ("zAngularVelocity", sequence(("value", Int(-255, 256)), ("confidence", Enum(8))), True),
-    ("lowerTriangularCorrelationMatrices", _CORRELATIONS, True),
-    ("objectDimensionZ", _DIMENSION, True),
-    ("objectDimensionY", _DIMENSION, True),
-    ("objectDimensionX", _DIMENSION, True),
+    ("velocity", _VELOCITY_TYPE, True),
+    ("acceleration", _ACCELERATION_TYPE, True),
+    (
+        "angles",
+        sequence_type(("zAngle", _ANGLE_TYPE), ("yAngle", _ANGLE_TYPE, True), ("xAngle", _ANGLE_TYPE, True)),
+        True,
+    ),
+    ("zAngularVelocity", sequence_type(("value", Int(-255, 256)), ("confidence", Enum(8))), True),
+    ("lowerTriangularCorrelationMatrices", _CORRELATIONS_TYPE, True),
+    ("objectDimensionZ", _DIMENSION_TYPE, True),
+    ("objectDimensionY", _DIMENSION_TYPE, True),
+    ("objectDimensionX", _DIMENSION_TYPE, True),
     ("objectAge", Int(0, 2047), True),
     ("objectPerceptionQuality", Int(0, 15), True),
-    ("sensorIdList", ListOf(_IDENTIFIER_1B, 1, 128, extensible=True), True),
-    ("classification", ListOf(sequence(("objectClass", _CLASS), ("confidence", Int(1, 101))), 1, 8), True),
-    ("mapPosition", _MAP_POSITION, True),
+    ("sensorIdList", ListOf(_IDENTIFIER_1B_TYPE, 1, 128, extensible=True), True),
+    (
+        "classification",
+        ListOf(sequence_type(("objectClass", _OBJECT_CLASS_TYPE), ("confidence", Int(1, 101))), 1, 8),
+        True,
+    ),
+    ("mapPosition", _MAP_POSITION_TYPE, True),
     extensible=True,
 )
 """The ASN.1 type of a perceived object."""
-_PERCEIVED = sequence(
+_PERCEIVED_CONTAINER_TYPE = sequence_type(
     ("numberOfPerceivedObjects", Int(0, 255)),
-    ("perceivedObjects", ListOf(_OBJECT, 0, 255, extensible=True)),
+    ("perceivedObjects", ListOf(_PERCEIVED_OBJECT_TYPE, 0, 255, extensible=True)),
     extensible=True,
 )
 """The ASN.1 type of the container of perceived objects."""
-_RATE = sequence(("mantissa", Int(1, 100)), ("exponent", Int(-5, 2)))
+_MESSAGE_RATE_TYPE = sequence_type(("mantissa", Int(1, 100)), ("exponent", Int(-5, 2)))
 """The ASN.1 type of a message rate."""
-PERCEIVED_OBJECT_CONTAINER = 5
+PERCEIVED_OBJECT_CONTAINER_ID = 5
 """The id of the container of perceived objects."""
-CPM = sequence(
+CPM_TYPE = sequence_type(
     (
         "header",
-        sequence(("protocolVersion", Int(0, 255)), ("messageId", Int(0, 255)), ("stationId", Int(0, 4_294_967_295))),
+        sequence_type(
+            ("protocolVersion", Int(0, 255)), ("messageId", Int(0, 255)), ("stationId", Int(0, 4_294_967_295))
+        ),
     ),
     (
         "payload",
-        sequence(
+        sequence_type(
             (
                 "managementContainer",
-                sequence(
+                sequence_type(
                     ("referenceTime", Int(0, 4_398_046_511_103)),
-                    ("referencePosition", REFERENCE_POSITION),
-                    ("segmentationInfo", sequence(("totalMsgNo", Int(1, 8)), ("thisMsgNo", Int(1, 8))), True),
-                    ("messageRateRange", sequence(("messageRateMin", _RATE), ("messageRateMax", _RATE)), True),
+                    ("referencePosition", REFERENCE_POSITION_TYPE),
+                    ("segmentationInfo", sequence_type(("totalMsgNo", Int(1, 8)), ("thisMsgNo", Int(1, 8))), True),
+                    (
+                        "messageRateRange",
+                        sequence_type(("messageRateMin", _MESSAGE_RATE_TYPE), ("messageRateMax", _MESSAGE_RATE_TYPE)),
+                        True,
+                    ),
                     extensible=True,
                 ),
             ),
             (
                 "cpmContainers",
                 ListOf(
-                    sequence(
+                    sequence_type(
                         ("containerId", Int(1, 16)),
-                        ("containerData", Open({PERCEIVED_OBJECT_CONTAINER: _PERCEIVED})),
+                        ("containerData", Open({PERCEIVED_OBJECT_CONTAINER_ID: _PERCEIVED_CONTAINER_TYPE})),
                     ),
                     1,
                     8,
@@ -203,27 +225,27 @@ The list of containers is that of an extensible type with one more constraint (`
 takes the extension away (X.680, 50.8): there is no bit for it.
 """
 
-_MANAGEMENT = "payload.managementContainer."
+_MANAGEMENT_PREFIX = "payload.managementContainer."
 """The path prefix of the management container."""
-_POSITION = _MANAGEMENT + "referencePosition."
+_POSITION_PREFIX = _MANAGEMENT_PREFIX + "referencePosition."
 """The path prefix of the reference position."""
-_ELLIPSE = _POSITION + "positionConfidenceEllipse."
+_ELLIPSE_PREFIX = _POSITION_PREFIX + "positionConfidenceEllipse."
 """The path prefix of the position's confidence ellipse."""
-OBJECTS = "payload.cpmContainers.containerData.perceivedObjects"
+OBJECTS_PATH = "payload.cpmContainers.containerData.perceivedObjects"
 """The path of the list of perceived objects."""
 
-SENDER_PATHS: dict[str, str] = {
+SENDER_COMPONENT_PATHS: dict[str, str] = {
     "station": "header.stationId",
-    "reference_time_ms": _MANAGEMENT + "referenceTime",
-    "latitude_deg": _POSITION + "latitude",
-    "longitude_deg": _POSITION + "longitude",
-    "altitude_m": _POSITION + "altitude.altitudeValue",
-    "semi_major_m": _ELLIPSE + "semiMajorAxisLength",
-    "semi_minor_m": _ELLIPSE + "semiMinorAxisLength",
-    "semi_major_compass_deg": _ELLIPSE + "semiMajorAxisOrientation",
+    "reference_time_ms": _MANAGEMENT_PREFIX + "referenceTime",
+    "latitude_deg": _POSITION_PREFIX + "latitude",
+    "longitude_deg": _POSITION_PREFIX + "longitude",
+    "altitude_m": _POSITION_PREFIX + "altitude.altitudeValue",
+    "semi_major_m": _ELLIPSE_PREFIX + "semiMajorAxisLength",
+    "semi_minor_m": _ELLIPSE_PREFIX + "semiMinorAxisLength",
+    "semi_major_compass_deg": _ELLIPSE_PREFIX + "semiMajorAxisOrientation",
 }
 """The component of the packed message, by quantity of the sender in `signals.cpm`."""
-OBJECT_PATHS: dict[str, str] = {
+OBJECT_COMPONENT_PATHS: dict[str, str] = {
     "object": "objectId",
     "delta_time_ms": "measurementDeltaTime",
     "east_m": "position.xCoordinate.value",
@@ -256,15 +278,17 @@ OBJECT_PATHS: dict[str, str] = {
 
 
 @cache
-def program() -> Program:
+def compile_cpm_program() -> Program:
     """Compile the program that decodes the components of sender and objects."""
-    of_objects = (f"{OBJECTS}.{path}" for path in OBJECT_PATHS.values())
-    return compile_type(CPM, (*SENDER_PATHS.values(), *of_objects), (OBJECTS,))
+    of_objects = (f"{OBJECTS_PATH}.{path}" for path in OBJECT_COMPONENT_PATHS.values())
+    return compile_type(CPM_TYPE, (*SENDER_COMPONENT_PATHS.values(), *of_objects), (OBJECTS_PATH,))
 
 
-def objects(decoded: Decoded) -> dict[str, Field]:
+def cpm_objects_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the quantities that `signals.cpm` reads, one row an object, from decoded messages."""
-    rows = decoded.rows[OBJECTS]
-    made: dict[str, Field] = {name: decoded.numbers(path)[rows] for name, path in SENDER_PATHS.items()}
-    made |= {name: decoded.numbers(f"{OBJECTS}.{path}") for name, path in OBJECT_PATHS.items()}
+    rows = decoded.rows[OBJECTS_PATH]
+    made: dict[str, Field] = {
+        name: decoded.component_numbers(path)[rows] for name, path in SENDER_COMPONENT_PATHS.items()
+    }
+    made |= {name: decoded.component_numbers(f"{OBJECTS_PATH}.{path}") for name, path in OBJECT_COMPONENT_PATHS.items()}
     return made

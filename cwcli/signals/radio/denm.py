@@ -8,42 +8,45 @@ from __future__ import annotations
 from functools import cache
 
 from cwcli.signals.columns import Int64Array
-from cwcli.signals.denm import events_of
-from cwcli.signals.radio.messages import Decoded
+from cwcli.signals.denm import events_from_codes
+from cwcli.signals.radio.messages import DecodedMessages
 from cwcli.signals.radio.program import Program, compile_type
-from cwcli.signals.radio.tables import load
+from cwcli.signals.radio.tables import load_message_type
 from cwcli.signals.road_events import RoadEvents
 
-MESSAGE_ID = 1
+DENM_MESSAGE_ID = 1
 """The message id of a DENM (TS 102 894-2)."""
-PROTOCOL_VERSIONS = (2,)
+DENM_PROTOCOL_VERSIONS = (2,)
 """The protocol versions that are decoded."""
 
-_MANAGEMENT = "denm.management."
+_MANAGEMENT_PREFIX = "denm.management."
 """The path prefix of the management container."""
-PATHS: dict[str, str] = {
+DENM_COMPONENT_PATHS: dict[str, str] = {
     "station": "header.stationID",
-    "action_station": _MANAGEMENT + "actionID.originatingStationID",
-    "action_number": _MANAGEMENT + "actionID.sequenceNumber",
+    "action_station": _MANAGEMENT_PREFIX + "actionID.originatingStationID",
+    "action_number": _MANAGEMENT_PREFIX + "actionID.sequenceNumber",
     "cause": "denm.situation.eventType.causeCode",
     "sub_cause": "denm.situation.eventType.subCauseCode",
-    "reference_time_ms": _MANAGEMENT + "referenceTime",
-    "termination": _MANAGEMENT + "termination",
-    "latitude_deg": _MANAGEMENT + "eventPosition.latitude",
-    "longitude_deg": _MANAGEMENT + "eventPosition.longitude",
-    "relevance": _MANAGEMENT + "relevanceDistance",
-    "validity_s": _MANAGEMENT + "validityDuration",
+    "reference_time_ms": _MANAGEMENT_PREFIX + "referenceTime",
+    "termination": _MANAGEMENT_PREFIX + "termination",
+    "latitude_deg": _MANAGEMENT_PREFIX + "eventPosition.latitude",
+    "longitude_deg": _MANAGEMENT_PREFIX + "eventPosition.longitude",
+    "relevance": _MANAGEMENT_PREFIX + "relevanceDistance",
+    "validity_s": _MANAGEMENT_PREFIX + "validityDuration",
 }
 """The component of the packed message, by quantity of `signals.denm`."""
 
 
 @cache
-def program() -> Program:
+def compile_denm_program() -> Program:
     """Compile the program that decodes the components of a DENM."""
-    return compile_type(load("denm"), tuple(PATHS.values()))
+    return compile_type(load_message_type("denm"), tuple(DENM_COMPONENT_PATHS.values()))
 
 
-def events(decoded: Decoded, log_time_ns: Int64Array) -> RoadEvents:
+def events_from_decoded(decoded: DecodedMessages, log_time_ns: Int64Array) -> RoadEvents:
     """Build the events of the messages that could be decoded; `log_time_ns` (n,) is of all messages."""
     is_ok = decoded.status == 0
-    return events_of({name: decoded.numbers(path)[is_ok] for name, path in PATHS.items()}, log_time_ns[is_ok])
+    return events_from_codes(
+        {name: decoded.component_numbers(path)[is_ok] for name, path in DENM_COMPONENT_PATHS.items()},
+        log_time_ns[is_ok],
+    )

@@ -14,20 +14,20 @@ import numpy.typing as npt
 
 from cwcli.kernels import radio_frames
 from cwcli.signals.columns import Columns, Field, Ragged
-from cwcli.signals.leaf_fields import find
+from cwcli.signals.leaf_fields import find_field
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets, UInt8Array
-from cwcli.signals.radio.wsmp import payloads
+from cwcli.signals.radio.wsmp import extract_wsmp_payloads
 
-FORMATS: dict[str, int] = {
+KERNEL_FORMAT_CODES: dict[str, int] = {
     "j2735": radio_frames.FORMAT_J2735,
     "btp": radio_frames.FORMAT_BTP,
     "its": radio_frames.FORMAT_ITS,
 }
 """The kernel's code of each format of received octets."""
-CONTENTS = ("content", "data", "payload", "message", "msg", "buffer", "bytes", "packet")
+OCTET_FIELD_NAMES = ("content", "data", "payload", "message", "msg", "buffer", "bytes", "packet")
 """The fields that can hold a radio's octets, in order of preference."""
-FAULTS: dict[int, str] = {
+FRAME_FAULT_TEXTS: dict[int, str] = {
     radio_frames.FRAME_SHORT: "truncated frame",
     radio_frames.FRAME_ENCRYPTED: "encrypted (IEEE 1609.2)",
     radio_frames.FRAME_NO_PAYLOAD: "IEEE 1609.2 without a message",
@@ -37,7 +37,7 @@ FAULTS: dict[int, str] = {
 
 
 @dataclass(frozen=True)
-class Frames:
+class UnwrappedFrames:
     """The messages that were found in n rows.
 
     Attributes:
@@ -59,16 +59,16 @@ class Frames:
         return signed
 
 
-def unwrap(columns: Columns, form: str) -> Frames:
+def unwrap_frames(columns: Columns, form: str) -> UnwrappedFrames:
     """Find the messages in the octets of a channel.
 
     Args:
         columns: The channel with a field of octets; rows without octets count as truncated.
         form: The format: `j2735`, `btp` or `its`.
     """
-    octets = _octets(find(columns, *CONTENTS), len(columns))
+    octets = _octets_of_rows(find_field(columns, *OCTET_FIELD_NAMES), len(columns))
     if form == "j2735":
-        octets = payloads(octets)
+        octets = extract_wsmp_payloads(octets)
     n = len(octets)
     begins, stops = np.zeros(n, np.int64), np.zeros(n, np.int64)
     message, security, status = np.zeros(n, np.int32), np.zeros(n, np.uint8), np.zeros(n, np.uint8)
@@ -76,17 +76,17 @@ def unwrap(columns: Columns, form: str) -> Frames:
         octets.data,
         octets.starts,
         octets.ends,
-        form=FORMATS[form],
+        form=KERNEL_FORMAT_CODES[form],
         begins=begins,
         stops=stops,
         message=message,
         security=security,
         status=status,
     )
-    return Frames(Octets(octets.data, begins, stops), message, security, status)
+    return UnwrappedFrames(Octets(octets.data, begins, stops), message, security, status)
 
 
-def _octets(field: Field | None, n: int) -> Octets:
+def _octets_of_rows(field: Field | None, n: int) -> Octets:
     """Return the octets of each row; a row with a number that is no octet has none."""
     if isinstance(field, np.ndarray) and field.ndim == 2:
         field = Ragged(field.reshape(-1), np.arange(n + 1, dtype=np.int64) * field.shape[1])

@@ -12,9 +12,9 @@ from cwcli.kernels import uper
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.radio.program import Program
 
-MISSING = int(np.iinfo(np.int64).min)
+MISSING_CODE = int(np.iinfo(np.int64).min)
 """The code of a component that a message does not have."""
-FAULTS: dict[int, str] = {
+DECODE_FAULT_TEXTS: dict[int, str] = {
     uper.UPER_SHORT: "truncated message",
     uper.UPER_RANGE: "code outside its range",
     uper.UPER_LENGTH: "length disagrees with the contents",
@@ -36,13 +36,13 @@ class Octets:
     def __len__(self) -> int:
         return len(self.starts)
 
-    def take(self, rows: npt.NDArray[np.intp]) -> Octets:
+    def select_messages(self, rows: npt.NDArray[np.intp]) -> Octets:
         """Return some of the messages."""
         return Octets(self.data, self.starts[rows], self.ends[rows])
 
 
 @dataclass(frozen=True)
-class Decoded:
+class DecodedMessages:
     """The components of decoded messages; a message that can't be decoded has none.
 
     Attributes:
@@ -55,17 +55,17 @@ class Decoded:
     components: Mapping[str, Int64Array]
     rows: Mapping[str, Int64Array]
 
-    def codes(self, path: str) -> Int64Array:
+    def component_codes(self, path: str) -> Int64Array:
         """Return a component as the message codes it, the code for missing where it is absent."""
         return self.components[path]
 
-    def numbers(self, path: str) -> FloatArray:
+    def component_numbers(self, path: str) -> FloatArray:
         """Return a component as numbers, NaN where it is absent."""
         codes = self.components[path]
-        return np.where(codes == MISSING, np.nan, codes.astype(np.float64))
+        return np.where(codes == MISSING_CODE, np.nan, codes.astype(np.float64))
 
 
-def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -> Decoded:
+def decode_messages(program: Program, octets: Octets, status: UInt8Array | None = None) -> DecodedMessages:
     """Decode messages of one type.
 
     Args:
@@ -79,8 +79,8 @@ def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -
     n = len(octets)
     n_tables = len(program.lists) + 1
     status = np.zeros(n, np.uint8) if status is None else status.copy()
-    tables = [np.full((n, program.width(0)), MISSING, np.int64)]
-    tables += [np.zeros((max(64, 4 * n), program.width(k)), np.int64) for k in range(1, n_tables)]
+    tables = [np.full((n, program.count_columns(0)), MISSING_CODE, np.int64)]
+    tables += [np.zeros((max(64, 4 * n), program.count_columns(k)), np.int64) for k in range(1, n_tables)]
     counts = np.zeros(n_tables, np.int64)
     current = np.zeros(n_tables, np.int64)
     data = np.ascontiguousarray(octets.data, np.uint8)
@@ -95,7 +95,7 @@ def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -
             counts=counts,
             current=current,
             first=done,
-            missing=MISSING,
+            missing=MISSING_CODE,
             status=status,
         )
         if done == n:
@@ -104,7 +104,7 @@ def decode(program: Program, octets: Octets, status: UInt8Array | None = None) -
     if not len(data):
         status[:] = uper.UPER_SHORT
     counts[0] = n
-    return Decoded(
+    return DecodedMessages(
         status,
         {path: tables[of][: counts[of], column] for path, (of, column) in program.columns.items()},
         {path: tables[of][: counts[of], 0] for path, of in program.lists.items()},

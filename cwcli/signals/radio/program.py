@@ -11,9 +11,9 @@ import numpy.typing as npt
 from cwcli.kernels import uper
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Part, Seq, Sized, Type, Unread
 
-MAX_DEPTH = 48
+MAX_NESTING_DEPTH = 48
 """The largest depth of nested types that the kernel's stack allows."""
-NOWHERE = -1
+NO_COLUMN = -1
 """The column of a value that is decoded and not kept."""
 
 
@@ -31,7 +31,7 @@ class Program:
     columns: dict[str, tuple[int, int]]
     lists: dict[str, int]
 
-    def width(self, table: int) -> int:
+    def count_columns(self, table: int) -> int:
         """Return the number of columns of a table."""
         return max([0, *(column for of, column in self.columns.values() if of == table)]) + 1
 
@@ -49,8 +49,8 @@ def compile_type(root: Type, wanted: Collection[str], lists: Collection[str] = (
         ValueError: A path does not exist, or the type is nested too deeply (a mistake in a table of this package).
     """
     compiler = _Compiler(frozenset(wanted), frozenset(lists))
-    compiler.emit_type(root, "", 0, 0)
-    compiler.emit(uper.UPER_END)
+    compiler.compile_node(root, "", 0, 0)
+    compiler.emit_operation(uper.UPER_END)
     unknown = (compiler.wanted - compiler.columns.keys()) | (compiler.tabled - compiler.lists.keys())
     if unknown:
         raise ValueError(f"no such component: {', '.join(sorted(unknown))}")
@@ -66,104 +66,106 @@ class _Compiler:
         self.lists: dict[str, int] = {}
         self.widths = [0]
 
-    def emit(self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0) -> int:
+    def emit_operation(self, operation: int, a: int = 0, b: int = 0, c: int = 0, d: int = 0, *, jump: int = 0) -> int:
         """Append one operation without a column for its value; return its index."""
-        self.rows.append([operation, a, b, c, d, 0, NOWHERE, jump])
+        self.rows.append([operation, a, b, c, d, 0, NO_COLUMN, jump])
         return len(self.rows) - 1
 
-    def place(self, row: int, path: str, table: int) -> None:
+    def assign_column(self, row: int, path: str, table: int) -> None:
         """Assign a column to the operation's value, where its path is wanted."""
         if path in self.wanted:
             self.columns[path] = (table, self.widths[table])
             self.rows[row][5:7] = self.columns[path]
             self.widths[table] += 1
 
-    def emit_type(self, node: Type, path: str, table: int, depth: int) -> None:
-        if depth > MAX_DEPTH:
+    def compile_node(self, node: Type, path: str, table: int, depth: int) -> None:
+        if depth > MAX_NESTING_DEPTH:
             raise ValueError(f"{path}: nested too deeply")
         match node:
             case Int():
-                self.place(self._integer(node), path, table)
+                self.assign_column(self._emit_integer(node), path, table)
             case Enum():
                 operation = uper.UPER_ENUM_EXT if node.extensible else uper.UPER_INT
-                self.place(self.emit(operation, _width(node.n), 0, node.n - 1), path, table)
+                self.assign_column(self.emit_operation(operation, _bits_for_values(node.n), 0, node.n - 1), path, table)
             case Sized():
                 high = -1 if node.high is None else node.high
-                width = 0 if node.high is None else _width(node.high - node.low + 1)
-                row = self.emit(uper.UPER_SIZED, node.unit_bits, node.low, high, width, jump=int(node.extensible))
-                self.place(row, path, table)
+                width = 0 if node.high is None else _bits_for_values(node.high - node.low + 1)
+                row = self.emit_operation(
+                    uper.UPER_SIZED, node.unit_bits, node.low, high, width, jump=int(node.extensible)
+                )
+                self.assign_column(row, path, table)
             case Seq():
-                self._sequence(node, path, table, depth)
+                self._emit_sequence(node, path, table, depth)
             case Choice():
-                self._choice(node, path, table, depth)
+                self._emit_choice(node, path, table, depth)
             case ListOf():
-                self._list(node, path, table, depth)
+                self._emit_list(node, path, table, depth)
             case Open():
-                self._open(node, path, table, depth)
+                self._emit_open_type(node, path, table, depth)
             case Null():
                 pass
             case Unread():
-                self.emit(uper.UPER_END)
+                self.emit_operation(uper.UPER_END)
 
-    def _integer(self, node: Int) -> int:
+    def _emit_integer(self, node: Int) -> int:
         if node.low is None or node.high is None:
-            return self.emit(uper.UPER_BIG, int(node.low is not None), node.low or 0)
+            return self.emit_operation(uper.UPER_BIG, int(node.low is not None), node.low or 0)
         span = node.high - node.low
         operation = uper.UPER_INT_EXT if node.extensible else uper.UPER_INT
-        return self.emit(operation, _width(span + 1), node.low, span)
+        return self.emit_operation(operation, _bits_for_values(span + 1), node.low, span)
 
-    def _sequence(self, node: Seq, path: str, table: int, depth: int) -> None:
-        self.emit(uper.UPER_SEQUENCE, int(node.extensible), sum(part.optional for part in node.parts))
+    def _emit_sequence(self, node: Seq, path: str, table: int, depth: int) -> None:
+        self.emit_operation(uper.UPER_SEQUENCE, int(node.extensible), sum(part.optional for part in node.parts))
         for part in node.parts:
-            option = self.emit(uper.UPER_OPTION) if part.optional else None
-            self._part(part, path, table, depth)
+            option = self.emit_operation(uper.UPER_OPTION) if part.optional else None
+            self._emit_component(part, path, table, depth)
             if option is not None:
                 self.rows[option][7] = len(self.rows)
-        self.emit(uper.UPER_SEQUENCE_END)
+        self.emit_operation(uper.UPER_SEQUENCE_END)
 
-    def _choice(self, node: Choice, path: str, table: int, depth: int) -> None:
+    def _emit_choice(self, node: Choice, path: str, table: int, depth: int) -> None:
         n = len(node.alternatives)
-        choice = self.emit(uper.UPER_CHOICE, _width(n), n, int(node.extensible))
-        self.place(choice, path, table)
-        doors = [self.emit(uper.UPER_ALTERNATIVE) for _ in node.alternatives]
+        choice = self.emit_operation(uper.UPER_CHOICE, _bits_for_values(n), n, int(node.extensible))
+        self.assign_column(choice, path, table)
+        doors = [self.emit_operation(uper.UPER_ALTERNATIVE) for _ in node.alternatives]
         exits = []
         for door, part in zip(doors, node.alternatives, strict=True):
             self.rows[door][7] = len(self.rows)
-            self._part(part, path, table, depth)
-            exits.append(self.emit(uper.UPER_ALTERNATIVE))
+            self._emit_component(part, path, table, depth)
+            exits.append(self.emit_operation(uper.UPER_ALTERNATIVE))
         for row in (*exits, choice):
             self.rows[row][7] = len(self.rows)
 
-    def _list(self, node: ListOf, path: str, table: int, depth: int) -> None:
+    def _emit_list(self, node: ListOf, path: str, table: int, depth: int) -> None:
         inner = table
         if path in self.tabled:
             inner = len(self.widths)
             self.widths.append(1)
             self.lists[path] = inner
         high = -1 if node.high is None else node.high
-        width = 0 if node.high is None else _width(node.high - node.low + 1)
-        loop = self.emit(uper.UPER_LIST, width, node.low, high, int(node.extensible))
+        width = 0 if node.high is None else _bits_for_values(node.high - node.low + 1)
+        loop = self.emit_operation(uper.UPER_LIST, width, node.low, high, int(node.extensible))
         self.rows[loop][5] = inner if inner != table else 0
-        self.emit_type(node.element, path, inner, depth + 1)
-        self.emit(uper.UPER_LIST_END)
+        self.compile_node(node.element, path, inner, depth + 1)
+        self.emit_operation(uper.UPER_LIST_END)
         self.rows[loop][7] = len(self.rows)
 
-    def _open(self, node: Open, path: str, table: int, depth: int) -> None:
-        start = self.emit(uper.UPER_OPEN, 0, len(node.cases))
-        doors = [self.emit(uper.UPER_CASE, number) for number in node.cases]
+    def _emit_open_type(self, node: Open, path: str, table: int, depth: int) -> None:
+        start = self.emit_operation(uper.UPER_OPEN, 0, len(node.cases))
+        doors = [self.emit_operation(uper.UPER_CASE, number) for number in node.cases]
         exits = []
         for door, contents in zip(doors, node.cases.values(), strict=True):
             self.rows[door][7] = len(self.rows)
-            self.emit_type(contents, path, table, depth + 1)
-            self.emit(uper.UPER_OPEN_END)
-            exits.append(self.emit(uper.UPER_ALTERNATIVE))
+            self.compile_node(contents, path, table, depth + 1)
+            self.emit_operation(uper.UPER_OPEN_END)
+            exits.append(self.emit_operation(uper.UPER_ALTERNATIVE))
         for row in (*exits, start):
             self.rows[row][7] = len(self.rows)
 
-    def _part(self, part: Part, path: str, table: int, depth: int) -> None:
-        self.emit_type(part.type, f"{path}.{part.name}" if path else part.name, table, depth + 1)
+    def _emit_component(self, part: Part, path: str, table: int, depth: int) -> None:
+        self.compile_node(part.type, f"{path}.{part.name}" if path else part.name, table, depth + 1)
 
 
-def _width(n_values: int) -> int:
+def _bits_for_values(n_values: int) -> int:
     """Return the number of bits of a number with so many values."""
     return (n_values - 1).bit_length()

@@ -11,94 +11,94 @@ import numpy as np
 
 from cwcli.signals.columns import Field, Strings
 from cwcli.signals.radio.bsm import (
-    ACCELERATIONS,
-    ACCURACY,
-    DATE_TIME,
-    ELEVATION,
-    HEADING,
-    LATITUDE,
-    LONGITUDE,
-    VELOCITY,
+    ACCELERATIONS_TYPE,
+    ACCURACY_TYPE,
+    DATE_TIME_TYPE,
+    ELEVATION_TYPE,
+    HEADING_TYPE,
+    LATITUDE_TYPE,
+    LONGITUDE_TYPE,
+    VELOCITY_TYPE,
 )
-from cwcli.signals.radio.messages import MISSING, Decoded
+from cwcli.signals.radio.messages import MISSING_CODE, DecodedMessages
 from cwcli.signals.radio.program import Program, compile_type
-from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Open, Sized, bits, sequence
+from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Open, Sized, bit_string_type, sequence_type
 
-MESSAGE_ID = 41
+SDSM_MESSAGE_ID = 41
 """The DSRCmsgID of an SDSM (SAE J2735)."""
 
-_CONFIDENCE = Enum(8)
+_CONFIDENCE_TYPE = Enum(8)
 """The ASN.1 type of the confidences of speed, heading, acceleration, yaw rate and other rates."""
-_CLASS_CONFIDENCE = Int(0, 101)
+_CLASS_CONFIDENCE_TYPE = Int(0, 101)
 """The ASN.1 type of the confidence of a class."""
-_DISTANCE = Int(-32_767, 32_767)
+_DISTANCE_TYPE = Int(-32_767, 32_767)
 """The ASN.1 type of an offset from the reference position."""
-_SIZE = Int(0, 1023)
+_SIZE_TYPE = Int(0, 1023)
 """The ASN.1 type of an obstacle's size."""
-_SIZE_CONFIDENCE = Enum(14)
+_SIZE_CONFIDENCE_TYPE = Enum(14)
 """The ASN.1 type of the confidence of a size."""
-_COMMON = sequence(
+_COMMON_DATA_TYPE = sequence_type(
     ("objType", Enum(4, extensible=True)),
-    ("objTypeCfd", _CLASS_CONFIDENCE),
+    ("objTypeCfd", _CLASS_CONFIDENCE_TYPE),
     ("objectID", Int(0, 65_535)),
     ("measurementTime", Int(-1500, 1500)),
     ("timeConfidence", Enum(40)),
-    ("pos", sequence(("offsetX", _DISTANCE), ("offsetY", _DISTANCE), ("offsetZ", _DISTANCE, True))),
-    ("posConfidence", sequence(("pos", Enum(16)), ("elevation", Enum(16)))),
-    ("speed", VELOCITY),
-    ("speedConfidence", _CONFIDENCE),
-    ("speedZ", VELOCITY, True),
-    ("speedConfidenceZ", _CONFIDENCE, True),
-    ("heading", HEADING),
-    ("headingConf", _CONFIDENCE),
-    ("accel4way", ACCELERATIONS, True),
-    ("accCfdX", _CONFIDENCE, True),
-    ("accCfdY", _CONFIDENCE, True),
-    ("accCfdZ", _CONFIDENCE, True),
-    ("accCfdYaw", _CONFIDENCE, True),
+    ("pos", sequence_type(("offsetX", _DISTANCE_TYPE), ("offsetY", _DISTANCE_TYPE), ("offsetZ", _DISTANCE_TYPE, True))),
+    ("posConfidence", sequence_type(("pos", Enum(16)), ("elevation", Enum(16)))),
+    ("speed", VELOCITY_TYPE),
+    ("speedConfidence", _CONFIDENCE_TYPE),
+    ("speedZ", VELOCITY_TYPE, True),
+    ("speedConfidenceZ", _CONFIDENCE_TYPE, True),
+    ("heading", HEADING_TYPE),
+    ("headingConf", _CONFIDENCE_TYPE),
+    ("accel4way", ACCELERATIONS_TYPE, True),
+    ("accCfdX", _CONFIDENCE_TYPE, True),
+    ("accCfdY", _CONFIDENCE_TYPE, True),
+    ("accCfdZ", _CONFIDENCE_TYPE, True),
+    ("accCfdYaw", _CONFIDENCE_TYPE, True),
     extensible=True,
 )
 """The ASN.1 type of the data that all objects have."""
-_VEHICLE = sequence(
-    ("lights", bits(9, extensible=True), True),
+_VEHICLE_DATA_TYPE = sequence_type(
+    ("lights", bit_string_type(9, extensible=True), True),
     (
         "vehAttitude",
-        sequence(("pitch", Int(-7200, 7200)), ("roll", Int(-14_400, 14_400)), ("yaw", Int(-14_400, 14_400))),
+        sequence_type(("pitch", Int(-7200, 7200)), ("roll", Int(-14_400, 14_400)), ("yaw", Int(-14_400, 14_400))),
         True,
     ),
     (
         "vehAttitudeConfidence",
-        sequence(*((f"{axis}Confidence", _CONFIDENCE) for axis in ("pitch", "roll", "yaw"))),
+        sequence_type(*((f"{axis}Confidence", _CONFIDENCE_TYPE) for axis in ("pitch", "roll", "yaw"))),
         True,
     ),
-    ("vehAngVel", sequence(("pitchRate", _DISTANCE), ("rollRate", _DISTANCE)), True),
+    ("vehAngVel", sequence_type(("pitchRate", _DISTANCE_TYPE), ("rollRate", _DISTANCE_TYPE)), True),
     (
         "vehAngVelConfidence",
-        sequence(("pitchRateConfidence", _CONFIDENCE, True), ("rollRateConfidence", _CONFIDENCE, True)),
+        sequence_type(("pitchRateConfidence", _CONFIDENCE_TYPE, True), ("rollRateConfidence", _CONFIDENCE_TYPE, True)),
         True,
     ),
-    ("size", sequence(("width", Int(0, 1023)), ("length", Int(0, 4095))), True),
+    ("size", sequence_type(("width", Int(0, 1023)), ("length", Int(0, 4095))), True),
     ("height", Int(0, 127), True),
     (
         "vehicleSizeConfidence",
-        sequence(
-            ("vehicleWidthConfidence", _SIZE_CONFIDENCE),
-            ("vehicleLengthConfidence", _SIZE_CONFIDENCE),
-            ("vehicleHeightConfidence", _SIZE_CONFIDENCE, True),
+        sequence_type(
+            ("vehicleWidthConfidence", _SIZE_CONFIDENCE_TYPE),
+            ("vehicleLengthConfidence", _SIZE_CONFIDENCE_TYPE),
+            ("vehicleHeightConfidence", _SIZE_CONFIDENCE_TYPE, True),
         ),
         True,
     ),
     ("vehicleClass", Int(0, 255), True),
-    ("classConf", _CLASS_CONFIDENCE, True),
+    ("classConf", _CLASS_CONFIDENCE_TYPE, True),
     extensible=True,
 )
 """The ASN.1 type of the data of a vehicle."""
-_PEDESTRIAN = sequence(
+_PEDESTRIAN_DATA_TYPE = sequence_type(
     ("basicType", Enum(5, extensible=True), True),
     (
         "propulsion",
         Choice(
-            sequence(
+            sequence_type(
                 ("human", Enum(6, extensible=True)),
                 ("animal", Enum(4, extensible=True)),
                 ("motor", Enum(6, extensible=True)),
@@ -111,43 +111,49 @@ _PEDESTRIAN = sequence(
     ("radius", Int(0, 200), True),
 )
 """The ASN.1 type of the data of a vulnerable road user."""
-_OBSTACLE = sequence(
-    ("obstSize", sequence(("width", _SIZE), ("length", _SIZE), ("height", _SIZE, True))),
+_OBSTACLE_DATA_TYPE = sequence_type(
+    ("obstSize", sequence_type(("width", _SIZE_TYPE), ("length", _SIZE_TYPE), ("height", _SIZE_TYPE, True))),
     (
         "obstSizeConfidence",
-        sequence(
-            ("widthConfidence", _SIZE_CONFIDENCE),
-            ("lengthConfidence", _SIZE_CONFIDENCE),
-            ("heightConfidence", _SIZE_CONFIDENCE, True),
+        sequence_type(
+            ("widthConfidence", _SIZE_CONFIDENCE_TYPE),
+            ("lengthConfidence", _SIZE_CONFIDENCE_TYPE),
+            ("heightConfidence", _SIZE_CONFIDENCE_TYPE, True),
         ),
     ),
 )
 """The ASN.1 type of the data of an obstacle."""
-SDSM = sequence(
+SDSM_TYPE = sequence_type(
     ("msgCnt", Int(0, 127)),
     ("sourceID", Sized(8, 4, 4)),
     ("equipmentType", Enum(4, extensible=True)),
-    ("sDSMTimeStamp", DATE_TIME),
+    ("sDSMTimeStamp", DATE_TIME_TYPE),
     (
         "refPos",
-        sequence(
-            ("lat", LATITUDE),
-            ("long", LONGITUDE),
-            ("elevation", ELEVATION, True),
-            ("regional", ListOf(sequence(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
+        sequence_type(
+            ("lat", LATITUDE_TYPE),
+            ("long", LONGITUDE_TYPE),
+            ("elevation", ELEVATION_TYPE, True),
+            ("regional", ListOf(sequence_type(("regionId", Int(0, 255)), ("regExtValue", Open())), 1, 4), True),
             extensible=True,
         ),
     ),
-    ("refPosXYConf", ACCURACY),
+    ("refPosXYConf", ACCURACY_TYPE),
     ("refPosElConf", Enum(16), True),
     (
         "objects",
         ListOf(
-            sequence(
-                ("detObjCommon", _COMMON),
+            sequence_type(
+                ("detObjCommon", _COMMON_DATA_TYPE),
                 (
                     "detObjOptData",
-                    Choice(sequence(("detVeh", _VEHICLE), ("detVRU", _PEDESTRIAN), ("detObst", _OBSTACLE)).parts),
+                    Choice(
+                        sequence_type(
+                            ("detVeh", _VEHICLE_DATA_TYPE),
+                            ("detVRU", _PEDESTRIAN_DATA_TYPE),
+                            ("detObst", _OBSTACLE_DATA_TYPE),
+                        ).parts
+                    ),
                     True,
                 ),
             ),
@@ -158,9 +164,9 @@ SDSM = sequence(
 )
 """The ASN.1 type of a SensorDataSharingMessage."""
 
-OBJECTS = "objects"
+OBJECTS_PATH = "objects"
 """The path of the list of detected objects."""
-SENDER_PATHS: dict[str, str] = {
+SENDER_COMPONENT_PATHS: dict[str, str] = {
     "station": "sourceID",
     "dsecond_ms": "sDSMTimeStamp.second",
     "latitude_deg": "refPos.lat",
@@ -171,7 +177,7 @@ SENDER_PATHS: dict[str, str] = {
     "semi_major_compass_deg": "refPosXYConf.orientation",
 }
 """The component of the packed message, by quantity of the sender in `signals.sdsm`."""
-OBJECT_PATHS: dict[str, str] = {
+OBJECT_COMPONENT_PATHS: dict[str, str] = {
     "object": "detObjCommon.objectID",
     "delta_time_ms": "detObjCommon.measurementTime",
     "north_m": "detObjCommon.pos.offsetX",
@@ -193,17 +199,19 @@ OBJECT_PATHS: dict[str, str] = {
 
 
 @cache
-def program() -> Program:
+def compile_sdsm_program() -> Program:
     """Compile the program that decodes the components of sender and objects."""
-    of_objects = (f"{OBJECTS}.{path}" for path in OBJECT_PATHS.values())
-    return compile_type(SDSM, (*SENDER_PATHS.values(), *of_objects), (OBJECTS,))
+    of_objects = (f"{OBJECTS_PATH}.{path}" for path in OBJECT_COMPONENT_PATHS.values())
+    return compile_type(SDSM_TYPE, (*SENDER_COMPONENT_PATHS.values(), *of_objects), (OBJECTS_PATH,))
 
 
-def objects(decoded: Decoded) -> dict[str, Field]:
+def sdsm_objects_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the quantities that `signals.sdsm` reads, one row an object, from decoded messages."""
-    rows = decoded.rows[OBJECTS]
-    made: dict[str, Field] = {name: decoded.numbers(path)[rows] for name, path in SENDER_PATHS.items()}
-    made |= {name: decoded.numbers(f"{OBJECTS}.{path}") for name, path in OBJECT_PATHS.items()}
-    distinct, codes = np.unique(decoded.codes(SENDER_PATHS["station"])[rows], return_inverse=True)
-    made["station"] = Strings(codes.astype(np.int32), tuple(f"{code:08x}" for code in distinct if code != MISSING))
+    rows = decoded.rows[OBJECTS_PATH]
+    made: dict[str, Field] = {
+        name: decoded.component_numbers(path)[rows] for name, path in SENDER_COMPONENT_PATHS.items()
+    }
+    made |= {name: decoded.component_numbers(f"{OBJECTS_PATH}.{path}") for name, path in OBJECT_COMPONENT_PATHS.items()}
+    distinct, codes = np.unique(decoded.component_codes(SENDER_COMPONENT_PATHS["station"])[rows], return_inverse=True)
+    made["station"] = Strings(codes.astype(np.int32), tuple(f"{code:08x}" for code in distinct if code != MISSING_CODE))
     return made

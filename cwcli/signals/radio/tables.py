@@ -16,12 +16,12 @@ from typing import Any
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Part, Seq, Sized, Type
 
 
-def load(message: str) -> Type:
+def load_message_type(message: str) -> Type:
     """Read the type of a message: `cam` or `denm`."""
-    return _type(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
+    return _parse_type_node(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
 
 
-def _type(node: list[Any]) -> Type:  # noqa: PLR0911 - one for each kind
+def _parse_type_node(node: list[Any]) -> Type:  # noqa: PLR0911 - one for each kind
     match node:
         case ["int", low, high, extensible]:
             return Int(low, high, extensible)
@@ -30,11 +30,13 @@ def _type(node: list[Any]) -> Type:  # noqa: PLR0911 - one for each kind
         case ["sized", unit_bits, low, high, extensible]:
             return Sized(unit_bits, low, high, extensible)
         case ["list", element, low, high, extensible]:
-            return ListOf(_type(element), low, high, extensible)
+            return ListOf(_parse_type_node(element), low, high, extensible)
         case ["sequence", parts, extensible]:
-            return Seq(tuple(Part(name, _type(inner), optional) for name, inner, optional in parts), extensible)
+            return Seq(
+                tuple(Part(name, _parse_type_node(inner), optional) for name, inner, optional in parts), extensible
+            )
         case ["choice", parts, extensible]:
-            return Choice(tuple(Part(name, _type(inner)) for name, inner in parts), extensible)
+            return Choice(tuple(Part(name, _parse_type_node(inner)) for name, inner in parts), extensible)
         case ["null"]:
             return Null()
         case _:

@@ -90,18 +90,18 @@ class Unread:
 
 Type = Int | Enum | Sized | Seq | Choice | ListOf | Open | Null | Unread
 
-BOOL = Int(0, 1)
+BOOLEAN_TYPE = Int(0, 1)
 """The type BOOLEAN, as the number 0 or 1."""
-NEVER = Int(0, -1)
+FORBIDDEN_TYPE = Int(0, -1)
 """The type of a component that a constraint on its parent forbids: a message that has it is out of range."""
 
 
-def bits(n: int, *, extensible: bool = False) -> Sized:
+def bit_string_type(n: int, *, extensible: bool = False) -> Sized:
     """Return the type BIT STRING of `n` bits, whose value is the first `n` bits as a number, the first bit the
     highest."""
     return Sized(1, n, n, extensible)
 
 
-def sequence(*parts: tuple[str, Type] | tuple[str, Type, bool], extensible: bool = False) -> Seq:
+def sequence_type(*parts: tuple[str, Type] | tuple[str, Type, bool], extensible: bool = False) -> Seq:
     """Return the type of a sequence of (name, type) or, where optional, (name, type, True)."""
     return Seq(tuple(Part(*part) for part in parts), extensible)

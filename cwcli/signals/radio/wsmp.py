@@ -11,46 +11,48 @@ import numpy as np
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.radio.messages import Octets
 
-VERSION = 3
+WSMP_VERSION = 3
 """The version of the WAVE short message protocol that is read."""
-EXTENDED = 0x08
+EXTENSIONS_FLAG = 0x08
 """The flag of a network header with extensions."""
-TO_PSID, TO_PSID_EXTENDED = 0, 1
+ADDRESSED_BY_PSID, ADDRESSED_BY_EXTENDED_PSID = 0, 1
 """The addressing by a PSID, and by a PSID with extensions."""
-MAX_EXTENSIONS = 16
+MAX_HEADER_EXTENSIONS = 16
 """The largest number of extensions that a header can have; chosen by hand."""
 
 
-def payloads(octets: Octets) -> Octets:
+def extract_wsmp_payloads(octets: Octets) -> Octets:
     """Return the payloads of WAVE short messages, and other messages as they are.
 
     One that ends before its payload, or promises more than there is, has no octets.
     """
     if not len(octets.data):
         return octets
-    walk = _Walk(octets)
-    head = walk.take()
-    following = walk.peek()
+    walk = _OctetCursor(octets)
+    head = walk.take_octet()
+    following = walk.peek_octet()
     # without extensions IEEE 1609.2 begins with the same octet, and goes on with another one
-    is_wsmp = (head == VERSION | EXTENDED) | ((head == VERSION) & (following <= TO_PSID_EXTENDED))
+    is_wsmp = (head == WSMP_VERSION | EXTENSIONS_FLAG) | (
+        (head == WSMP_VERSION) & (following <= ADDRESSED_BY_EXTENDED_PSID)
+    )
     is_wsmp &= octets.ends > octets.starts + 1
     if not is_wsmp.any():
         return octets
-    walk.skip_extensions((head & EXTENDED) != 0)
-    to = walk.take()
+    walk.skip_extensions((head & EXTENSIONS_FLAG) != 0)
+    to = walk.take_octet()
     walk.skip_psid()
-    walk.skip_extensions(to == TO_PSID_EXTENDED)
-    size = walk.take()
+    walk.skip_extensions(to == ADDRESSED_BY_EXTENDED_PSID)
+    size = walk.take_octet()
     is_long = size >= 0x80
-    more = walk.take(is_long)
+    more = walk.take_octet(is_long)
     size = np.where(is_long, ((size & 0x3F) << 8) | more, size)
-    is_good = ~walk.is_short & (to <= TO_PSID_EXTENDED) & (walk.at + size <= octets.ends)
+    is_good = ~walk.is_short & (to <= ADDRESSED_BY_EXTENDED_PSID) & (walk.at + size <= octets.ends)
     starts = np.where(is_wsmp, np.where(is_good, walk.at, octets.starts), octets.starts)
     ends = np.where(is_wsmp, np.where(is_good, walk.at + size, octets.starts), octets.ends)
     return Octets(octets.data, starts, ends)
 
 
-class _Walk:
+class _OctetCursor:
     """A reading position in each message; past a message's end it reads zeros and marks the message as short."""
 
     def __init__(self, octets: Octets) -> None:
@@ -58,35 +60,35 @@ class _Walk:
         self.at = octets.starts.copy()
         self.is_short: BoolArray = np.zeros(len(octets), np.bool_)
 
-    def peek(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def peek_octet(self) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
         """Return the next octet of each message."""
         last = len(self.octets.data) - 1
         value = self.octets.data[np.minimum(self.at, last)].astype(np.int64)
         return np.where(self.at < self.octets.ends, value, 0)
 
-    def take(self, wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    def take_octet(self, wanted: BoolArray | None = None) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
         """Return the next octet of the messages that are wanted and move on there; 0 for the others."""
         if wanted is None:
             wanted = np.ones(len(self.at), np.bool_)
-        value = np.where(wanted, self.peek(), 0)
+        value = np.where(wanted, self.peek_octet(), 0)
         self.is_short |= wanted & (self.at >= self.octets.ends)
         self.at += wanted
         return value
 
     def skip_psid(self) -> None:
         """Skip an identifier of one to four octets: its first octet begins with as many ones as more follow."""
-        first = self.take()
+        first = self.take_octet()
         self.at += (first >= 0x80).astype(np.int64) + (first >= 0xC0) + (first >= 0xE0)
         self.is_short |= (first >= 0xF0) | (self.at > self.octets.ends)
 
     def skip_extensions(self, wanted: BoolArray) -> None:
         """Skip the extensions: their number, and of each an identifier, a length and so many octets."""
-        left = self.take(wanted)
-        self.is_short |= left > MAX_EXTENSIONS
-        for _ in range(MAX_EXTENSIONS):
+        left = self.take_octet(wanted)
+        self.is_short |= left > MAX_HEADER_EXTENSIONS
+        for _ in range(MAX_HEADER_EXTENSIONS):
             has_one = (left > 0) & ~self.is_short
             if not has_one.any():
                 break
-            self.take(has_one)
-            self.at += self.take(has_one)
+            self.take_octet(has_one)
+            self.at += self.take_octet(has_one)
             left = left - has_one

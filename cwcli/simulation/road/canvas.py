@@ -11,11 +11,11 @@ from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.surface import Float32Array
 from cwcli.simulation.road.truth import BoolArray
 
-FINE, COARSE = 4, 2
+FINE_SUBSAMPLES, COARSE_SUBSAMPLES = 4, 2
 """Sub-samples per pixel in each direction, for small and for large objects. Chosen by hand; not fitted."""
-LARGE_PX = 12000
+LARGE_AREA_PX = 12000
 """Area of the drawn part of the image from which coarse sub-samples are used, px. Chosen by hand; not fitted."""
-SHIFT = 4
+CORNER_FRACTION_BITS = 4
 """Number of fraction bits of the polygons' corners. Chosen by hand; not fitted."""
 
 
@@ -28,7 +28,7 @@ class FilledShape:
     is_ellipse: bool = False
 
 
-def draw(
+def draw_shapes(
     image: Float32Array, shapes: Sequence[FilledShape], *, opacity: float = 1.0, hidden: BoolArray | None = None
 ) -> None:
     """Draw shapes over each other, then their union over the image, in place.
@@ -51,12 +51,12 @@ def draw(
     u1, v1 = (int(value) for value in np.clip(high, 0, (width, height)))
     if u1 <= u0 or v1 <= v0:
         return
-    scale = COARSE if (u1 - u0) * (v1 - v0) > LARGE_PX else FINE
+    scale = COARSE_SUBSAMPLES if (u1 - u0) * (v1 - v0) > LARGE_AREA_PX else FINE_SUBSAMPLES
     grey = np.zeros(((v1 - v0) * scale, (u1 - u0) * scale), np.uint8)
     mask = np.zeros_like(grey)
     for shape in shapes:
         corners = np.clip((shape.corners - (u0, v0) + 0.5) * scale - 0.5, -20000, 20000)
-        fixed = np.round(corners * (1 << SHIFT)).astype(np.int32)
+        fixed = np.round(corners * (1 << CORNER_FRACTION_BITS)).astype(np.int32)
         value = float(np.clip(shape.grey, 0, 255))
         if shape.is_ellipse:
             middle, axes = fixed.mean(axis=0).astype(int), (np.abs(fixed[1] - fixed[0]) // 2).astype(int)
@@ -65,11 +65,11 @@ def draw(
                     layer,
                     (int(middle[0]), int(middle[1])),
                     (int(axes[0]), int(axes[1])),
-                    0, 0, 360, (paint,), -1, cv2.LINE_8, SHIFT,
+                    0, 0, 360, (paint,), -1, cv2.LINE_8, CORNER_FRACTION_BITS,
                 )  # fmt: skip
         else:
-            cv2.fillPoly(grey, [fixed], (value,), cv2.LINE_8, SHIFT)
-            cv2.fillPoly(mask, [fixed], (255.0,), cv2.LINE_8, SHIFT)
+            cv2.fillPoly(grey, [fixed], (value,), cv2.LINE_8, CORNER_FRACTION_BITS)
+            cv2.fillPoly(mask, [fixed], (255.0,), cv2.LINE_8, CORNER_FRACTION_BITS)
     size = (u1 - u0, v1 - v0)
     share = cv2.resize(mask, size, interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
     value_px = cv2.resize(grey, size, interpolation=cv2.INTER_AREA).astype(np.float32)

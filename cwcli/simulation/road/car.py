@@ -10,23 +10,23 @@ from collections.abc import Callable
 
 import numpy as np
 
-from cwcli.dynamics.single_track import lateral_rates
+from cwcli.dynamics.single_track import lateral_state_derivatives
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 
-STEP_S = 0.01
+INTEGRATION_STEP_S = 0.01
 """Time step of the integration, s. Chosen by hand; not fitted."""
-MIN_SPEED_MPS = 3.0
+MIN_DRIVEN_SPEED_MPS = 3.0
 """Lowest speed of the car, m/s, below which the linear model loses its meaning. Chosen by hand; not fitted."""
 
 LATERAL_SPEED, YAW_RATE, STATION, OFFSET, HEADING, X, Y, BEARING, STEER = range(9)
 """Columns of the car's states, in the order of the integrated model."""
-STATES = 9
+N_STATES = 9
 """Number of the car's states."""
 
 
-def understeer_s2pm2(vehicle: Vehicle) -> float:
+def understeer_factor_s2pm2(vehicle: Vehicle) -> float:
     """The factor k of the steering correction f = 1 + k v^2, s^2/m^2 (zhang2011, eq. 13 corrected; 0.000843 there).
 
     The order of operations, other than that of `understeer_gradient`, keeps the bits of simulated logs.
@@ -36,7 +36,7 @@ def understeer_s2pm2(vehicle: Vehicle) -> float:
     return vehicle.mass_kg * moment / (vehicle.wheelbase_m**2 * kf * kr)
 
 
-def drive_along(
+def simulate_drive_along_lane(
     curvature_at: Callable[[float], float],
     speed_at: Callable[[float], float],
     driver: SwayingDriver,
@@ -58,30 +58,30 @@ def drive_along(
         start, steering angle of the front wheels (rad, left).
     """
     mass, front_m, rear_m = vehicle.mass_kg, vehicle.front_axle_m, vehicle.rear_axle_m
-    wheelbase_m, understeer = vehicle.wheelbase_m, understeer_s2pm2(vehicle)
-    n = round(duration_s / STEP_S) + 1
-    states = np.zeros((n, STATES))
-    k0, v0 = curvature_at(0.0), max(speed_at(0.0), MIN_SPEED_MPS)
-    state = np.zeros(STATES)
+    wheelbase_m, understeer = vehicle.wheelbase_m, understeer_factor_s2pm2(vehicle)
+    n = round(duration_s / INTEGRATION_STEP_S) + 1
+    states = np.zeros((n, N_STATES))
+    k0, v0 = curvature_at(0.0), max(speed_at(0.0), MIN_DRIVEN_SPEED_MPS)
+    state = np.zeros(N_STATES)
     # Start as the car would go round a steady bend of this curvature.
     state[YAW_RATE] = k0 * v0
     state[LATERAL_SPEED] = k0 * v0 * (rear_m - mass * front_m * v0**2 / (wheelbase_m * vehicle.rear_stiffness_nprad))
-    state[OFFSET] = driver.wish_m(0.0)
+    state[OFFSET] = driver.wanted_offset_m(0.0)
     state[HEADING] = -state[LATERAL_SPEED] / v0
     state[STEER] = wheelbase_m * (1.0 + understeer * v0**2) * k0
 
     def state_derivative(time_s: float, q: FloatArray) -> FloatArray:
-        v = max(speed_at(time_s), MIN_SPEED_MPS)
+        v = max(speed_at(time_s), MIN_DRIVEN_SPEED_MPS)
         v_y, yaw_rate, station, offset, heading, steer = q[[0, 1, 2, 3, 4, 8]]
         kappa = curvature_at(station)
-        correction = driver.correction_1pm(time_s, v, offset, heading + v_y / v)
+        correction = driver.correcting_curvature_1pm(time_s, v, offset, heading + v_y / v)
         wanted = curvature_at(station + 0.4 * (v * driver.preview_s)) + correction
         command = wheelbase_m * (1.0 + understeer * v**2) * wanted
         along = (v * math.cos(heading) - v_y * math.sin(heading)) / (1.0 - kappa * offset)
         bearing = q[BEARING]
         return np.array(
             [
-                *lateral_rates(vehicle, v, v_y, yaw_rate, steer),
+                *lateral_state_derivatives(vehicle, v, v_y, yaw_rate, steer),
                 along,
                 v * math.sin(heading) + v_y * math.cos(heading),
                 yaw_rate - kappa * along,
@@ -94,10 +94,10 @@ def drive_along(
 
     for i in range(n):
         states[i] = state
-        t = i * STEP_S
+        t = i * INTEGRATION_STEP_S
         k1 = state_derivative(t, state)
-        k2 = state_derivative(t + STEP_S / 2, state + STEP_S / 2 * k1)
-        k3 = state_derivative(t + STEP_S / 2, state + STEP_S / 2 * k2)
-        k4 = state_derivative(t + STEP_S, state + STEP_S * k3)
-        state = state + STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return np.asarray(np.arange(n) * STEP_S), states
+        k2 = state_derivative(t + INTEGRATION_STEP_S / 2, state + INTEGRATION_STEP_S / 2 * k1)
+        k3 = state_derivative(t + INTEGRATION_STEP_S / 2, state + INTEGRATION_STEP_S / 2 * k2)
+        k4 = state_derivative(t + INTEGRATION_STEP_S, state + INTEGRATION_STEP_S * k3)
+        state = state + INTEGRATION_STEP_S / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return np.asarray(np.arange(n) * INTEGRATION_STEP_S), states

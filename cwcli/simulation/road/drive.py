@@ -13,55 +13,55 @@ from cwcli.errors import UsageError
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.drivers import SwayingDriver
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
-from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, drive_along
-from cwcli.simulation.road.conditions import CONDITIONS, shadow_band
-from cwcli.simulation.road.defects import KNOT_M as FINE_KNOT_M
+from cwcli.simulation.road.car import BEARING, HEADING, OFFSET, STATION, simulate_drive_along_lane
+from cwcli.simulation.road.conditions import CONDITIONS, draw_shadow_band
+from cwcli.simulation.road.defects import DEFECT_KNOT_SPACING_M as FINE_KNOT_M
 from cwcli.simulation.road.defects import (
-    MARKINGS,
+    MARKING_KINDS,
     LaneChangingDriver,
-    change_times,
-    in_lane,
-    mountain_curvature,
-    ramp_curvature,
-    with_bridges,
-    with_joints,
-    with_lane_beside,
-    with_markings,
+    draw_lane_change_times_s,
+    draw_mountain_curvature_1pm,
+    draw_ramp_curvature_1pm,
+    with_bridge_shadows,
+    with_concrete_joints,
+    with_free_left_lane,
+    with_marking_kind,
+    with_own_lane_at_offset,
 )
-from cwcli.simulation.road.geometry import GRID_M, RoadAhead
-from cwcli.simulation.road.junctions import JUNCTIONS, with_junctions
-from cwcli.simulation.road.render import RoadFrame, render, truth_of
+from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
+from cwcli.simulation.road.junctions import JUNCTION_KINDS, with_junctions
+from cwcli.simulation.road.render import RoadFrame, compute_frame_truth, render_frame
 from cwcli.simulation.road.scene import RoadScene, SceneVehicle, Shadow
-from cwcli.simulation.road.sets import SET_SIZE, SETS, SetSpec, draw_scene
+from cwcli.simulation.road.sets import FRAME_SETS, FRAMES_PER_SET, SetSpec, draw_scene
 from cwcli.simulation.road.truth import LaneTruth
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 
-KNOT_M = 90.0
+ROAD_KNOT_SPACING_M = 90.0
 """Distance of the knots between which the road's curvature changes evenly, m. Chosen by hand
 (docs/road-renderer.md)."""
 SHADOWS_PER_M = 1 / 15.0
 """Number of shadow bands per metre of a drive with shadows, 1/m. Chosen by hand; not fitted."""
-SET_DRIVES = 20
+DRIVES_PER_SET = 20
 """Number of drives into which a set of frames is divided. Chosen by hand; not fitted."""
-PAPER_RATE_HZ = 10.0
+PAPER_FRAME_RATE_HZ = 10.0
 """Frame rate of the paper's camera, Hz; zhang2011, section 2.1."""
-MAX_DURATION_S = 3600.0
+MAX_DRIVE_DURATION_S = 3600.0
 """Longest duration of a drive, s. Chosen by hand; not fitted."""
-RATE_HZ = (1.0, 100.0)
+FRAME_RATE_RANGE_HZ = (1.0, 100.0)
 """Lowest and highest frame rate, Hz. Chosen by hand; not fitted."""
-SPEED_MPS = (5.0, 60.0)
+SPEED_RANGE_MPS = (5.0, 60.0)
 """Lowest and highest speed of a drive, m/s. Chosen by hand; not fitted."""
-DEFECTS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m", "junctions")
+DEFECT_FIELDS = ("markings", "bends_1pm", "ramp_degps", "lane_changes_per_min", "bridges_per_km", "slab_m", "junctions")
 """Fields of the configuration that ask for the difficulties of `defects` and `junctions`."""
-BENDS_1PM = (0.0, 0.05)
+BEND_CURVATURE_RANGE_1PM = (0.0, 0.05)
 """Lowest and highest curvature of mountain bends, 1/m. Chosen by hand; not fitted."""
-RAMP_DEGPS = (0.0, 40.0)
+RAMP_YAW_RATE_RANGE_DEGPS = (0.0, 40.0)
 """Lowest and highest yaw rate on ramps, deg/s. Chosen by hand; not fitted."""
-CHANGES_PER_MIN = (0.0, 6.0)
+LANE_CHANGE_RANGE_PER_MIN = (0.0, 6.0)
 """Lowest and highest number of lane changes per minute. Chosen by hand; not fitted."""
-BRIDGES_PER_KM = (0.0, 20.0)
+BRIDGE_RANGE_PER_KM = (0.0, 20.0)
 """Lowest and highest number of bridges per kilometre. Chosen by hand; not fitted."""
-SLAB_M = (0.0, 30.0)
+SLAB_LENGTH_RANGE_M = (0.0, 30.0)
 """Lowest and highest length of concrete slabs, m; 0 is asphalt. Chosen by hand; not fitted."""
 
 
@@ -109,7 +109,7 @@ class RoadDrive:
         scene: The scene at the start.
         time_s: Shape (n,): times of the frames.
         fine_time_s: Shape (m,): a grid of 10 ms.
-        fine_states: Shape (m, 9), see `car.drive_along`.
+        fine_states: Shape (m, 9), see `car.simulate_drive_along_lane`.
         knots_m, curvature_1pm: Curvature of the lane at stations, linear between them; left positive.
         vertical_1pm: Shape (k,): crests and sags at the same stations.
         pitch_rad: Shape (n,): pitch of the body at the frames, nose down positive.
@@ -134,28 +134,28 @@ class RoadDrive:
         columns = [np.interp(time_s, self.fine_time_s, column) for column in self.fine_states.T]
         return np.column_stack(columns)
 
-    def speed_at(self, time_s: FloatArray) -> FloatArray:
+    def speed_at_mps(self, time_s: FloatArray) -> FloatArray:
         """The longitudinal speed at the times (n,), m/s."""
         return self.config.speed_mps + self.config.accel_mps2 * np.asarray(time_s)
 
-    def frame(self, index: int) -> RoadFrame:
+    def render_frame_at(self, index: int) -> RoadFrame:
         """Render the frame with an index."""
-        scene, camera, road = self._place(index)
-        return render(scene, camera, road, stream(self.config.seed, "road-drive", "frame", str(index)))
+        scene, camera, road = self._scene_camera_and_road_at(index)
+        return render_frame(scene, camera, road, random_stream(self.config.seed, "road-drive", "frame", str(index)))
 
-    def truth(self, index: int) -> LaneTruth:
+    def lane_truth_at(self, index: int) -> LaneTruth:
         """The truth of the frame with an index, without its picture."""
-        return truth_of(*self._place(index))
+        return compute_frame_truth(*self._scene_camera_and_road_at(index))
 
-    def frames(self) -> Iterator[RoadFrame]:
+    def iter_rendered_frames(self) -> Iterator[RoadFrame]:
         """Render all frames in order."""
-        return (self.frame(index) for index in range(len(self)))
+        return (self.render_frame_at(index) for index in range(len(self)))
 
-    def _place(self, index: int) -> tuple[RoadScene, RoadCamera, RoadAhead]:
+    def _scene_camera_and_road_at(self, index: int) -> tuple[RoadScene, RoadCamera, RoadAhead]:
         """The scene, the camera and the road ahead at the frame with an index."""
         time_s = float(self.time_s[index])
         state = self.states_at(np.array([time_s]))[0]
-        stations = state[STATION] + GRID_M
+        stations = state[STATION] + ARC_LENGTH_GRID_M
         road = RoadAhead(
             np.interp(stations, self.knots_m, self.curvature_1pm),
             offset_m=float(state[OFFSET]),
@@ -164,13 +164,15 @@ class RoadDrive:
             station_m=float(state[STATION]),
             bearing_rad=float(state[BEARING]),
         )
-        moved = tuple(self._moved(vehicle, number, time_s) for number, vehicle in enumerate(self.scene.vehicles))
-        scene = in_lane(replace(self.scene, vehicles=moved), float(state[OFFSET]))
-        return scene, self.camera.turned(float(self.pitch_rad[index])), road
+        moved = tuple(
+            self._vehicle_moved_to_time(vehicle, number, time_s) for number, vehicle in enumerate(self.scene.vehicles)
+        )
+        scene = with_own_lane_at_offset(replace(self.scene, vehicles=moved), float(state[OFFSET]))
+        return scene, self.camera.with_added_pitch(float(self.pitch_rad[index])), road
 
-    def _moved(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
+    def _vehicle_moved_to_time(self, vehicle: SceneVehicle, number: int, time_s: float) -> SceneVehicle:
         """The vehicle at a time: it keeps its distance in the own lane, passes or falls back in others, or comes."""
-        rng = stream(self.config.seed, "road-drive", "vehicle", str(number))
+        rng = random_stream(self.config.seed, "road-drive", "vehicle", str(number))
         if vehicle.is_oncoming:
             ahead = vehicle.ahead_m - 1.9 * self.config.speed_mps * time_s
         elif abs(vehicle.offset_m) < self.scene.lane_width_m / 2:
@@ -181,74 +183,78 @@ class RoadDrive:
         return replace(vehicle, ahead_m=ahead)
 
 
-def plan_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
+def plan_road_drive(config: RoadDriveConfig, camera: RoadCamera) -> RoadDrive:
     """Draw the road, the traffic and the weather, and simulate the car's motion.
 
     Raises:
         UsageError: The weather or the road is unknown, or a number is out of its range.
     """
-    _check(config)
-    spec = SETS[config.road]
-    rng = stream(config.seed, "road-drive", "plan")
+    _check_drive_config(config)
+    spec = FRAME_SETS[config.road]
+    rng = random_stream(config.seed, "road-drive", "plan")
     n = math.floor(config.duration_s * config.rate_hz + 1e-9) + 1
     time_s = np.arange(n) / config.rate_hz
     end_mps = config.speed_mps + config.accel_mps2 * config.duration_s
-    length_m = max(config.speed_mps, end_mps) * config.duration_s + GRID_M[-1] + 2 * KNOT_M
-    knots_m = np.arange(-KNOT_M, length_m + KNOT_M, KNOT_M)
+    length_m = max(config.speed_mps, end_mps) * config.duration_s + ARC_LENGTH_GRID_M[-1] + 2 * ROAD_KNOT_SPACING_M
+    knots_m = np.arange(-ROAD_KNOT_SPACING_M, length_m + ROAD_KNOT_SPACING_M, ROAD_KNOT_SPACING_M)
     curvature = np.clip(
         rng.normal(0.0, 1.3 * spec.curvature_1pm[0], len(knots_m)), -spec.curvature_1pm[1], spec.curvature_1pm[1]
     )
-    vertical = draw_vertical(spec, len(knots_m), rng)
+    vertical = draw_vertical_curvature_1pm(spec, len(knots_m), rng)
     phases = rng.uniform(0.0, 2 * math.pi, 5)
     wander_rad = (float(phases[0]), float(phases[1]))
-    scene = place_along(draw_scene(spec, config.weather, rng), config, length_m, rng)
+    scene = spread_scene_along_drive(draw_scene(spec, config.weather, rng), config, length_m, rng)
     driver = SwayingDriver(wander_rad=wander_rad)
-    if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECTS):
-        own = stream(config.seed, "road-drive", "defects")
-        knots_m, curvature, vertical = _shaped(config, knots_m, curvature, vertical, own)
-        scene = _with_defects(scene, config, length_m, own)
-        change_s = change_times(config.lane_changes_per_min, config.duration_s, own)
-        driver = LaneChangingDriver(wander_rad=wander_rad, change_s=change_s, lane_width_m=scene.lane_width_m)
-    fine_time_s, states = drive_along(
+    if any(getattr(config, name) != getattr(RoadDriveConfig, name) for name in DEFECT_FIELDS):
+        own = random_stream(config.seed, "road-drive", "defects")
+        knots_m, curvature, vertical = _add_bends_and_ramps(config, knots_m, curvature, vertical, own)
+        scene = _add_defects_to_scene(scene, config, length_m, own)
+        change_s = draw_lane_change_times_s(config.lane_changes_per_min, config.duration_s, own)
+        driver = LaneChangingDriver(
+            wander_rad=wander_rad, lane_change_start_s=change_s, lane_width_m=scene.lane_width_m
+        )
+    fine_time_s, states = simulate_drive_along_lane(
         lambda station: float(np.interp(station, knots_m, curvature)),
         lambda t: config.speed_mps + config.accel_mps2 * t,
         driver,
         config.duration_s,
         load_vehicle(),
     )
-    pitch_rad = sway_rad(spec, config, time_s, phases[2:])
+    pitch_rad = body_pitch_rad(spec, config, time_s, phases[2:])
     return RoadDrive(config, camera, scene, time_s, fine_time_s, states, knots_m, curvature, vertical, pitch_rad)
 
 
-def _shaped(
+def _add_bends_and_ramps(
     config: RoadDriveConfig, knots_m: FloatArray, curvature: FloatArray, vertical: FloatArray, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Knots, curvature and crests with mountain bends and ramps, if the configuration has them."""
     if not (config.bends_1pm or config.ramp_degps):
         return knots_m, curvature, vertical
     fine_m = np.arange(knots_m[0], knots_m[-1], FINE_KNOT_M)
-    bent = mountain_curvature(fine_m, config.bends_1pm, rng)
-    bent += ramp_curvature(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
+    bent = draw_mountain_curvature_1pm(fine_m, config.bends_1pm, rng)
+    bent += draw_ramp_curvature_1pm(fine_m, math.radians(config.ramp_degps), config.speed_mps, rng)
     return fine_m, bent, np.interp(fine_m, knots_m, vertical)
 
 
-def _with_defects(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+def _add_defects_to_scene(
+    scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator
+) -> RoadScene:
     """Add the difficulties that the configuration has to the scene."""
-    scene = with_markings(scene, config.markings)
+    scene = with_marking_kind(scene, config.markings)
     if config.lane_changes_per_min:
-        scene = with_lane_beside(scene)
+        scene = with_free_left_lane(scene)
     scene = with_junctions(scene, config.junctions, length_m, rng)
-    scene = with_joints(scene, config.slab_m, length_m, rng)
-    return with_bridges(scene, config.bridges_per_km, length_m, rng)
+    scene = with_concrete_joints(scene, config.slab_m, length_m, rng)
+    return with_bridge_shadows(scene, config.bridges_per_km, length_m, rng)
 
 
-def draw_vertical(spec: SetSpec, n: int, rng: np.random.Generator) -> FloatArray:
+def draw_vertical_curvature_1pm(spec: SetSpec, n: int, rng: np.random.Generator) -> FloatArray:
     """Draw the vertical curvature at n stations, 1/m: crests are negative, sags positive."""
     sigma, limit = spec.vertical_1pm
     return np.clip(rng.normal(0.0, sigma, n), -limit, limit)
 
 
-def sway_rad(spec: SetSpec, config: RoadDriveConfig, time_s: FloatArray, phases: FloatArray) -> FloatArray:
+def body_pitch_rad(spec: SetSpec, config: RoadDriveConfig, time_s: FloatArray, phases: FloatArray) -> FloatArray:
     """Pitch of the body on its springs at the times (n,), rad, nose down positive; phases of shape (3,)."""
     sway = (
         np.sin(2 * math.pi * 1.4 * time_s + phases[0])
@@ -258,13 +264,13 @@ def sway_rad(spec: SetSpec, config: RoadDriveConfig, time_s: FloatArray, phases:
     return np.asarray(0.5 * spec.pitch_rad[0] * sway - 0.004 * config.accel_mps2)
 
 
-def set_drives(
+def iter_set_drives(
     name: str,
-    n_drives: int = SET_DRIVES,
+    n_drives: int = DRIVES_PER_SET,
     *,
     seed: int = 0,
     camera: RoadCamera | None = None,
-    n_frames: int = SET_SIZE // SET_DRIVES,
+    n_frames: int = FRAMES_PER_SET // DRIVES_PER_SET,
 ) -> Iterator[RoadDrive]:
     """Plan a set as short drives at the paper's 10 Hz instead of single frames, for methods that follow the lane.
 
@@ -275,22 +281,24 @@ def set_drives(
         camera: The camera; None: zhang2011's.
         n_frames: Frames of each drive; 20 drives of 25 make the 500 of a set.
     """
-    spec = SETS[name]
+    spec = FRAME_SETS[name]
     names, chances = list(spec.conditions), np.array(list(spec.conditions.values()))
     for number in range(n_drives):
-        rng = stream(seed, "road-set-drive", name, str(number))
+        rng = random_stream(seed, "road-set-drive", name, str(number))
         config = RoadDriveConfig(
             weather=names[int(rng.choice(len(names), p=chances / chances.sum()))],
             road=name,
             seed=int(rng.integers(0, 2**31)),
-            duration_s=(n_frames - 1) / PAPER_RATE_HZ,
-            rate_hz=PAPER_RATE_HZ,
+            duration_s=(n_frames - 1) / PAPER_FRAME_RATE_HZ,
+            rate_hz=PAPER_FRAME_RATE_HZ,
             speed_mps=rng.uniform(17.0, 33.0),
         )
-        yield plan_drive(config, camera or paper_camera())
+        yield plan_road_drive(config, camera or paper_camera())
 
 
-def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator) -> RoadScene:
+def spread_scene_along_drive(
+    scene: RoadScene, config: RoadDriveConfig, length_m: float, rng: np.random.Generator
+) -> RoadScene:
     """Repeat patches and shadows along the whole drive at random stations."""
     patches = []
     for patch in scene.patches:
@@ -298,30 +306,30 @@ def place_along(scene: RoadScene, config: RoadDriveConfig, length_m: float, rng:
             patches.append(replace(patch, station_m=float(start + rng.uniform(0.0, 80.0))))
     shadows: list[Shadow] = []
     if scene.light.shadows:
-        shadows = [shadow_band(rng, 0.0, length_m) for _ in range(int(length_m * SHADOWS_PER_M))]
+        shadows = [draw_shadow_band(rng, 0.0, length_m) for _ in range(int(length_m * SHADOWS_PER_M))]
     return replace(scene, patches=tuple(patches), light=replace(scene.light, shadows=tuple(shadows)))
 
 
-def _check(config: RoadDriveConfig) -> None:
+def _check_drive_config(config: RoadDriveConfig) -> None:
     """Refuse unknown names and numbers outside their ranges."""
     for name, chosen, known in (
         ("weather", config.weather, CONDITIONS),
-        ("road", config.road, SETS),
-        ("kind of markings", config.markings, MARKINGS),
-        ("kind of junctions", config.junctions, JUNCTIONS),
+        ("road", config.road, FRAME_SETS),
+        ("kind of markings", config.markings, MARKING_KINDS),
+        ("kind of junctions", config.junctions, JUNCTION_KINDS),
     ):
         if chosen not in known:
             raise UsageError(f"there is no {name} {chosen!r}", hint=f"known: {', '.join(known)}")
     limits = {
-        "duration": (config.duration_s, (0.1, MAX_DURATION_S), "s"),
-        "rate": (config.rate_hz, RATE_HZ, "Hz"),
-        "speed": (config.speed_mps, SPEED_MPS, "m/s"),
-        "speed at the end": (config.speed_mps + config.accel_mps2 * config.duration_s, SPEED_MPS, "m/s"),
-        "curvature of bends": (config.bends_1pm, BENDS_1PM, "1/m"),
-        "yaw rate of ramps": (config.ramp_degps, RAMP_DEGPS, "deg/s"),
-        "rate of lane changes": (config.lane_changes_per_min, CHANGES_PER_MIN, "per minute"),
-        "rate of bridges": (config.bridges_per_km, BRIDGES_PER_KM, "per km"),
-        "length of slabs": (config.slab_m, SLAB_M, "m"),
+        "duration": (config.duration_s, (0.1, MAX_DRIVE_DURATION_S), "s"),
+        "rate": (config.rate_hz, FRAME_RATE_RANGE_HZ, "Hz"),
+        "speed": (config.speed_mps, SPEED_RANGE_MPS, "m/s"),
+        "speed at the end": (config.speed_mps + config.accel_mps2 * config.duration_s, SPEED_RANGE_MPS, "m/s"),
+        "curvature of bends": (config.bends_1pm, BEND_CURVATURE_RANGE_1PM, "1/m"),
+        "yaw rate of ramps": (config.ramp_degps, RAMP_YAW_RATE_RANGE_DEGPS, "deg/s"),
+        "rate of lane changes": (config.lane_changes_per_min, LANE_CHANGE_RANGE_PER_MIN, "per minute"),
+        "rate of bridges": (config.bridges_per_km, BRIDGE_RANGE_PER_KM, "per km"),
+        "length of slabs": (config.slab_m, SLAB_LENGTH_RANGE_M, "m"),
     }
     for name, (value, (low, high), unit) in limits.items():
         if not low <= value <= high:

@@ -15,14 +15,14 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
 
-GRID_M: FloatArray = np.concatenate(
+ARC_LENGTH_GRID_M: FloatArray = np.concatenate(
     [np.arange(-2.0, 40.0, 0.5), np.arange(40.0, 120.0, 1.0), np.arange(120.0, 421.0, 3.0)]
 )
 """Arc lengths ahead at which curves are computed, shape (k,), m. Between them a chord errs by less than 0.1 mm in the
 first 40 m at a radius of 300 m: below 0.02 pixel."""
-FAR_M = 400.0
+ROAD_END_M = 400.0
 """Distance ahead at which the road's surface ends, m. Chosen by hand; not fitted."""
-AWAY_RAD = np.radians(75.0)
+TURNED_AWAY_RAD = np.radians(75.0)
 """Angle from the camera's axis at which the road has turned away and is no longer seen, rad. Chosen by hand; not
 fitted."""
 
@@ -50,20 +50,20 @@ class RoadAhead:
     @cached_property
     def direction_rad(self) -> FloatArray:
         """The direction of the centre line in the body frame at the grid's arc lengths, shape (k,), rad."""
-        steps = np.diff(GRID_M) * (self.curvature_1pm[1:] + self.curvature_1pm[:-1]) / 2
+        steps = np.diff(ARC_LENGTH_GRID_M) * (self.curvature_1pm[1:] + self.curvature_1pm[:-1]) / 2
         turned = np.concatenate([[0.0], np.cumsum(steps)])
-        return np.asarray(turned - np.interp(0.0, GRID_M, turned) - self.heading_rad)
+        return np.asarray(turned - np.interp(0.0, ARC_LENGTH_GRID_M, turned) - self.heading_rad)
 
     @cached_property
-    def centre_m(self) -> tuple[FloatArray, FloatArray]:
+    def centre_line_m(self) -> tuple[FloatArray, FloatArray]:
         """x and y of the centre line at the grid's arc lengths, (k,) each, m. The curve is a chain of short arcs."""
         direction = self.direction_rad
         middle = (direction[1:] + direction[:-1]) / 2
         turn = direction[1:] - direction[:-1]
-        chord = np.diff(GRID_M) * np.sinc(turn / (2 * np.pi))
+        chord = np.diff(ARC_LENGTH_GRID_M) * np.sinc(turn / (2 * np.pi))
         x = np.concatenate([[0.0], np.cumsum(chord * np.cos(middle))])
         y = np.concatenate([[0.0], np.cumsum(chord * np.sin(middle))])
-        at = int(np.searchsorted(GRID_M, 0.0))
+        at = int(np.searchsorted(ARC_LENGTH_GRID_M, 0.0))
         start_x, start_y = x[at], y[at]
         heading = direction[at]
         return (
@@ -71,54 +71,56 @@ class RoadAhead:
             np.asarray(y - start_y - self.offset_m * np.cos(heading)),
         )
 
-    def line(self, offset_m: float | FloatArray) -> tuple[FloatArray, FloatArray]:
+    def line_at_offset_m(self, offset_m: float | FloatArray) -> tuple[FloatArray, FloatArray]:
         """x and y of the line at an offset from the lane's centre, at the grid's arc lengths, (k,) each, m."""
-        x, y = self.centre_m
+        x, y = self.centre_line_m
         return x - offset_m * np.sin(self.direction_rad), y + offset_m * np.cos(self.direction_rad)
 
     @cached_property
-    def n_ahead(self) -> int:
+    def n_grid_points_ahead(self) -> int:
         """The number of grid points before the road turns away from the camera (75 deg)."""
-        away = np.flatnonzero(np.abs(self.direction_rad) > AWAY_RAD)
-        return int(away[0]) if len(away) else len(GRID_M)
+        away = np.flatnonzero(np.abs(self.direction_rad) > TURNED_AWAY_RAD)
+        return int(away[0]) if len(away) else len(ARC_LENGTH_GRID_M)
 
-    def lateral_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
+    def line_y_at_distance_m(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """y of the line at an offset, at distances ahead, m; NaN outside the road."""
-        x, y = (values[: self.n_ahead] for values in self.line(offset_m))
+        x, y = (values[: self.n_grid_points_ahead] for values in self.line_at_offset_m(offset_m))
         return np.interp(x_m, x, y, left=np.nan, right=np.nan)
 
-    def arc_at(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
+    def line_station_at_distance_m(self, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
         """Station of the line at an offset, at distances ahead, m: arc length of the centre line beside the point."""
-        x = self.line(offset_m)[0][: self.n_ahead]
-        return np.interp(x_m, x, GRID_M[: self.n_ahead]) + self.station_m
+        x = self.line_at_offset_m(offset_m)[0][: self.n_grid_points_ahead]
+        return np.interp(x_m, x, ARC_LENGTH_GRID_M[: self.n_grid_points_ahead]) + self.station_m
 
-    def at_arc(self, s_m: float, offset_m: float) -> tuple[float, float, float]:
+    def pose_at_arc_length(self, s_m: float, offset_m: float) -> tuple[float, float, float]:
         """x, y (m) and direction (rad) of the point s_m ahead along the lane, offset_m to its left."""
-        x, y = self.line(offset_m)
-        return tuple(float(np.interp(s_m, GRID_M, values)) for values in (x, y, self.direction_rad))  # type: ignore[return-value]
+        x, y = self.line_at_offset_m(offset_m)
+        return tuple(float(np.interp(s_m, ARC_LENGTH_GRID_M, values)) for values in (x, y, self.direction_rad))  # type: ignore[return-value]
 
-    def z_at(self, x_m: FloatArray) -> FloatArray:
+    def surface_height_at_distance_m(self, x_m: FloatArray) -> FloatArray:
         """Height of the surface at distances ahead, m."""
         return self.vertical_1pm * np.asarray(x_m) ** 2 / 2
 
-    def distance_of_rows(self, camera: RoadCamera, v_px: FloatArray) -> FloatArray:
+    def distance_of_rows_m(self, camera: RoadCamera, v_px: FloatArray) -> FloatArray:
         """Distance ahead of the nearest road point on each row, m; NaN where the row meets none within 400 m.
 
         From h - g x^2 / 2 = m x with m the ray's fall: x = 2 h / (m + sqrt(m^2 + 2 g h)).
         """
-        m = camera.slope(v_px)
+        m = camera.downward_slope_of_rows(v_px)
         under = m * m + 2 * self.vertical_1pm * camera.height_m
         with np.errstate(invalid="ignore", divide="ignore"):
             bottom = m + np.sqrt(np.where(under >= 0, under, np.nan))
             x = 2 * camera.height_m / np.where(bottom > 0, bottom, np.nan)
-        return np.where(x <= FAR_M, x, np.nan)
+        return np.where(x <= ROAD_END_M, x, np.nan)
 
-    def column_of(self, camera: RoadCamera, offset_m: float | FloatArray, x_m: FloatArray) -> FloatArray:
+    def line_column_at_distance_px(
+        self, camera: RoadCamera, offset_m: float | FloatArray, x_m: FloatArray
+    ) -> FloatArray:
         """Image column of the line at an offset, at distances ahead, px; NaN outside the road."""
-        depth = camera.depth(x_m, camera.height_m - self.z_at(x_m))
-        return np.asarray(camera.cx - camera.fx * self.lateral_at(offset_m, x_m) / depth)
+        depth = camera.depth_along_optical_axis_m(x_m, camera.height_m - self.surface_height_at_distance_m(x_m))
+        return np.asarray(camera.cx - camera.fx * self.line_y_at_distance_m(offset_m, x_m) / depth)
 
 
-def clothoid(curvature_1pm: float, rate_1pm2: float = 0.0) -> FloatArray:
+def clothoid_curvature_1pm(curvature_1pm: float, rate_1pm2: float = 0.0) -> FloatArray:
     """Curvature at the grid's arc lengths that changes evenly, shape (k,), 1/m; constant beyond 150 m."""
-    return np.asarray(curvature_1pm + rate_1pm2 * np.clip(GRID_M, None, 150.0))
+    return np.asarray(curvature_1pm + rate_1pm2 * np.clip(ARC_LENGTH_GRID_M, None, 150.0))

@@ -6,19 +6,26 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.simulation.lane_drive import Road, Truth
+from cwcli.simulation.lane_drive import LaneDriveTruth, Road
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
-from cwcli.simulation.road.drive import KNOT_M, RoadDrive, RoadDriveConfig, draw_vertical, place_along, sway_rad
-from cwcli.simulation.road.geometry import GRID_M
-from cwcli.simulation.road.sets import SETS, draw_scene
-from cwcli.simulation.streams import stream
+from cwcli.simulation.road.drive import (
+    ROAD_KNOT_SPACING_M,
+    RoadDrive,
+    RoadDriveConfig,
+    body_pitch_rad,
+    draw_vertical_curvature_1pm,
+    spread_scene_along_drive,
+)
+from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M
+from cwcli.simulation.road.sets import FRAME_SETS, draw_scene
+from cwcli.simulation.streams import random_stream
 
-KEPT_STATION_M = 1e-6
+MIN_KNOT_SPACING_M = 1e-6
 """Smallest distance of two stations that are kept as separate knots, m, against rounding."""
 
 
-def drive_of_run(
-    truth: Truth,
+def road_drive_from_lane_run(
+    truth: LaneDriveTruth,
     run: int,
     road: Road,
     *,
@@ -45,13 +52,13 @@ def drive_of_run(
     speed_mps = float(truth.speed_mps[0, run])
     accel_mps2 = (float(truth.speed_mps[-1, run]) - speed_mps) / duration_s
     config = RoadDriveConfig(weather, look, seed, duration_s, rate_hz, speed_mps, accel_mps2)
-    spec = replace(SETS[look], lane_width_m=(road.lane_width_m, road.lane_width_m))
-    rng = stream(seed, "road-run", str(run))
-    length_m = float(truth.station_m[:, run].max()) + float(GRID_M[-1]) + KNOT_M
-    grid_m = np.arange(-KNOT_M, length_m + KNOT_M, KNOT_M)
-    vertical = draw_vertical(spec, len(grid_m), rng)
+    spec = replace(FRAME_SETS[look], lane_width_m=(road.lane_width_m, road.lane_width_m))
+    rng = random_stream(seed, "road-run", str(run))
+    length_m = float(truth.station_m[:, run].max()) + float(ARC_LENGTH_GRID_M[-1]) + ROAD_KNOT_SPACING_M
+    grid_m = np.arange(-ROAD_KNOT_SPACING_M, length_m + ROAD_KNOT_SPACING_M, ROAD_KNOT_SPACING_M)
+    vertical = draw_vertical_curvature_1pm(spec, len(grid_m), rng)
     knots_m = np.union1d(grid_m, road.station_m)
-    knots_m = knots_m[np.concatenate([[True], np.diff(knots_m) > KEPT_STATION_M])]
+    knots_m = knots_m[np.concatenate([[True], np.diff(knots_m) > MIN_KNOT_SPACING_M])]
     time_s = np.arange(int(duration_s * rate_hz + 1e-9) + 1) / rate_hz
     columns = (
         *(truth.lateral_speed_mps, truth.yaw_rate_radps, truth.station_m, truth.offset_m, truth.heading_rad),
@@ -60,12 +67,12 @@ def drive_of_run(
     return RoadDrive(
         config=config,
         camera=camera or paper_camera(),
-        scene=place_along(draw_scene(spec, weather, rng), config, length_m, rng),
+        scene=spread_scene_along_drive(draw_scene(spec, weather, rng), config, length_m, rng),
         time_s=time_s,
         fine_time_s=truth.time_s,
         fine_states=np.column_stack([column[:, run] for column in columns]),
         knots_m=knots_m,
-        curvature_1pm=road.curvature(knots_m),
+        curvature_1pm=road.curvature_at_1pm(knots_m),
         vertical_1pm=np.interp(knots_m, grid_m, vertical),
-        pitch_rad=sway_rad(spec, config, time_s, rng.uniform(0.0, 2 * np.pi, 3)),
+        pitch_rad=body_pitch_rad(spec, config, time_s, rng.uniform(0.0, 2 * np.pi, 3)),
     )

@@ -9,21 +9,21 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.canvas import FilledShape, draw
+from cwcli.simulation.road.canvas import FilledShape, draw_shapes
 from cwcli.simulation.road.geometry import RoadAhead
 from cwcli.simulation.road.lamps import Lamp
 from cwcli.simulation.road.scene import Light, RoadScene, SceneVehicle
 from cwcli.simulation.road.surface import Float32Array
-from cwcli.simulation.road.trees import N_SHAPES, draw_tree
+from cwcli.simulation.road.trees import N_TREE_SHAPES, draw_tree
 from cwcli.simulation.road.truth import BoolArray
 
-MIN_DEPTH_M = 0.5
+MIN_PROJECTED_DISTANCE_M = 0.5
 """Smallest distance ahead at which points are projected, m; nearer ones are moved there. Chosen by hand; not fitted."""
-CIRCLE = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
+UNIT_CIRCLE_POINTS = [(math.cos(angle), math.sin(angle)) for angle in np.arange(14) * (2 * math.pi / 14)]
 """Points of the unit circle with which wheels are drawn, 14 pairs."""
 HAZE_GREY = 200.0
 """Grey of far haze by day, 0 to 255. Chosen by hand; not fitted."""
-NIGHT_GREY = 0.16
+NIGHT_GREY_FACTOR = 0.16
 """Factor on the grey of objects at night, without headlights. Chosen by hand; not fitted."""
 POST_SPACING_M = 50.0
 """Distance between guide posts along the road, m. Chosen by hand; not fitted."""
@@ -32,42 +32,44 @@ TREE_SPACING_M = 14.0
 RAIL_BANDS = ((0.5, 0.78, 150.0), (0.62, 0.66, 105.0))
 """Bands of a guard rail and of the groove in it: lower and upper edge above the road (m), grey. Chosen by hand; not
 fitted."""
-RAIL_STEPS_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
+RAIL_PIECE_EDGES_M = (150.0, 60.0, 30.0, 15.0, 7.0, 2.0)
 """Distances ahead at which a guard rail is divided into pieces of even haze, far to near, m. Chosen by hand; not
 fitted."""
-DRAWN_M = 150.0
+MAX_DRAWN_DISTANCE_M = 150.0
 """Distance ahead beyond which vehicles and posts are not drawn, m. Chosen by hand; not fitted."""
 
 
-class _View:
+class _RoadView:
     """The view of the road: it projects points of the body frame, and fades greys with the distance."""
 
     def __init__(self, camera: RoadCamera, road: RoadAhead, light: Light) -> None:
         self.camera, self.road, self.light = camera, road, light
 
-    def points(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> FloatArray:
+    def project_body_points(self, x_m: FloatArray, y_m: FloatArray, z_m: FloatArray) -> FloatArray:
         """Project points of the body frame, with z above the road, to image points (n, 2), px."""
-        x = np.maximum(np.asarray(x_m, np.float64), MIN_DEPTH_M)
-        u, v = self.camera.project(x, np.asarray(y_m), np.asarray(z_m) + self.road.z_at(x))
+        x = np.maximum(np.asarray(x_m, np.float64), MIN_PROJECTED_DISTANCE_M)
+        u, v = self.camera.project_to_image_px(
+            x, np.asarray(y_m), np.asarray(z_m) + self.road.surface_height_at_distance_m(x)
+        )
         return np.column_stack([u, v])
 
-    def shade(self, grey: float, distance_m: float) -> float:
+    def grey_at_distance(self, grey: float, distance_m: float) -> float:
         """Grey of an object at a distance, after night or haze."""
         if self.light.night:
-            return grey * NIGHT_GREY + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
+            return grey * NIGHT_GREY_FACTOR + grey * 0.5 * math.exp(-((distance_m / 20.0) ** 2))
         clear = math.exp(-(self.light.fog_1pm + 0.0008) * distance_m)
         return grey * clear + HAZE_GREY * (1.0 - clear)
 
 
 def draw_roadside(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene) -> None:
     """Draw trees, posts and guard rails, in place."""
-    view = _View(camera, road, scene.light)
-    _trees(image, view, scene)
+    view = _RoadView(camera, road, scene.light)
+    _draw_trees(image, view, scene)
     for side in (scene.left_edge_m + 0.7, scene.right_edge_m - 0.7):
-        _posts(image, view, side)
+        _draw_posts(image, view, side)
     for offset_m in (scene.rail_left_m, scene.rail_right_m):
         if math.isfinite(offset_m):
-            _rail(image, view, offset_m)
+            _draw_guard_rail(image, view, offset_m)
 
 
 def draw_vehicles(
@@ -78,17 +80,17 @@ def draw_vehicles(
     Returns:
         Lamps that dazzle at night.
     """
-    view = _View(camera, road, scene.light)
+    view = _RoadView(camera, road, scene.light)
     lamps: list[Lamp] = []
     for vehicle in sorted(scene.vehicles, key=lambda each: -each.ahead_m):
-        if 2.0 < vehicle.ahead_m < DRAWN_M:
-            lamps += _vehicle(image, view, vehicle, hidden)
+        if 2.0 < vehicle.ahead_m < MAX_DRAWN_DISTANCE_M:
+            lamps += _draw_vehicle(image, view, vehicle, hidden)
     return lamps
 
 
-def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: BoolArray) -> list[Lamp]:
+def _draw_vehicle(image: Float32Array, view: _RoadView, vehicle: SceneVehicle, hidden: BoolArray) -> list[Lamp]:
     """Draw a vehicle in place, mark the pixels that it hides, and return its lamps."""
-    x, y, direction = view.road.at_arc(vehicle.ahead_m, vehicle.offset_m)
+    x, y, direction = view.road.pose_at_arc_length(vehicle.ahead_m, vehicle.offset_m)
     forward = np.array([math.cos(direction), math.sin(direction)])
     left = np.array([-forward[1], forward[0]])
     half, height, length = vehicle.width_m / 2, vehicle.height_m, vehicle.length_m
@@ -100,7 +102,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
 
     def shape(grey: float, *corners: tuple[float, float, float]) -> FilledShape:
         px, py, pz = np.array([body_point(*corner) for corner in corners]).T
-        return FilledShape(view.points(px, py, pz), view.shade(grey, x))
+        return FilledShape(view.project_body_points(px, py, pz), view.grey_at_distance(grey, x))
 
     def face(
         grey: float, left_m: float, right_m: float, low_m: float, high_m: float, along: float = 0.0
@@ -110,7 +112,7 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
 
     ground = [(-0.15, half, 0.0), (-0.15, -half, 0.0), (length, -half - 0.15, 0.0), (length, half + 0.15, 0.0)]
     if not view.light.night:
-        draw(image, [shape(25.0, *ground)], opacity=0.75)
+        draw_shapes(image, [shape(25.0, *ground)], opacity=0.75)
     grey, waist = vehicle.grey, height if is_tall else 0.62 * height
     near = half if y < 0 else -half  # the flank that faces the camera's lane
     body, glass = [], 45.0
@@ -125,7 +127,9 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
         )  # fmt: skip
     for along in (0.8, length - 0.9):
         for radius, wheel_grey in ((0.34, 20.0), (0.2, 0.5 * grey + 30.0)):
-            body.append(shape(wheel_grey, *((along + radius * c, near, 0.33 + radius * d) for c, d in CIRCLE)))
+            body.append(
+                shape(wheel_grey, *((along + radius * c, near, 0.33 + radius * d) for c, d in UNIT_CIRCLE_POINTS))
+            )
     for across in (half - 0.12, -half + 0.12):
         body.append(face(18.0, across + 0.11, across - 0.11, 0.0, 0.4))
     body.append(face(0.45 * grey, half, -half, low - 0.08, 0.5))
@@ -145,52 +149,54 @@ def _vehicle(image: Float32Array, view: _View, vehicle: SceneVehicle, hidden: Bo
     for across in (half - 0.2, -half + 0.2):
         lamp_grey = 240.0 if vehicle.is_oncoming else (170.0 if vehicle.is_braking else 75.0)
         body.append(face(lamp_grey, across + 0.16, across - 0.16, lamp_z - 0.07, lamp_z + 0.09))
-        centre = view.points(*(np.array([value]) for value in body_point(0.0, across, lamp_z)))[0]
+        centre = view.project_body_points(*(np.array([value]) for value in body_point(0.0, across, lamp_z)))[0]
         radius = view.camera.fx * (0.16 if vehicle.is_oncoming else 0.11) / max(x, 1.0)
         if np.isfinite(centre).all():
             strength = 1.0 if vehicle.is_oncoming else (0.7 if vehicle.is_braking else 0.4)
             lamps.append(Lamp(float(centre[0]), float(centre[1]), max(radius, 0.6), strength))
-    draw(image, body, hidden=hidden)
+    draw_shapes(image, body, hidden=hidden)
     return lamps
 
 
-def _rail(image: Float32Array, view: _View, offset_m: float) -> None:
+def _draw_guard_rail(image: Float32Array, view: _RoadView, offset_m: float) -> None:
     """Draw the guard rail at an offset, in place."""
-    x, y = (values[: view.road.n_ahead] for values in view.road.line(offset_m))
+    x, y = (values[: view.road.n_grid_points_ahead] for values in view.road.line_at_offset_m(offset_m))
     starts = np.arange(4.0, 60.0, 4.0)[::-1]
     along = starts[:, None] + np.array([0.0, 0.12, 0.12, 0.0])
-    posts = view.points(along.ravel(), np.interp(along.ravel(), x, y), np.tile([0.0, 0.0, 0.7, 0.7], len(starts)))
+    posts = view.project_body_points(
+        along.ravel(), np.interp(along.ravel(), x, y), np.tile([0.0, 0.0, 0.7, 0.7], len(starts))
+    )
     shapes = [
-        FilledShape(corners, view.shade(85.0, float(start)))
+        FilledShape(corners, view.grey_at_distance(85.0, float(start)))
         for corners, start in zip(posts.reshape(-1, 4, 2), starts, strict=True)
     ]
-    for far, near in pairwise(RAIL_STEPS_M):
+    for far, near in pairwise(RAIL_PIECE_EDGES_M):
         inside = np.concatenate([[near], x[(x > near) & (x < far)], [far]])
         side = np.interp(inside, x, y)
         there_and_back = np.concatenate([inside, inside[::-1]]), np.concatenate([side, side[::-1]])
         for low, high, grey in RAIL_BANDS:
             up = np.repeat([low, high], len(inside))
-            shapes.append(FilledShape(view.points(*there_and_back, up), view.shade(grey, near)))
-    draw(image, shapes)
+            shapes.append(FilledShape(view.project_body_points(*there_and_back, up), view.grey_at_distance(grey, near)))
+    draw_shapes(image, shapes)
 
 
-def _posts(image: Float32Array, view: _View, offset_m: float) -> None:
+def _draw_posts(image: Float32Array, view: _RoadView, offset_m: float) -> None:
     """Draw the guide posts at an offset, in place."""
     first = -view.road.station_m % POST_SPACING_M
-    for ahead in np.arange(first, DRAWN_M, POST_SPACING_M)[::-1]:
+    for ahead in np.arange(first, MAX_DRAWN_DISTANCE_M, POST_SPACING_M)[::-1]:
         if ahead < 5.0:
             continue
-        x, y, _ = view.road.at_arc(float(ahead), offset_m)
+        x, y, _ = view.road.pose_at_arc_length(float(ahead), offset_m)
         shapes = []
         for low, high, grey in ((0.0, 1.0, 205.0), (0.7, 0.9, 40.0)):
-            corners = view.points(
+            corners = view.project_body_points(
                 np.full(4, x), y + np.array([0.06, -0.06, -0.06, 0.06]), np.array([low, low, high, high])
             )
-            shapes.append(FilledShape(corners, view.shade(grey, x)))
-        draw(image, shapes)
+            shapes.append(FilledShape(corners, view.grey_at_distance(grey, x)))
+        draw_shapes(image, shapes)
 
 
-def _trees(image: Float32Array, view: _View, scene: RoadScene) -> None:
+def _draw_trees(image: Float32Array, view: _RoadView, scene: RoadScene) -> None:
     """Draw trees and bushes along the road, the same ones at the same stations for a scene's seed."""
     first = math.floor(view.road.station_m / TREE_SPACING_M) + 1
     for number in range(first + int(130 / TREE_SPACING_M), first, -1):
@@ -200,9 +206,9 @@ def _trees(image: Float32Array, view: _View, scene: RoadScene) -> None:
             continue
         beyond = rng.uniform(3.5, 14.0)
         offset = scene.left_edge_m + beyond if rng.random() < 0.5 else scene.right_edge_m - beyond
-        x, y, _ = view.road.at_arc(ahead, offset)
+        x, y, _ = view.road.pose_at_arc_length(ahead, offset)
         tall = float(rng.uniform(2.5, 9.0))
         wide = tall * float(rng.uniform(0.35, 0.55))
-        box = view.points(np.full(2, x), np.array([y + wide, y - wide]), np.array([tall, -0.1]))
-        dark, light = (view.shade(grey, x) for grey in (30.0, rng.uniform(70.0, 100.0)))
-        draw_tree(image, box, int(rng.integers(0, N_SHAPES)), dark, light)
+        box = view.project_body_points(np.full(2, x), np.array([y + wide, y - wide]), np.array([tall, -0.1]))
+        dark, light = (view.grey_at_distance(grey, x) for grey in (30.0, rng.uniform(70.0, 100.0)))
+        draw_tree(image, box, int(rng.integers(0, N_TREE_SHAPES)), dark, light)

@@ -9,12 +9,12 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.geometry import FAR_M, RoadAhead
-from cwcli.simulation.road.surface import CELL_M, HALF_WIDTH_M, Float32Array
+from cwcli.simulation.road.geometry import ROAD_END_M, RoadAhead
+from cwcli.simulation.road.surface import CELL_WIDTH_M, TEXTURE_HALF_WIDTH_M, Float32Array
 
-SUB_ROWS = 4
+SUB_ROWS_PER_ROW = 4
 """Number of sub-rows of each row, for anti-aliasing. Chosen by hand; not fitted."""
-REACH_M = 8.0
+MAPPED_HALF_WIDTH_M = 8.0
 """Offset of the two lines between which columns are mapped linearly to lateral cells, m (texture only, not paint).
 Chosen by hand; not fitted."""
 
@@ -45,33 +45,33 @@ class ImageRows:
     map_v: Float32Array
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def image_shape(self) -> tuple[int, int]:
         """The shape of an image of the rows: (n, width)."""
         return self.map_u.shape[0], self.map_u.shape[1]
 
-    def spread(self, strip: Float32Array) -> Float32Array:
+    def map_cells_to_image(self, strip: Float32Array) -> Float32Array:
         """Map values (n, cells) by row and cell to an image (n, width); mirrored beyond the outermost cells."""
         import cv2
 
         return np.asarray(cv2.remap(strip, self.map_u, self.map_v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT_101))
 
 
-def rows_of(camera: RoadCamera, road: RoadAhead) -> ImageRows:
+def compute_road_rows(camera: RoadCamera, road: RoadAhead) -> ImageRows:
     """Compute the rows that show road."""
     every = np.arange(camera.height_px, dtype=np.float64)
-    x_m = road.distance_of_rows(camera, every)
+    x_m = road.distance_of_rows_m(camera, every)
     v = np.flatnonzero(np.isfinite(x_m))
     x_m = x_m[v]
-    offsets = np.arange(2 * SUB_ROWS + 1) / (2 * SUB_ROWS) - 0.5
-    fine = road.distance_of_rows(camera, v[:, None] + offsets[None, :])
-    edge = np.where(np.isfinite(fine[:, ::2]), fine[:, ::2], FAR_M)
-    end, start = road.arc_at(0.0, edge[:, 0]), road.arc_at(0.0, edge[:, -1])
-    left = road.column_of(camera, REACH_M, x_m)
-    right = road.column_of(camera, -REACH_M, x_m)
+    offsets = np.arange(2 * SUB_ROWS_PER_ROW + 1) / (2 * SUB_ROWS_PER_ROW) - 0.5
+    fine = road.distance_of_rows_m(camera, v[:, None] + offsets[None, :])
+    edge = np.where(np.isfinite(fine[:, ::2]), fine[:, ::2], ROAD_END_M)
+    end, start = road.line_station_at_distance_m(0.0, edge[:, 0]), road.line_station_at_distance_m(0.0, edge[:, -1])
+    left = road.line_column_at_distance_px(camera, MAPPED_HALF_WIDTH_M, x_m)
+    right = road.line_column_at_distance_px(camera, -MAPPED_HALF_WIDTH_M, x_m)
     with np.errstate(invalid="ignore"):
-        per_px = 2 * REACH_M / np.minimum(left - right, -1e-6)
+        per_px = 2 * MAPPED_HALF_WIDTH_M / np.minimum(left - right, -1e-6)
     columns = np.arange(camera.width_px, dtype=np.float32)
-    lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - REACH_M).astype(np.float32)
-    map_u = np.nan_to_num((lateral + HALF_WIDTH_M) / CELL_M - 0.5)
+    lateral = ((columns[None, :] - right[:, None]) * per_px[:, None] - MAPPED_HALF_WIDTH_M).astype(np.float32)
+    map_u = np.nan_to_num((lateral + TEXTURE_HALF_WIDTH_M) / CELL_WIDTH_M - 0.5)
     map_v = np.repeat(np.arange(len(v), dtype=np.float32)[:, None], camera.width_px, axis=1)
     return ImageRows(camera, road, v, x_m, edge, fine[:, 1::2], start, end, map_u.astype(np.float32), map_v)

@@ -35,9 +35,9 @@ class Marking:
     dash_m: tuple[float, float] = (0.0, 0.0)
     is_double: bool = False
     grey: float = PAINT_GREY
-    kept: float = 1.0
+    remaining_paint_share: float = 1.0
     phase_m: float = 0.0
-    where_m: tuple[tuple[float, float], ...] = ()
+    painted_stretches_m: tuple[tuple[float, float], ...] = ()
     path_m: tuple[tuple[float, float], ...] = ()
 
 
@@ -49,7 +49,7 @@ class Patch:
     length_m: float
     offset_m: float
     width_m: float
-    ratio: float
+    grey_ratio: float
     """Ratio of the patch's grey to that of the road."""
     seam: bool = True
 

@@ -17,16 +17,16 @@ import numpy as np
 
 from cwcli.simulation.road.camera import RoadCamera, paper_camera
 from cwcli.simulation.road.conditions import CONDITIONS
-from cwcli.simulation.road.geometry import RoadAhead, clothoid
-from cwcli.simulation.road.render import RoadFrame, render
+from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.render import RoadFrame, render_frame
 from cwcli.simulation.road.scene import Marking, Patch, RoadScene, SceneVehicle
-from cwcli.simulation.streams import stream
+from cwcli.simulation.streams import random_stream
 
-SET_SIZE = 500
+FRAMES_PER_SET = 500
 """Number of frames of a set. Chosen by hand (docs/road-renderer.md)."""
-DASHES_M = ((6.0, 9.0), (4.0, 6.0), (3.0, 9.0))
+DASH_PATTERNS_M = ((6.0, 9.0), (4.0, 6.0), (3.0, 9.0))
 """Lengths of dash and gap, m: motorways and main roads of China (GB 5768.3), US motorways."""
-DASH_CHANCES = (0.5, 0.4, 0.1)
+DASH_PATTERN_CHANCES = (0.5, 0.4, 0.1)
 """Chances of these dash patterns. Chosen by hand; not fitted."""
 
 
@@ -60,7 +60,7 @@ class SetSpec:
     marking_width_m: tuple[float, float]
     asphalt: tuple[float, float]
     paint: tuple[float, float]
-    kept: float
+    min_remaining_paint_share: float
     dashed: float
     double: float
     patches: int
@@ -71,7 +71,7 @@ class SetSpec:
     rail: float
 
 
-_COMPLEX = SetSpec(
+_COMPLEX_SET = SetSpec(
     conditions={
         "clear": 0.16,
         "overcast": 0.10,
@@ -92,7 +92,7 @@ _COMPLEX = SetSpec(
     marking_width_m=(0.10, 0.18),
     asphalt=(70.0, 125.0),
     paint=(165.0, 225.0),
-    kept=0.6,
+    min_remaining_paint_share=0.6,
     dashed=0.0,
     double=0.0,
     patches=3,
@@ -104,7 +104,7 @@ _COMPLEX = SetSpec(
 )
 """The set `complex`, whose values docs/road-renderer.md explains."""
 
-SETS: Mapping[str, SetSpec] = MappingProxyType(
+FRAME_SETS: Mapping[str, SetSpec] = MappingProxyType(
     {
         "good": SetSpec(
             conditions={"clear": 0.6, "overcast": 0.4},
@@ -118,7 +118,7 @@ SETS: Mapping[str, SetSpec] = MappingProxyType(
             marking_width_m=(0.12, 0.16),
             asphalt=(80.0, 110.0),
             paint=(190.0, 225.0),
-            kept=0.97,
+            min_remaining_paint_share=0.97,
             dashed=0.0,
             double=0.0,
             patches=0,
@@ -128,14 +128,16 @@ SETS: Mapping[str, SetSpec] = MappingProxyType(
             own_gap_m=(50.0, 90.0),
             rail=0.4,
         ),
-        "complex": _COMPLEX,
-        "hard": replace(_COMPLEX, kept=0.45, dashed=0.55, double=0.15),
+        "complex": _COMPLEX_SET,
+        "hard": replace(_COMPLEX_SET, min_remaining_paint_share=0.45, dashed=0.55, double=0.15),
     }
 )
 """The sets of frames by name. Their values are chosen by hand; docs/road-renderer.md explains them."""
 
 
-def frames(name: str, n: int = SET_SIZE, *, seed: int = 0, camera: RoadCamera | None = None) -> Iterator[RoadFrame]:
+def iter_set_frames(
+    name: str, n: int = FRAMES_PER_SET, *, seed: int = 0, camera: RoadCamera | None = None
+) -> Iterator[RoadFrame]:
     """Render the frames of a set, each drawn on its own: frame i does not depend on n.
 
     Args:
@@ -145,36 +147,38 @@ def frames(name: str, n: int = SET_SIZE, *, seed: int = 0, camera: RoadCamera | 
         camera: The camera; None: zhang2011's.
     """
     for index in range(n):
-        yield frame(name, index, seed=seed, camera=camera)
+        yield render_set_frame(name, index, seed=seed, camera=camera)
 
 
-def frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = None) -> RoadFrame:
+def render_set_frame(name: str, index: int, *, seed: int = 0, camera: RoadCamera | None = None) -> RoadFrame:
     """Render one frame of a set."""
-    rng = stream(seed, "road", name, str(index))
-    spec = SETS[name]
+    rng = random_stream(seed, "road", name, str(index))
+    spec = FRAME_SETS[name]
     names, chances = list(spec.conditions), list(spec.conditions.values())
     condition = names[int(rng.choice(len(names), p=np.array(chances) / sum(chances)))]
     scene = draw_scene(spec, condition, rng)
     road = RoadAhead(
-        clothoid(_cut(rng, spec.curvature_1pm), _cut(rng, spec.curvature_rate_1pm2)),
-        offset_m=_cut(rng, spec.offset_m),
-        heading_rad=_cut(rng, spec.heading_rad),
-        vertical_1pm=_cut(rng, spec.vertical_1pm),
+        clothoid_curvature_1pm(
+            _draw_clipped_normal(rng, spec.curvature_1pm), _draw_clipped_normal(rng, spec.curvature_rate_1pm2)
+        ),
+        offset_m=_draw_clipped_normal(rng, spec.offset_m),
+        heading_rad=_draw_clipped_normal(rng, spec.heading_rad),
+        vertical_1pm=_draw_clipped_normal(rng, spec.vertical_1pm),
         bearing_rad=float(rng.uniform(-3, 3)),
     )
-    pitched = (camera or paper_camera()).turned(_cut(rng, spec.pitch_rad))
-    return render(scene, pitched, road, rng)
+    pitched = (camera or paper_camera()).with_added_pitch(_draw_clipped_normal(rng, spec.pitch_rad))
+    return render_frame(scene, pitched, road, rng)
 
 
 def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadScene:
     """Draw markings, surface, traffic and light; the road's shape is drawn separately."""
     width_m = rng.uniform(*spec.lane_width_m)
     n_left, n_right = int(rng.integers(0, 3)), int(rng.integers(0, 2))
-    left = _boundary(spec, width_m / 2, rng, may_be_double=True)
-    right = _boundary(spec, -width_m / 2, rng, may_be_double=False)
+    left = _draw_boundary_marking(spec, width_m / 2, rng, may_be_double=True)
+    right = _draw_boundary_marking(spec, -width_m / 2, rng, may_be_double=False)
     # Beyond a lane that is there, the boundary is what the next lane ends at: mostly solid at the edge.
-    lefts = [_boundary(spec, width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_left)]
-    rights = [_boundary(spec, -width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_right)]
+    lefts = [_draw_boundary_marking(spec, width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_left)]
+    rights = [_draw_boundary_marking(spec, -width_m * (k + 1.5), rng, may_be_double=False) for k in range(n_right)]
     for row in (lefts, rights):
         if row:
             row[-1] = replace(row[-1], dash_m=(0.0, 0.0))
@@ -192,8 +196,8 @@ def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadS
         texture=rng.uniform(0.6, 1.3),
         tracks=rng.uniform(0.0, spec.tracks),
         cracks=rng.uniform(0.0, spec.cracks),
-        patches=tuple(_patch(width_m, rng) for _ in range(int(rng.integers(0, spec.patches + 1)))),
-        vehicles=_traffic(spec, width_m, n_left, n_right, rng),
+        patches=tuple(_draw_repair_patch(width_m, rng) for _ in range(int(rng.integers(0, spec.patches + 1)))),
+        vehicles=_draw_traffic(spec, width_m, n_left, n_right, rng),
         rail_left_m=left_edge + 0.5 if rng.random() < spec.rail else float("nan"),
         rail_right_m=right_edge - 0.5 if rng.random() < spec.rail else float("nan"),
         seed=int(rng.integers(0, 2**31)),
@@ -201,14 +205,14 @@ def draw_scene(spec: SetSpec, condition: str, rng: np.random.Generator) -> RoadS
     return CONDITIONS[condition](scene, rng)
 
 
-def _cut(rng: np.random.Generator, normal: tuple[float, float]) -> float:
+def _draw_clipped_normal(rng: np.random.Generator, normal: tuple[float, float]) -> float:
     """Draw from a normal distribution around 0 with (sigma, limit), clipped at the limit."""
     return float(np.clip(rng.normal(0.0, normal[0]), -normal[1], normal[1]))
 
 
-def _boundary(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:
+def _draw_boundary_marking(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_be_double: bool) -> Marking:
     """Draw the marking of a boundary at an offset."""
-    dash = DASHES_M[int(rng.choice(len(DASHES_M), p=DASH_CHANCES))]
+    dash = DASH_PATTERNS_M[int(rng.choice(len(DASH_PATTERNS_M), p=DASH_PATTERN_CHANCES))]
     is_dashed = rng.random() < spec.dashed
     return Marking(
         offset_m=offset_m,
@@ -216,24 +220,24 @@ def _boundary(spec: SetSpec, offset_m: float, rng: np.random.Generator, *, may_b
         dash_m=dash if is_dashed else (0.0, 0.0),
         is_double=bool(rng.random() < spec.double) and may_be_double,
         grey=rng.uniform(*spec.paint),
-        kept=rng.uniform(spec.kept, 1.0),
+        remaining_paint_share=rng.uniform(spec.min_remaining_paint_share, 1.0),
         phase_m=rng.uniform(0.0, sum(dash)),
     )
 
 
-def _patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
+def _draw_repair_patch(lane_width_m: float, rng: np.random.Generator) -> Patch:
     """Draw a repair patch in the own lane."""
     return Patch(
         station_m=rng.uniform(5.0, 45.0),
         length_m=rng.uniform(1.0, 8.0),
         offset_m=rng.uniform(-0.5, 0.5) * lane_width_m,
         width_m=rng.uniform(0.6, 2.5),
-        ratio=rng.choice([rng.uniform(0.62, 0.85), rng.uniform(1.15, 1.4)], p=[0.7, 0.3]),
+        grey_ratio=rng.choice([rng.uniform(0.62, 0.85), rng.uniform(1.15, 1.4)], p=[0.7, 0.3]),
         seam=bool(rng.random() < 0.6),
     )
 
 
-def _traffic(
+def _draw_traffic(
     spec: SetSpec, lane_width_m: float, n_left: int, n_right: int, rng: np.random.Generator
 ) -> tuple[SceneVehicle, ...]:
     """Draw the vehicles ahead in the own lane and in the lanes to its left and right."""

@@ -17,25 +17,27 @@ from cwcli.signals.columns import FloatArray
 
 Float32Array = npt.NDArray[np.float32]
 
-CELL_M = 0.04
+CELL_WIDTH_M = 0.04
 """Width of a texture's cell across the road, m. Chosen by hand; not fitted."""
-HALF_WIDTH_M = 12.0
+TEXTURE_HALF_WIDTH_M = 12.0
 """Largest offset that the textures cover on each side, m. Chosen by hand; not fitted."""
-STEP_M = 0.05
+CELL_LENGTH_M = 0.05
 """Length of a texture's cell along the road, m. Chosen by hand; not fitted."""
-N_STEPS = 2048
+N_CELLS_ALONG = 2048
 """Number of a texture's cells along the road, after which it repeats. Chosen by hand; not fitted."""
-N_CELLS = round(2 * HALF_WIDTH_M / CELL_M)
+N_CELLS_ACROSS = round(2 * TEXTURE_HALF_WIDTH_M / CELL_WIDTH_M)
 """Number of a texture's cells across the road."""
-CELLS_M: Float32Array = ((np.arange(N_CELLS) + 0.5) * CELL_M - HALF_WIDTH_M).astype(np.float32)
+CELL_OFFSETS_M: Float32Array = ((np.arange(N_CELLS_ACROSS) + 0.5) * CELL_WIDTH_M - TEXTURE_HALF_WIDTH_M).astype(
+    np.float32
+)
 """Offsets of the cells' centres from the lane's centre, shape (cells,), m."""
 
-WEAR_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
+REMAINING_PAINT_LEVELS = (0.3, 0.45, 0.6, 0.75, 0.9)
 """Shares of paint that is left for which a wear texture is made; a marking takes the nearest one. Chosen by hand; not
 fitted."""
-WEAR_CELL_M = 0.01
+WEAR_CELL_WIDTH_M = 0.01
 """Width of a wear texture's cell across a marking, m. Chosen by hand; not fitted."""
-WEAR_CELLS = 64
+N_WEAR_CELLS = 64
 """Number of a wear texture's cells across a marking. Chosen by hand; not fitted."""
 
 
@@ -49,7 +51,7 @@ class Texture:
 
     sums: Float32Array
 
-    def mean(self, start_m: FloatArray, end_m: FloatArray, shift: int = 0) -> Float32Array:
+    def mean_over_stretches(self, start_m: FloatArray, end_m: FloatArray, shift: int = 0) -> Float32Array:
         """Mean of the texture over stretches of road.
 
         Args:
@@ -61,28 +63,28 @@ class Texture:
         """
         length = np.maximum(end_m - start_m, 1e-3).astype(np.float32)[:, None]
         if np.array_equal(start_m[:-1], end_m[1:]):  # neighbouring rows share an edge
-            sums = self._sum_to(np.concatenate([end_m[:1], start_m]))
+            sums = self._running_sum_at(np.concatenate([end_m[:1], start_m]))
             made = (sums[:-1] - sums[1:]) / length
         else:
-            made = (self._sum_to(end_m) - self._sum_to(start_m)) / length
+            made = (self._running_sum_at(end_m) - self._running_sum_at(start_m)) / length
         return np.roll(made, shift, axis=1) if shift else made
 
-    def _sum_to(self, station_m: FloatArray) -> Float32Array:
+    def _running_sum_at(self, station_m: FloatArray) -> Float32Array:
         """The running sum from station 0 to the stations (n,), shape (n, cells); it repeats with the texture."""
-        place = np.mod(station_m / STEP_M, N_STEPS)
-        low = np.minimum(place.astype(np.intp), N_STEPS - 1)
+        place = np.mod(station_m / CELL_LENGTH_M, N_CELLS_ALONG)
+        low = np.minimum(place.astype(np.intp), N_CELLS_ALONG - 1)
         part = (place - low).astype(np.float32)[:, None]
         below = self.sums[low]
         return np.asarray(below + part * (self.sums[low + 1] - below))
 
 
-def _texture(values: FloatArray) -> Texture:
+def _make_texture(values: FloatArray) -> Texture:
     """Make a texture of mean 0 from values (cells along, cells across)."""
-    centred = (values - values.mean(axis=0)) * STEP_M
+    centred = (values - values.mean(axis=0)) * CELL_LENGTH_M
     return Texture(np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(centred, axis=0)]).astype(np.float32))
 
 
-def _blobs(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, float]) -> FloatArray:
+def _draw_smooth_noise(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, float]) -> FloatArray:
     """Draw smooth cyclic noise of standard deviation 1; `size` is its sigma in cells along and across."""
     along, across = (np.fft.fftfreq(n) for n in shape)
     filtered = np.exp(-2 * np.pi**2 * ((along[:, None] * size[0]) ** 2 + (across[None, :] * size[1]) ** 2))
@@ -91,55 +93,63 @@ def _blobs(rng: np.random.Generator, shape: tuple[int, int], size: tuple[float, 
 
 
 @cache
-def asphalt() -> Texture:
+def asphalt_texture() -> Texture:
     """The relative grey of asphalt: grain, streaks along the road, blotches."""
     rng = np.random.default_rng(101)
-    shape = (N_STEPS, N_CELLS)
+    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
     grain = rng.standard_normal(shape)
-    streaks = _blobs(rng, shape, (80.0, 1.5))
-    blotches = _blobs(rng, shape, (25.0, 12.0))
-    return _texture(0.09 * grain + 0.035 * streaks + 0.03 * blotches)
+    streaks = _draw_smooth_noise(rng, shape, (80.0, 1.5))
+    blotches = _draw_smooth_noise(rng, shape, (25.0, 12.0))
+    return _make_texture(0.09 * grain + 0.035 * streaks + 0.03 * blotches)
 
 
 @cache
-def verge() -> Texture:
+def verge_texture() -> Texture:
     """The relative grey of grass and gravel beside the road."""
     rng = np.random.default_rng(102)
-    shape = (N_STEPS, N_CELLS)
-    return _texture(0.22 * _blobs(rng, shape, (1.5, 2.0)) + 0.16 * _blobs(rng, shape, (20.0, 12.0)))
+    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
+    return _make_texture(
+        0.22 * _draw_smooth_noise(rng, shape, (1.5, 2.0)) + 0.16 * _draw_smooth_noise(rng, shape, (20.0, 12.0))
+    )
 
 
 @cache
-def cracks() -> Texture:
+def crack_texture() -> Texture:
     """The relative grey of sealed cracks: thin dark lines along and across the road."""
     rng = np.random.default_rng(103)
-    made = np.zeros((N_STEPS, N_CELLS))
+    made = np.zeros((N_CELLS_ALONG, N_CELLS_ACROSS))
     for _ in range(9):  # along, wandering
         length = int(rng.integers(100, 500))
-        start = int(rng.integers(0, N_STEPS))
-        path = rng.integers(60, N_CELLS - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
-        made[(start + np.arange(length)) % N_STEPS, np.clip(path.round().astype(int), 0, N_CELLS - 1)] = -0.35
+        start = int(rng.integers(0, N_CELLS_ALONG))
+        path = rng.integers(60, N_CELLS_ACROSS - 60) + np.cumsum(rng.normal(0.0, 0.25, length))
+        made[
+            (start + np.arange(length)) % N_CELLS_ALONG, np.clip(path.round().astype(int), 0, N_CELLS_ACROSS - 1)
+        ] = -0.35
     for _ in range(7):  # across
-        start, slant = int(rng.integers(0, N_STEPS)), rng.normal(0.0, 0.15)
-        at = start + slant * np.arange(N_CELLS) + np.cumsum(rng.normal(0.0, 0.4, N_CELLS))
-        made[at.round().astype(int) % N_STEPS, np.arange(N_CELLS)] = -0.35
-    return _texture(np.minimum(made, np.roll(made, 1, axis=0)))
+        start, slant = int(rng.integers(0, N_CELLS_ALONG)), rng.normal(0.0, 0.15)
+        at = start + slant * np.arange(N_CELLS_ACROSS) + np.cumsum(rng.normal(0.0, 0.4, N_CELLS_ACROSS))
+        made[at.round().astype(int) % N_CELLS_ALONG, np.arange(N_CELLS_ACROSS)] = -0.35
+    return _make_texture(np.minimum(made, np.roll(made, 1, axis=0)))
 
 
 @cache
-def leaves() -> Texture:
+def leaf_shadow_texture() -> Texture:
     """The shadow of leaves: 1 in shadow, 0 in sun, half the road each, less the mean."""
     rng = np.random.default_rng(104)
-    shape = (N_STEPS, N_CELLS)
-    field = _blobs(rng, shape, (14.0, 14.0)) + 0.7 * _blobs(rng, shape, (4.0, 4.0))
-    return _texture(1.0 / (1.0 + np.exp(-6.0 * field)))
+    shape = (N_CELLS_ALONG, N_CELLS_ACROSS)
+    field = _draw_smooth_noise(rng, shape, (14.0, 14.0)) + 0.7 * _draw_smooth_noise(rng, shape, (4.0, 4.0))
+    return _make_texture(1.0 / (1.0 + np.exp(-6.0 * field)))
 
 
 @cache
-def wear(level: float) -> tuple[Texture, FloatArray]:
+def remaining_paint_texture(level: float) -> tuple[Texture, FloatArray]:
     """The texture of worn paint, 1 where paint is left and 0 where it is gone less the mean, and the mean per cell."""
     rng = np.random.default_rng(105)
-    shape = (N_STEPS, WEAR_CELLS)
-    field = _blobs(rng, shape, (5.0, 5.0)) + 0.8 * _blobs(rng, shape, (60.0, 30.0)) + 0.5 * rng.standard_normal(shape)
+    shape = (N_CELLS_ALONG, N_WEAR_CELLS)
+    field = (
+        _draw_smooth_noise(rng, shape, (5.0, 5.0))
+        + 0.8 * _draw_smooth_noise(rng, shape, (60.0, 30.0))
+        + 0.5 * rng.standard_normal(shape)
+    )
     kept = (field > np.quantile(field, 1.0 - level)).astype(np.float64)
-    return _texture(kept), kept.mean(axis=0)
+    return _make_texture(kept), kept.mean(axis=0)

@@ -9,18 +9,18 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.surface import Float32Array
 
-N_SHAPES = 12
+N_TREE_SHAPES = 12
 """Number of different tree shapes. Chosen by hand; not fitted."""
-SIZE_PX = 96
+TREE_IMAGE_SIZE_PX = 96
 """Height and width at which tree shapes are made, px. Chosen by hand; not fitted."""
 
 
 @cache
-def _shape(number: int) -> tuple[Float32Array, Float32Array]:
+def _make_tree_cover_and_light(number: int) -> tuple[Float32Array, Float32Array]:
     """Make a tree shape: its cover and its light, 0 to 1, (96, 96) each."""
     rng = np.random.default_rng([11, number])
-    v, u = np.mgrid[0:SIZE_PX, 0:SIZE_PX] / (SIZE_PX - 1.0)
-    freq = np.fft.fftfreq(SIZE_PX)
+    v, u = np.mgrid[0:TREE_IMAGE_SIZE_PX, 0:TREE_IMAGE_SIZE_PX] / (TREE_IMAGE_SIZE_PX - 1.0)
+    freq = np.fft.fftfreq(TREE_IMAGE_SIZE_PX)
     radius = np.hypot(freq[:, None], freq[None, :])
 
     def noise(sigma_px: float) -> FloatArray:
@@ -62,8 +62,8 @@ def draw_tree(image: Float32Array, box: FloatArray, number: int, dark: float, li
     if left >= right or top >= bottom:
         return
     size = (int(u1 - u0), int(v1 - v0))
-    how = cv2.INTER_AREA if size[0] < SIZE_PX else cv2.INTER_LINEAR
+    how = cv2.INTER_AREA if size[0] < TREE_IMAGE_SIZE_PX else cv2.INTER_LINEAR
     inside = (slice(top - v0, bottom - v0), slice(left - u0, right - u0))
-    cover, shine = (cv2.resize(layer, size, interpolation=how)[inside] for layer in _shape(number))
+    cover, shine = (cv2.resize(layer, size, interpolation=how)[inside] for layer in _make_tree_cover_and_light(number))
     part = image[top:bottom, left:right]
     part += cover * (dark + (light - dark) * shine - part)

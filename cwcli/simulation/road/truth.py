@@ -9,14 +9,14 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.geometry import GRID_M, RoadAhead
+from cwcli.simulation.road.geometry import ARC_LENGTH_GRID_M, RoadAhead
 
 BoolArray = npt.NDArray[np.bool_]
 
 VISIBLE_RANGE_M = 60.0
 """Distance beyond which a boundary counts as not visible, m: a marking of 0.15 m is 2 pixels wide there at 320 x
 240."""
-SIDES = ("left", "right")
+LANE_SIDES = ("left", "right")
 """Names of the boundaries of the own lane."""
 
 
@@ -67,31 +67,31 @@ class LaneTruth:
     @property
     def curvature_1pm(self) -> float:
         """The curvature of the lane beside the camera, 1/m, left positive."""
-        return float(np.interp(0.0, GRID_M, self.road.curvature_1pm))
+        return float(np.interp(0.0, ARC_LENGTH_GRID_M, self.road.curvature_1pm))
 
     def boundary_y_m(self, side: str, x_m: FloatArray) -> FloatArray:
         """Lateral place of a boundary (`left`, `right`) in the body frame at distances ahead, m, left positive."""
         half = self.lane_width_m / 2
-        return self.road.lateral_at(self.lane_m + (half if side == "left" else -half), x_m)
+        return self.road.line_y_at_distance_m(self.lane_m + (half if side == "left" else -half), x_m)
 
-    def at_preview(self, preview_m: float) -> tuple[float, float, float]:
+    def lane_centre_at_preview(self, preview_m: float) -> tuple[float, float, float]:
         """y (m), direction (rad) and curvature (1/m) of the lane's centre preview_m ahead on the body's x axis."""
-        y_m, direction_rad, curvature_1pm = self.lane_at(np.array([preview_m]))[:, 0].tolist()
+        y_m, direction_rad, curvature_1pm = self.lane_centre_at_distances(np.array([preview_m]))[:, 0].tolist()
         return y_m, direction_rad, curvature_1pm
 
-    def lane_at(self, x_m: FloatArray) -> FloatArray:
+    def lane_centre_at_distances(self, x_m: FloatArray) -> FloatArray:
         """y, direction and curvature of the lane's centre at distances ahead (n,), shape (3, n).
 
         y (m) and curvature (1/m) are left positive, the direction in the body frame (rad) is counter-clockwise
         positive. NaN where the lane has turned away before (75 deg).
         """
-        n = self.road.n_ahead
-        x, y = self.road.line(self.lane_m)
-        s = np.interp(x_m, x[:n], GRID_M[:n], left=np.nan, right=np.nan)
+        n = self.road.n_grid_points_ahead
+        x, y = self.road.line_at_offset_m(self.lane_m)
+        s = np.interp(x_m, x[:n], ARC_LENGTH_GRID_M[:n], left=np.nan, right=np.nan)
         curvature_1pm = self.road.curvature_1pm / (1.0 - self.lane_m * self.road.curvature_1pm)
-        return np.array([np.interp(s, GRID_M, each) for each in (y, self.road.direction_rad, curvature_1pm)])
+        return np.array([np.interp(s, ARC_LENGTH_GRID_M, each) for each in (y, self.road.direction_rad, curvature_1pm)])
 
-    def tusimple(self, h_samples: npt.NDArray[np.int64]) -> list[list[int]]:
+    def tusimple_lane_columns(self, h_samples: npt.NDArray[np.int64]) -> list[list[int]]:
         """Both boundaries in TuSimple's form: whole columns at the given rows, -2 where it is not visible."""
         lanes = []
         for u, visible in ((self.left_u_px, self.left_visible), (self.right_u_px, self.right_visible)):
@@ -100,7 +100,7 @@ class LaneTruth:
             lanes.append(np.pad(at, (0, len(h_samples) - len(inside)), constant_values=-2).tolist())
         return lanes
 
-    def parabola(self, side: str) -> tuple[float, float, float]:
+    def fit_boundary_parabola(self, side: str) -> tuple[float, float, float]:
         """Fit a, b, c of x = a y^2 + b y + c to a boundary by least squares (zhang2011, eq. 1).
 
         The fit uses the visible rows of the lower five eighths of the image. Pixels numbered from 1 at the bottom left,
@@ -115,7 +115,7 @@ class LaneTruth:
         return float(a), float(b), float(c)
 
 
-def lane_truth(
+def compute_lane_truth(
     camera: RoadCamera,
     road: RoadAhead,
     lane_width_m: float,
@@ -136,10 +136,10 @@ def lane_truth(
         lane_m: Offset of the lane's centre line.
     """
     rows = np.arange(camera.height_px, dtype=np.float64)
-    x_m = road.distance_of_rows(camera, rows)
+    x_m = road.distance_of_rows_m(camera, rows)
     columns, visibles, halves = [], [], []
     for sign, width_m in zip((1.0, -1.0), marking_width_m, strict=True):
-        u = road.column_of(camera, lane_m + sign * lane_width_m / 2, x_m)
+        u = road.line_column_at_distance_px(camera, lane_m + sign * lane_width_m / 2, x_m)
         with np.errstate(invalid="ignore"):
             visible = (u >= 0) & (u <= camera.width_px - 1) & (x_m <= VISIBLE_RANGE_M)
         if occluded is not None:
@@ -147,7 +147,12 @@ def lane_truth(
             visible[at] &= ~occluded[at, np.round(u[at]).astype(np.intp)]
         columns.append(u)
         visibles.append(visible)
-        halves.append(camera.fx * width_m / 2 / camera.depth(x_m, camera.height_m - road.z_at(x_m)))
+        halves.append(
+            camera.fx
+            * width_m
+            / 2
+            / camera.depth_along_optical_axis_m(x_m, camera.height_m - road.surface_height_at_distance_m(x_m))
+        )
     return LaneTruth(
         camera=camera,
         road=road,

@@ -15,17 +15,17 @@ from cwcli.simulation.road.surface import Float32Array
 
 NIGHT_SKY_GREY = 14.0
 """Grey of the sky at night, 0 to 255. Chosen by hand; not fitted."""
-READ_NOISE = 1.6
+READ_NOISE_GREY = 1.6
 """Standard deviation of the sensor's noise in the dark, grey levels. Chosen by hand; not fitted."""
-SHOT_NOISE = 0.035
+SHOT_NOISE_VARIANCE_PER_GREY = 0.035
 """Variance of the sensor's noise per grey level, which adds to that in the dark, grey levels. Chosen by hand; not
 fitted."""
-VIGNETTE = 0.22
+VIGNETTE_LOSS = 0.22
 """Share of light that is lost in the image's corners, 0 to 1. Chosen by hand; not fitted."""
 
 
 @cache
-def _skyline(seed: int) -> Float32Array:
+def _skyline_heights_rad(seed: int) -> Float32Array:
     """Height of hills and woods over the horizon in 4096 directions, shape (4096,), rad."""
     rng = np.random.default_rng([seed, 7])
     freq = np.fft.rfftfreq(4096, 1 / 4096)
@@ -34,7 +34,7 @@ def _skyline(seed: int) -> Float32Array:
     return np.asarray(0.012 + 0.006 * hills / hills.std(), np.float32).clip(0.002)
 
 
-def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, top: int) -> None:
+def draw_sky_and_skyline(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadScene, top: int) -> None:
     """Draw sky and skyline above the road's first row `top`, in place."""
     light = scene.light
     if top <= 0:
@@ -46,7 +46,7 @@ def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadSce
     u = np.arange(camera.width_px)
     direction = np.arctan((camera.cx - u) / camera.fx) + road.bearing_rad
     place = (direction / (2 * np.pi) * 4096).astype(np.intp) % 4096
-    hills = _skyline(scene.seed % 64)
+    hills = _skyline_heights_rad(scene.seed % 64)
     for factor, dark, shift in ((1.0, 0.62, 0), (0.55, 0.42, 1700)):
         height = hills[(place + shift) % 4096] * camera.fy * factor
         cover = np.clip(v - (top - height[None, :]) + 0.5, 0.0, 1.0)
@@ -55,7 +55,7 @@ def sky(image: Float32Array, camera: RoadCamera, road: RoadAhead, scene: RoadSce
         image[:top] += cover * (np.float32(far_grey) - image[:top])
 
 
-def haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
+def apply_haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
     """Apply haze to the road's rows in place: contrast falls as exp(-k x) to the sky's grey (Koschmieder's law)."""
     k = light.fog_1pm + (0.0 if light.night else 0.0008)
     if k <= 0:
@@ -66,7 +66,7 @@ def haze(image: Float32Array, x_m: FloatArray, top: int, light: Light) -> None:
     image[top:] += air * (1.0 - clear)
 
 
-def wet_road(image: Float32Array, top: int, light: Light) -> None:
+def apply_wet_road_reflection(image: Float32Array, top: int, light: Light) -> None:
     """Mirror what is above the horizon in a wet road, smeared downwards, in place."""
     import cv2
 
@@ -81,7 +81,7 @@ def wet_road(image: Float32Array, top: int, light: Light) -> None:
     image[top:] += share * (mirrored - image[top:])
 
 
-def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> None:
+def apply_low_sun_glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> None:
     """Add a low sun in place: its halo, a veil over the image, and the band that the road mirrors below it."""
     if light.glare <= 0:
         return
@@ -96,7 +96,7 @@ def glare(image: Float32Array, camera: RoadCamera, top: int, light: Light) -> No
         image[top:] += light.glare * 0.62 * np.exp(-0.5 * across**2) * np.exp(-below / 0.42)
 
 
-def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -> Float32Array:
+def add_rain_streaks_and_drops(image: Float32Array, light: Light, rng: np.random.Generator) -> Float32Array:
     """Add streaks in the air and drops on the windscreen, and return the new image."""
     import cv2
 
@@ -125,23 +125,23 @@ def rain_on_glass(image: Float32Array, light: Light, rng: np.random.Generator) -
 
 
 @cache
-def _vignette(height: int, width: int) -> Float32Array:
+def _vignette_factor(height: int, width: int) -> Float32Array:
     """Factor of the vignette on the light, shape (height, width); 1 in the middle."""
     u = (np.arange(width, dtype=np.float32)[None, :] - (width - 1) / 2) / (width / 2)
     v = (np.arange(height, dtype=np.float32)[:, None] - (height - 1) / 2) / (width / 2)
-    return np.asarray(1.0 - VIGNETTE * (u * u + v * v) / 1.5625, np.float32)
+    return np.asarray(1.0 - VIGNETTE_LOSS * (u * u + v * v) / 1.5625, np.float32)
 
 
-def sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+def simulate_image_sensor(image: Float32Array, light: Light, rng: np.random.Generator) -> npt.NDArray[np.uint8]:
     """Apply exposure, vignette, lens blur, noise and saturation, and return the image as eight bits."""
     import cv2
 
     height, width = image.shape
-    image = image * (_vignette(height, width) * np.float32(light.exposure))
+    image = image * (_vignette_factor(height, width) * np.float32(light.exposure))
     sigma = light.blur_px * width / 320.0
     if sigma > 0.2:
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), np.float32)
     noise = rng.standard_normal((height, width), dtype=np.float32)
-    spread = np.sqrt(np.maximum(image, 0.0) * np.float32(SHOT_NOISE) + np.float32(READ_NOISE**2))
+    spread = np.sqrt(np.maximum(image, 0.0) * np.float32(SHOT_NOISE_VARIANCE_PER_GREY) + np.float32(READ_NOISE_GREY**2))
     image = image + noise * spread * np.float32(light.noise)
     return np.asarray(cv2.convertScaleAbs(np.clip(image, 0.0, 255.0)))

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.errors import UsageError
-from cwcli.estimation.calibrated import known_mountings
+from cwcli.estimation.calibrated import calibrated_imu_mountings
 from cwcli.estimation.calibration import Calibration
 from cwcli.estimation.measurements import Kind
 from cwcli.signals.canonical import ImuSignal, Signal, SpeedSignal, VelocitySignal
 from cwcli.signals.units import NS_PER_S
-from cwcli.stages.inputs.sources import Sources
+from cwcli.stages.inputs.sources import SensorSignals
 
-UP = 2
+UP_AXIS = 2
 
 
-def calibrated_sources(sources: Sources, calibration: Calibration | None) -> Sources:
+def apply_calibration_to_sources(sources: SensorSignals, calibration: Calibration | None) -> SensorSignals:
     """The sources, those that the calibration knows corrected: speed, velocity and the gyroscope's turn rate.
 
     Raises:
@@ -25,7 +25,7 @@ def calibrated_sources(sources: Sources, calibration: Calibration | None) -> Sou
     """
     if calibration is None:
         return sources
-    signals = [s for found in sources.by_role.values() for s in found if _is_corrected(s)]
+    signals = [s for found in sources.by_role.values() for s in found if _is_calibrated_signal(s)]
     known = [s.source for s in signals if s.source in calibration.sensors]
     if signals and not known:
         raise UsageError(
@@ -35,41 +35,44 @@ def calibrated_sources(sources: Sources, calibration: Calibration | None) -> Sou
             hint=f"it knows {', '.join(calibration.sensors)}",
         )
     by_role = {
-        role: tuple(_corrected(signal, calibration) for signal in found) for role, found in sources.by_role.items()
+        role: tuple(_apply_calibration(signal, calibration) for signal in found)
+        for role, found in sources.by_role.items()
     }
     return replace(sources, by_role=by_role)
 
 
-def _is_corrected(signal: Signal) -> bool:
+def _is_calibrated_signal(signal: Signal) -> bool:
     return isinstance(signal, SpeedSignal | VelocitySignal | ImuSignal)
 
 
-def _corrected(signal: Signal, calibration: Calibration) -> Signal:
+def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
     if isinstance(signal, SpeedSignal):
-        scale = calibration.of(signal.source, Kind.SPEED, "scale").value
+        scale = calibration.find_constant(signal.source, Kind.SPEED, "scale").value
         return replace(
             signal,
-            stamp_ns=signal.stamp_ns - _latency_ns(calibration, signal.source, Kind.SPEED),
+            stamp_ns=signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.SPEED),
             speed_mps=signal.speed_mps / (scale if scale > 0.0 else 1.0),
-            yaw_rate_radps=signal.yaw_rate_radps - _bias(calibration, signal.source),
+            yaw_rate_radps=signal.yaw_rate_radps - _calibrated_bias(calibration, signal.source),
         )
     if isinstance(signal, VelocitySignal):
-        return replace(signal, stamp_ns=signal.stamp_ns - _latency_ns(calibration, signal.source, Kind.VELOCITY))
+        return replace(
+            signal, stamp_ns=signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.VELOCITY)
+        )
     if isinstance(signal, ImuSignal):
-        mounting = known_mountings(calibration).get(signal.source)
+        mounting = calibrated_imu_mountings(calibration).get(signal.source)
         gyro_radps = signal.gyro_radps.copy()
         if mounting is not None:
-            gyro_radps[:, UP] = signal.gyro_radps @ mounting.up
-        gyro_radps[:, UP] -= _bias(calibration, signal.source)
-        stamp_ns = signal.stamp_ns - _latency_ns(calibration, signal.source, Kind.YAW_RATE)
+            gyro_radps[:, UP_AXIS] = signal.gyro_radps @ mounting.up_axis
+        gyro_radps[:, UP_AXIS] -= _calibrated_bias(calibration, signal.source)
+        stamp_ns = signal.stamp_ns - _calibrated_latency_ns(calibration, signal.source, Kind.YAW_RATE)
         return replace(signal, stamp_ns=stamp_ns, gyro_radps=gyro_radps)
     return signal
 
 
-def _latency_ns(calibration: Calibration, source: str, kind: Kind) -> int:
-    latency_s = calibration.of(source, kind, "latency_s").value
+def _calibrated_latency_ns(calibration: Calibration, source: str, kind: Kind) -> int:
+    latency_s = calibration.find_constant(source, kind, "latency_s").value
     return 0 if np.isnan(latency_s) else round(latency_s * NS_PER_S)
 
 
-def _bias(calibration: Calibration, source: str) -> float:
-    return float(np.nan_to_num(calibration.of(source, Kind.YAW_RATE, "bias").value))
+def _calibrated_bias(calibration: Calibration, source: str) -> float:
+    return float(np.nan_to_num(calibration.find_constant(source, Kind.YAW_RATE, "bias").value))

@@ -12,27 +12,44 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from cwcli.channels.binding import bind, is_truth_topic
-from cwcli.channels.published import LANES, OWN_PREFIX
-from cwcli.channels.transforms import read_tree
+from cwcli.channels.binding import bind_roles, is_truth_topic
+from cwcli.channels.published import LANES, OWN_TOPIC_PREFIX
+from cwcli.channels.transforms import fill_transform_tree
 from cwcli.logs.read.frames import Frame
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import configuration_of, inputs_of, number, run_records
-from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.records import read_configuration, read_input_counts, read_number, read_run_records
+from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import CameraInfoSignal
-from cwcli.signals.clocks import LOG_TIME_APART, LOG_TIME_OUT, MAX_STAMP_NS, usual_log_times
-from cwcli.signals.inputs import input_for
+from cwcli.signals.clocks import (
+    INVALID_LOG_TIME_REASON,
+    MAX_STAMP_NS,
+    STRAY_LOG_TIME_REASON,
+    log_time_span_without_strays,
+)
+from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.role import Role
-from cwcli.signals.transforms import BODY_FRAMES, CameraPose, Transform, body_from_frame, camera_pose
-from cwcli.stages.inputs.sources import read_sources
-from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, calibrated_camera, default_camera
-from cwcli.vision.mounting import HEIGHTS_M, MAX_OFFSET_M, MAX_TURN_RAD, OPTIONS, MountingChoice
+from cwcli.signals.transforms import (
+    BODY_FRAME_NAMES,
+    CameraPose,
+    Transform,
+    camera_pose_from_matrix,
+    find_body_from_frame,
+)
+from cwcli.stages.inputs.sources import read_sensor_signals
+from cwcli.vision.camera import KNOWN_MODELS, Camera, Mounting, camera_from_calibration, default_camera
+from cwcli.vision.mounting import (
+    CAMERA_HEIGHT_RANGE_M,
+    MAX_CAMERA_ANGLE_RAD,
+    MAX_CAMERA_OFFSET_M,
+    MOUNTING_OPTION_NAMES,
+    MountingChoice,
+)
 from cwcli.vision.rectify import needs_rectifying
-from cwcli.vision.video import VIDEO_FORMATS
+from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
-UNKNOWN_MODEL = "calibration with an unknown distortion model"
-RECORDED = ("mounting", "topics")
+UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
+RECORDED_LANES_SETTINGS = ("mounting", "topics")
 
 
 @dataclass(frozen=True)
@@ -52,20 +69,22 @@ class CameraSource:
     mounting: Mounting
     field_of_view_rad: float
     is_rectified: bool
-    counts: tuple[InputCount, ...] = ()
+    counts: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def camera(self, width_px: int, height_px: int) -> Camera:
+    def camera_for_size(self, width_px: int, height_px: int) -> Camera:
         """The camera for images of a size; a calibration for another size is scaled."""
         if self.info is None:
             return default_camera(width_px, height_px, self.mounting, field_of_view_rad=self.field_of_view_rad)
-        return calibrated_camera(self.info, self.mounting, is_rectified=self.is_rectified).resized(width_px, height_px)
+        return camera_from_calibration(self.info, self.mounting, is_rectified=self.is_rectified).with_image_size(
+            width_px, height_px
+        )
 
     def needs_rectifying(self) -> bool:
         """Whether the frames differ from those of a pinhole without roll, whatever their size."""
-        return needs_rectifying(self.camera(1000, 1000))
+        return needs_rectifying(self.camera_for_size(1000, 1000))
 
-    def size_note(self, width_px: int, height_px: int) -> str:
+    def shape_mismatch_note(self, width_px: int, height_px: int) -> str:
         """What to tell if the calibration is for images of another shape, else ""."""
         if self.info is None or self.info.width_px * height_px == self.info.height_px * width_px:
             return ""
@@ -73,7 +92,7 @@ class CameraSource:
         return f"{name} is for images of {size}, the frames are {width_px} x {height_px}: scaled in each axis"
 
 
-def camera_source(
+def find_camera_source(
     log: Log, camera_topic: str, topics: Mapping[str, str], mounting: Mounting, field_of_view_rad: float | None
 ) -> CameraSource:
     """Find the calibration of a camera topic.
@@ -91,14 +110,14 @@ def camera_source(
     """
     chosen = dict(topics)
     if Role.CAMERA_INFO.value not in chosen:
-        beside = [name for name in _info_topics(log) if _namespace(name) == _namespace(camera_topic)]
+        beside = [name for name in _camera_info_topics(log) if _topic_namespace(name) == _topic_namespace(camera_topic)]
         if len(beside) == 1:
             chosen[Role.CAMERA_INFO.value] = beside[0]
-    sources = read_sources(log, Selection(topics=chosen), command="lanes", optional=(Role.CAMERA_INFO,))
+    sources = read_sensor_signals(log, Selection(topics=chosen), command="lanes", optional=(Role.CAMERA_INFO,))
     found = sources.by_role.get(Role.CAMERA_INFO, ())
     info = found[0] if found and isinstance(found[0], CameraInfoSignal) else None
     is_rectified = bool(re.search(r"(^|[/_])rect(ified)?([/_]|$)", camera_topic))
-    notes, counts = list(sources.notes), sources.counts()
+    notes, counts = list(sources.notes), sources.input_message_counts()
     if info is not None and info.distortion_model.lower() not in KNOWN_MODELS:
         if is_rectified or not info.distortion.any():
             info = replace(info, distortion_model="")
@@ -106,7 +125,7 @@ def camera_source(
             known = ", ".join(name for name in KNOWN_MODELS if name)
             model = f"its distortion model {info.distortion_model!r} is unknown"
             notes.append(f"{info.source} is not used: {model} (known: {known})")
-            info, counts = None, tuple(map(_unused, counts))
+            info, counts = None, tuple(map(_reject_used_messages, counts))
     default = default_camera(1000, 1000, mounting)
     fov_rad = 2.0 * math.atan(500.0 / default.fx) if field_of_view_rad is None else field_of_view_rad
     if info is None:
@@ -119,7 +138,7 @@ def camera_source(
     return CameraSource(info, mounting, fov_rad, is_rectified, counts, tuple(notes))
 
 
-def camera_of_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
+def camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
     """The camera in whose frames `cwcli lanes` found the lanes, and its topic.
 
     Its record says how it was run; where the log does not tell, its defaults are taken.
@@ -132,19 +151,23 @@ def camera_of_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> 
     Raises:
         MissingSignalError: They are needed, and the log holds none.
     """
-    record = run_records(log).get(LANES.stage, {})
-    configuration = configuration_of(record)
-    given, recorded = (found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED))
+    record = read_run_records(log).get(LANES.stage, {})
+    configuration = read_configuration(record)
+    given, recorded = (
+        found if isinstance(found, dict) else {} for found in map(configuration.get, RECORDED_LANES_SETTINGS)
+    )
     chosen = {**{str(role): str(topic) for role, topic in recorded.items()}, **topics}
-    mounting = {entry.name: number(given, entry.name) for entry in fields(Mounting)}
-    angle_rad = number(configuration, "field_of_view_rad")
-    cameras = (str(entry.get("topic")) for entry in inputs_of(record) if entry.get("role") == Role.CAMERA.value)
+    mounting = {entry.name: read_number(given, entry.name) for entry in fields(Mounting)}
+    angle_rad = read_number(configuration, "field_of_view_rad")
+    cameras = (str(entry.get("topic")) for entry in read_input_counts(record) if entry.get("role") == Role.CAMERA.value)
     topic = next(cameras, "")
     if Role.CAMERA.value in chosen or topic not in {channel.topic for channel in log.channels}:
         required, optional = ((Role.CAMERA,), ()) if is_needed else ((), (Role.CAMERA,))
-        bound = bind(log.channels, chosen, required=required, optional=optional, where=log.name, command="predict")
-        topic = bound.topic(Role.CAMERA) or topic
-    return topic, camera_source(
+        bound = bind_roles(
+            log.channels, chosen, required=required, optional=optional, where=log.name, command="predict"
+        )
+        topic = bound.first_topic_of_role(Role.CAMERA) or topic
+    return topic, find_camera_source(
         log,
         topic,
         chosen,
@@ -153,16 +176,16 @@ def camera_of_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> 
     )
 
 
-def _unused(count: InputCount) -> InputCount:
+def _reject_used_messages(count: InputMessageCount) -> InputMessageCount:
     """The messages that were used are rejected: the lens is unknown, so any use of them would be a guess."""
-    return replace(count, used=0, rejected={**count.rejected, UNKNOWN_MODEL: count.used})
+    return replace(count, used=0, rejected={**count.rejected, UNKNOWN_DISTORTION_TEXT: count.used})
 
 
-def _info_topics(log: Log) -> list[str]:
-    return [channel.topic for channel in log.channels if input_for(Role.CAMERA_INFO, channel.schema_name)]
+def _camera_info_topics(log: Log) -> list[str]:
+    return [channel.topic for channel in log.channels if find_input_for_role(Role.CAMERA_INFO, channel.schema_name)]
 
 
-def _namespace(topic: str) -> str:
+def _topic_namespace(topic: str) -> str:
     return topic.rpartition("/")[0]
 
 
@@ -179,11 +202,11 @@ class MountingSource:
 
     mounting: Mounting
     is_pitch_known: bool
-    counts: tuple[InputCount, ...] = ()
+    counts: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting) -> MountingSource:
+def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) -> MountingSource:
     """Find out how a camera is mounted.
 
     Each value that the user gives counts before that of the transforms, and that before the default. The transforms are
@@ -196,27 +219,29 @@ def mounting_source(log: Log, frame_id: str, choice: MountingChoice | Mounting) 
     """
     if isinstance(choice, Mounting):
         return MountingSource(choice, is_pitch_known=choice.pitch_rad != 0.0)
-    given = choice.given()
-    if len(given) == len(OPTIONS):
+    given = choice.given_values()
+    if len(given) == len(MOUNTING_OPTION_NAMES):
         return MountingSource(Mounting(**given), is_pitch_known=True)
-    pose, counts, notes = _from_transforms(log, frame_id.lstrip("/"))
+    pose, counts, notes = _pose_from_transforms(log, frame_id.lstrip("/"))
     if pose is None:
         made = Mounting(**given)
         note = (
             f"the camera's mounting is not known: {made.height_m:g} m above the road, level, straight ahead and in the "
-            f"middle of the car are assumed ({', '.join(OPTIONS.values())})"
+            f"middle of the car are assumed ({', '.join(MOUNTING_OPTION_NAMES.values())})"
         )
         notes = notes if given else (*notes, note)
         return MountingSource(made, "pitch_rad" in given, counts, notes)
     made = Mounting(pose.height_m, pose.pitch_rad, pose.yaw_rad, pose.roll_rad, pose.lateral_m)
     if given:
-        notes = (*notes, f"{', '.join(OPTIONS[name] for name in given)} counts before the transform")
+        notes = (*notes, f"{', '.join(MOUNTING_OPTION_NAMES[name] for name in given)} counts before the transform")
     return MountingSource(replace(made, **given), True, counts, notes)
 
 
-def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[InputCount, ...], tuple[str, ...]]:
+def _pose_from_transforms(
+    log: Log, frame_id: str
+) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
     topics = sorted(
-        {channel.topic for channel in log.transform_channels() if not _is_left_out(channel.topic)},
+        {channel.topic for channel in log.transform_channels() if not _is_option_disabled(channel.topic)},
         key=lambda topic: ("static" not in topic, topic),
     )
     if not topics or not frame_id:
@@ -224,16 +249,16 @@ def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[
     tree: dict[str, Transform] = {}
     counts = []
     for topic in topics:
-        counts.append(InputCount.of_transforms(*read_tree(log, topic, tree, frame_id)))
-        if body_from_frame(tree, frame_id) is not None:
+        counts.append(InputMessageCount.from_transforms(*fill_transform_tree(log, topic, tree, frame_id)))
+        if find_body_from_frame(tree, frame_id) is not None:
             break
-    found = body_from_frame(tree, frame_id)
+    found = find_body_from_frame(tree, frame_id)
     if found is None:
-        note = f"no transform leads from {frame_id} to {' or '.join(BODY_FRAMES)}: {', '.join(topics)} not used"
+        note = f"no transform leads from {frame_id} to {' or '.join(BODY_FRAME_NAMES)}: {', '.join(topics)} not used"
         return None, tuple(counts), (note,)
     body, matrix = found
-    pose = camera_pose(matrix)
-    fault = _fault(pose, frame_id, body)
+    pose = camera_pose_from_matrix(matrix)
+    fault = _implausible_pose_text(pose, frame_id, body)
     if pose is None or fault:
         return None, tuple(counts), (f"{fault}: the transforms are not used",)
     degrees = [math.degrees(angle) for angle in (pose.pitch_rad, pose.yaw_rad, pose.roll_rad)]
@@ -241,36 +266,38 @@ def _from_transforms(log: Log, frame_id: str) -> tuple[CameraPose | None, tuple[
         f"the camera's mounting is that of {frame_id} in {body}: height {pose.height_m:.2f} m, offset "
         f"{pose.lateral_m:.2f} m, pitch {degrees[0]:.2f}, yaw {degrees[1]:.2f}, roll {degrees[2]:.2f} degrees"
     )
-    if body != BODY_FRAMES[0]:
+    if body != BODY_FRAME_NAMES[0]:
         note += f" ({body} is taken to lie on the road)"
     return pose, tuple(counts), (note,)
 
 
-def _fault(pose: CameraPose | None, frame_id: str, body: str) -> str:
+def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) -> str:
     """Why a pose is not that of a camera that looks ahead from a car, else ""."""
     if pose is None:
         return f"{frame_id} does not look ahead from {body}"
-    if not HEIGHTS_M[0] <= pose.height_m <= HEIGHTS_M[1]:
+    if not CAMERA_HEIGHT_RANGE_M[0] <= pose.height_m <= CAMERA_HEIGHT_RANGE_M[1]:
         return f"{frame_id} is {pose.height_m:.3g} m above {body}, no height above the road"
-    if abs(pose.lateral_m) > MAX_OFFSET_M:
+    if abs(pose.lateral_m) > MAX_CAMERA_OFFSET_M:
         return f"{frame_id} is {pose.lateral_m:.3g} m beside {body}, not on the car"
-    if abs(pose.roll_rad) > MAX_TURN_RAD:
+    if abs(pose.roll_rad) > MAX_CAMERA_ANGLE_RAD:
         return f"{frame_id} is rolled by {math.degrees(pose.roll_rad):.0f} degrees in {body}, not upright"
     return ""
 
 
-def _is_left_out(topic: str) -> bool:
-    return topic.startswith(OWN_PREFIX) or is_truth_topic(topic)
+def _is_option_disabled(topic: str) -> bool:
+    return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
 
 
-def usual_span(log: Log, topic: str, span: Selection) -> Selection:
+def span_without_stray_frames(log: Log, topic: str, span: Selection) -> Selection:
     """The span without the times at which nothing but frames far from all others was logged."""
-    logged = log.log_times(topic).view(np.int64)
-    first_ns, last_ns = usual_log_times([logged[[span.holds(each) for each in logged.tolist()]]])
+    logged = log.log_times_ns(topic).view(np.int64)
+    first_ns, last_ns = log_time_span_without_strays(
+        [logged[[span.includes_log_time(each) for each in logged.tolist()]]]
+    )
     return Selection(start_ns=first_ns, end_ns=last_ns + 1)
 
 
-def camera_frames(
+def iter_camera_frames(
     log: Log, topic: str, span: Selection, usual: Selection, reject: Callable[[str], None] = lambda reason: None
 ) -> Iterator[Frame]:
     """The frames of the span; video from its beginning, because later pictures are made from earlier ones.
@@ -280,16 +307,16 @@ def camera_frames(
 
     Args:
         log, topic, span: Where the frames are, and which are wanted.
-        usual: `usual_span` of the same.
+        usual: `span_without_stray_frames` of the same.
         reject: Called with the reason of each that is rejected.
     """
     for frame in log.frames(topic):
-        is_video = frame.format.lower() in VIDEO_FORMATS
-        is_wanted = span.holds(frame.log_time_ns)
+        is_video = frame.format.lower() in CODEC_OF_VIDEO_FORMAT
+        is_wanted = span.includes_log_time(frame.log_time_ns)
         if not is_wanted and span.end_ns is not None and frame.log_time_ns >= span.end_ns:
             return
-        is_stray = is_wanted and not usual.holds(frame.log_time_ns)
+        is_stray = is_wanted and not usual.includes_log_time(frame.log_time_ns)
         if is_stray:
-            reject(LOG_TIME_APART if 0 <= frame.log_time_ns <= MAX_STAMP_NS else LOG_TIME_OUT)
+            reject(STRAY_LOG_TIME_REASON if 0 <= frame.log_time_ns <= MAX_STAMP_NS else INVALID_LOG_TIME_REASON)
         if is_video or (is_wanted and not is_stray):
             yield frame

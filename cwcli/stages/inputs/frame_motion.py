@@ -7,51 +7,51 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.estimation.calibration import Calibration
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal
 from cwcli.signals.resample import Series
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import rows_by_stamp
+from cwcli.signals.row_order import sort_rows_by_stamp
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
-from cwcli.stages.inputs.calibrated import calibrated_sources
-from cwcli.stages.inputs.sources import read_sources
+from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
+from cwcli.stages.inputs.sources import read_sensor_signals
 
-UP = 2
+UP_AXIS = 2
 
 
-NOTHING = Series(np.zeros(0, np.int64), np.zeros(0))
+EMPTY_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
 
 
 @dataclass(frozen=True)
-class Motion:
+class MotionSeries:
     """Speed and yaw rate over time, with what became of the messages that they come from."""
 
-    speed_mps: Series = NOTHING
-    yaw_rate_radps: Series = NOTHING
-    counts: tuple[InputCount, ...] = ()
+    speed_mps: Series = EMPTY_SERIES
+    yaw_rate_radps: Series = EMPTY_SERIES
+    counts: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> Motion:
+def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> MotionSeries:
     """The estimated state if `cwcli estimate` has run; else the speed channel and the gyroscope, as far as there are
     any."""
-    bound = bind(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
-    topic = bound.topic(EGO_STATE.role)
+    bound = bind_roles(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
+    topic = bound.first_topic_of_role(EGO_STATE.role)
     if topic is not None:
-        states = read_states(log.columns(topic))
-        count = InputCount(topic, EGO_STATE.role, len(states), len(states))
-        rows = rows_by_stamp(states.stamp_ns)
+        states = read_vehicle_states(log.columns(topic))
+        count = InputMessageCount(topic, EGO_STATE.role, len(states), len(states))
+        rows = sort_rows_by_stamp(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
-        return Motion(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
-    sources = read_sources(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))
-    sources = calibrated_sources(sources, calibration)
-    speed, yaw_rate = NOTHING, NOTHING
+        return MotionSeries(Series(stamp_ns, state[:, SPEED]), Series(stamp_ns, state[:, YAW_RATE]), (count,))
+    sources = read_sensor_signals(log, Selection(topics=topics), command="lanes", optional=(Role.EGO_SPEED, Role.IMU))
+    sources = apply_calibration_to_sources(sources, calibration)
+    speed, yaw_rate = EMPTY_SERIES, EMPTY_SERIES
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):
             speed = Series(signal.stamp_ns, signal.speed_mps)
@@ -59,5 +59,5 @@ def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | 
                 yaw_rate = Series(signal.stamp_ns, signal.yaw_rate_radps)
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
-            yaw_rate = Series(signal.stamp_ns, signal.gyro_radps[:, UP])
-    return Motion(speed, yaw_rate, sources.counts(), sources.notes)
+            yaw_rate = Series(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS])
+    return MotionSeries(speed, yaw_rate, sources.input_message_counts(), sources.notes)

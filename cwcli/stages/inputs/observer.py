@@ -11,38 +11,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.lanes import PREVIEW, read_lanes
+from cwcli.channels.lanes import PREVIEW_FIELDS, read_lanes
 from cwcli.channels.published import EGO_STATE, LANES
-from cwcli.channels.vehicle_state import read_states
-from cwcli.dynamics.samples import LaneSamples, Samples, for_small_angles
+from cwcli.channels.vehicle_state import read_vehicle_states
+from cwcli.dynamics.samples import LaneSamples, ScalarSamples, linearise_lanes
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.canonical import ImuSignal, SpeedSignal, SteerSignal, VelocitySignal
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.role import Role
-from cwcli.signals.row_order import rows_by_stamp
+from cwcli.signals.row_order import sort_rows_by_stamp
 from cwcli.signals.vehicle_state import SPEED, YAW_RATE
-from cwcli.stages.inputs.sources import Sources
+from cwcli.stages.inputs.sources import SensorSignals
 from cwcli.vision.method import LaneState
 
-UP = 2
-LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
-"""Of the values at the preview point; larger ones are no lane and are left out."""
-MAX_SIGMA = 1e3
+UP_AXIS = 2
+PREVIEW_VALUE_LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
+"""Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
+MAX_PREVIEW_SIGMA = 1e3
 PREVIEW_RANGE_M = (0.1, 1e3)
 
-REPEATED = "stamp repeated"
-OUT_OF_ORDER = "stamp out of order, sorted"
+REPEATED_STAMP = "stamp repeated"
+OUT_OF_ORDER_STAMP = "stamp out of order, sorted"
 OUT_OF_RANGE = "value out of range, left out"
 NO_STAMP = "no usable stamp"
 NO_VALUE = "no boundary found"
 TURNED_BACK = "the lane turns back before the preview point"
-ONLY_HELD = "the lane is only carried on, left out"
+LANE_ONLY_CARRIED = "the lane is only carried on, left out"
 
 
 @dataclass(frozen=True)
-class ReadLanes:
+class LaneSamplesWithCounts:
     """The frames.
 
     Attributes:
@@ -55,14 +55,14 @@ class ReadLanes:
     samples: LaneSamples
     log_time_ns: Int64Array
     preview_m: float
-    count: InputCount
+    count: InputMessageCount
 
 
-def lane_samples(columns: Columns, *, where: str, with_shape: bool = True) -> ReadLanes:
+def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = True) -> LaneSamplesWithCounts:
     """The lane at the preview point at each frame.
 
     Args:
-        columns: The channel; its fields `OBSERVED_FIELDS` are enough.
+        columns: The channel; its fields `FIELDS_FOR_OBSERVER` are enough.
         where: The log's name.
         with_shape: The observer takes the boundaries' shape too: a frame needs no value at the preview point.
 
@@ -73,36 +73,36 @@ def lane_samples(columns: Columns, *, where: str, with_shape: bool = True) -> Re
     place = f"{where}: {columns.topic}" if where else columns.topic
     if not len(columns):
         raise MissingSignalError("no frame is in the log, or none between --start and --end", where=place)
-    lanes = read_lanes(columns, required=("stamp_ns", *PREVIEW, "preview_distance_m"))
+    lanes = read_lanes(columns, required=("stamp_ns", *PREVIEW_FIELDS, "preview_distance_m"))
     stamp_ns = lanes.stamp_ns
     usable = np.flatnonzero((stamp_ns >= MIN_STAMP_NS) & (stamp_ns <= MAX_STAMP_NS))
     if not len(usable):
         raise DataError("no frame has a usable stamp", where=place)
-    rows = usable[rows_by_stamp(stamp_ns[usable])]
+    rows = usable[sort_rows_by_stamp(stamp_ns[usable])]
     values, sigma = lanes.preview[rows], lanes.preview_sigma[rows]
     with np.errstate(invalid="ignore"):
-        is_beyond = np.abs(values) > LIMITS
-        sigma = np.where((sigma > 0.0) & (sigma <= MAX_SIGMA), sigma, np.nan)  # the observer then takes its own
+        is_beyond = np.abs(values) > PREVIEW_VALUE_LIMITS
+        sigma = np.where((sigma > 0.0) & (sigma <= MAX_PREVIEW_SIGMA), sigma, np.nan)  # the observer then takes its own
     is_held = lanes.state[rows] == LaneState.HELD  # what no frame shows is no measurement
     values = np.where(is_beyond | is_held[:, None], np.nan, values)
-    lines = np.where(is_held[:, None, None], np.nan, lanes.curves()[rows])
+    lines = np.where(is_held[:, None, None], np.nan, lanes.curved_road_lines()[rows])
     is_empty = ~np.isfinite(values).any(axis=1) & ~is_held
     has_shape = np.asarray(np.isfinite(lines).any(axis=(1, 2)), np.bool_)
     reasons = {NO_VALUE: ~has_shape, TURNED_BACK: has_shape & (not with_shape)}
     set_aside = {reason: int(np.count_nonzero(is_empty & which)) for reason, which in reasons.items()}
-    set_aside[ONLY_HELD] = int(np.count_nonzero(is_held))
-    rejected = {NO_STAMP: len(columns) - len(usable), REPEATED: len(usable) - len(rows)}
+    set_aside[LANE_ONLY_CARRIED] = int(np.count_nonzero(is_held))
+    rejected = {NO_STAMP: len(columns) - len(usable), REPEATED_STAMP: len(usable) - len(rows)}
     repaired = {
-        OUT_OF_ORDER: int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
+        OUT_OF_ORDER_STAMP: int(np.count_nonzero(np.diff(stamp_ns[usable]) < 0)),
         OUT_OF_RANGE: int(np.count_nonzero(is_beyond.any(axis=1))),
     }
     samples = LaneSamples(
         *(stamp_ns[rows], values[:, 0], values[:, 1], values[:, 2], sigma[:, 0], sigma[:, 1], sigma[:, 2]),
-        yaw_sigma_rad=lanes.yaw_sigma_rad(),
+        yaw_sigma_rad=lanes.least_yaw_sigma_rad(),
         lines=lines,
         curvature_change_1pm2=lanes.curvature_change_1pm2[rows],
     )
-    count = InputCount(
+    count = InputMessageCount(
         columns.topic,
         LANES.role,
         len(columns),
@@ -111,12 +111,15 @@ def lane_samples(columns: Columns, *, where: str, with_shape: bool = True) -> Re
         repaired={reason: n for reason, n in repaired.items() if n},
         set_aside={reason: n for reason, n in set_aside.items() if n},
     )
-    return ReadLanes(
-        for_small_angles(samples), columns.log_time_ns[rows], _preview(lanes.preview_m[rows], place), count
+    return LaneSamplesWithCounts(
+        linearise_lanes(samples),
+        columns.log_time_ns[rows],
+        _common_preview_distance_m(lanes.preview_m[rows], place),
+        count,
     )
 
 
-def _preview(previews_m: FloatArray, where: str) -> float:
+def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
     distinct = np.unique(previews_m)
     low, high = PREVIEW_RANGE_M
     if len(distinct) > 1:
@@ -128,7 +131,7 @@ def _preview(previews_m: FloatArray, where: str) -> float:
 
 
 @dataclass(frozen=True)
-class Inputs:
+class ObserverInputs:
     """What the observer is given beside the lanes.
 
     Attributes:
@@ -138,42 +141,44 @@ class Inputs:
         notes: For the user.
     """
 
-    speed: Samples | None = None
-    yaw_rate: Samples | None = None
-    steer: Samples | None = None
+    speed: ScalarSamples | None = None
+    yaw_rate: ScalarSamples | None = None
+    steer: ScalarSamples | None = None
     speed_source: str = ""
     yaw_rate_source: str = ""
     steer_source: str = ""
-    counts: tuple[InputCount, ...] = ()
+    counts: tuple[InputMessageCount, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def inputs_of(sources: Sources, ego_state: Columns | None, *, use_gyro: bool, use_steer: bool) -> Inputs:
+def choose_observer_inputs(
+    sources: SensorSignals, ego_state: Columns | None, *, use_gyro: bool, use_steer: bool
+) -> ObserverInputs:
     """Choose among the signals.
 
     Speed: the speed channel, else the ego state, else the magnitude of the velocity over ground. Yaw rate: the
     gyroscope, else that of the speed channel, else the ego state. Steering angle: its own channel.
     """
     used: set[str] = set()
-    counts = list(sources.counts())
-    speed, speed_source = _speed(sources)
-    yaw_rate, yaw_rate_source = _yaw_rate(sources) if use_gyro else (None, "")
+    counts = list(sources.input_message_counts())
+    speed, speed_source = _choose_speed(sources)
+    yaw_rate, yaw_rate_source = _choose_yaw_rate(sources) if use_gyro else (None, "")
     if ego_state is not None and len(ego_state) and (speed is None or (use_gyro and yaw_rate is None)):
-        states = read_states(ego_state)
-        rows = rows_by_stamp(states.stamp_ns)
+        states = read_vehicle_states(ego_state)
+        rows = sort_rows_by_stamp(states.stamp_ns)
         stamp_ns, state = states.stamp_ns[rows], states.state[rows]
         variance = np.maximum(states.covariance[rows, YAW_RATE, YAW_RATE], 0.0)
         if speed is None:
-            speed, speed_source = Samples(stamp_ns, state[:, SPEED]), ego_state.topic
+            speed, speed_source = ScalarSamples(stamp_ns, state[:, SPEED]), ego_state.topic
         if use_gyro and yaw_rate is None:
-            yaw_rate = Samples(stamp_ns, state[:, YAW_RATE], np.sqrt(variance))
+            yaw_rate = ScalarSamples(stamp_ns, state[:, YAW_RATE], np.sqrt(variance))
             yaw_rate_source = ego_state.topic
-        counts.append(InputCount(ego_state.topic, EGO_STATE.role, len(states), len(states)))
+        counts.append(InputMessageCount(ego_state.topic, EGO_STATE.role, len(states), len(states)))
     if speed is None:
-        speed, speed_source = _speed_over_ground(sources)
-    steer, steer_source = _steer(sources) if use_steer else (None, "")
+        speed, speed_source = _speed_from_velocity(sources)
+    steer, steer_source = _choose_steering(sources) if use_steer else (None, "")
     used |= {speed_source, yaw_rate_source, steer_source}
-    return Inputs(
+    return ObserverInputs(
         speed=speed,
         yaw_rate=yaw_rate,
         steer=steer,
@@ -185,39 +190,39 @@ def inputs_of(sources: Sources, ego_state: Columns | None, *, use_gyro: bool, us
     )
 
 
-def _speed(sources: Sources) -> tuple[Samples | None, str]:
+def _choose_speed(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):
-            return Samples(signal.stamp_ns, signal.speed_mps), signal.source
+            return ScalarSamples(signal.stamp_ns, signal.speed_mps), signal.source
     return None, ""
 
 
-def _speed_over_ground(sources: Sources) -> tuple[Samples | None, str]:
+def _speed_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     for signal in sources.by_role.get(Role.EGO_VELOCITY, ()):
         if isinstance(signal, VelocitySignal):
-            return Samples(signal.stamp_ns, np.hypot(signal.east_mps, signal.north_mps)), signal.source
+            return ScalarSamples(signal.stamp_ns, np.hypot(signal.east_mps, signal.north_mps)), signal.source
     return None, ""
 
 
-def _yaw_rate(sources: Sources) -> tuple[Samples | None, str]:
+def _choose_yaw_rate(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
-            sigma = _sigma(signal.gyro_variance[:, UP])
-            return Samples(signal.stamp_ns, signal.gyro_radps[:, UP], sigma), signal.source
+            sigma = _sigma_from_variance(signal.gyro_variance[:, UP_AXIS])
+            return ScalarSamples(signal.stamp_ns, signal.gyro_radps[:, UP_AXIS], sigma), signal.source
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal) and np.isfinite(signal.yaw_rate_radps).any():
-            sigma = _sigma(signal.yaw_rate_variance_rad2ps2)
-            return Samples(signal.stamp_ns, signal.yaw_rate_radps, sigma), signal.source
+            sigma = _sigma_from_variance(signal.yaw_rate_variance_rad2ps2)
+            return ScalarSamples(signal.stamp_ns, signal.yaw_rate_radps, sigma), signal.source
     return None, ""
 
 
-def _steer(sources: Sources) -> tuple[Samples | None, str]:
+def _choose_steering(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
     for signal in sources.by_role.get(Role.EGO_STEER, ()):
         if isinstance(signal, SteerSignal):
-            return Samples(signal.stamp_ns, signal.steer_rad), signal.source
+            return ScalarSamples(signal.stamp_ns, signal.steer_rad), signal.source
     return None, ""
 
 
-def _sigma(variance: FloatArray) -> FloatArray:
+def _sigma_from_variance(variance: FloatArray) -> FloatArray:
     """NaN where the variance is not given."""
     return np.asarray(np.sqrt(np.where(variance > 0.0, variance, np.nan)))

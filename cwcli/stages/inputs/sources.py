@@ -7,20 +7,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cwcli.channels.binding import Bindings, bind
+from cwcli.channels.binding import Bindings, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
-from cwcli.pipeline.call import Selection, with_selection
-from cwcli.pipeline.result import InputCount
-from cwcli.pipeline.stations import naming_stations
-from cwcli.signals.build import build, require_rows
+from cwcli.pipeline.call import Selection, replace_selection
+from cwcli.pipeline.result import InputMessageCount
+from cwcli.pipeline.stations import add_stations_to_error
+from cwcli.signals.build import build_signal, require_usable_rows
 from cwcli.signals.canonical import Signal
-from cwcli.signals.clocks import LOG_TIME_APART, Clock, disagreeing_clocks, usual_log_times
+from cwcli.signals.clocks import STRAY_LOG_TIME_REASON, Clock, format_clock_disagreements, log_time_span_without_strays
 from cwcli.signals.columns import Columns, Int64Array
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 
-TIMELESS = frozenset({Role.CAMERA_INFO})
+ROLES_WITHOUT_TIME = frozenset({Role.CAMERA_INFO})
 """Roles whose messages hold at any time: a calibration may be logged long before the drive."""
 
 
@@ -38,7 +38,7 @@ class SourceConfig(Selection):
 
 
 @dataclass(frozen=True)
-class Sources:
+class SensorSignals:
     """The signals of a log.
 
     Attributes:
@@ -53,17 +53,17 @@ class Sources:
     notes: tuple[str, ...]
     columns: Mapping[str, Columns] = field(default_factory=dict)
 
-    def counts(self) -> tuple[InputCount, ...]:
+    def input_message_counts(self) -> tuple[InputMessageCount, ...]:
         """The qualities as lines of the summary."""
         return tuple(
-            InputCount(q.source, role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
+            InputMessageCount(q.source, role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
             for of_messages in self.qualities
             for q, role in ((of_messages, of_messages.role), (of_messages.objects, "each object"))
             if q is not None
         )
 
 
-def read_sources(
+def read_sensor_signals(
     log: Log,
     config: Selection,
     *,
@@ -72,7 +72,7 @@ def read_sources(
     optional: Collection[Role] = (),
     also: Bindings | None = None,
     fields: Mapping[str, Collection[str]] | None = None,
-) -> Sources:
+) -> SensorSignals:
     """Read the signals that a stage needs.
 
     Args:
@@ -89,9 +89,9 @@ def read_sources(
         DataError: Every message of a required role was rejected.
         InputError: The log is damaged.
     """
-    how = config if isinstance(config, SourceConfig) else with_selection(SourceConfig(), config)
+    how = config if isinstance(config, SourceConfig) else replace_selection(SourceConfig(), config)
     try:
-        bound = bind(
+        bound = bind_roles(
             log.channels,
             config.topics,
             required=required,
@@ -101,39 +101,41 @@ def read_sources(
             command=command,
         )
     except MissingSignalError as error:
-        raise (naming_stations(error, log) if Role.EGO_POSITION in required else error) from None
-    wanted = bound.wanted()
+        raise (add_stations_to_error(error, log) if Role.EGO_POSITION in required else error) from None
+    wanted = bound.fields_to_load()
     every = {role: [each for one in b for each in (one, *one.parts)] for role, b in bound.by_role.items()}
     for binding in (each for bindings in every.values() for each in bindings):
         wanted.setdefault(binding.topic, set())  # of an unknown encoding: the reader says so
     own = {} if also is None else {role: bindings[0].topic for role, bindings in also.by_role.items()}
     further = {topic: (fields or {}).get(role) for role, topic in own.items()}
     loaded = {
-        topic: columns.logged_within(config.start_ns, config.end_ns)
-        for topic, columns in log.load({**wanted, **further}).items()
+        topic: columns.slice_by_log_time(config.start_ns, config.end_ns)
+        for topic, columns in log.load_topics({**wanted, **further}).items()
     }
-    timed = {each.topic for role, bindings in every.items() if role not in TIMELESS for each in bindings}
-    usual_ns = usual_log_times([loaded[topic].log_time_ns for topic in timed])
+    timed = {each.topic for role, bindings in every.items() if role not in ROLES_WITHOUT_TIME for each in bindings}
+    usual_ns = log_time_span_without_strays([loaded[topic].log_time_ns for topic in timed])
     by_role: dict[Role, tuple[Signal, ...]] = {}
     qualities: list[Quality] = []
     for role in dict.fromkeys((*required, *optional)):
-        bindings = bound.of(role)
+        bindings = bound.channels_of_role(role)
         signals: list[Signal] = []
         for one in bindings:
             columns = replace(loaded[one.topic], schema_name=one.schema_name)  # which the user may have said
             strays_ns = columns.log_time_ns[:0]
-            if role not in TIMELESS:
-                columns, strays_ns = _without_strays(columns, *usual_ns)
-            signal, quality = build(
+            if role not in ROLES_WITHOUT_TIME:
+                columns, strays_ns = _drop_rows_outside_span(columns, *usual_ns)
+            signal, quality = build_signal(
                 role,
                 columns,
                 how.clock,
                 ego_station=how.ego_station,
                 is_override=one.is_override,
                 mapping=one.mapping,
-                parts=[(_without_strays(loaded[p.topic], *usual_ns)[0], p.mapping) for p in one.parts if p.mapping],
+                parts=[
+                    (_drop_rows_outside_span(loaded[p.topic], *usual_ns)[0], p.mapping) for p in one.parts if p.mapping
+                ],
             )
-            quality.rejected_unbuilt(LOG_TIME_APART, strays_ns)
+            quality.count_rejected_before_build(STRAY_LOG_TIME_REASON, strays_ns)
             qualities.append(quality)
             if quality.n_rows or getattr(signal, "events", None) is not None:
                 signals.append(signal)
@@ -143,22 +145,22 @@ def read_sources(
             for quality in qualities[-len(bindings) :]:
                 is_cut = config.start_ns is not None or config.end_ns is not None
                 try:
-                    require_rows(quality, where=log.name, is_cut=is_cut)
+                    require_usable_rows(quality, where=log.name, is_cut=is_cut)
                 except MissingSignalError as error:
-                    raise (naming_stations(error, log) if role is Role.EGO_POSITION else error) from None
+                    raise (add_stations_to_error(error, log) if role is Role.EGO_POSITION else error) from None
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     others = {role: loaded[topic] for role, topic in own.items()}
-    return Sources(by_role, tuple(qualities), (*notes, *disagreeing_clocks(qualities)), others)
+    return SensorSignals(by_role, tuple(qualities), (*notes, *format_clock_disagreements(qualities)), others)
 
 
-def read_bound(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:
+def read_bound_columns(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:
     """Role -> all columns of its channel, of the whole log and in one pass: for channels of earlier stages."""
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items() if role not in without}
-    columns = log.load(dict.fromkeys(topics.values()))
+    columns = log.load_topics(dict.fromkeys(topics.values()))
     return {role: columns[topic] for role, topic in topics.items()}
 
 
-def _without_strays(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
+def _drop_rows_outside_span(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
     """The messages logged from `first_ns` to `last_ns`, and the log times of the others.
 
     Log times are unsigned in a file, and in that order.
@@ -168,4 +170,4 @@ def _without_strays(columns: Columns, first_ns: int, last_ns: int) -> tuple[Colu
     end = int(np.searchsorted(log_ns, np.uint64(last_ns), side="right"))
     if end - first == len(columns):
         return columns, columns.log_time_ns[:0]
-    return columns.between(first, end), np.delete(columns.log_time_ns, slice(first, end))
+    return columns.slice_rows(first, end), np.delete(columns.log_time_ns, slice(first, end))

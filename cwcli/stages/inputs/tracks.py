@@ -9,29 +9,35 @@ import numpy as np
 
 from cwcli.channels.binding import Bindings
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import COVARIANCE, KINEMATICS, VehicleStates, read_states, require_ego
+from cwcli.channels.target import read_targets_as_states
+from cwcli.channels.vehicle_state import (
+    COVARIANCE_FIELDS,
+    KINEMATIC_FIELDS,
+    VehicleStates,
+    read_vehicle_states,
+    require_ego_states,
+)
 from cwcli.logs.read.reader import Log
 from cwcli.measures.base import Measure
-from cwcli.measures.evaluate import MeasuredPair, moments, with_sigmas
+from cwcli.measures.evaluate import MeasuredPair, add_sigmas_to_extremes, stamps_of_extremes_with_sigma
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.result import InputCount
+from cwcli.pipeline.result import InputMessageCount
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.row_order import tracks_of
+from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
-from cwcli.warning.types import outline_of
+from cwcli.warning.types import median_outline_m
 
-OTHERS = (REMOTE_STATE.role, TARGETS.role)
+OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
 MAX_GAP_S = 0.5
-SLICE_NS = 30 * NS_PER_S
-"""Of the log, of which covariances are held at once."""
-WITH_COVARIANCE = (*KINEMATICS, *COVARIANCE)
+COVARIANCE_SLICE_NS = 30 * NS_PER_S
+"""Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
+FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
 
 
 @dataclass(frozen=True)
-class Tracks:
+class TracksOfLog:
     """The ego and the others.
 
     Attributes:
@@ -51,24 +57,24 @@ class Tracks:
         """Of the ego."""
         return str(self.ego.ids.values[self.ego.ids.codes[0]])
 
-    def pair(self, other_id: str) -> Pair:
+    def pair_with_ego(self, other_id: str) -> Pair:
         """The ego and another vehicle."""
         own, theirs = self.ego, self.others[other_id]
         return Pair(
-            self._track(own),
-            self._track(theirs),
-            outline_of(own.length_m, own.width_m),
-            outline_of(theirs.length_m, theirs.width_m),
+            self._actual_track(own),
+            self._actual_track(theirs),
+            median_outline_m(own.length_m, own.width_m),
+            median_outline_m(theirs.length_m, theirs.width_m),
             MAX_GAP_S,
         )
 
-    def _track(self, states: VehicleStates) -> ActualTrack:
+    def _actual_track(self, states: VehicleStates) -> ActualTrack:
         return ActualTrack(states.stamp_ns, states.state, states.covariance if self.has_covariance else None)
 
 
 def read_tracks(
     log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
-) -> tuple[Tracks, tuple[InputCount, ...]]:
+) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
     """The tracks in the chosen span, and what became of the messages.
 
     Raises:
@@ -80,65 +86,69 @@ def read_tracks(
     ego: VehicleStates | None = None
     for role, bindings in bound.by_role.items():
         topic = bindings[0].topic
-        everything = _states(log, topic, role, with_covariance)
-        states = everything.logged_within(selection.start_ns, selection.end_ns)
-        counts.append(InputCount(topic, role, len(everything), len(states)))
+        everything = _read_states(log, topic, role, with_covariance)
+        states = everything.select_logged_within(selection.start_ns, selection.end_ns)
+        counts.append(InputMessageCount(topic, role, len(everything), len(states)))
         if role == EGO_STATE.role:
-            require_ego(states, log_name=log.name, topic=topic)
-            ego = states.by_stamp()
+            require_ego_states(states, log_name=log.name, topic=topic)
+            ego = states.sort_by_stamp()
             topics[ego.ids.values[ego.ids.codes[0]]] = topic, role
             continue
-        for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
-            others[vehicle], topics[vehicle] = states.rows(rows), (topic, role)
+        for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
+            others[vehicle], topics[vehicle] = states.select_rows(rows), (topic, role)
     assert ego is not None  # binding requires it
-    return Tracks(ego, others, topics, with_covariance), tuple(counts)
+    return TracksOfLog(ego, others, topics, with_covariance), tuple(counts)
 
 
-def _states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
+def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
     if role == TARGETS.role:
-        return read_targets(log.columns(topic))
-    fields = WITH_COVARIANCE if with_covariance else KINEMATICS
-    return read_states(log.columns(topic, fields), with_covariance=with_covariance)
+        return read_targets_as_states(log.columns(topic))
+    fields = FIELDS_WITH_COVARIANCE if with_covariance else KINEMATIC_FIELDS
+    return read_vehicle_states(log.columns(topic, fields), with_covariance=with_covariance)
 
 
-def add_sigmas(
-    log: Log, tracks: Tracks, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
+def add_sigmas_of_extremes(
+    log: Log, tracks: TracksOfLog, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
 ) -> list[MeasuredPair]:
     """The pairs with the sigmas of their extremes, by the covariances of the states then."""
     wanted: dict[str, list[Int64Array]] = {tracks.ego_id: []}
-    at = {pair.other_id: moments(pair, measures) for pair in pairs}
+    at = {pair.other_id: stamps_of_extremes_with_sigma(pair, measures) for pair in pairs}
     for vehicle, stamps in at.items():
         theirs = tracks.others[vehicle].stamp_ns
         latest = np.clip(np.searchsorted(theirs, stamps, side="right") - 1, 0, None)
         wanted[vehicle] = [theirs[latest]]
         wanted[tracks.ego_id].append(stamps)
-    known = _covariances(log, tracks, {vehicle: np.concatenate(each) for vehicle, each in wanted.items() if each})
+    known = _read_covariances_at_stamps(
+        log, tracks, {vehicle: np.concatenate(each) for vehicle, each in wanted.items() if each}
+    )
     made = []
     for pair in pairs:
         stamps = at[pair.other_id]
         if not len(stamps):
             made.append(pair)
             continue
-        here = tracks.pair(pair.other_id).rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
+        here = tracks.pair_with_ego(pair.other_id).select_rows(np.searchsorted(tracks.ego.stamp_ns, stamps))
         own, theirs_ns = known[tracks.ego_id], wanted[pair.other_id][0]
-        covariances = _of(own, stamps), _of(known[pair.other_id], theirs_ns)
-        made.append(with_sigmas(pair, here, measures, covariances))
+        covariances = _covariances_at_stamps(own, stamps), _covariances_at_stamps(known[pair.other_id], theirs_ns)
+        made.append(add_sigmas_to_extremes(pair, here, measures, covariances))
     return made
 
 
-def _of(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
+def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
     unknown = np.full((N_STATES, N_STATES), np.nan)
     return np.array([known.get(stamp, unknown) for stamp in stamps.tolist()])
 
 
-def _covariances(log: Log, tracks: Tracks, wanted: Mapping[str, Int64Array]) -> dict[str, dict[int, FloatArray]]:
+def _read_covariances_at_stamps(
+    log: Log, tracks: TracksOfLog, wanted: Mapping[str, Int64Array]
+) -> dict[str, dict[int, FloatArray]]:
     """Vehicle -> stamp -> covariance of its state; a slice of the log at a time."""
     found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
     stamps = {vehicle: np.unique(each) for vehicle, each in wanted.items()}
     for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
         asked = [vehicle for vehicle in wanted if tracks.topics[vehicle] == (topic, role)]
-        for states in _slices(log, topic, role, tracks, asked, stamps):
-            for vehicle, rows in tracks_of(states.ids, states.stamp_ns):
+        for states in _iter_states_near_stamps(log, topic, role, tracks, asked, stamps):
+            for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
                 if vehicle in asked:
                     here = rows[np.isin(states.stamp_ns[rows], stamps[vehicle])]
                     pairs = zip(states.stamp_ns[here].tolist(), states.covariance[here], strict=True)
@@ -146,17 +156,17 @@ def _covariances(log: Log, tracks: Tracks, wanted: Mapping[str, Int64Array]) -> 
     return found
 
 
-def _slices(
+def _iter_states_near_stamps(
     log: Log,
     topic: str,
     role: str,
-    tracks: Tracks,
+    tracks: TracksOfLog,
     vehicles: Sequence[str],
     stamps: Mapping[str, Int64Array],
 ) -> Iterator[VehicleStates]:
     """The states with covariances around the wanted stamps, slice by slice of the log."""
     if role == TARGETS.role:
-        yield read_targets(log.columns(topic))
+        yield read_targets_as_states(log.columns(topic))
         return
     logged = [np.zeros(0, np.int64)]
     for vehicle in vehicles:
@@ -164,7 +174,7 @@ def _slices(
         logged.append(states.log_time_ns[np.isin(states.stamp_ns, stamps[vehicle])])
     times = np.unique(np.concatenate(logged))
     while len(times):
-        last = int(np.searchsorted(times, times[0] + SLICE_NS))
+        last = int(np.searchsorted(times, times[0] + COVARIANCE_SLICE_NS))
         span = (int(times[0]), int(times[last - 1]) + 1)
-        yield read_states(log.load({topic: WITH_COVARIANCE}, logged=span)[topic])
+        yield read_vehicle_states(log.load_topics({topic: FIELDS_WITH_COVARIANCE}, logged=span)[topic])
         times = times[last:]

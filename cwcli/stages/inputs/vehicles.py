@@ -7,22 +7,22 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.channels.predicted_path import AnyPaths, PlannedPaths
+from cwcli.channels.predicted_path import AnyPaths, LazyPaths
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.errors import DataError
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.plan import PathPlan, SomePaths
+from cwcli.prediction.plan import PathPlan, SelectedPaths
 from cwcli.signals.columns import FloatArray
-from cwcli.signals.road_events import RoadEvents, says_hard_braking
-from cwcli.signals.row_order import tracks_of
-from cwcli.warning.types import VehicleTrack, outline_of
+from cwcli.signals.road_events import RoadEvents, hard_braking_states_mask
+from cwcli.signals.row_order import iter_track_rows
+from cwcli.warning.types import VehicleTrack, median_outline_m
 
-ONSET = "onset"
+ONSET_MODEL = "onset"
 """The motion model that says where a manoeuvre leads that has just begun."""
 
 
-def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
+def require_single_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
     """The ego's track.
 
     Raises:
@@ -33,7 +33,7 @@ def only_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
     return tracks[0]
 
 
-def vehicle_tracks(
+def build_vehicle_tracks(
     states: VehicleStates, predicted: AnyPaths, *, with_onset: bool = False, events: RoadEvents | None = None
 ) -> list[VehicleTrack]:
     """One track per vehicle: its states, in stamp order, each with the path that starts from it.
@@ -42,9 +42,9 @@ def vehicle_tracks(
         events: What the vehicles notified.
         with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
     """
-    path_rows = dict(tracks_of(predicted.ids, predicted.stamp_ns))
+    path_rows = dict(iter_track_rows(predicted.ids, predicted.stamp_ns))
     tracks = []
-    for vehicle, all_rows in tracks_of(states.ids, states.stamp_ns):
+    for vehicle, all_rows in iter_track_rows(states.ids, states.stamp_ns):
         candidates = path_rows.get(vehicle)
         if candidates is None:
             continue
@@ -54,27 +54,27 @@ def vehicle_tracks(
         if not len(mine):
             continue
         rows, candidates = all_rows[mine], candidates[theirs]
-        length_m, width_m = outline_of(states.length_m[rows], states.width_m[rows])
+        length_m, width_m = median_outline_m(states.length_m[rows], states.width_m[rows])
         tracks.append(
             VehicleTrack(
                 id=vehicle,
                 stamp_ns=states.stamp_ns[rows],
                 log_time_ns=states.log_time_ns[rows],
                 state=states.state[rows],
-                paths=predicted.some(candidates),
+                paths=predicted.select_paths(candidates),
                 length_m=length_m,
                 width_m=width_m,
-                onset_paths=_onset(states, rows, predicted.time_s) if with_onset else None,
+                onset_paths=_predict_onset_paths(states, rows, predicted.time_s) if with_onset else None,
                 flags=states.flags[rows],
                 says_hard_braking=None
                 if events is None
-                else says_hard_braking(events, vehicle, states.stamp_ns[rows], states.log_time_ns[rows]),
+                else hard_braking_states_mask(events, vehicle, states.stamp_ns[rows], states.log_time_ns[rows]),
             )
         )
     return tracks
 
 
-def paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> PlannedPaths:
+def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> LazyPaths:
     """Paths that start from the states, predicted like others.
 
     Raises:
@@ -84,12 +84,12 @@ def paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> PlannedP
         raise DataError(f"the paths' motion model {like.model!r} is not known", where=where, hint="predict again")
     time_s = like.time_s
     horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
-    return PlannedPaths.of(
+    return LazyPaths.from_states(
         states, PathPlan(like.model, horizon_s, float(time_s[1] - time_s[0]), states.state, states.covariance)
     )
 
 
-def _onset(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> SomePaths:
+def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> SelectedPaths:
     """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
-    return SomePaths(PathPlan(ONSET, float(time_s[-1]), step_s, states.state, states.covariance), rows)
+    return SelectedPaths(PathPlan(ONSET_MODEL, float(time_s[-1]), step_s, states.state, states.covariance), rows)

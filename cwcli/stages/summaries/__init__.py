@@ -6,29 +6,29 @@ import math
 
 import numpy as np
 
-from cwcli.pipeline.json_names import Told
+from cwcli.pipeline.json_names import CellWithValues
 from cwcli.signals.columns import FloatArray
 
-NIS_WORDS = {
-    None: Told("", {"": None}),
-    True: Told("in", {"": True}),
-    False: Told("OUT", {"": False}),
+NIS_CELLS = {
+    None: CellWithValues("", {"": None}),
+    True: CellWithValues("in", {"": True}),
+    False: CellWithValues("OUT", {"": False}),
 }
 
 
-def bounds_text(low: float, high: float) -> Told:
+def bounds_cell(low: float, high: float) -> CellWithValues:
     """Two bounds in one cell, "" where they are not known."""
-    return Told("" if math.isnan(low) else f"{low:.2f} to {high:.2f}", {"low": low, "high": high})
+    return CellWithValues("" if math.isnan(low) else f"{low:.2f} to {high:.2f}", {"low": low, "high": high})
 
 
-def median(values: FloatArray) -> float | None:
+def median_of_finite(values: FloatArray) -> float | None:
     """Of the finite values; None without any."""
     finite = np.sort(values[np.isfinite(values)])  # np.median takes 20 ms to load NumPy's masked arrays
     n = len(finite)
     return float(0.5 * (finite[(n - 1) // 2] + finite[n // 2])) if n else None
 
 
-def largest(values: FloatArray) -> float | None:
+def largest_finite_magnitude(values: FloatArray) -> float | None:
     """The largest magnitude of the finite values; None without any."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if len(finite) else None

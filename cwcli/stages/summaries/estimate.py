@@ -6,41 +6,43 @@ import math
 from collections.abc import Mapping, Sequence
 
 from cwcli.channels.published import REJECTED
-from cwcli.estimation.known import Knowledge
-from cwcli.estimation.limit_check import is_bias_possible
+from cwcli.estimation.limit_check import is_bias_within_sensor_limits
 from cwcli.estimation.measurements import QUANTITIES, Kind
+from cwcli.estimation.online_availability import OnlineAvailability
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.summary import TrackSummary, quantity_of
-from cwcli.pipeline.json_names import Told
-from cwcli.pipeline.result import Cell, Section
+from cwcli.estimation.summary import TrackSummary, quantity_text
+from cwcli.pipeline.json_names import CellWithValues
+from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.vehicle_state import EGO_ID, StateFlag
-from cwcli.stages.summaries import NIS_WORDS, bounds_text
+from cwcli.stages.summaries import NIS_CELLS, bounds_cell
 
 
-def sections(tracks: Mapping[str, TrackSummary]) -> tuple[Section, ...]:
+def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, ...]:
     """The stage's tables for the terminal."""
     ego = tracks[EGO_ID]
-    found = _parameters_section(ego)
-    return (_sources_section(ego), *([found] if found.rows else []), _noise_section(ego), _vehicles_section(tracks))
+    found = _parameters_table(ego)
+    return (_sources_table(ego), *([found] if found.rows else []), _noise_table(ego), _vehicles_table(tracks))
 
 
-def knowledge_section(online: Sequence[Knowledge]) -> Section:
+def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     """The table of the online states."""
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "most")
     title = "Online states: what could have been known, and when"
-    rows: list[tuple[Cell, ...]] = [(each.topic, each.n, each.parameters, *each.after_s()) for each in online]
+    rows: list[tuple[Cell, ...]] = [
+        (each.topic, each.n_states, each.parameters, *each.delay_quantiles_s()) for each in online
+    ]
     after = tuple(f"known_after_{name}_s" for name in ("median", "p95", "max"))
-    return Section("online", title, columns, tuple(rows), names=(*columns[:3], *after))
+    return SummaryTable("online", title, columns, tuple(rows), names=(*columns[:3], *after))
 
 
-def _sources_section(ego: TrackSummary) -> Section:
+def _sources_table(ego: TrackSummary) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
-            quantity_of(report),
+            quantity_text(report),
             report.n_used,
             report.n_gated,
-            _with_sigma(1e3 * report.latency.found_s, 1e3 * report.latency.sigma_s, ".0f"),
+            _value_with_sigma_cell(1e3 * report.latency.found_s, 1e3 * report.latency.sigma_s, ".0f"),
             report.latency.status.value,
         )
         for report in ego.sources
@@ -48,58 +50,58 @@ def _sources_section(ego: TrackSummary) -> Section:
     columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
     gated = any(report.n_gated for report in ego.sources)
     where = f" ({REJECTED.topic} names what was gated)" if gated else ""
-    return Section("sources", f"Ego sources: what was used and corrected{where}", columns, tuple(rows))
+    return SummaryTable("sources", f"Ego sources: what was used and corrected{where}", columns, tuple(rows))
 
 
-def _parameters_section(ego: TrackSummary) -> Section:
+def _parameters_table(ego: TrackSummary) -> SummaryTable:
     """A line for each parameter that was looked for."""
     rows: list[tuple[Cell, ...]] = []
     for report in ego.sources:
         unit = QUANTITIES[report.kind].unit
-        name = (report.source, quantity_of(report))
+        name = (report.source, quantity_text(report))
         if not math.isnan(report.bias):
-            status = ParameterStatus.USED if is_bias_possible(report) else ParameterStatus.CONTRADICTS
-            bias = _with_sigma(report.bias, report.bias_sigma, ".3g", time_s=None)
+            status = ParameterStatus.USED if is_bias_within_sensor_limits(report) else ParameterStatus.CONTRADICTS
+            bias = _value_with_sigma_cell(report.bias, report.bias_sigma, ".3g", time_s=None)
             rows.append((*name, "bias", bias, unit, status.value))
         for label, found, own_unit in (("scale", report.scale, ""), ("lever arm", report.lever_arm_m, "m"),
                 ("ahead", report.ahead_m, "m"), ("stamps err by", report.stamp_error, "s")):  # fmt: skip
             if found.status is not ParameterStatus.OFF:
                 is_refused = found.status is ParameterStatus.CONTRADICTS and found.value == 0.0
-                value = _with_sigma(math.nan if is_refused else found.value, found.sigma, ".4g", time_s=None)
+                value = _value_with_sigma_cell(math.nan if is_refused else found.value, found.sigma, ".4g", time_s=None)
                 rows.append((*name, label, value, own_unit, found.status.value))
         slow = report.slow_error
         if slow.status is not ParameterStatus.OFF:
             text = "" if math.isnan(slow.sigma) else f"{slow.sigma:.3g}"
             text += "" if math.isnan(slow.time_s) else f" for {slow.time_s:.3g} s"
-            value = Told(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
+            value = CellWithValues(text, {"": slow.sigma, "sigma": None, "time_s": slow.time_s})
             label = "grade" if report.kind is Kind.ACCEL else "slow error"
             rows.append((*name, label, value, unit, slow.status.value))
     columns = ("source", "quantity", "parameter", "value", "unit", "status")
-    return Section("parameters", "Ego sources: parameters found from the log", columns, tuple(rows))
+    return SummaryTable("parameters", "Ego sources: parameters found from the log", columns, tuple(rows))
 
 
-def _noise_section(ego: TrackSummary) -> Section:
+def _noise_table(ego: TrackSummary) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
-            quantity_of(report),
-            Told(
+            quantity_text(report),
+            CellWithValues(
                 "" if math.isnan(report.sigma) else f"{report.sigma:.3g} {QUANTITIES[report.kind].unit}",
                 {"": report.sigma, "unit": QUANTITIES[report.kind].unit},
             ),
             report.noise_origin,
             report.nis_mean / report.nis_dof,
-            bounds_text(*(bound / report.nis_dof for bound in report.nis_bounds)),
-            NIS_WORDS[report.nis_inside],
+            bounds_cell(*(bound / report.nis_dof for bound in report.nis_bounds)),
+            NIS_CELLS[report.nis_inside],
         )
         for report in ego.sources
     ]
     columns = ("source", "quantity", "white noise", "from", "NIS/dof", "95 % bounds", "inside")
     title = "Ego sources: noise and consistency of the innovations"
-    return Section("noise", title, columns, tuple(rows), names=(*columns[:5], "bounds_95", "inside"))
+    return SummaryTable("noise", title, columns, tuple(rows), names=(*columns[:5], "bounds_95", "inside"))
 
 
-def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
+def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
     rows: list[tuple[Cell, ...]] = [
         (
             vehicle,
@@ -121,12 +123,12 @@ def _vehicles_section(tracks: Mapping[str, TrackSummary]) -> Section:
         "gated",
         *(str(f.name).lower().replace("_", " ") for f in StateFlag),
     )
-    return Section("vehicles", "Estimated tracks", columns, tuple(rows))
+    return SummaryTable("vehicles", "Estimated tracks", columns, tuple(rows))
 
 
-def _with_sigma(value: float, sigma: float, digits: str, **more: None) -> Told:
+def _value_with_sigma_cell(value: float, sigma: float, digits: str, **more: None) -> CellWithValues:
     """A value with its sigma where it has one, "" without a value; more: what such a cell has elsewhere."""
     text = "" if math.isnan(value) else f"{value:{digits}}"
     if text and not math.isnan(sigma):
         text += f" +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"
-    return Told(text, {"": value, "sigma": sigma, **more})
+    return CellWithValues(text, {"": value, "sigma": sigma, **more})

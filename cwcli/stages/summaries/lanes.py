@@ -6,10 +6,10 @@ import numpy as np
 
 from cwcli.channels.lanes import LaneFrames
 from cwcli.metrics.table import ColumnDoc, Table, TableColumn
-from cwcli.pipeline.result import Cell, Section
-from cwcli.stages.summaries import median
+from cwcli.pipeline.result import Cell, SummaryTable
+from cwcli.stages.summaries import median_of_finite
 from cwcli.vision.boundary import LineColour, LineKind
-from cwcli.vision.fit_columns import names_of
+from cwcli.vision.fit_columns import lowercase_enum_names
 from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
@@ -37,8 +37,8 @@ def lanes_table(frames: LaneFrames) -> Table:
         columns[f"{name}_score"] = frames.fits.score[:, side]
         columns[f"{name}_probability"] = frames.fits.probability[:, side]
         columns[f"{name}_found"] = frames.fits.found[:, side]
-        columns[f"{name}_kind"] = names_of(LineKind, frames.fits.kind[:, side])
-        columns[f"{name}_colour"] = names_of(LineColour, frames.fits.colour[:, side])
+        columns[f"{name}_kind"] = lowercase_enum_names(LineKind, frames.fits.kind[:, side])
+        columns[f"{name}_colour"] = lowercase_enum_names(LineColour, frames.fits.colour[:, side])
         docs[f"{name}_kind"] = ColumnDoc(doc="of its paint: solid, dashed, dots (raised ones), double, unknown")
         docs[f"{name}_colour"] = ColumnDoc(doc="white, yellow, unknown (as in grey frames)")
         for k, parameter in enumerate(("lateral_m", "slope", "ground_curvature_1pm")):
@@ -53,7 +53,7 @@ def lanes_table(frames: LaneFrames) -> Table:
         "curvature_sigma_1pm": geometry.curvature_sigma_1pm,
         "lane_width_m": geometry.lane_width_m,
         "pitch_rad": frames.fits.pitch_rad,
-        "state": names_of(LaneState, frames.fits.state),
+        "state": lowercase_enum_names(LaneState, frames.fits.state),
         "steady_s": frames.fits.steady_s,
         "lane_change": frames.fits.lane_change.astype(np.int64),
     }
@@ -70,7 +70,7 @@ def lanes_table(frames: LaneFrames) -> Table:
     return Table("lanes", columns, docs)
 
 
-def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Section:
+def lanes_summary_table(frames: LaneFrames, *, n_searches: int, search_s: float) -> SummaryTable:
     """How often boundaries were found, the lane that they make, and the time of the search."""
     found = frames.fits.found
     n = len(frames)
@@ -79,17 +79,20 @@ def lanes_section(frames: LaneFrames, *, n_searches: int, search_s: float) -> Se
         ("left boundary found (%)", 100.0 * float(found[:, 0].mean())),
         ("right boundary found (%)", 100.0 * float(found[:, 1].mean())),
         ("both found (%)", 100.0 * float(found.all(axis=1).mean())),
-        ("lane width at 10 m, median (m)", median(frames.geometry.lane_width_m)),
-        (f"lateral deviation at {frames.preview_m:g} m, median (m)", median(frames.geometry.lateral_deviation_m)),
-        ("its sigma, median (m)", median(frames.geometry.lateral_deviation_sigma_m)),
-        *_tracking(frames),
+        ("lane width at 10 m, median (m)", median_of_finite(frames.geometry.lane_width_m)),
+        (
+            f"lateral deviation at {frames.preview_m:g} m, median (m)",
+            median_of_finite(frames.geometry.lateral_deviation_m),
+        ),
+        ("its sigma, median (m)", median_of_finite(frames.geometry.lateral_deviation_sigma_m)),
+        *_lane_following_rows(frames),
         ("searches begun", n_searches),
         ("time of the search per frame (ms)", 1e3 * search_s / n),
     ]
-    return Section("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows), is_timed=True)
+    return SummaryTable("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows), is_timed=True)
 
 
-def _tracking(frames: LaneFrames) -> list[tuple[Cell, ...]]:
+def _lane_following_rows(frames: LaneFrames) -> list[tuple[Cell, ...]]:
     """In how many frames the lane was only carried on, its jumps, and the changes; nothing where it is not told."""
     fits = frames.fits
     if not (fits.state != LaneState.UNTOLD).any():

@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cwcli.channels.published import WARNINGS
-from cwcli.channels.warning import read_warnings, write_warnings
+from cwcli.channels.warning import read_warnings, write_warning_channels
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.table import Table
-from cwcli.pipeline.result import InputCount, Section, StageResult, Summary
-from cwcli.pipeline.run_record import run_record
+from cwcli.pipeline.result import InputMessageCount, StageResult, StageSummary, SummaryTable
+from cwcli.pipeline.run_record import build_run_record
 from cwcli.warning.rows import WarningRows
 
-EVENT = "event_id"
+EVENT_ID_COLUMN = "event_id"
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,10 @@ class RuleOutcome:
     rule: str
     rows: WarningRows
     tables: tuple[Table, ...]
-    sections: tuple[Section, ...]
+    sections: tuple[SummaryTable, ...]
 
 
-def number_outcomes(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
+def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
     """The same with event ids that go on from rule to rule, so that each is unique in the channel.
 
     Args:
@@ -43,40 +43,40 @@ def number_outcomes(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows
         after: What is in the channel already.
     """
     result: list[RuleOutcome] = []
-    n_before = max(map(_last_event, after), default=0)
+    n_before = max(map(_last_event_id, after), default=0)
     for outcome in outcomes:
-        n = _last_event(outcome.rows)
-        result.append(_moved(outcome, n_before) if n_before else outcome)
+        n = _last_event_id(outcome.rows)
+        result.append(_shift_event_ids(outcome, n_before) if n_before else outcome)
         n_before += n
     return result
 
 
-def _last_event(rows: WarningRows) -> int:
+def _last_event_id(rows: WarningRows) -> int:
     return int(np.max(rows.event_id, initial=0))
 
 
-def _moved(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
+def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
     warnings = replace(outcome.rows, event_id=outcome.rows.event_id + n_before)
     tables = []
     for table in outcome.tables:
-        if EVENT in table.columns:
-            ids = np.asarray(table.columns[EVENT])  # 0: no event, in the table of conflicts
+        if EVENT_ID_COLUMN in table.columns:
+            ids = np.asarray(table.columns[EVENT_ID_COLUMN])  # 0: no event, in the table of conflicts
             moved = np.where(ids > 0, ids + n_before, ids)
-            tables.append(replace(table, columns={**table.columns, EVENT: moved}))
+            tables.append(replace(table, columns={**table.columns, EVENT_ID_COLUMN: moved}))
         else:
             tables.append(table)
-    sections = tuple(_moved_section(section, n_before) for section in outcome.sections)
+    sections = tuple(_shift_event_ids_of_table(section, n_before) for section in outcome.sections)
     return replace(outcome, rows=warnings, tables=tuple(tables), sections=sections)
 
 
-def _moved_section(section: Section, n_before: int) -> Section:
+def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTable:
     if section.columns[0] != "event":
         return section
     rows = tuple((row[0] + n_before if isinstance(row[0], int) else row[0], *row[1:]) for row in section.rows)
     return replace(section, rows=rows)
 
 
-def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
+def tables_by_unique_name(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
     """All tables; one whose name is taken has the rule's name behind its own."""
     tables: dict[str, Table] = {}
     for outcome in outcomes:
@@ -86,12 +86,12 @@ def tables_of(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
     return tables
 
 
-def warnings_result(
+def build_warnings_result(
     stage: str,
     log: Log,
     config: object,
     outcomes: Sequence[RuleOutcome],
-    inputs: tuple[InputCount, ...],
+    inputs: tuple[InputMessageCount, ...],
     notes: tuple[str, ...],
     **more: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
@@ -105,9 +105,11 @@ def warnings_result(
     """
     is_there = any(channel.topic == WARNINGS.topic for channel in log.added_channels)
     earlier = (read_warnings(log.columns(WARNINGS.topic)),) if is_there else ()
-    outcomes = number_outcomes(outcomes, after=earlier)
-    channels = write_warnings([*earlier, *(outcome.rows for outcome in outcomes)])
+    outcomes = number_events_over_rules(outcomes, after=earlier)
+    channels = write_warning_channels([*earlier, *(outcome.rows for outcome in outcomes)])
     sections = tuple(section for outcome in outcomes for section in outcome.sections)
-    summary = Summary(stage, sections, inputs, notes)
-    result = StageResult(stage, channels, tables_of(outcomes), summary, run_record(stage, log, config, summary, **more))
+    summary = StageSummary(stage, sections, inputs, notes)
+    result = StageResult(
+        stage, channels, tables_by_unique_name(outcomes), summary, build_run_record(stage, log, config, summary, **more)
+    )
     return result, earlier

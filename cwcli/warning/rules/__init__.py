@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from cwcli.registry import Plugin, Registry, plugin_entry
-from cwcli.warning.rule_inputs import problem_of
+from cwcli.registry import Plugin, Registry, accept_dataclass_of
+from cwcli.warning.rule_inputs import problem_with_measure_names
 from cwcli.warning.rules.base import Rule, check_decision
 
 
-def _accept(entry: object, plugin: Plugin) -> Rule:
+def _accept_plugin_rule(entry: object, plugin: Plugin) -> Rule:
     """Check a plug-in's rule, its measures and its words, guard its function, and return it."""
-    rule = plugin_entry(Rule, {"decide": check_decision})(entry, plugin)
-    problem = problem_of(rule.measures)
+    rule = accept_dataclass_of(Rule, {"decide": check_decision})(entry, plugin)
+    problem = problem_with_measure_names(rule.measures)
     if problem:
-        raise plugin.error(problem)
+        raise plugin.plugin_error(problem)
     try:
         rule.words.format(other="")
     except (ValueError, LookupError, AttributeError):
-        raise plugin.error(f"has words = {rule.words!r}, where {{other}} alone may stand in braces") from None
+        raise plugin.plugin_error(f"has words = {rule.words!r}, where {{other}} alone may stand in braces") from None
     return rule
 
 
@@ -30,7 +30,7 @@ RULES: Registry[Rule] = Registry(
         "path-ttc": "cwcli.warning.rules.path_ttc:RULE",
         "eebl": "cwcli.warning.rules.eebl:RULE",
     },
-    _accept,
+    _accept_plugin_rule,
     taken=("lane-departure",),
 )
 DEFAULT_RULE = "cwcli"

@@ -69,7 +69,7 @@ class Rule:
     is_of_collisions: bool = True
 
 
-def withheld(decision: Decision, rows: BoolArray) -> Decision:
+def withhold_warnings(decision: Decision, rows: BoolArray) -> Decision:
     """The decision with no warning raised or confirmed in the masked rows (m,); active warnings may go on there."""
     if not rows.any():
         return decision

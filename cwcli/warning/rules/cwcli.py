@@ -24,26 +24,28 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import FloatArray
-from cwcli.warning.measures import ARRAYS, Measures
+from cwcli.warning.measures import MEASURE_ARRAY_NAMES, Measures
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-RELEASE = 0.5
+RELEASE_SHARE = 0.5
 """A warning ends below this share of the threshold. Chosen by hand; not fitted."""
-AVOIDED = 0.01
+AVOIDED_PROBABILITY = 0.01
 """Contact that is less probable than this counts as avoided. Chosen by hand; not fitted."""
 
 
-def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+def decide_by_contact_probability(
+    measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float
+) -> Decision:
     """Decide by the probability of contact: it must be probable, serious and persistent."""
-    armed = _is_probable(measures.late_probability, config)
-    raised = armed & _is_conflict(measures, config)
-    held = measures.late_probability > RELEASE * config.probability
+    armed = _is_contact_probable(measures.late_probability, config)
+    raised = armed & _is_serious_conflict(measures, config)
+    held = measures.late_probability > RELEASE_SHARE * config.probability
     shown, at_once = measures, None
     if onset is not None:
-        at_once = _is_conflict(onset, config)
-        shown = _where(at_once & ~raised, onset, measures)
-        held |= onset.probability > RELEASE * config.probability
+        at_once = _is_serious_conflict(onset, config)
+        shown = _select_by_row(at_once & ~raised, onset, measures)
+        held |= onset.probability > RELEASE_SHARE * config.probability
     return Decision(
         armed=armed,
         raised=raised,
@@ -56,25 +58,29 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
     )
 
 
-def _is_probable(probability: FloatArray, config: WarningConfig) -> BoolArray:
+def _is_contact_probable(probability: FloatArray, config: WarningConfig) -> BoolArray:
     """Whether contact is possible and at least as probable as the threshold, (m,)."""
     return np.asarray((probability > 0.0) & (probability >= config.probability))
 
 
-def _is_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
+def _is_serious_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
     """Whether contact within the horizon is probable, and gentle braking does not avoid it, (m,)."""
-    return np.asarray(_is_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED))
+    return np.asarray(
+        _is_contact_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED_PROBABILITY)
+    )
 
 
-def _where(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
+def _select_by_row(chosen: BoolArray, one: Measures, other: Measures) -> Measures:
     """Select the rows of one where `chosen` (m,) is true, else those of the other."""
-    return Measures(**{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in ARRAYS})
+    return Measures(
+        **{name: np.where(chosen, getattr(one, name), getattr(other, name)) for name in MEASURE_ARRAY_NAMES}
+    )
 
 
 RULE = Rule(
     summary="contact of the outlines, probable under both covariances, not avoided by gentle braking, persistent",
     persistence_s=0.1,
-    decide=decide,
+    decide=decide_by_contact_probability,
     uses_onset=True,
     uses_braking=True,
     is_symmetric=False,  # who follows can brake, who leads can't

@@ -21,33 +21,37 @@ import numpy as np
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE, X, Y
-from cwcli.warning.measures import Measures, MomentStates
+from cwcli.warning.measures import Measures, PairStates
 from cwcli.warning.rules.base import BoolArray, Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-HARD_MPS2 = 4.0
+HARD_BRAKING_MPS2 = 4.0
 """Hard braking begins here: about the 0.4 g of `eventHardBraking` (SAE J2735)."""
-RELEASE = 0.5
+RELEASE_SHARE = 0.5
 """A warning ends when the other brakes with less than this share of hard braking. Chosen by hand; not fitted."""
-LANE_M = 3.6
+LANE_WIDTH_M = 3.6
 """Assumed width of a lane, m: 12 feet, as on US highways."""
-BESIDE_M = 1.5 * LANE_M
+MAX_LATERAL_OFFSET_M = 1.5 * LANE_WIDTH_M
 """A vehicle within this distance of the host's path is in its lane or in an adjacent one, m."""
-SAME_WAY_RAD = np.deg2rad(45.0)
+MAX_HEADING_DIFFERENCE_RAD = np.deg2rad(45.0)
 """Largest angle between directions of vehicles that drive the same way. Chosen by hand; not fitted."""
-MOVING_MPS = 2.0
+MIN_HOST_SPEED_MPS = 2.0
 """A slower host has no usable path. Chosen by hand; not fitted."""
 
 
-def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+def decide_by_hard_braking_ahead(
+    measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float
+) -> Decision:
     """Decide by hard braking of a vehicle ahead in the same direction to which the host would have to react."""
     states = measures.states
     assert states is not None  # RULE asks for them
-    gap_m, follows = _ahead(states)
+    gap_m, follows = _gap_to_vehicle_ahead(states)
     braking_mps2 = -states.other[:, ACCEL] * np.where(states.other[:, SPEED] < 0.0, -1.0, 1.0)
-    needed_mps2, left_m = _needed(states, gap_m, np.fmax(braking_mps2, HARD_MPS2), config.horizon_s)
+    needed_mps2, left_m = _needed_deceleration(
+        states, gap_m, np.fmax(braking_mps2, HARD_BRAKING_MPS2), config.horizon_s
+    )
     matters = follows & ~(needed_mps2 < config.min_deceleration_mps2)
-    hard = matters & (braking_mps2 >= HARD_MPS2)
+    hard = matters & (braking_mps2 >= HARD_BRAKING_MPS2)
     said = matters & states.says_hard_braking
     closing = states.host[:, SPEED] - states.other[:, SPEED]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -55,20 +59,20 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
     return Decision(
         armed=hard | said,
         raised=hard | said,
-        held=follows & ((braking_mps2 >= RELEASE * HARD_MPS2) | states.says_hard_braking),
+        held=follows & ((braking_mps2 >= RELEASE_SHARE * HARD_BRAKING_MPS2) | states.says_hard_braking),
         time_to_event_s=time_s,
         predicted_distance_m=np.where(np.isfinite(left_m), np.maximum(left_m, 0.0), measures.min_distance_m),
         at_once=said,
     )
 
 
-def _ahead(states: MomentStates) -> tuple[FloatArray, BoolArray]:
+def _gap_to_vehicle_ahead(states: PairStates) -> tuple[FloatArray, BoolArray]:
     """Gap of the outlines along the host's arc (m), and whether the other is ahead in the same direction, (m,) each."""
     host, other = states.host, states.other
     dx, dy = other[:, X] - host[:, X], other[:, Y] - host[:, Y]
     cos, sin = np.cos(host[:, HEADING]), np.sin(host[:, HEADING])
     forward, left = dx * cos + dy * sin, dy * cos - dx * sin
-    speed = np.maximum(np.abs(host[:, SPEED]), MOVING_MPS)
+    speed = np.maximum(np.abs(host[:, SPEED]), MIN_HOST_SPEED_MPS)
     curvature = np.nan_to_num(host[:, YAW_RATE] / speed)
     # the arc about (0, 1/k): where on it the other is nearest, and how far off it
     turned = np.arctan2(curvature * forward, 1.0 - curvature * left)
@@ -79,13 +83,13 @@ def _ahead(states: MomentStates) -> tuple[FloatArray, BoolArray]:
         across = np.where(is_straight, left, (1.0 - to_centre) / curvature)
     way = wrap_angle(other[:, HEADING] - host[:, HEADING] - np.where(is_straight, 0.0, turned))
     gap = along - 0.5 * (states.sizes[0][0] + states.sizes[1][0])
-    follows = (gap > 0.0) & (np.abs(across) <= BESIDE_M) & (np.abs(way) <= SAME_WAY_RAD)
-    follows &= (host[:, SPEED] >= MOVING_MPS) & (other[:, SPEED] >= 0.0)
+    follows = (gap > 0.0) & (np.abs(across) <= MAX_LATERAL_OFFSET_M) & (np.abs(way) <= MAX_HEADING_DIFFERENCE_RAD)
+    follows &= (host[:, SPEED] >= MIN_HOST_SPEED_MPS) & (other[:, SPEED] >= 0.0)
     return gap, np.asarray(follows)
 
 
-def _needed(
-    states: MomentStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
+def _needed_deceleration(
+    states: PairStates, gap_m: FloatArray, braking_mps2: FloatArray, wait_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """The deceleration that the host needs after a wait to stop behind the other; infinity where none is enough.
 
@@ -101,7 +105,7 @@ def _needed(
 RULE = Rule(
     summary="who drives ahead, the same way, in the host's lane or beside it, brakes hard or says so (EEBL)",
     persistence_s=0.2,
-    decide=decide,
+    decide=decide_by_hard_braking_ahead,
     words="hard braking ahead by {other}",
     uses_states=True,
     is_symmetric=False,

@@ -14,7 +14,9 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 
-def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+def decide_by_path_overlap(
+    measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float
+) -> Decision:
     """Decide by the first overlap of the outlines within the horizon."""
     raised = measures.overlap_s <= config.horizon_s
     return Decision(
@@ -29,5 +31,5 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 RULE = Rule(
     summary="outlines overlap along the predicted paths within the horizon",
     persistence_s=0.0,
-    decide=decide,
+    decide=decide_by_path_overlap,
 )

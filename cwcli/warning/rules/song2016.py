@@ -14,7 +14,9 @@ from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
 
-def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+def decide_by_distance_at_horizon(
+    measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float
+) -> Decision:
     """Decide by the predicted distance at the horizon, as printed in the paper."""
     raised = measures.horizon_distance_m < config.distance_m
     return Decision(
@@ -29,5 +31,5 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 RULE = Rule(
     summary="predicted distance at the horizon below the collision distance (song2016)",
     persistence_s=0.0,
-    decide=decide,
+    decide=decide_by_distance_at_horizon,
 )

@@ -10,17 +10,19 @@ from cwcli.warning.measures import Measures
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import WarningConfig
 
-HYSTERESIS = 1.2
+RELEASE_FACTOR = 1.2
 """A warning ends when the time to collision exceeds this many horizons. Chosen by hand; not fitted."""
 
 
-def decide(measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float) -> Decision:
+def decide_by_time_to_collision(
+    measures: Measures, onset: Measures | None, config: WarningConfig, persistence_s: float
+) -> Decision:
     """Decide by the time to collision: it must be below the horizon."""
     raised = measures.ttc_s < config.horizon_s
     return Decision(
         armed=raised,
         raised=raised,
-        held=measures.ttc_s < HYSTERESIS * config.horizon_s,
+        held=measures.ttc_s < RELEASE_FACTOR * config.horizon_s,
         time_to_event_s=measures.ttc_s,
         predicted_distance_m=measures.min_distance_m,
     )
@@ -29,5 +31,5 @@ def decide(measures: Measures, onset: Measures | None, config: WarningConfig, pe
 RULE = Rule(
     summary="centre distance over closing speed below the horizon",
     persistence_s=0.0,
-    decide=decide,
+    decide=decide_by_time_to_collision,
 )

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import pytest
 
-from cwcli.channels.binding import EVERY_ROLE, Bindings, bind, parse_overrides
+from cwcli.channels.binding import EVERY_ROLE, Bindings, bind_roles, parse_role_overrides
 from cwcli.channels.published import EGO_PATH, EGO_STATE
 from cwcli.errors import MissingSignalError, UsageError
-from cwcli.signals.inputs import INPUTS, input_for, normalise
+from cwcli.signals.inputs import INPUTS, find_input_for_role, normalise_schema_name
 from cwcli.signals.role import Role
 
 
@@ -43,8 +43,8 @@ ODOM = Channel("/odom", "nav_msgs/msg/Odometry")
 def bound(
     *channels: Channel, overrides: dict[str, str] | None = None, ego_station: str | None = None
 ) -> dict[str, str]:
-    bindings = bind(channels, overrides or {}, required=(), optional=EVERY_ROLE, ego_station=ego_station)
-    return {str(role): ",".join(b.topic for b in bindings.of(role)) for role in bindings.by_role}
+    bindings = bind_roles(channels, overrides or {}, required=(), optional=EVERY_ROLE, ego_station=ego_station)
+    return {str(role): ",".join(b.topic for b in bindings.channels_of_role(role)) for role in bindings.by_role}
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def test_bind_ego_station_makes_a_v2x_channel_the_ego() -> None:
 
 def test_bind_missing_required_role_says_what_was_found_and_what_to_do() -> None:
     with pytest.raises(MissingSignalError) as raised:
-        bind([FIX, IMAGE], {}, required=[EGO_STATE.role], where="drive.mcap", command="predict")
+        bind_roles([FIX, IMAGE], {}, required=[EGO_STATE.role], where="drive.mcap", command="predict")
     assert str(raised.value) == "drive.mcap: no channel holds the ego state (needed by `cwcli predict`)"
     assert raised.value.found == ("/gps/fix (sensor_msgs/msg/NavSatFix)", "/camera/front (foxglove.CompressedImage)")
     assert raised.value.hint.startswith("run `cwcli estimate ")
@@ -150,7 +150,7 @@ def test_bind_without_a_position_points_to_the_camera(
     channels: list[Channel], role: str, command: str, hint: str | None
 ) -> None:
     with pytest.raises(MissingSignalError) as raised:
-        bind(channels, {}, required=[role], where="drive.mcap", command=command)
+        bind_roles(channels, {}, required=[role], where="drive.mcap", command=command)
     assert raised.value.hint == (
         hint
         or "no channel holds a position for `cwcli estimate`; from the camera: `cwcli observe`, "
@@ -161,7 +161,7 @@ def test_bind_without_a_position_points_to_the_camera(
 def test_bind_two_candidates_for_a_required_role_names_both_and_the_option() -> None:
     second = Channel("/novatel/fix", "foxglove.LocationFix", "protobuf")
     with pytest.raises(MissingSignalError) as raised:
-        bind([FIX, second], {}, required=[Role.EGO_POSITION], where="drive.mcap", command="estimate")
+        bind_roles([FIX, second], {}, required=[Role.EGO_POSITION], where="drive.mcap", command="estimate")
     message = str(raised.value)
     assert "/gps/fix (sensor_msgs/msg/NavSatFix)" in message
     assert "/novatel/fix (foxglove.LocationFix)" in message
@@ -172,7 +172,7 @@ def test_bind_two_candidates_for_a_required_role_names_both_and_the_option() -> 
 
 
 def test_bind_two_candidates_for_an_optional_role_leaves_it_with_a_note() -> None:
-    bindings = bind([FIX, TRUTH, TRUTH_IMU], {}, required=[Role.EGO_POSITION], optional=[Role.TRUTH])
+    bindings = bind_roles([FIX, TRUTH, TRUTH_IMU], {}, required=[Role.EGO_POSITION], optional=[Role.TRUTH])
     assert Role.TRUTH not in bindings
     assert len(bindings.notes) == 1
     for part in ("/truth/pose ", "/truth/pose_imu ", "--topic truth=/truth/pose_imu"):
@@ -180,16 +180,16 @@ def test_bind_two_candidates_for_an_optional_role_leaves_it_with_a_note() -> Non
 
 
 def test_bind_what_tells_of_others_is_no_rival_among_too_many() -> None:
-    bindings = bind([CAM, DENM, BSM], {}, required=(), optional=[Role.REMOTE])
+    bindings = bind_roles([CAM, DENM, BSM], {}, required=(), optional=[Role.REMOTE])
     assert Role.REMOTE not in bindings
     assert [each.topic for each in bindings.undecided[Role.REMOTE]] == ["/v2x/cam", "/v2x/bsm"]
     assert "/v2x/denm" not in bindings.notes[0]
 
 
 def test_bind_override_decides() -> None:
-    bindings = bind([FIX, TRUTH, TRUTH_IMU], {"truth": "/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
-    assert bindings.topic(Role.TRUTH) == "/truth/pose_imu"
-    assert bindings.of(Role.TRUTH)[0].is_override
+    bindings = bind_roles([FIX, TRUTH, TRUTH_IMU], {"truth": "/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
+    assert bindings.first_topic_of_role(Role.TRUTH) == "/truth/pose_imu"
+    assert bindings.channels_of_role(Role.TRUTH)[0].is_override
 
 
 def test_bind_override_may_cross_the_guess_from_the_topic() -> None:
@@ -199,10 +199,10 @@ def test_bind_override_may_cross_the_guess_from_the_topic() -> None:
 
 def test_bind_override_lists_several_topics_where_a_car_can_have_several_sensors() -> None:
     assert bound(BSM, CAM, overrides={"remote": "/v2x/bsm,/v2x/cam"})["remote"] == "/v2x/bsm,/v2x/cam"
-    bindings = bind([FIX, ODOM], {"ego_position": "/gps/fix, /odom"}, required=[Role.EGO_POSITION])
-    assert [each.topic for each in bindings.of(Role.EGO_POSITION)] == ["/gps/fix", "/odom"]
+    bindings = bind_roles([FIX, ODOM], {"ego_position": "/gps/fix, /odom"}, required=[Role.EGO_POSITION])
+    assert [each.topic for each in bindings.channels_of_role(Role.EGO_POSITION)] == ["/gps/fix", "/odom"]
     with pytest.raises(UsageError):
-        bind([TRUTH, TRUTH_IMU], {"truth": "/truth/pose,/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
+        bind_roles([TRUTH, TRUTH_IMU], {"truth": "/truth/pose,/truth/pose_imu"}, required=(), optional=[Role.TRUTH])
 
 
 def test_poses_beside_an_odometry_and_poses_to_reach_are_not_taken_for_it() -> None:
@@ -210,15 +210,17 @@ def test_poses_beside_an_odometry_and_poses_to_reach_are_not_taken_for_it() -> N
     poses = [Channel(topic, "geometry_msgs/msg/PoseWithCovarianceStamped", "cdr") for topic in others]
     odometry = Channel("/localization/kinematic_state", "nav_msgs/msg/Odometry", "cdr")
     for channels, topic in (([*poses, odometry], odometry.topic), (poses, others[1])):
-        assert bind(channels, {}, required=[Role.EGO_POSITION]).topic(Role.EGO_POSITION) == topic
+        assert bind_roles(channels, {}, required=[Role.EGO_POSITION]).first_topic_of_role(Role.EGO_POSITION) == topic
 
 
 def test_bind_mapping_names_the_fields_of_any_channel() -> None:
     status = Channel("/status", "my_msgs/msg/Status", "cdr")
-    binding = bind([status], {"ego_speed": "/status:wheel.kmh*kmh@at"}, required=[Role.EGO_SPEED]).of("ego_speed")[0]
+    binding = bind_roles(
+        [status], {"ego_speed": "/status:wheel.kmh*kmh@at"}, required=[Role.EGO_SPEED]
+    ).channels_of_role("ego_speed")[0]
     assert {"wheel.kmh", "at", "at.sec", "at.nanosec"} <= set(binding.fields)
     with pytest.raises(UsageError, match="no topic /other"):
-        bind([status], {"ego_speed": "/other:v"}, required=())
+        bind_roles([status], {"ego_speed": "/other:v"}, required=())
 
 
 @pytest.mark.parametrize(
@@ -234,24 +236,24 @@ def test_bind_mapping_names_the_fields_of_any_channel() -> None:
 )
 def test_bind_override_that_does_not_fit_lists_what_would(overrides: dict[str, str], parts: tuple[str, str]) -> None:
     with pytest.raises(UsageError) as raised:
-        bind([FIX, IMU], overrides, required=[Role.EGO_POSITION])
+        bind_roles([FIX, IMU], overrides, required=[Role.EGO_POSITION])
     assert parts[0] in str(raised.value)
     assert parts[1] in raised.value.hint
 
 
 def test_parse_overrides_reads_role_and_topic() -> None:
-    assert parse_overrides(["truth=/truth/pose", "imu=/a"]) == {"truth": "/truth/pose", "imu": "/a"}
+    assert parse_role_overrides(["truth=/truth/pose", "imu=/a"]) == {"truth": "/truth/pose", "imu": "/a"}
 
 
 @pytest.mark.parametrize("options", [["truth"], ["truth="], ["imu=/a", "imu=/b"]])
 def test_parse_overrides_refuses(options: list[str]) -> None:
     with pytest.raises(UsageError):
-        parse_overrides(options)
+        parse_role_overrides(options)
 
 
 def test_wanted_gathers_the_fields_of_all_roles_and_skips_cameras() -> None:
-    bindings: Bindings = bind([FIX, IMAGE, ODE], {}, required=(), optional=EVERY_ROLE)
-    wanted = bindings.wanted()
+    bindings: Bindings = bind_roles([FIX, IMAGE, ODE], {}, required=(), optional=EVERY_ROLE)
+    wanted = bindings.fields_to_load()
     assert set(wanted) == {"/gps/fix", "/v2x/ode_bsm"}
     assert {"latitude", "header.stamp.sec", "status.status"} <= wanted["/gps/fix"]
     assert {"metadata.bsmSource", "payload.data.coreData.secMark"} <= wanted["/v2x/ode_bsm"]
@@ -261,17 +263,17 @@ def test_wanted_gathers_the_fields_of_all_roles_and_skips_cameras() -> None:
     "name", ["sensor_msgs/msg/NavSatFix", "sensor_msgs/NavSatFix", "sensor_msgs::msg::dds_::NavSatFix_"]
 )
 def test_normalise_knows_the_spellings_of_a_ros_schema(name: str) -> None:
-    assert normalise(name) == "sensor_msgs/NavSatFix"
+    assert normalise_schema_name(name) == "sensor_msgs/NavSatFix"
 
 
 def test_input_for_takes_the_java_name_of_an_ode_record() -> None:
-    assert input_for(Role.REMOTE, "us.dot.its.jpo.ode.model.OdeBsmData") is not None
-    assert input_for(Role.REMOTE, "somebody.else.Thing") is None
+    assert find_input_for_role(Role.REMOTE, "us.dot.its.jpo.ode.model.OdeBsmData") is not None
+    assert find_input_for_role(Role.REMOTE, "somebody.else.Thing") is None
 
 
 def test_every_entry_of_the_registry_names_its_fields_or_streams() -> None:
     for name, entries in INPUTS.items():
-        assert name == normalise(name)
+        assert name == normalise_schema_name(name)
         assert len({entry.role for entry in entries}) == len(entries)
         for entry in entries:
             assert entry.build is None or all(entry.fields.values())

@@ -21,4 +21,4 @@ def test_an_infinite_change_of_curvature_is_none(value: float) -> None:
     times = np.arange(n, dtype=np.int64)
     rows = read_lanes(Columns(LANES.topic, LANES.schema, "protobuf", times, times, times.astype(np.uint32), fields))
     assert rows.curvature_change_1pm2.tolist() == [0.0, 0.001]
-    np.testing.assert_array_equal(rows.drawn.roads[..., 3], np.zeros((n, 2)))
+    np.testing.assert_array_equal(rows.image_boundaries.roads[..., 3], np.zeros((n, 2)))

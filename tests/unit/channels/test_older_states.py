@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.channels.vehicle_state import FLAGS, read_states
+from cwcli.channels.vehicle_state import FLAG_OF_FIELD, read_vehicle_states
 from cwcli.signals.columns import Columns
 from tests.laws.channel_cases import of_states
 
@@ -12,12 +12,12 @@ from tests.laws.channel_cases import of_states
 def test_states_of_an_older_version_have_no_flags() -> None:
     """The fields starting, after_reset and bridged came later: a log without them is read as before."""
     written = of_states(np.random.default_rng(0), 5).channels[0]
-    assert set(FLAGS) == {"starting", "after_reset", "bridged"}
-    fields = {name: field for name, field in written.fields.items() if name not in FLAGS}
+    assert set(FLAG_OF_FIELD) == {"starting", "after_reset", "bridged"}
+    fields = {name: field for name, field in written.fields.items() if name not in FLAG_OF_FIELD}
     n = np.arange(5, dtype=np.uint32)
     log_time_ns = written.log_time_ns
     columns = Columns(written.topic, written.schema_name, "protobuf", log_time_ns, log_time_ns, n, fields)
-    assert read_states(columns).flags.tolist() == [0] * 5
+    assert read_vehicle_states(columns).flags.tolist() == [0] * 5
 
 
 def test_covariances_of_an_older_version_are_read_as_they_are() -> None:
@@ -28,4 +28,4 @@ def test_covariances_of_an_older_version_are_read_as_they_are() -> None:
     fields["covariance"] = given.reshape(5, 64)
     log_time_ns, n = written.log_time_ns, np.arange(5, dtype=np.uint32)
     columns = Columns(written.topic, written.schema_name, "protobuf", log_time_ns, log_time_ns, n, fields)
-    assert np.array_equal(read_states(columns).covariance, given)
+    assert np.array_equal(read_vehicle_states(columns).covariance, given)

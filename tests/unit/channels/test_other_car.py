@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.channels.other_car import beside, clock_text, moved, recorder_of
+from cwcli.channels.other_car import (
+    clock_difference_text,
+    concat_states,
+    estimate_recorder_clock,
+    move_to_map_and_clock,
+)
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.signals.geodesy import LocalMap
 from cwcli.signals.units import NS_PER_S
@@ -22,12 +27,12 @@ def states(n: int = 5) -> VehicleStates:
     state = rng.normal(scale=50.0, size=(n, N_STATES))
     state[:, HEADING] = rng.uniform(-np.pi, np.pi, n)
     stamp_ns = T0_NS + np.arange(n) * NS_PER_S // 10
-    return VehicleStates.of_ego(stamp_ns, state, factor @ factor.transpose(0, 2, 1) + np.eye(N_STATES))
+    return VehicleStates.from_ego_states(stamp_ns, state, factor @ factor.transpose(0, 2, 1) + np.eye(N_STATES))
 
 
 def test_on_the_same_map_nothing_moves_but_the_clock() -> None:
     before = states()
-    after = moved(before, OURS, OURS, name="b", stamp_shift_ns=-7, log_shift_ns=9)
+    after = move_to_map_and_clock(before, OURS, OURS, name="b", stamp_shift_ns=-7, log_shift_ns=9)
     np.testing.assert_allclose(after.state, before.state, atol=1e-6)
     np.testing.assert_allclose(after.covariance, before.covariance, atol=1e-6)
     assert after.ids.values == ("b",)
@@ -39,7 +44,7 @@ def test_another_map_is_turned_by_the_convergence_of_the_meridians() -> None:
     """Two planes 0.1 degrees of longitude apart at 48 degrees north are turned by 0.1 sin 48 = 0.0743 degrees."""
     theirs = LocalMap(48.0, 11.1, 0.0)
     before = states()
-    after = moved(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
+    after = move_to_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
     turned_deg = np.degrees(after.state[:, HEADING] - before.state[:, HEADING])
     np.testing.assert_allclose(turned_deg, 0.1 * np.sin(np.radians(48.0)), rtol=0.01)
     turn = np.radians(turned_deg[0])
@@ -51,7 +56,7 @@ def test_another_map_is_turned_by_the_convergence_of_the_meridians() -> None:
 def test_positions_are_the_same_places() -> None:
     theirs = LocalMap(48.01, 11.02, 0.0)
     before = states()
-    after = moved(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
+    after = move_to_map_and_clock(before, theirs, OURS, name="b", stamp_shift_ns=0, log_shift_ns=0)
     zeros = np.zeros(len(before))
     expected = theirs.wgs84_from_map(before.state[:, 0], before.state[:, 1], zeros)
     x_m, y_m, _ = OURS.map_from_wgs84(expected[0], expected[1], np.full(len(before), np.nan))
@@ -67,23 +72,23 @@ def test_whether_stamps_are_epochs(period_ms: int, phase_ms: float, on_epochs: b
     stamp_ns = T0_NS + np.arange(50) * period_ms * 1_000_000 + round(phase_ms * 1e6)
     if phase_ms == 37:
         stamp_ns = stamp_ns + 3_000_000
-    recorder = recorder_of(stamp_ns, stamp_ns + 120_000_000)
+    recorder = estimate_recorder_clock(stamp_ns, stamp_ns + 120_000_000)
     assert recorder.is_on_epochs is on_epochs
     assert (recorder.ahead_ns, recorder.sigma_ns, recorder.n) == (120_000_000, 0, 50)
 
 
 def test_the_clocks_are_told() -> None:
-    ours = recorder_of(np.array([0, 10, 20]), np.array([100, 110, 120]))
-    theirs = recorder_of(np.array([0, 10]), np.array([100, 110]))
-    told = clock_text(-1_500_000_000, ours, theirs)
+    ours = estimate_recorder_clock(np.array([0, 10, 20]), np.array([100, 110, 120]))
+    theirs = estimate_recorder_clock(np.array([0, 10]), np.array([100, 110]))
+    told = clock_difference_text(-1_500_000_000, ours, theirs)
     assert told.startswith("the other car's recorder is 1.500 s behind this one's")
     assert told.endswith("by the stamps of 3 and 2 positions")
 
 
 def test_two_cars_stand_in_the_order_of_their_log_times() -> None:
     one = states(3)
-    two = moved(states(3), OURS, OURS, name="b", stamp_shift_ns=1, log_shift_ns=1)
-    both = beside(one, two)
+    two = move_to_map_and_clock(states(3), OURS, OURS, name="b", stamp_shift_ns=1, log_shift_ns=1)
+    both = concat_states(one, two)
     assert [both.ids.values[code] for code in both.ids.codes] == ["ego", "b"] * 3
     assert (np.diff(both.log_time_ns) >= 0).all()
     np.testing.assert_array_equal(both.state[::2], one.state)

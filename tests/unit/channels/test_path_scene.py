@@ -9,12 +9,12 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.path_scene import LIFETIME_NS, N_POINTS, write_path_scene
+from cwcli.channels.path_scene import LINE_LIFETIME_NS, POINTS_PER_LINE, write_path_scene
 from cwcli.channels.predicted_path import PredictedPaths
 from cwcli.channels.published import PATH_SCENE
 from cwcli.logs.write.writer import LogWriter
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import OutputChannel, strings_from
+from cwcli.signals.columns import OutputChannel, encode_strings
 
 MS = 1_000_000
 K = 51
@@ -27,7 +27,7 @@ def paths(ids: list[str], times_ms: list[int]) -> PredictedPaths:
     nothing = np.zeros((n, K))
     along = np.arange(n, dtype=np.float64)[:, None] + np.arange(K)
     whole = Paths(0.05 * np.arange(K), along, nothing, nothing, nothing, np.zeros((n, K, 3)))
-    return PredictedPaths(strings_from(ids), log_time_ns - 5 * MS, log_time_ns, "cv", whole)
+    return PredictedPaths(encode_strings(ids), log_time_ns - 5 * MS, log_time_ns, "cv", whole)
 
 
 def scenes(channel: OutputChannel, folder: Path) -> list[tuple[int, Any]]:
@@ -44,8 +44,8 @@ def test_a_path_is_a_line_with_its_first_and_last_point(tmp_path: Path) -> None:
     [line] = entity.lines
     assert log_time_ns == 1000 * MS
     assert (entity.id, entity.frame_id, entity.timestamp.ToNanoseconds()) == ("ego", "map", 995 * MS)
-    assert entity.lifetime.ToNanoseconds() == LIFETIME_NS
-    assert [point.x for point in line.points] == [5.0 * k for k in range(N_POINTS)]
+    assert entity.lifetime.ToNanoseconds() == LINE_LIFETIME_NS
+    assert [point.x for point in line.points] == [5.0 * k for k in range(POINTS_PER_LINE)]
     assert line.pose.orientation.w == 1.0 and line.thickness > 0 and line.color.a > 0
 
 

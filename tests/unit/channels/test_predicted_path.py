@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.output import first_of_each_period
-from cwcli.channels.predicted_path import PlannedPaths, read_paths, write_planned
+from cwcli.channels.output import first_row_of_each_period
+from cwcli.channels.predicted_path import LazyPaths, read_predicted_paths, write_lazy_paths
 from cwcli.channels.published import REMOTE_PATH
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
-from cwcli.pipeline.paths import all_paths
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.pipeline.paths import paths_from_every_state
 from cwcli.prediction.plan import PathPlan
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import N_STATES, SPEED
@@ -26,38 +26,38 @@ def test_the_first_row_of_each_vehicle_in_each_period() -> None:
     """Two vehicles every 50 ms, one of them 20 ms later; periods of 200 ms from time 0."""
     stamp_ns = np.array([100, 120, 150, 170, 200, 220, 250, 270, 450, 470]) * MS
     codes = np.array([0, 1] * 5)
-    assert first_of_each_period(codes, stamp_ns, 5.0).tolist() == [0, 1, 4, 5, 8, 9]
+    assert first_row_of_each_period(codes, stamp_ns, 5.0).tolist() == [0, 1, 4, 5, 8, 9]
 
 
 def test_rows_out_of_order_and_a_rate_above_the_paths_own() -> None:
     stamp_ns = np.array([250, 50, 100]) * MS
     codes = np.zeros(3, np.int32)
-    assert first_of_each_period(codes, stamp_ns, 5.0).tolist() == [0, 1]
-    assert first_of_each_period(codes, stamp_ns, 1e12).tolist() == [0, 1, 2]
-    assert first_of_each_period(codes[:0], stamp_ns[:0], 5.0).tolist() == []
+    assert first_row_of_each_period(codes, stamp_ns, 5.0).tolist() == [0, 1]
+    assert first_row_of_each_period(codes, stamp_ns, 1e12).tolist() == [0, 1, 2]
+    assert first_row_of_each_period(codes[:0], stamp_ns[:0], 5.0).tolist() == []
 
 
-def planned(n: int) -> PlannedPaths:
+def planned(n: int) -> LazyPaths:
     """Every 50 ms a start of vehicle 7 and of vehicle 8 in turns, at constant velocity."""
     state = np.zeros((n, N_STATES))
     state[:, 0], state[:, SPEED] = np.arange(n) * 100.0, 8.0
     stamps = T0_NS // (200 * MS) * 200 * MS + np.arange(n) * 50 * MS
     plan = PathPlan("cv", 1.0, 0.05, state, np.tile(np.eye(N_STATES), (n, 1, 1)))
-    return PlannedPaths(Strings(np.arange(n, dtype=np.int32) % 2, ("7", "8")), stamps, stamps + 5, plan)
+    return LazyPaths(Strings(np.arange(n, dtype=np.int32) % 2, ("7", "8")), stamps, stamps + 5, plan)
 
 
 def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same(tmp_path: Path) -> None:
     given = planned(20)
-    channel = write_planned(REMOTE_PATH, given, rate_hz=5.0)
+    channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
     (tmp_path / "in.mcap").write_bytes(small_log(4))
     with Log.open(tmp_path / "in.mcap") as log:
         run = log.with_channels([channel])
-        seen = read_paths(run.columns(REMOTE_PATH.topic))
-        assert all_paths(run, REMOTE_PATH.topic, "remote_state") == (given, ())
-        annotate(run, (), {}, tmp_path / "out.mcap")
+        seen = read_predicted_paths(run.columns(REMOTE_PATH.topic))
+        assert paths_from_every_state(run, REMOTE_PATH.topic, "remote_state") == (given, ())
+        annotate_log(run, (), {}, tmp_path / "out.mcap")
     with Log.open(tmp_path / "out.mcap") as log:
-        found = read_paths(log.columns(REMOTE_PATH.topic))
-        assert log.faults.counts() == {}
+        found = read_predicted_paths(log.columns(REMOTE_PATH.topic))
+        assert log.faults.counts_by_reason() == {}
     rows = [0, 1, 4, 5, 8, 9, 12, 13, 16, 17]
     for each in (seen, found):
         assert each.stamp_ns.tolist() == given.stamp_ns[rows].tolist()
@@ -72,5 +72,5 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
 @pytest.mark.parametrize("step_s, kept", [(0.05, 5), (0.1, 2), (0.25, 1), (0.3, 1)])
 def test_points_are_a_quarter_of_a_second_apart_at_most(step_s: float, kept: int) -> None:
     given = replace(planned(2), plan=replace(planned(2).plan, horizon_s=3.0, step_s=step_s))
-    channel = write_planned(REMOTE_PATH, given, rate_hz=5.0)
-    assert np.asarray(channel.rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)
+    channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
+    assert np.asarray(channel.make_rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.published import OF_ROLE, POLICY, PUBLISHED, Channel, topics
-from cwcli.logs.write.schemas import message_schema, schema_folder
+from cwcli.channels.published import CHANNEL_OF_ROLE, POLICY_PLACEHOLDER, PUBLISHED_CHANNELS, Channel, published_topics
+from cwcli.logs.write.schemas import find_message_schema, schema_folder
 
 ROOT = Path(__file__).parents[3]
 TOPIC = re.compile(r"(?<!\w)/cwcli/[\w/<>]*[\w>]")
-EACH = pytest.mark.parametrize("channel", PUBLISHED, ids=lambda channel: channel.topic)
+EACH = pytest.mark.parametrize("channel", PUBLISHED_CHANNELS, ids=lambda channel: channel.topic)
 
 
 def spelled_topics() -> dict[str, set[str]]:
@@ -34,7 +34,7 @@ def spelled_topics() -> dict[str, set[str]]:
 
 def test_every_topic_is_spelled_in_one_file() -> None:
     spelled = spelled_topics()
-    published = {channel.topic: {"cwcli/channels/published.py"} for channel in PUBLISHED}
+    published = {channel.topic: {"cwcli/channels/published.py"} for channel in PUBLISHED_CHANNELS}
     examples = {"/cwcli/camera"}  # of options for topics that the user names
     assert {topic: files for topic, files in spelled.items() if topic not in examples} == published
 
@@ -42,7 +42,7 @@ def test_every_topic_is_spelled_in_one_file() -> None:
 def test_one_module_beside_the_table_writes_each_channel() -> None:
     """A descriptor without a file of its own would be a topic that nobody writes."""
     names = {name: value for name, value in vars(sys.modules[Channel.__module__]).items() if isinstance(value, Channel)}
-    assert tuple(names.values()) == PUBLISHED
+    assert tuple(names.values()) == PUBLISHED_CHANNELS
     users = defaultdict(set)
     for path in sorted((ROOT / "cwcli").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -54,7 +54,7 @@ def test_one_module_beside_the_table_writes_each_channel() -> None:
 
 @EACH
 def test_schema_is_there_and_its_comment_names_the_topic(channel: Channel) -> None:
-    assert message_schema(channel.schema).descriptor.full_name == channel.schema
+    assert find_message_schema(channel.schema).descriptor.full_name == channel.schema
     if channel.schema.startswith("cwcli.v1."):
         folder = schema_folder() / "cwcli" / "v1"
         files = [entry for entry in folder.iterdir() if entry.name.endswith(".proto")]
@@ -70,13 +70,13 @@ def test_the_channel_reference_has_a_row(channel: Channel) -> None:
 
 
 def test_topics_and_roles_are_told_once_and_the_policies_are_filled_in() -> None:
-    names = [channel.topic for channel in PUBLISHED]
+    names = [channel.topic for channel in PUBLISHED_CHANNELS]
     assert len(names) == len(set(names))
-    roles = [channel.role for channel in PUBLISHED if channel.role]
-    assert len(roles) == len(set(roles)) == len(OF_ROLE)
-    assert topics()["/cwcli/control/driver/pose"] == "foxglove.PoseInFrame"
-    assert not any(POLICY in topic for topic in topics())
-    assert all(channel.what and channel.stage for channel in PUBLISHED)
+    roles = [channel.role for channel in PUBLISHED_CHANNELS if channel.role]
+    assert len(roles) == len(set(roles)) == len(CHANNEL_OF_ROLE)
+    assert published_topics()["/cwcli/control/driver/pose"] == "foxglove.PoseInFrame"
+    assert not any(POLICY_PLACEHOLDER in topic for topic in published_topics())
+    assert all(channel.what and channel.stage for channel in PUBLISHED_CHANNELS)
 
 
 def test_the_table_takes_no_numpy() -> None:

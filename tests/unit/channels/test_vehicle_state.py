@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import N_STATES
 
@@ -14,7 +14,7 @@ STAMP_NS = np.array([10, 11, 12]) * NS_PER_S
 
 
 def states(covariance: np.ndarray) -> VehicleStates:
-    return VehicleStates.of_ego(STAMP_NS, np.zeros((3, N_STATES)), covariance)
+    return VehicleStates.from_ego_states(STAMP_NS, np.zeros((3, N_STATES)), covariance)
 
 
 @pytest.mark.parametrize(
@@ -33,11 +33,11 @@ def test_covariance_that_is_not_positive_definite_is_a_bug_in_words(wrong: np.nd
     covariance[1] = wrong
     told = "/cwcli/ego/state: 1 of 3 covariances are not positive definite, the first that of ego at 11.000 s"
     with pytest.raises(ArithmeticError, match=told):
-        write_states(EGO_STATE, states(covariance), None)
+        write_vehicle_states(EGO_STATE, states(covariance), None)
 
 
 def test_covariance_that_is_not_known_is_not_checked() -> None:
-    channel = write_states(
-        EGO_STATE, VehicleStates.of_ego(STAMP_NS, np.zeros((3, N_STATES))), None, has_covariance=False
+    channel = write_vehicle_states(
+        EGO_STATE, VehicleStates.from_ego_states(STAMP_NS, np.zeros((3, N_STATES))), None, has_covariance=False
     )
     assert np.isnan(channel.fields["sigma"]).all() and np.isnan(channel.fields["correlation"]).all()

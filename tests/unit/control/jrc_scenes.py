@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.control.preventability import Driver, Outcome, Poses, drive
+from cwcli.control.driver_models import CasePoses, DriverModel, DriverOutcome, simulate_driver_cases
 
 FloatArray = npt.NDArray[np.float64]
 CAR_M = (4.3, 1.9)
@@ -25,8 +25,8 @@ def straight(way_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def cut_in(
-    driver: Driver, ego_kmh: FloatArray, other_kmh: FloatArray, gap_m: FloatArray, lateral: FloatArray
-) -> Outcome:
+    driver: DriverModel, ego_kmh: FloatArray, other_kmh: FloatArray, gap_m: FloatArray, lateral: FloatArray
+) -> DriverOutcome:
     """The other leaves its lane, with 1.5 m/s^2 up to its lateral speed, which it has where the gap is as told.
 
     Places are sums of steps, as in the reference, so that what is decided by the last bit is decided alike.
@@ -45,14 +45,14 @@ def cut_in(
             side: FloatArray = side,
             across: FloatArray = across,
             early: int = before,
-        ) -> tuple[Poses, np.ndarray, tuple[float, float]]:
+        ) -> tuple[CasePoses, np.ndarray, tuple[float, float]]:
             n, zero = len(rows), np.zeros(len(rows))
             x = gap_m[rows] + CAR_M[0] + (step - early) * theirs[rows] * STEP_S
-            pose = Poses(x, np.full(n, side[step]), zero, theirs[rows], np.full(n, across[step]))
+            pose = CasePoses(x, np.full(n, side[step]), zero, theirs[rows], np.full(n, across[step]))
             return pose, np.ones(n, dtype=bool), CAR_M
 
         outcomes.append(
-            drive(
+            simulate_driver_cases(
                 driver,
                 start_mps=own[rows],
                 ego_at=straight,
@@ -77,27 +77,27 @@ def cut_in_profile(lateral: float) -> tuple[FloatArray, FloatArray]:
     return place, np.concatenate([ramp, [-lateral], moving])
 
 
-def joined(outcomes: list[Outcome], order: np.ndarray) -> Outcome:
+def joined(outcomes: list[DriverOutcome], order: np.ndarray) -> DriverOutcome:
     back = np.argsort(order)
-    names = Outcome.__dataclass_fields__
-    return Outcome(**{name: np.concatenate([getattr(each, name) for each in outcomes])[back] for name in names})
+    names = DriverOutcome.__dataclass_fields__
+    return DriverOutcome(**{name: np.concatenate([getattr(each, name) for each in outcomes])[back] for name in names})
 
 
 def following(
-    driver: Driver, distance: Callable[[FloatArray], FloatArray], kmh: FloatArray, braking_g: FloatArray
-) -> Outcome:
+    driver: DriverModel, distance: Callable[[FloatArray], FloatArray], kmh: FloatArray, braking_g: FloatArray
+) -> DriverOutcome:
     """The other ahead brakes from the first moment on."""
     own = kmh * KMH
     x = distance(own) + CAR_M[0]
     state = {"x": x}
 
-    def other_at(step: int) -> tuple[Poses, np.ndarray, tuple[float, float]]:
+    def other_at(step: int) -> tuple[CasePoses, np.ndarray, tuple[float, float]]:
         speed = np.maximum(own - step * braking_g * 9.81 * STEP_S, 0.0)
         state["x"] = state["x"] + speed * STEP_S
         zero = np.zeros(len(own))
-        return Poses(state["x"], zero, zero, speed, zero), np.ones(len(own), dtype=bool), CAR_M
+        return CasePoses(state["x"], zero, zero, speed, zero), np.ones(len(own), dtype=bool), CAR_M
 
-    return drive(
+    return simulate_driver_cases(
         driver,
         start_mps=own,
         ego_at=straight,
@@ -110,12 +110,12 @@ def following(
 
 
 def cut_out(
-    driver: Driver,
+    driver: DriverModel,
     distance: Callable[[FloatArray], FloatArray],
     kmh: FloatArray,
     beyond_m: FloatArray,
     lateral: FloatArray,
-) -> Outcome:
+) -> DriverOutcome:
     """The one ahead leaves the lane, behind which another stands; it may run into that one itself."""
     own = kmh * KMH
     x_ahead = distance(own) + CAR_M[0]
@@ -124,7 +124,7 @@ def cut_out(
     run = {"x": x_ahead.copy(), "y": np.zeros(len(own)), "stopped": np.zeros(len(own), dtype=bool)}
     length = 0.5 * (STANDING_M[0] + CAR_M[0])
 
-    def other_at(step: int) -> tuple[Poses, np.ndarray, tuple[FloatArray, FloatArray]]:
+    def other_at(step: int) -> tuple[CasePoses, np.ndarray, tuple[FloatArray, FloatArray]]:
         go = ~run["stopped"]
         run["x"] = np.where(go, run["x"] + own * STEP_S, run["x"])
         run["y"] = np.where(go & (step < n_moving), run["y"] - lateral / 10, run["y"])
@@ -132,11 +132,11 @@ def cut_out(
         run["stopped"] = run["stopped"] | hits
         crashed = run["stopped"]
         zero = np.zeros(len(own))
-        pose = Poses(np.where(crashed, run["x"], x_stands), np.where(crashed, run["y"], 0.0), zero, zero, zero)
+        pose = CasePoses(np.where(crashed, run["x"], x_stands), np.where(crashed, run["y"], 0.0), zero, zero, zero)
         size = np.where(crashed, CAR_M[0], STANDING_M[0]), np.where(crashed, CAR_M[1], STANDING_M[1])
         return pose, crashed | (run["y"] < WANDERING_M), size
 
-    return drive(
+    return simulate_driver_cases(
         driver,
         start_mps=own,
         ego_at=straight,

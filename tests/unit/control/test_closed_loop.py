@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from cwcli.control.car import CarResponse, CarState, advance
-from cwcli.control.closed_loop import RecordedMotion, Situation, driver_policy, fuzzy_policy, replay, time_to_close
+from cwcli.control.car import CarResponse, CarState, advance_car
+from cwcli.control.closed_loop import (
+    PedalSituation,
+    RecordedMotion,
+    braking_driver_pedals,
+    fuzzy_controller_pedals,
+    replay_with_policy,
+    time_to_close_gap_s,
+)
 
 INSTANT = CarResponse(brake_lag_s=1e-9, throttle_lag_s=1e-9, max_jerk_mps3=1e9)
 
@@ -15,14 +22,14 @@ def straight(speed_mps: float, start_m: float, end_s: float = 10.0) -> RecordedM
     return RecordedMotion(time_s, start_m + speed_mps * time_s, zeros, zeros, np.full_like(time_s, speed_mps))
 
 
-def brake_5_mpa(situation: Situation) -> tuple[np.ndarray, np.ndarray]:
+def brake_5_mpa(situation: PedalSituation) -> tuple[np.ndarray, np.ndarray]:
     n = len(situation.ttc_s)
     return np.zeros(n), np.full(n, 5.0)
 
 
 def test_stopping_distance_of_an_ideal_brake() -> None:
     # 5 MPa * 0.9 = 4.5 m/s^2; from 18 m/s that takes 4 s and 36 m, after 36 m until the warning.
-    outcome = replay(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa, car=INSTANT)
+    outcome = replay_with_policy(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa, car=INSTANT)
     assert outcome.x_m[0, -1] == pytest.approx(72.0, abs=0.02)
     assert outcome.speed_mps[0, -1] == 0.0
     assert outcome.peak_deceleration_mps2[0] == pytest.approx(4.5, abs=1e-6)
@@ -31,12 +38,12 @@ def test_stopping_distance_of_an_ideal_brake() -> None:
 
 def test_friction_limits_the_deceleration() -> None:
     slippery = CarResponse(brake_lag_s=1e-9, max_jerk_mps3=1e9, friction=0.2)
-    outcome = replay(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa, car=slippery)
+    outcome = replay_with_policy(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa, car=slippery)
     assert outcome.peak_deceleration_mps2[0] == pytest.approx(0.2 * 9.80665, rel=1e-9)
 
 
 def test_jerk_is_limited() -> None:
-    outcome = replay(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa)
+    outcome = replay_with_policy(straight(18.0, 0.0), straight(0.0, 500.0), np.array([2.0]), brake_5_mpa)
     assert outcome.peak_jerk_mps3[0] <= CarResponse().max_jerk_mps3 * (1 + 1e-9)
 
 
@@ -45,12 +52,12 @@ def test_brake_lag_is_first_order() -> None:
     zeros = np.zeros(1)
     state = CarState(zeros, zeros, zeros, np.array([30.0]), zeros)
     for _ in range(15):
-        state = advance(CarResponse(brake_lag_s=0.15), state, zeros, np.array([8.0]), 0.01)
+        state = advance_car(CarResponse(brake_lag_s=0.15), state, zeros, np.array([8.0]), 0.01)
     assert state.pressure_mpa[0] == pytest.approx(8.0 * (1.0 - np.exp(-1.0)), rel=1e-12)
 
 
 def test_never_warned_replays_the_recording() -> None:
-    outcome = replay(straight(10.0, 0.0), straight(0.0, 60.0), np.array([np.inf]), fuzzy_policy)
+    outcome = replay_with_policy(straight(10.0, 0.0), straight(0.0, 60.0), np.array([np.inf]), fuzzy_controller_pedals)
     np.testing.assert_allclose(outcome.x_m[0], 10.0 * outcome.time_s, atol=1e-9)
     # The host drives through the standing car's position at 6 s.
     assert outcome.collided[0]
@@ -59,19 +66,19 @@ def test_never_warned_replays_the_recording() -> None:
 
 def test_runs_of_one_batch_do_not_influence_each_other() -> None:
     host, other = straight(15.0, 0.0), straight(0.0, 80.0)
-    both = replay(host, other, np.array([2.0, 3.0]), fuzzy_policy)
-    alone = replay(host, other, np.array([3.0]), fuzzy_policy)
+    both = replay_with_policy(host, other, np.array([2.0, 3.0]), fuzzy_controller_pedals)
+    alone = replay_with_policy(host, other, np.array([3.0]), fuzzy_controller_pedals)
     np.testing.assert_allclose(both.x_m[1], alone.x_m[0], rtol=0.0, atol=1e-9)
 
 
 def test_fuzzy_controller_stops_before_a_standing_car_when_warned_in_time() -> None:
-    outcome = replay(straight(15.0, 0.0), straight(0.0, 80.0), np.array([1.0]), fuzzy_policy)
+    outcome = replay_with_policy(straight(15.0, 0.0), straight(0.0, 80.0), np.array([1.0]), fuzzy_controller_pedals)
     assert not outcome.collided[0]
     assert outcome.speed_mps[0, -1] == 0.0
 
 
 def test_driver_brakes_after_the_reaction_time() -> None:
-    outcome = replay(straight(15.0, 0.0), straight(0.0, 500.0), np.array([2.0]), driver_policy)
+    outcome = replay_with_policy(straight(15.0, 0.0), straight(0.0, 500.0), np.array([2.0]), braking_driver_pedals)
     before = outcome.time_s < 3.5 - 1e-9
     assert np.all(outcome.speed_mps[0, before] == 15.0)
     assert outcome.speed_mps[0, np.searchsorted(outcome.time_s, 3.8)] < 15.0
@@ -81,7 +88,7 @@ def test_host_keeps_to_its_recorded_curve() -> None:
     angle = np.linspace(0.0, np.pi, 400)
     time_s = angle * 40.0 / 10.0
     host = RecordedMotion(time_s, 40.0 * np.sin(angle), 40.0 - 40.0 * np.cos(angle), angle, np.full(400, 10.0))
-    outcome = replay(host, straight(0.0, 500.0, end_s=12.0), np.array([3.0]), brake_5_mpa)
+    outcome = replay_with_policy(host, straight(0.0, 500.0, end_s=12.0), np.array([3.0]), brake_5_mpa)
     radius = np.hypot(outcome.x_m[0], outcome.y_m[0] - 40.0)
     np.testing.assert_allclose(radius, 40.0, atol=2e-3)
 
@@ -90,7 +97,7 @@ def test_motions_that_do_not_overlap_are_refused() -> None:
     late = straight(1.0, 0.0)
     late = RecordedMotion(late.time_s + 100.0, late.x_m, late.y_m, late.heading_rad, late.speed_mps)
     with pytest.raises(ValueError, match="overlap"):
-        replay(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_policy)
+        replay_with_policy(straight(1.0, 0.0), late, np.array([1.0]), fuzzy_controller_pedals)
 
 
 @pytest.mark.parametrize(
@@ -105,5 +112,5 @@ def test_motions_that_do_not_overlap_are_refused() -> None:
     ],
 )
 def test_time_to_close_by_hand(gap_m: float, rate_mps: float, change_mps2: float, expected_s: float) -> None:
-    time_s = time_to_close(np.array([gap_m]), np.array([rate_mps]), np.array([change_mps2]))
+    time_s = time_to_close_gap_s(np.array([gap_m]), np.array([rate_mps]), np.array([change_mps2]))
     assert time_s[0] == pytest.approx(expected_s)

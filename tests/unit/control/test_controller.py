@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from cwcli.control.controller import MAX_PRESSURE_MPA, command, speed_difference
+from cwcli.control.controller import (
+    MAX_BRAKE_PRESSURE_MPA,
+    fuzzy_throttle_and_pressure,
+    speed_difference_along_heading_mps,
+)
 
 
 def at(ttc_s: float, dv_mps: float) -> tuple[float, float]:
-    throttle, pressure = command(np.array([ttc_s]), np.array([dv_mps]))
+    throttle, pressure = fuzzy_throttle_and_pressure(np.array([ttc_s]), np.array([dv_mps]))
     return float(throttle[0]), float(pressure[0])
 
 
@@ -31,23 +35,23 @@ def test_throttle_opens_only_when_the_gap_opens() -> None:
 
 def test_pressure_never_falls_when_ttc_falls_or_closing_speed_rises() -> None:
     ttc_s, dv_mps = np.meshgrid(np.linspace(0.0, 6.0, 61), np.linspace(0.0, 20.0, 41), indexing="ij")
-    pressure = command(ttc_s.ravel(), dv_mps.ravel())[1].reshape(ttc_s.shape)
+    pressure = fuzzy_throttle_and_pressure(ttc_s.ravel(), dv_mps.ravel())[1].reshape(ttc_s.shape)
     # Clipping and the centroid make small dips where two sets cross; more than a tenth would be a wrong rule.
-    assert np.diff(pressure, axis=0).max() < 0.1 * MAX_PRESSURE_MPA
-    assert np.diff(pressure, axis=1).min() > -0.1 * MAX_PRESSURE_MPA
+    assert np.diff(pressure, axis=0).max() < 0.1 * MAX_BRAKE_PRESSURE_MPA
+    assert np.diff(pressure, axis=1).min() > -0.1 * MAX_BRAKE_PRESSURE_MPA
     assert pressure.min() >= 0.0
-    assert pressure.max() <= MAX_PRESSURE_MPA
+    assert pressure.max() <= MAX_BRAKE_PRESSURE_MPA
 
 
 def test_brake_and_throttle_are_never_used_together() -> None:
     ttc_s, dv_mps = np.meshgrid(np.linspace(0.0, 6.0, 61), np.linspace(-5.0, 20.0, 51))
-    throttle, pressure = command(ttc_s.ravel(), dv_mps.ravel())
+    throttle, pressure = fuzzy_throttle_and_pressure(ttc_s.ravel(), dv_mps.ravel())
     assert not np.any((throttle > 0.0) & (pressure > 0.5))
 
 
 def test_speed_difference_is_equation_11() -> None:
     # cos(60 deg) = 0.5: 9 - 10 * 0.5 = 4.
-    dv = speed_difference(np.array([9.0]), np.array([10.0]), np.array([np.pi / 3.0]))
+    dv = speed_difference_along_heading_mps(np.array([9.0]), np.array([10.0]), np.array([np.pi / 3.0]))
     np.testing.assert_allclose(dv, [4.0])
 
 

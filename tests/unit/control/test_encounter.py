@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from cwcli.control.closed_loop import RecordedMotion
-from cwcli.control.encounter import POLICIES, RecordedTrack, ReplaySpan, contiguous_rows, extended, replay_warning
+from cwcli.control.encounter import (
+    POLICIES,
+    RecordedTrack,
+    ReplaySpan,
+    contiguous_rows_around,
+    extend_motion,
+    replay_warning,
+)
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 50_000_000
@@ -86,12 +93,12 @@ def test_who_is_behind(host: RecordedTrack, other: RecordedTrack, is_behind: boo
 
 def test_rows_end_at_a_gap() -> None:
     stamp_ns = np.array([0, 1, 2, 5, 6, 7, 20]) * 1_000_000_000
-    assert contiguous_rows(stamp_ns, 6_500_000_000) == slice(3, 6)
-    assert contiguous_rows(stamp_ns, 0) == slice(0, 3)
-    assert contiguous_rows(stamp_ns, 30_000_000_000) == slice(6, 7)
-    assert contiguous_rows(stamp_ns, -500_000_000) == slice(0, 3)  # a sender whose clock is ahead
+    assert contiguous_rows_around(stamp_ns, 6_500_000_000) == slice(3, 6)
+    assert contiguous_rows_around(stamp_ns, 0) == slice(0, 3)
+    assert contiguous_rows_around(stamp_ns, 30_000_000_000) == slice(6, 7)
+    assert contiguous_rows_around(stamp_ns, -500_000_000) == slice(0, 3)  # a sender whose clock is ahead
     with pytest.raises(ValueError, match="after the warning"):
-        contiguous_rows(stamp_ns, -1_500_000_000)
+        contiguous_rows_around(stamp_ns, -1_500_000_000)
 
 
 def test_extension_is_an_arc() -> None:
@@ -99,11 +106,11 @@ def test_extension_is_an_arc() -> None:
     time_s = np.array([0.0, 1.0])
     still = np.zeros(2)
     motion = RecordedMotion(time_s, still, still, still, np.full(2, np.pi), still, np.full(2, np.pi / 4.0))
-    longer = extended(motion, 3.0)
+    longer = extend_motion(motion, 3.0)
     assert longer.time_s[-1] == 3.0
     assert (longer.x_m[-1], longer.y_m[-1]) == pytest.approx((4.0, 4.0))
     assert longer.heading_rad[-1] == pytest.approx(np.pi / 2.0)
-    assert extended(motion, 1.0) is motion
+    assert extend_motion(motion, 1.0) is motion
 
 
 @pytest.mark.parametrize("first_s", [0.0, 0.3], ids=["first state", "sender's clock ahead"])
@@ -113,6 +120,6 @@ def test_warning_at_the_first_state(first_s: float) -> None:
         track(0.0, 20.0, 8.0), track(100.0, 0.0, 8.0 - first_s, first_s=first_s), T0_NS, ReplaySpan()
     )
     assert found.outcome.time_s[0] == pytest.approx(-0.05)
-    here = int(found.after.argmax())
+    here = int(found.after_warning_mask.argmax())
     np.testing.assert_allclose(found.outcome.speed_mps[:, here], 20.0, atol=0.05)
     assert found.collided.tolist() == [True, False, False]

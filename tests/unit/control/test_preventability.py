@@ -8,14 +8,22 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from cwcli.control.preventability import FSM, HUMAN, HUMAN_BEHIND, R157, RSS, Driver, Outcome
+from cwcli.control.driver_models import (
+    FUZZY_SAFETY_DRIVER,
+    HUMAN_AT_CUT_IN,
+    HUMAN_FOLLOWING,
+    R157_DRIVER,
+    RSS_DRIVER,
+    DriverModel,
+    DriverOutcome,
+)
 from tests.unit.control.jrc_scenes import cut_in, cut_out, following
 from tests.unit.control.slow_drivers import crashes
 
 FOLDER = Path(__file__).parents[4] / "shared" / "oracles" / "jrc_fsm"
 ROUNDING_M = 1e-9
-CUT_IN = {"CC_human_driver": HUMAN, "Reg157": R157, "RSS": RSS, "FSM": FSM}
-BEHIND = {"CC_human_driver": HUMAN_BEHIND, "RSS": RSS, "FSM": FSM}
+CUT_IN = {"CC_human_driver": HUMAN_AT_CUT_IN, "Reg157": R157_DRIVER, "RSS": RSS_DRIVER, "FSM": FUZZY_SAFETY_DRIVER}
+BEHIND = {"CC_human_driver": HUMAN_FOLLOWING, "RSS": RSS_DRIVER, "FSM": FUZZY_SAFETY_DRIVER}
 of_cut_in = pytest.mark.parametrize("model", CUT_IN)
 of_behind = pytest.mark.parametrize("model", BEHIND)
 
@@ -39,7 +47,7 @@ def test_cut_ins_are_avoided_where_the_reference_avoids_them(model: str) -> None
     assert outcome.crashed.tolist() == cases["Crash"].tolist()
 
 
-def follow(driver: Driver, cases: dict[str, np.ndarray], nearer_m: float = 0.0) -> Outcome:
+def follow(driver: DriverModel, cases: dict[str, np.ndarray], nearer_m: float = 0.0) -> DriverOutcome:
     distance = cases["initial_distance"] - nearer_m
     return following(driver, lambda _: distance, cases["velocity"].astype(np.float64), cases["max_deceleration"])
 
@@ -75,7 +83,7 @@ def one(value: float) -> np.ndarray:
 
 def test_the_human_brakes_after_the_reaction() -> None:
     # 30 m behind one that stands: 8 steps of 0.1 s at 0.4 m/s^2, then 1.665, 2.93, .. to 7.593 m/s^2
-    outcome = following(HUMAN_BEHIND, lambda _: one(30.0), one(50.0), one(100.0))
+    outcome = following(HUMAN_FOLLOWING, lambda _: one(30.0), one(50.0), one(100.0))
     assert outcome.braked_s[0] == pytest.approx(0.8)
     assert not outcome.crashed[0]
     assert outcome.least_gap_m[0] == pytest.approx(stop_gap(30.0, 50.0 / 3.6), abs=1e-9)
@@ -92,7 +100,7 @@ def stop_gap(gap_m: float, speed: float) -> float:
 
 
 def test_a_crash_tells_when_and_how_fast() -> None:
-    outcome = following(HUMAN_BEHIND, lambda _: one(5.0), one(100.0), one(100.0))
+    outcome = following(HUMAN_FOLLOWING, lambda _: one(5.0), one(100.0), one(100.0))
     assert outcome.crashed[0]
     assert 0.0 < outcome.crash_s[0] < 0.5
     assert outcome.impact_mps[0] == pytest.approx(100.0 / 3.6 - 0.04 * round(outcome.crash_s[0] / 0.1), abs=0.05)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.control.preventable import DRIVERS, Preventability, preventability
+from cwcli.control.preventable import DRIVER_MODELS, DriverVerdict, judge_preventability
 from cwcli.measures.pair import ActualTrack, Pair
 
 CAR = (4.5, 1.8)
@@ -26,13 +26,13 @@ def behind_a_standing_car(speed_mps: float = 20.0, duration_s: float = 10.0) -> 
     return Pair(host, other, CAR, CAR, 0.5), T0_NS + 8 * 10**9
 
 
-def by_name(found: list[Preventability]) -> dict[str, Preventability]:
+def by_name(found: list[DriverVerdict]) -> dict[str, DriverVerdict]:
     return {each.driver: each for each in found}
 
 
 def test_a_standing_car_ahead() -> None:
-    found = by_name(preventability(*behind_a_standing_car()))
-    assert list(found) == list(DRIVERS)
+    found = by_name(judge_preventability(*behind_a_standing_car()))
+    assert list(found) == list(DRIVER_MODELS)
     human = found["careful human"]
     # it sees danger 2 s before contact, reacts for 8 steps, and then needs 400 / (2 * 7.59) m + the build-up: too late
     assert not human.avoided
@@ -50,15 +50,15 @@ def test_a_standing_car_ahead() -> None:
 
 def test_later_than_the_last_chance_nobody_avoids_it() -> None:
     pair, conflict_ns = behind_a_standing_car()
-    late = pair.between(int(np.searchsorted(pair.stamp_ns, conflict_ns - 10**9)), len(pair.stamp_ns))
-    for each in preventability(late, conflict_ns):
+    late = pair.slice_rows(int(np.searchsorted(pair.stamp_ns, conflict_ns - 10**9)), len(pair.stamp_ns))
+    for each in judge_preventability(late, conflict_ns):
         assert not each.avoided
         assert np.isnan(each.last_chance_s)
         assert each.impact_mps > 5.0
 
 
 def test_a_slow_approach_is_avoided_by_all() -> None:
-    for each in preventability(*behind_a_standing_car(speed_mps=5.0)):
+    for each in judge_preventability(*behind_a_standing_car(speed_mps=5.0)):
         assert each.avoided
         assert each.least_gap_m > 0.0
         assert each.last_chance_s > 0.5
@@ -70,12 +70,12 @@ def test_a_crossing_that_a_careful_driver_avoids() -> None:
     host = track(time_s, 8.0 * time_s, zero, zero + 8.0, 0.0)
     # its front is in the host's way 3.15 s before its centre is, so that the human sees it 2 s before contact
     slow = track(time_s, zero + 64.0, time_s - 8.0, zero + 1.0, np.pi / 2)
-    found = by_name(preventability(Pair(host, slow, CAR, CAR, 0.5), T0_NS + 8 * 10**9))
+    found = by_name(judge_preventability(Pair(host, slow, CAR, CAR, 0.5), T0_NS + 8 * 10**9))
     assert found["careful human"].avoided
     assert found["careful human"].braked_s > 0.8
     # at 3 m/s it is there 1.05 s before, which is less than the reaction and the way to stop
     fast = track(time_s, zero + 64.0, 3.0 * (time_s - 8.0), zero + 3.0, np.pi / 2)
-    found = by_name(preventability(Pair(host, fast, CAR, CAR, 0.5), T0_NS + 8 * 10**9))
+    found = by_name(judge_preventability(Pair(host, fast, CAR, CAR, 0.5), T0_NS + 8 * 10**9))
     assert not found["careful human"].avoided
     assert found["careful human"].impact_mps > 5.0
 
@@ -83,5 +83,5 @@ def test_a_crossing_that_a_careful_driver_avoids() -> None:
 def test_nothing_is_said_of_what_is_not_known() -> None:
     pair, conflict_ns = behind_a_standing_car()
     nothing = ActualTrack(np.zeros(0, np.int64), np.zeros((0, 4)))
-    assert preventability(Pair(pair.host, nothing, CAR, CAR, 0.5), conflict_ns) == []
-    assert preventability(pair, T0_NS - 10**9) == []
+    assert judge_preventability(Pair(pair.host, nothing, CAR, CAR, 0.5), conflict_ns) == []
+    assert judge_preventability(pair, T0_NS - 10**9) == []

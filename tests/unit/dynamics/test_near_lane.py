@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.near_lane import as_angle, near_lane, quickness
-from cwcli.dynamics.observer import observe
-from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, Samples
-from cwcli.dynamics.single_track import steady_lateral_lever
+from cwcli.dynamics.near_lane import convert_sine_states_to_angles, lane_at_nearer_preview, slowness_ratio
+from cwcli.dynamics.observer import observe_lateral_motion
+from cwcli.dynamics.samples import FrameStatus, LaneSamples, LateralTrack, ScalarSamples
+from cwcli.dynamics.single_track import steady_lateral_speed_per_yaw_rate_m
 from cwcli.dynamics.vehicle import load_vehicle
-from cwcli.prediction.lateral import lateral_paths
+from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import HEADING, OFFSET, STATION, YAW_RATE
-from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
-from cwcli.simulation.streams import to_ns
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
+from cwcli.simulation.streams import seconds_to_ns
 
 PREVIEW_M = 33.5
 HALF_WIDTH_M = 1.8
@@ -40,12 +40,12 @@ def frames(*middles: tuple[float, float, float], change_1pm2: float = 0.0) -> La
 
 
 def test_how_quickly_roads_bend_goes_with_the_speed() -> None:
-    assert quickness(np.array([30.0, 25.0, 12.5, -12.5, 5.0, 0.0, np.nan])).tolist() == [1, 1, 2, 2, 5, 5, 1]
+    assert slowness_ratio(np.array([30.0, 25.0, 12.5, -12.5, 5.0, 0.0, np.nan])).tolist() == [1, 1, 2, 2, 5, 5, 1]
 
 
 def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -> None:
     lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.5, 0.0, -0.02), (0.0, 0.0, 1.0 / 4.0))
-    near, at_m, change = near_lane(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M, 0.0)
+    near, at_m, change = lane_at_nearer_preview(lanes, np.array([25.0, 6.25, 25.0, 25.0]), PREVIEW_M, 0.0)
     # a quarter of the speed: an eighth of the distance; on 50 m the sine of 0.4 is at 20 m, on 4 m nearer than 2 m
     np.testing.assert_allclose(at_m, [33.5, 33.5 / 8.0, 20.0, 2.0])
     # 50 m to the right, 0.5 m to the left: y_L is right positive, e_L the sine, K_L right positive
@@ -56,7 +56,9 @@ def test_the_preview_point_is_nearer_where_the_car_is_slow_or_the_lane_turns() -
 
 
 def test_the_change_of_the_curvature_is_handed_on() -> None:
-    near, at_m, change = near_lane(frames((0.0, 0.0, 0.01), change_1pm2=0.0008), np.array([12.5]), PREVIEW_M, 0.0)
+    near, at_m, change = lane_at_nearer_preview(
+        frames((0.0, 0.0, 0.01), change_1pm2=0.0008), np.array([12.5]), PREVIEW_M, 0.0
+    )
     assert change.tolist() == [0.0008]
     assert near.curvature_1pm[0] == pytest.approx(-0.01 + 0.0008 * at_m[0])
 
@@ -67,7 +69,7 @@ def test_the_change_of_the_curvature_is_handed_on() -> None:
 def test_the_preview_point_is_ahead_of_the_camera_and_of_the_car(camera_forward_m: float, nearest_m: float) -> None:
     """At 5 m/s it would be 33.5 m / 5^1.5 = 3.0 m ahead of the camera, where the lane turns nearer still."""
     lanes = frames((0.0, 0.0, 0.0), (0.0, 0.0, 1.0 / 4.0))
-    _, at_m, _ = near_lane(lanes, np.array([5.0, 5.0]), PREVIEW_M, camera_forward_m)
+    _, at_m, _ = lane_at_nearer_preview(lanes, np.array([5.0, 5.0]), PREVIEW_M, camera_forward_m)
     np.testing.assert_allclose(at_m[0], max(33.5 / 5.0**1.5, nearest_m))
     if nearest_m < 4.0:  # there is no lane farther on
         np.testing.assert_allclose(at_m[1], nearest_m)
@@ -78,14 +80,14 @@ def test_a_slow_car_with_the_camera_far_behind_is_observed(camera_forward_m: flo
     """5 m/s round 100 m, seen by the camera of a bus or a trailer: the yaw rate is 0.05 rad/s."""
     car = replace(load_vehicle(), camera_forward_m=camera_forward_m)
     n, curvature, v = 100, 0.01, 5.0
-    lever_m = float(steady_lateral_lever(car, np.array([[v]]))[0, 0])
+    lever_m = float(steady_lateral_speed_per_yaw_rate_m(car, np.array([[v]]))[0, 0])
     slope = curvature * (camera_forward_m + lever_m)
     y_m = curvature * camera_forward_m * (0.5 * camera_forward_m + lever_m)
     lanes = frames(*[(y_m, slope, curvature)] * n)
-    track = observe(lanes, Samples(lanes.stamp_ns, np.full(n, v)), car)
+    track = observe_lateral_motion(lanes, ScalarSamples(lanes.stamp_ns, np.full(n, v)), car)
     np.testing.assert_allclose(track.state[50:, 1], v * curvature, atol=0.002)
     assert (track.preview_m + camera_forward_m >= 2.0 - 1e-9).all()
-    turning = np.diff(lateral_paths(track, car).heading_rad[50:], axis=1) / 0.05
+    turning = np.diff(predict_paths_from_observer(track, car).heading_rad[50:], axis=1) / 0.05
     np.testing.assert_allclose(turning, v * curvature, atol=0.004)
 
 
@@ -93,14 +95,14 @@ def test_frames_that_tell_no_shape_stay_as_they_are() -> None:
     told = frames((0.0, 0.0, 0.0))
     bare = replace(told, lateral_deviation_m=np.full(1, 0.3), lines=np.full((1, 2, 3), np.nan))
     for lanes in (bare, replace(bare, lines=None, curvature_change_1pm2=None)):
-        near, at_m, change = near_lane(lanes, np.array([5.0]), PREVIEW_M, 0.0)
+        near, at_m, change = lane_at_nearer_preview(lanes, np.array([5.0]), PREVIEW_M, 0.0)
         assert (near.lateral_deviation_m[0], at_m[0], change[0]) == (0.3, 33.5, 0.0)
 
 
 def test_the_published_direction_is_the_angle_and_the_filters_the_sine() -> None:
     state = np.array([[0.1, 0.2, 0.3, 0.4], [np.nan] * 4])
     covariance = np.tile(np.full((4, 4), 0.01), (2, 1, 1))
-    angle, made = as_angle(state, covariance)
+    angle, made = convert_sine_states_to_angles(state, covariance)
     assert angle[0].tolist() == pytest.approx([0.1, 0.2, 0.3, 0.411517])
     assert np.isnan(angle[1]).all()
     assert made[0, 3, 3] == pytest.approx(0.01 / (1.0 - 0.4**2))  # d asin s = ds / cos
@@ -111,15 +113,15 @@ def test_the_published_direction_is_the_angle_and_the_filters_the_sine() -> None
 def test_a_circle_is_published_with_its_angle_at_the_preview_point() -> None:
     """20 m to the right: the sine of 0.4 is 8 m ahead, where the lane points 23.58 degrees from the car."""
     lanes = frames(*[(0.0, 0.0, -0.05)] * 60)
-    speed = Samples(lanes.stamp_ns, np.full(60, 10.0))
-    track = observe(lanes, speed, load_vehicle())
+    speed = ScalarSamples(lanes.stamp_ns, np.full(60, 10.0))
+    track = observe_lateral_motion(lanes, speed, load_vehicle())
     assert track.preview_m[-1] == pytest.approx(8.0)
     assert track.state[-1, 3] == pytest.approx(0.4115, abs=2e-3)
 
 
-def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, Samples]:
+def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, ScalarSamples]:
     """30 s round ramps of 23 m at 10 m/s, after spirals of 25 m: the true lane 2 to 15 m ahead as a spiral."""
-    drive = plan_drive(
+    drive = plan_road_drive(
         RoadDriveConfig(seed=seed, duration_s=30.0, rate_hz=10.0, ramp_degps=25.0, speed_mps=10.0),
         wide_camera(480, 270),
     )
@@ -140,14 +142,14 @@ def ramp(seed: int) -> tuple[RoadDrive, LaneSamples, Samples]:
                 for side in (HALF_WIDTH_M, -HALF_WIDTH_M)
             ]
         )
-    nothing, stamp_ns = np.full(len(lines), np.nan), to_ns(drive.time_s)
+    nothing, stamp_ns = np.full(len(lines), np.nan), seconds_to_ns(drive.time_s)
     lanes = LaneSamples(
         *(stamp_ns, nothing, nothing, nothing),
         *(np.full(len(lines), sigma) for sigma in (0.03, 0.003, 3e-4)),
         lines=np.array(lines),
         curvature_change_1pm2=np.array(changes),
     )
-    return drive, lanes, Samples(stamp_ns, drive.speed_at(drive.time_s))
+    return drive, lanes, ScalarSamples(stamp_ns, drive.speed_at_mps(drive.time_s))
 
 
 def yaw_rate_errors_degps(drive: RoadDrive, track: LateralTrack) -> np.ndarray:
@@ -159,11 +161,11 @@ def test_ramps_are_observed_from_the_lane_and_the_speed_alone(seed: int) -> None
     """There is no lane 33.5 m ahead; the lane nearer by tells the yaw rate."""
     drive, lanes, speed = ramp(seed)
     car = load_vehicle()
-    track = observe(lanes, speed, car)
+    track = observe_lateral_motion(lanes, speed, car)
     assert set(track.status[1:]) == {FrameStatus.OBSERVED}
     assert np.abs(np.degrees(drive.states_at(drive.time_s)[:, YAW_RATE])).max() > 20.0
     errors = yaw_rate_errors_degps(drive, track)
     assert np.sqrt(np.mean(errors**2)) < 1.0
     assert np.abs(errors).max() < 3.0
     unshaped = replace(lanes, lines=None)
-    assert set(observe(unshaped, speed, car, ObserverConfig()).status) == {FrameStatus.LOST}
+    assert set(observe_lateral_motion(unshaped, speed, car, ObserverConfig()).status) == {FrameStatus.LOST}

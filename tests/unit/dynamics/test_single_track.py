@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_discrete_are
 
-from cwcli.dynamics.matrix_exponential import discretise, discretise_noise, matrix_exponential
-from cwcli.dynamics.riccati import steady_covariance, steady_gain
+from cwcli.dynamics.matrix_exponential import discretise_held_input, discretise_noise_covariance, matrix_exponential
+from cwcli.dynamics.riccati import steady_kalman_gain, steady_predicted_covariance
 from cwcli.dynamics.single_track import (
     critical_speed_mps,
-    lateral_matrices,
-    preview_matrices,
-    steady_lateral_lever,
-    steady_state,
+    lateral_state_matrices,
+    preview_state_matrices,
+    steady_lateral_speed_per_yaw_rate_m,
+    steady_turn_state,
     steady_yaw_gain,
     understeer_gradient,
 )
@@ -33,14 +33,16 @@ H = np.eye(4)[2:]
     ],
 )
 def test_steady_states_of_the_worked_example(speed_kmh: float, lateral_mps: float, yaw_rate_radps: float) -> None:
-    assert steady_state(CAR, speed_kmh * MPS_PER_KMH, 0.05) == pytest.approx((lateral_mps, yaw_rate_radps), abs=1e-3)
+    assert steady_turn_state(CAR, speed_kmh * MPS_PER_KMH, 0.05) == pytest.approx(
+        (lateral_mps, yaw_rate_radps), abs=1e-3
+    )
 
 
 def test_steady_state_is_where_equation_11_rests() -> None:
     for speed in (3.0, 15.0, 40.0):
-        a, b = lateral_matrices(CAR, speed)
+        a, b = lateral_state_matrices(CAR, speed)
         rest = np.linalg.solve(a, -b[:, 0] * 0.02)
-        assert steady_state(CAR, speed, 0.02) == pytest.approx(tuple(rest), rel=1e-12)
+        assert steady_turn_state(CAR, speed, 0.02) == pytest.approx(tuple(rest), rel=1e-12)
 
 
 def test_understeer_gradient_by_hand() -> None:
@@ -59,8 +61,8 @@ def test_equation_12_gives_the_same_radius_with_and_without_slip() -> None:
 
 @pytest.mark.parametrize("speed_kmh", [10, 60, 88, 160])
 def test_discretisation_equals_a_fine_integration(speed_kmh: float) -> None:
-    a, b = preview_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
-    phi, gamma = discretise(a, b, 0.1)
+    a, b = preview_state_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
+    phi, gamma = discretise_held_input(a, b, 0.1)
     x, u = np.array([0.3, -0.1, 0.5, 0.02]), np.array([0.03, 0.001])
     fine, n = x.copy(), 4000
     for _ in range(n):
@@ -82,16 +84,16 @@ def test_matrix_exponential_equals_scipys() -> None:
 
 
 def test_noise_of_a_step_equals_its_integral() -> None:
-    a, _ = preview_matrices(CAR, 20.0, 33.5)
+    a, _ = preview_state_matrices(CAR, 20.0, 33.5)
     times = np.linspace(0.0, 0.1, 501)
     parts = np.array([expm(a * t) @ expm(a * t).T for t in times]) * 0.01
     integral = np.trapezoid(parts, times, axis=0)
-    np.testing.assert_allclose(discretise_noise(a, 0.01 * np.eye(4), 0.1), integral, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(discretise_noise_covariance(a, 0.01 * np.eye(4), 0.1), integral, rtol=1e-4, atol=1e-12)
 
 
 def test_signs_agree_with_the_papers() -> None:
     # With v_y, gamma and delta to the right, eq. 20 reads dy_L = v e_L - v_y - gamma D_L, de_L = v K_L - gamma.
-    a, b = preview_matrices(CAR, 20.0, 33.5)
+    a, b = preview_state_matrices(CAR, 20.0, 33.5)
     turn, turn_input = np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([-1.0, 1.0])
     paper_a, paper_b = turn @ a @ turn, turn @ b @ turn_input
     np.testing.assert_array_equal(paper_a[2:], [[-1.0, -33.5, 0.0, 20.0], [0.0, -1.0, 0.0, 0.0]])
@@ -102,7 +104,7 @@ def test_signs_agree_with_the_papers() -> None:
 
 def test_slow_and_standing_cars() -> None:
     for speed in (0.0, 0.5, 1.9, -1.0):
-        a, b = lateral_matrices(CAR, speed)
+        a, b = lateral_state_matrices(CAR, speed)
         yaw_rate = np.linalg.solve(a, -b[:, 0] * 0.1)[1]
         assert np.all(np.linalg.eigvals(a).real < 0.0)
         assert yaw_rate == pytest.approx(speed * 0.1 / CAR.wheelbase_m, rel=0.01, abs=1e-15)
@@ -112,27 +114,27 @@ def test_a_car_that_oversteers_has_a_critical_speed() -> None:
     loose = replace(CAR, front_axle_m=CAR.rear_axle_m, rear_axle_m=CAR.front_axle_m)
     critical = critical_speed_mps(loose)
     assert critical_speed_mps(CAR) == np.inf
-    assert np.linalg.eigvals(lateral_matrices(loose, critical * 0.99)[0]).real.max() < 0.0
-    assert np.linalg.eigvals(lateral_matrices(loose, critical * 1.01)[0]).real.max() > 0.0
+    assert np.linalg.eigvals(lateral_state_matrices(loose, critical * 0.99)[0]).real.max() < 0.0
+    assert np.linalg.eigvals(lateral_state_matrices(loose, critical * 1.01)[0]).real.max() > 0.0
 
 
 def test_lateral_speed_changes_sign_where_the_rear_axle_slips_as_much_as_it_leads() -> None:
     # l_r = m l_f v^2 / (k_r L): v = sqrt(1.06 * 60000 * 1.96 / (1215 * 0.9)) = 10.677 m/s.
-    assert float(steady_lateral_lever(CAR, 10.677)) == pytest.approx(0.0, abs=1e-3)
+    assert float(steady_lateral_speed_per_yaw_rate_m(CAR, 10.677)) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("speed_kmh", range(10, 161, 10))
 def test_gains_equal_scipys_riccati_solution(speed_kmh: int) -> None:
-    a, b = preview_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
-    phi, _ = discretise(a, b, 0.1)
-    noise, r = discretise_noise(a, 0.01 * np.eye(4), 0.1), 0.01 * np.eye(2)
+    a, b = preview_state_matrices(CAR, speed_kmh * MPS_PER_KMH, 33.5)
+    phi, _ = discretise_held_input(a, b, 0.1)
+    noise, r = discretise_noise_covariance(a, 0.01 * np.eye(4), 0.1), 0.01 * np.eye(2)
     expected = solve_discrete_are(phi.T, H.T, noise, r)
-    np.testing.assert_allclose(steady_covariance(phi, H, noise, r), expected, rtol=1e-9)
+    np.testing.assert_allclose(steady_predicted_covariance(phi, H, noise, r), expected, rtol=1e-9)
     gain = expected @ H.T @ np.linalg.inv(H @ expected @ H.T + r)
-    np.testing.assert_allclose(steady_gain(phi, H, noise, r), gain, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(steady_kalman_gain(phi, H, noise, r), gain, rtol=1e-9, atol=1e-12)
     assert np.abs(np.linalg.eigvals(phi - gain @ H @ phi)).max() < 1.0
 
 
 def test_a_filter_that_can_not_settle_is_refused() -> None:
     with pytest.raises(ValueError, match="does not converge"):
-        steady_covariance(np.diag([1.1, 0.5]), np.array([[0.0, 1.0]]), np.eye(2), np.eye(1))
+        steady_predicted_covariance(np.diag([1.1, 0.5]), np.array([[0.0, 1.0]]), np.eye(2), np.eye(1))

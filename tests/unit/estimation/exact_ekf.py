@@ -10,14 +10,16 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import MAX_STEP_S, Series, Start
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import MAX_PREDICTION_STEP_S, FilterStart, SensorSeries
 
 F = npt.NDArray[np.float64]
 DIGITS = 40
 
 
-def run_exactly(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F) -> tuple[F, F, F, F]:
+def run_exactly(
+    series: Sequence[SensorSeries], start: FilterStart, p: MotionParameters, output_s: F
+) -> tuple[F, F, F, F]:
     """Filter and smooth positions and speeds; eight states, no gate.
 
     Returns:
@@ -27,7 +29,7 @@ def run_exactly(series: Sequence[Series], start: Start, p: ModelParameters, outp
         return _run(series, start, p, output_s)
 
 
-def _run(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F) -> tuple[F, F, F, F]:
+def _run(series: Sequence[SensorSeries], start: FilterStart, p: MotionParameters, output_s: F) -> tuple[F, F, F, F]:
     events = [(float(s.time_s[i]), 0, k, i) for k, s in enumerate(series) for i in range(len(s))]
     events += [(float(t), 1, -1, j) for j, t in enumerate(output_s)]
     events.sort(key=lambda event: event[:2])
@@ -37,7 +39,7 @@ def _run(series: Sequence[Series], start: Start, p: ModelParameters, output_s: F
     told = now
     for time, _, k, i in events:
         total = mp.mpf(time) - now
-        pieces = max(1, int(np.ceil(float(total) / MAX_STEP_S - 1e-9)))
+        pieces = max(1, int(np.ceil(float(total) / MAX_PREDICTION_STEP_S - 1e-9)))
         for piece in range(pieces if total > 0 else 0):
             dt = total / pieces
             f, moved = _transition(x, cov, dt, p)
@@ -75,7 +77,7 @@ def _doubles(m: mp.matrix) -> F:
     return np.array(m.tolist(), dtype=np.float64).reshape(m.rows, m.cols)
 
 
-def _transition(x: mp.matrix, cov: mp.matrix, dt: mp.mpf, p: ModelParameters) -> tuple[mp.matrix, mp.matrix]:
+def _transition(x: mp.matrix, cov: mp.matrix, dt: mp.mpf, p: MotionParameters) -> tuple[mp.matrix, mp.matrix]:
     """Jacobian and state after dt."""
     speed2 = x[2] ** 2 + cov[2, 2]
     standing = mp.mpf(0.25) / (speed2 + mp.mpf(0.25))
@@ -107,7 +109,7 @@ def _linear(rate: mp.mpf, rate_of_change: mp.mpf, dt: mp.mpf) -> mp.matrix:
 
 
 def _noise(
-    speed2: mp.mpf, heading: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: ModelParameters
+    speed2: mp.mpf, heading: mp.mpf, spread: mp.mpf, dt: mp.mpf, untold_s: mp.mpf, p: MotionParameters
 ) -> mp.matrix:
     q = mp.zeros(8)
     moving = speed2 / (speed2 + mp.mpf(p.standstill_speed_mps) ** 2)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, Kind
-from cwcli.estimation.passes import Series
+from cwcli.estimation.passes import SensorSeries
 
 RATE_HZ = 20.0
 Values = Mapping[Kind, np.ndarray]
@@ -40,13 +40,15 @@ def made_drive(duration_s: float = 120.0, *, backwards: bool = False) -> tuple[n
     }
 
 
-def as_series(kind: Kind, time_s: np.ndarray, values: np.ndarray, source: str = "") -> Series:
+def as_series(kind: Kind, time_s: np.ndarray, values: np.ndarray, source: str = "") -> SensorSeries:
     """A series of one kind; its source is named like it."""
     padded = np.zeros((len(time_s), 2))
     padded[:, : QUANTITIES[kind].width] = values.reshape(len(time_s), -1)
-    return Series(source or f"/{kind.name.lower()}", kind, time_s, padded, np.tile([1.0, 0.0, 1.0], (len(time_s), 1)))
+    return SensorSeries(
+        source or f"/{kind.name.lower()}", kind, time_s, padded, np.tile([1.0, 0.0, 1.0], (len(time_s), 1))
+    )
 
 
-def drive_series(values: Values, time_s: np.ndarray, *kinds: Kind) -> list[Series]:
+def drive_series(values: Values, time_s: np.ndarray, *kinds: Kind) -> list[SensorSeries]:
     """Series of some kinds, in their order."""
     return [as_series(kind, time_s, values[kind]) for kind in kinds]

@@ -15,18 +15,18 @@ import numpy.typing as npt
 from scipy.linalg import expm
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import MAX_STEP_S, Series, Start
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import MAX_PREDICTION_STEP_S, FilterStart, SensorSeries
 
 F = npt.NDArray[np.float64]
 
 
-def _yaw_decay(speed_squared: float, p: ModelParameters) -> float:
+def _yaw_decay(speed_squared: float, p: MotionParameters) -> float:
     standing = 0.25 / (speed_squared + 0.25)
     return 1 / p.yaw_rate_decay_s + (3.3 * standing**2 if standing > 0.02 else 0.0)
 
 
-def transition(x: F, dt: float, p: ModelParameters, speed_squared: float) -> F:
+def transition(x: F, dt: float, p: MotionParameters, speed_squared: float) -> F:
     """The state after dt; the expected square of the speed decides how the yaw rate decays (not differentiated)."""
     linear = _linear_block(1 / p.accel_decay_s, 1 / p.jerk_decay_s, dt)
     turning = _linear_block(_yaw_decay(speed_squared, p), 1 / p.yaw_accel_decay_s, dt)
@@ -48,7 +48,7 @@ def _linear_block(rate: float, rate_of_change: float, dt: float) -> F:
     return np.asarray(expm(system * dt))
 
 
-def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, walk: F) -> F:
+def process_noise(x: F, cov: F, dt: float, untold_s: float, p: MotionParameters, walk: F) -> F:
     """Continuous white noise behind jerk and yaw acceleration, at the step's beginning state."""
     n = len(x)
     q = np.zeros((n, n))
@@ -80,7 +80,7 @@ def process_noise(x: F, cov: F, dt: float, untold_s: float, p: ModelParameters, 
     return q
 
 
-def expected(x: F, s: Series, row: int) -> F:
+def expected(x: F, s: SensorSeries, row: int) -> F:
     """h(x) of a row, shape (width,)."""
     tau = x[s.latency_state] if s.latency_state >= 0 else 0.0
     ahead, left = s.place_m or (0.0, 0.0)
@@ -135,7 +135,7 @@ class NaiveResult:
     nis: list[float]
 
 
-def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, output_s: F) -> NaiveResult:
+def run(series: Sequence[SensorSeries], start: FilterStart, p: MotionParameters, walk: F, output_s: F) -> NaiveResult:
     """Filter and smooth without gate; outputs must not be before the start."""
     events = [
         (s.time_s[i] - s.latency_s, 0, k, i)
@@ -151,7 +151,7 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
     likelihood, nis, told = 0.0, [], start.time_s
     for time, _, k, i in events:
         total = time - now
-        pieces = max(1, int(np.ceil(total / MAX_STEP_S - 1e-9)))
+        pieces = max(1, int(np.ceil(total / MAX_PREDICTION_STEP_S - 1e-9)))
         for piece in range(pieces if total > 0 else 0):
             dt = total / pieces
             v2 = x[2] ** 2 + cov[2, 2]
@@ -168,10 +168,12 @@ def run(series: Sequence[Series], start: Start, p: ModelParameters, walk: F, out
         s = series[k]
         told = time if s.kind in (Kind.POSITION, Kind.VELOCITY, Kind.HEADING) else told
         h = jacobian(lambda v, s=s, i=i: expected(v, s, i), x)
-        r = np.array([[s.noise[i, 0], s.noise[i, 1]], [s.noise[i, 1], s.noise[i, 2]]])[: s.width, : s.width]
+        r = np.array([[s.noise[i, 0], s.noise[i, 1]], [s.noise[i, 1], s.noise[i, 2]]])[
+            : s.n_values_per_row, : s.n_values_per_row
+        ]
         if s.kind is Kind.POSITION:
             r = r + s.stamp_error.value**2 * velocity_squared(x, cov)
-        nu = s.values[i, : s.width] - expected(x, s, i)
+        nu = s.values[i, : s.n_values_per_row] - expected(x, s, i)
         if s.kind is Kind.HEADING:
             nu = np.angle(np.exp(1j * nu))
         big_s = h @ cov @ h.T + r

@@ -14,9 +14,9 @@ from cwcli.estimation.calibration import (
     Calibration,
     Constant,
     ConstantStatus,
-    calibration_from_table,
-    calibration_text,
+    format_calibration_toml,
     load_calibration,
+    parse_calibration_table,
 )
 
 GOOD = """
@@ -36,20 +36,20 @@ jerk_sigma_mps3 = { value = 1.5, sigma = 0.1 }
 
 
 def from_text(text: str) -> Calibration:
-    return calibration_from_table(tomllib.loads(text), "car.toml")
+    return parse_calibration_table(tomllib.loads(text), "car.toml")
 
 
 def test_file_of_ones_own() -> None:
     car = from_text(GOOD)
-    latency = car.of("/gps/fix", Kind.POSITION, "latency_s")
+    latency = car.find_constant("/gps/fix", Kind.POSITION, "latency_s")
     assert (latency.value, latency.sigma, latency.status) == (0.12, 0.01, ConstantStatus.FOUND)
-    assert latency.drive_sigma == pytest.approx(math.hypot(0.01, 0.02))
-    assert latency.interval == pytest.approx(
+    assert latency.sigma_in_another_drive == pytest.approx(math.hypot(0.01, 0.02))
+    assert latency.interval_95 == pytest.approx(
         (0.12 - 1.96 * math.hypot(0.01, 0.02), 0.12 + 1.96 * math.hypot(0.01, 0.02))
     )
-    assert car.of("/imu", "imu", "nose_up_rad").sigma == 0.0  # as if exact
-    assert not car.of("/imu", Kind.ACCEL, "bias").is_known
-    assert not car.of("/other", Kind.SPEED, "scale").is_known
+    assert car.find_constant("/imu", "imu", "nose_up_rad").sigma == 0.0  # as if exact
+    assert not car.find_constant("/imu", Kind.ACCEL, "bias").has_value
+    assert not car.find_constant("/other", Kind.SPEED, "scale").has_value
     assert (car.logs, car.minutes, dict(car.evidence)) == (("a.mcap",), 4.5, {"distance_km": 3.0})
 
 
@@ -66,11 +66,11 @@ def test_what_is_written_is_read_back() -> None:
         12.5,
         {"distance_km": 8.0, "accel_rms_mps2": 0.5, "yaw_rate_rms_radps": 1e-7},
     )
-    again = from_text(calibration_text(car))
+    again = from_text(format_calibration_toml(car))
     assert again.sensors[odd] == car.sensors[odd]
     assert again.sensors["/imu"]["yaw_rate"]["bias"].n_logs == 3
     assert (again.logs, again.minutes, again.evidence) == (car.logs, car.minutes, car.evidence)
-    assert calibration_text(again) == calibration_text(car)
+    assert format_calibration_toml(again) == format_calibration_toml(car)
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cwcli.estimation.consistency import effective_count, error_rows, nees
+from cwcli.estimation.consistency import compare_errors_with_truth, effective_sample_count, nees
 
 
 def test_effective_count_of_a_correlated_series() -> None:
     """First-order autoregression with coefficient c is worth n (1 - c) / (1 + c)."""
     white = np.random.default_rng(1).standard_normal(20_000)
-    assert effective_count(white) == pytest.approx(20_000, rel=0.05)
-    assert effective_count(lfilter([1], [1, -0.8], white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
+    assert effective_sample_count(white) == pytest.approx(20_000, rel=0.05)
+    assert effective_sample_count(lfilter([1], [1, -0.8], white)) == pytest.approx(20_000 * 0.2 / 1.8, rel=0.15)
 
 
 def test_nees_by_hand() -> None:
@@ -26,7 +26,7 @@ def test_error_rows_by_hand() -> None:
     truth = {"speed": np.array([10.0, 10.0]), "heading": np.array([np.pi, np.pi])}
     measured = {"speed": np.array([11.0, 9.0]), "heading": np.array([-np.pi + 0.1, np.pi - 0.1])}
     estimated = {"speed": np.array([10.5, 10.5]), "heading": np.array([np.pi, np.nan])}
-    speed, heading = error_rows(truth, measured, estimated)
+    speed, heading = compare_errors_with_truth(truth, measured, estimated)
     assert (speed.measured_sigma, speed.estimated_sigma, speed.estimated_bias) == (1.0, 0.5, 0.5)
     assert speed.change_percent == pytest.approx(-50.0)
     assert heading.measured_sigma == pytest.approx(np.degrees(0.1))

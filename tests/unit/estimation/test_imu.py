@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.estimation.imu import interpolated_samples, level_imu
-from cwcli.estimation.prepare import held_back
+from cwcli.estimation.imu import interpolated_sample_mask, level_imu
+from cwcli.estimation.prepare import burst_row_mask
 
 TIME = 0.01 * np.arange(2000)
 
@@ -42,27 +42,27 @@ def test_interpolated_run_is_found_and_nothing_else() -> None:
     values = noisy()
     ends = values[[700, 850]]
     values[700:851] = ends[0] + np.linspace(0, 1, 151)[:, None] * (ends[1] - ends[0])
-    found = interpolated_samples(TIME, values)
+    found = interpolated_sample_mask(TIME, values)
     assert found[710:840].all()
     assert not found[:690].any()
     assert not found[860:].any()
 
 
 def test_interpolated_samples_leaves_smooth_signals_alone() -> None:
-    assert not interpolated_samples(TIME, noisy()).any()
+    assert not interpolated_sample_mask(TIME, noisy()).any()
     clean = np.stack([np.sin(TIME)] * 6, axis=1)
-    assert not interpolated_samples(TIME, clean).any()
-    assert not interpolated_samples(TIME, np.zeros((2000, 6))).any()
+    assert not interpolated_sample_mask(TIME, clean).any()
+    assert not interpolated_sample_mask(TIME, np.zeros((2000, 6))).any()
 
 
 def test_held_back_finds_the_burst_but_not_jitter() -> None:
     rng = np.random.default_rng(1)
     time = np.arange(0.0, 30.0, 0.1)
     jitter = np.sort(time + rng.uniform(-0.04, 0.04, len(time)))
-    assert held_back(jitter).sum() == 0
+    assert burst_row_mask(jitter).sum() == 0
     burst = time.copy()
     burst[100:120] = 11.99 + 0.0005 * np.arange(20)
-    late = held_back(np.sort(burst))
+    late = burst_row_mask(np.sort(burst))
     assert late[101:118].all()
     assert late.sum() <= 21
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus, Measurements, SourceReport
-from cwcli.estimation.known import Knowledge, in_time, known_ns
+from cwcli.estimation.online_availability import OnlineAvailability, not_overtaken_message_mask, states_available_at_ns
 
 MS = 1_000_000
 
@@ -21,7 +21,7 @@ def rows(kind: Kind, stamps_ms: list[int], delays_ms: list[int], source: str = "
 def known_ms(measurements: list[Measurements], stamps_ms: list[int], latency_s: float = 0.0) -> list[int]:
     latency = Latency(LatencyStatus.GIVEN, latency_s)
     sources = [SourceReport(m.source, m.kind, latency=latency) for m in measurements if m.kind is Kind.POSITION]
-    found = known_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
+    found = states_available_at_ns(measurements, sources, np.array(stamps_ms, np.int64) * MS, max_pause_s=60.0)
     return (found // MS).tolist()
 
 
@@ -56,23 +56,26 @@ def test_a_stretch_behind_a_long_pause_is_known_with_its_first_position() -> Non
 
 def test_a_message_that_a_newer_one_overtook_is_not_in_time() -> None:
     stamp_ns, log_ns = np.array([0, 100, 200, 300]), np.array([10, 350, 210, 340])
-    np.testing.assert_array_equal(in_time(stamp_ns, log_ns), [True, False, True, True])
+    np.testing.assert_array_equal(not_overtaken_message_mask(stamp_ns, log_ns), [True, False, True, True])
 
 
 @pytest.mark.parametrize(("after_s", "n_notes"), [(0.3, 0), (2.5, 1)])
 def test_states_that_come_seconds_late_are_noted(after_s: float, n_notes: int) -> None:
     stamp_ns = np.arange(10, dtype=np.int64) * 1_000_000_000
-    told = Knowledge("/cwcli/ego/online", "this log", stamp_ns, stamp_ns + round(after_s * 1e9))
-    assert told.after_s() == pytest.approx((after_s,) * 3)
-    assert len(told.notes) == n_notes
-    assert all("up to 2.5 s" in note for note in told.notes)
+    told = OnlineAvailability("/cwcli/ego/online", "this log", stamp_ns, stamp_ns + round(after_s * 1e9))
+    assert told.delay_quantiles_s() == pytest.approx((after_s,) * 3)
+    assert len(told.late_state_notes) == n_notes
+    assert all("up to 2.5 s" in note for note in told.late_state_notes)
 
 
 def test_states_that_come_late_are_counted_and_the_clock_is_doubted_where_most_do() -> None:
     stamp_ns = np.arange(1000, dtype=np.int64) * 100 * MS
     few, most = np.full(1000, 5 * MS), np.full(1000, 1200 * MS)
     few[7:9] = 1800 * MS
-    told = [Knowledge("/ego", "this log", stamp_ns, stamp_ns + delay_ns).notes for delay_ns in (few, most, few * 0)]
+    told = [
+        OnlineAvailability("/ego", "this log", stamp_ns, stamp_ns + delay_ns).late_state_notes
+        for delay_ns in (few, most, few * 0)
+    ]
     known = "are available more than 1 s after their stamps"
     assert told[0] == [f"/ego: 2 of 1000 states {known} (up to 1.8 s), and so are paths and warnings"]
     ending = "and so are paths and warnings; if the stamps are wrong, use --clock log"

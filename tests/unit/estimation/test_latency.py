@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Latency, LatencyStatus, Measurements, Track, estimate_track
-from cwcli.estimation.latency import straightened
-from cwcli.estimation.passes import Series
+from cwcli.estimation.latency import remove_latency_drift
+from cwcli.estimation.passes import SensorSeries
 from tests.studies.city_drive import EPOCH_NS, Sensors, city_drive, measure
 from tests.studies.latency import SOURCES, TOLERANCE_S, one_run, with_slow_error
 
@@ -111,11 +111,11 @@ def test_a_latency_that_drifts_is_corrected_along_a_line(late_s, rate: float, le
 
 def test_beyond_what_was_searched_a_drift_is_held() -> None:
     """0.1 s and 1 ms per second about 1000 s: at 1100 s 0.2 s; from 1150 s on it stays 0.25 s."""
-    stamps = Series(
+    stamps = SensorSeries(
         "gnss", Kind.POSITION, np.array([1000.0, 1100.0, 1150.0, 1400.0]), np.zeros((4, 2)), np.zeros((4, 3))
     )
     latency = Latency(LatencyStatus.DRIFTS, 0.1, drift=0.001, middle_s=1000.0)
-    np.testing.assert_allclose(straightened(stamps, latency).time_s, [1000.0, 1099.9, 1149.85, 1399.85])
+    np.testing.assert_allclose(remove_latency_drift(stamps, latency).time_s, [1000.0, 1099.9, 1149.85, 1399.85])
 
 
 @pytest.mark.parametrize("seed", [0, 2, 4])
@@ -267,7 +267,7 @@ def test_slow_errors_of_the_fixes_are_told_from_a_latency_and_bound_it() -> None
     (few,) = (
         report
         for report in estimate_track(
-            [m.at(m.stamp_ns < EPOCH_NS + 30 * 10**9) for m in slow], EstimatorConfig()
+            [m.select_rows(m.stamp_ns < EPOCH_NS + 30 * 10**9) for m in slow], EstimatorConfig()
         ).sources
         if report.kind is Kind.POSITION
     )

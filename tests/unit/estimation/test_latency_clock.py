@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cwcli.estimation import Kind, Latency, LatencyStatus
-from cwcli.estimation.latency_clock import Told, on_agreed_clock
+from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agreed_clock
 
 KINDS = {"imu": Kind.ACCEL, "gnss": Kind.POSITION, "wheel": Kind.SPEED, "compass": Kind.HEADING}
 
@@ -26,8 +26,8 @@ def said(**ms: tuple[float, float]) -> dict[str, Latency]:
 def agreed(latencies: dict[str, Latency]) -> tuple[dict[str, Latency], list[str]]:
     """On the agreed clock, by source; the IMU is what the search compared with."""
     all_of = {"imu": Latency(LatencyStatus.REFERENCE), **latencies}
-    told = [Told(name, KINDS[name], name == "imu", latency) for name, latency in all_of.items()]
-    moved, notes = on_agreed_clock(told)
+    told = [SourceLatency(name, KINDS[name], name == "imu", latency) for name, latency in all_of.items()]
+    moved, notes = shift_latencies_to_agreed_clock(told)
     return dict(zip(all_of, moved, strict=True)), notes
 
 

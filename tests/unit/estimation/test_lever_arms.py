@@ -9,18 +9,18 @@ import pytest
 
 from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, Track, estimate_track
-from cwcli.estimation.calibration import calibration_from_table
-from cwcli.estimation.config import parse_lever_arms
-from cwcli.estimation.lever_arms import at_antenna
+from cwcli.estimation.calibration import parse_calibration_table
+from cwcli.estimation.config import parse_lever_arm_options
+from cwcli.estimation.lever_arms import move_states_to_antenna
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import Series
+from cwcli.estimation.passes import SensorSeries
 from tests.studies.sensor_model import NEES_BOUNDS, one_run
 
 ANTENNA_M, IMU_M, WHEEL_M = (1.5, 0.4), (0.8, -0.3), (0.0, 0.7)
 
 
 def test_parse_lever_arms() -> None:
-    assert parse_lever_arms(["/gps/fix=1.5,0.4", "/imu/data=-0.8,0"]) == {
+    assert parse_lever_arm_options(["/gps/fix=1.5,0.4", "/imu/data=-0.8,0"]) == {
         "/gps/fix": (1.5, 0.4),
         "/imu/data": (-0.8, 0.0),
     }
@@ -31,16 +31,16 @@ def test_parse_lever_arms() -> None:
 )
 def test_parse_lever_arms_refuses(entry: str) -> None:
     with pytest.raises(UsageError, match="--lever-arm"):
-        parse_lever_arms([entry])
+        parse_lever_arm_options([entry])
 
 
 def test_parse_lever_arms_refuses_a_topic_twice() -> None:
     with pytest.raises(UsageError, match="twice"):
-        parse_lever_arms(["/a=1,0", "/a=1,0"])
+        parse_lever_arm_options(["/a=1,0", "/a=1,0"])
 
 
-def antenna(**more: object) -> Series:
-    return Series("gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)), **more)  # type: ignore[arg-type]
+def antenna(**more: object) -> SensorSeries:
+    return SensorSeries("gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)), **more)  # type: ignore[arg-type]
 
 
 def test_states_move_to_the_antenna_with_their_covariance() -> None:
@@ -48,7 +48,7 @@ def test_states_move_to_the_antenna_with_their_covariance() -> None:
     state = np.zeros((1, 9))
     state[0, [0, 1, 3, 8]] = 10.0, 20.0, np.pi / 2, 2.0
     variances = np.array([0.5, 0.6, 1.0, 0.01, 1.0, 1.0, 1.0, 1.0, 0.04])
-    moved, covariance = at_antenna([antenna(ahead_state=8)], state, np.diag(variances)[None])
+    moved, covariance = move_states_to_antenna([antenna(ahead_state=8)], state, np.diag(variances)[None])
     np.testing.assert_allclose(moved[0, :4], [10.0, 22.0, 0.0, np.pi / 2], atol=1e-12)
     np.testing.assert_allclose(np.diagonal(covariance[0])[:2], [0.5 + 2.0**2 * 0.01, 0.6 + 0.04], atol=1e-12)
     assert covariance[0, 0, 3] == pytest.approx(-2.0 * 0.01)
@@ -57,7 +57,7 @@ def test_states_move_to_the_antenna_with_their_covariance() -> None:
 def test_states_stay_where_the_place_of_an_antenna_was_given() -> None:
     state = np.ones((1, 9))
     series = [antenna(ahead_state=8), antenna(place_m=(1.0, 0.0))]
-    moved, _ = at_antenna(series, state, np.eye(9)[None])
+    moved, _ = move_states_to_antenna(series, state, np.eye(9)[None])
     np.testing.assert_array_equal(moved, state[:, :8])
 
 
@@ -122,7 +122,7 @@ def test_a_calibration_s_places_ahead_are_used_and_the_states_stay_the_antenna_s
         source: {kind: {name: {"value": value} for name, value in own.items()} for kind, own in kinds.items()}
         for source, kinds in constants.items()
     }
-    calibration = calibration_from_table({"cwcli_calibration": 1, **table}, "car.toml")
+    calibration = parse_calibration_table({"cwcli_calibration": 1, **table}, "car.toml")
     config = EstimatorConfig(latency="none", causal=True, calibration=calibration)
     track = estimate_track(measurements, config, stamp_ns)
     antenna_xy = truth[:, :2] + 1.5 * np.stack([np.cos(truth[:, 3]), np.sin(truth[:, 3])], axis=1)

@@ -10,15 +10,15 @@ from typing import Any
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track, sensor_limits
-from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
+from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
-from cwcli.estimation.latency import Latency, LatencyStatus, within_limits
-from cwcli.estimation.limit_check import CAR, beyond_limits
+from cwcli.estimation.latency import Latency, LatencyStatus, reject_latency_beyond_limits
+from cwcli.estimation.limit_check import CAR_MOTION_TEXT, find_values_beyond_sensor_limits
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.summary import summarise, verdict_of
-from cwcli.simulation.drive import simulate
+from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.simulation.drive import simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from tests.studies.sensor_model import measurements_of
 
@@ -63,25 +63,25 @@ PITCHED = ImuMounting(0.5, 0.0)  # 29 degrees nose up: 9.80665 sin 0.5 = 4.70 m/
 )  # fmt: skip
 def test_each_bound(report: SourceReport, changes: dict[str, Any], words: str) -> None:
     others = [each for each in (FIX, SPEED) if each is not report]
-    found = beyond_limits([*others, replace(report, **changes)])
+    found = find_values_beyond_sensor_limits([*others, replace(report, **changes)])
     assert bool(found) == bool(words)
     if words:
         assert words in found[0].what
-        assert found[0].who == Quantity(report.source, report.kind)
-        assert found[0].against == Quantity(others[0].source, others[0].kind)
+        assert found[0].who == SourceQuantity(report.source, report.kind)
+        assert found[0].against == SourceQuantity(others[0].source, others[0].kind)
         assert found[0].left_out == ()
 
 
 def test_a_source_alone_contradicts_how_cars_move() -> None:
-    assert beyond_limits([replace(FIX, sigma=40.0)])[0].against == CAR
+    assert find_values_beyond_sensor_limits([replace(FIX, sigma=40.0)])[0].against == CAR_MOTION_TEXT
 
 
 def test_what_is_told_already_is_not_told_again() -> None:
     wide = replace(FIX, slow_error=SlowError(22.2, status=BEYOND))
-    told = Contradiction(Quantity("/speed", Kind.SPEED), Quantity("/fix", Kind.POSITION), "...")
-    assert beyond_limits([wide, SPEED], [told]) == ()
-    other = Contradiction(Quantity("/imu", Kind.IMU), GRAVITY, "...")
-    assert len(beyond_limits([wide, SPEED], [other])) == 1
+    told = Contradiction(SourceQuantity("/speed", Kind.SPEED), SourceQuantity("/fix", Kind.POSITION), "...")
+    assert find_values_beyond_sensor_limits([wide, SPEED], [told]) == ()
+    other = Contradiction(SourceQuantity("/imu", Kind.IMU), GRAVITY_TEXT, "...")
+    assert len(find_values_beyond_sensor_limits([wide, SPEED], [other])) == 1
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_what_is_told_already_is_not_told_again() -> None:
     ],
 )
 def test_a_latency_beyond_what_sensors_have_is_not_corrected(latency: Latency, status: LatencyStatus) -> None:
-    limited = within_limits(latency)
+    limited = reject_latency_beyond_limits(latency)
     assert limited.status is status
     if status is LatencyStatus.CONTRADICTS:
         assert limited.applied_s == 0.0
@@ -110,16 +110,16 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines() if " to " in line]
     stated = {row[0]: row[1] for row in rows if len(row) == 3}
     limits = {
-        "speed: scale": sensor_limits.SPEED_SCALE,
-        "speed: lever arm": sensor_limits.SPEED_LEVER_ARM,
-        "accelerometer: bias": sensor_limits.ACCEL_BIAS,
-        "accelerometer: grade": sensor_limits.GRADE_SIGMA,
-        "gyroscope: bias": sensor_limits.YAW_RATE_BIAS,
-        "position: slow error": sensor_limits.SLOW_POSITION_SIGMA,
-        "position: stamps err by": sensor_limits.STAMP_SIGMA,
-        "place ahead": sensor_limits.AHEAD,
-        "latency": sensor_limits.LATENCY,
-        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE.items()},
+        "speed: scale": sensor_limits.SPEED_SCALE_RANGE,
+        "speed: lever arm": sensor_limits.SPEED_LEVER_ARM_RANGE,
+        "accelerometer: bias": sensor_limits.ACCEL_BIAS_RANGE,
+        "accelerometer: grade": sensor_limits.GRADE_SIGMA_RANGE,
+        "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
+        "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
+        "position: stamps err by": sensor_limits.STAMP_SIGMA_RANGE,
+        "place ahead": sensor_limits.AHEAD_RANGE,
+        "latency": sensor_limits.LATENCY_RANGE,
+        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
     }
     assert stated == {
         name: re.sub(r"\s+", " ", f"{limit.low:g} to {limit.high:g} {limit.unit}").strip()
@@ -129,7 +129,7 @@ def test_the_table_of_the_docs_has_these_bounds() -> None:
 
 def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> None:
     """The bounds are a second net: without the comparison of the sources nothing beyond them is used either."""
-    drive = simulate(load_scenario("city"), 9301)
+    drive = simulate_scenario(load_scenario("city"), 9301)
     in_kmh = [
         replace(m, values=3.6 * m.values) if m.kind is Kind.SPEED else m
         for m in measurements_of(drive)
@@ -139,10 +139,12 @@ def test_a_speed_in_km_h_that_nobody_compares_is_absorbed_by_no_parameter() -> N
     for report in track.sources:
         for part, parameter in (("scale", report.scale), ("ahead", report.ahead_m)):
             if parameter.status is USED:
-                assert sensor_limits.limit_of_error(part, report.kind).holds(parameter.value)
+                assert sensor_limits.range_of_sensor_error(part, report.kind).contains(parameter.value)
         if report.slow_error.status is USED:
-            assert sensor_limits.limit_of_error("slow", report.kind).holds(report.slow_error.sigma)
+            assert sensor_limits.range_of_sensor_error("slow", report.kind).contains(report.slow_error.sigma)
         if report.latency.status is LatencyStatus.APPLIED:
-            assert sensor_limits.LATENCY.holds(report.latency.found_s)
+            assert sensor_limits.LATENCY_RANGE.contains(report.latency.found_s)
     assert {report.scale.status for report in track.sources} & {BEYOND}
-    assert verdict_of(summarise(track)).startswith("not consistent: ego_position (gnss) contradicts ego_speed (speed)")
+    assert ego_verdict_sentence(summarise_track(track)).startswith(
+        "not consistent: ego_position (gnss) contradicts ego_speed (speed)"
+    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.odd_sensors import first_row_is_apart, in_si_units, stuck_rows
+from cwcli.estimation.odd_sensors import convert_imu_to_si_units, is_first_row_contradicted, stuck_row_mask
 
 TIME_S = 0.1 * np.arange(100)
 
@@ -16,7 +16,7 @@ def _imu(force: tuple[float, float, float], yaw_rate: float) -> np.ndarray:
 
 
 def test_an_imu_in_g_upside_down_and_in_degrees_becomes_one_in_si_units() -> None:
-    values, variance, words = in_si_units(_imu((0.0, 0.0, -1.0), 20.0), np.ones((100, 6)))
+    values, variance, words = convert_imu_to_si_units(_imu((0.0, 0.0, -1.0), 20.0), np.ones((100, 6)))
     np.testing.assert_allclose(values[:, 2], 9.80665)
     np.testing.assert_allclose(values[:, 5], -np.radians(20.0) * np.sin(TIME_S))
     assert variance is not None
@@ -31,7 +31,7 @@ def test_an_imu_in_g_upside_down_and_in_degrees_becomes_one_in_si_units() -> Non
 )
 def test_an_imu_in_si_units_is_left_as_it_is(force: tuple[float, float, float]) -> None:
     given = _imu(force, 1.2)  # rad/s: as fast as a car turns round
-    values, _, words = in_si_units(given, None)
+    values, _, words = convert_imu_to_si_units(given, None)
     assert values is given
     assert words == []
 
@@ -39,30 +39,30 @@ def test_an_imu_in_si_units_is_left_as_it_is(force: tuple[float, float, float]) 
 def test_a_first_speed_of_zero_is_apart_from_a_drive_at_15_mps_but_not_from_a_start() -> None:
     rng = np.random.default_rng(0)
     cruise = (15.0 + 0.1 * rng.standard_normal(100))[:, None]
-    assert not first_row_is_apart(Kind.SPEED, TIME_S, cruise)
+    assert not is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
     cruise[0] = 0.0
-    assert first_row_is_apart(Kind.SPEED, TIME_S, cruise)
+    assert is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
     start = (3.0 * TIME_S + 0.1 * rng.standard_normal(100))[:, None]  # 3 m/s^2
-    assert not first_row_is_apart(Kind.SPEED, TIME_S, start)
+    assert not is_first_row_contradicted(Kind.SPEED, TIME_S, start)
     cruise[1:, 0] = np.where(np.arange(99) % 2, 15.0, 0.0)  # rows that do not agree with each other prove nothing
-    assert not first_row_is_apart(Kind.SPEED, TIME_S, cruise)
+    assert not is_first_row_contradicted(Kind.SPEED, TIME_S, cruise)
 
 
 def test_a_first_fix_in_the_gulf_of_guinea_is_apart() -> None:
     xy = np.stack([10.0 * TIME_S, 0.0 * TIME_S], axis=1)
-    assert not first_row_is_apart(Kind.POSITION, TIME_S, xy)
+    assert not is_first_row_contradicted(Kind.POSITION, TIME_S, xy)
     xy[0] = -5.3e6, -8.1e5
-    assert first_row_is_apart(Kind.POSITION, TIME_S, xy)
+    assert is_first_row_contradicted(Kind.POSITION, TIME_S, xy)
 
 
 def test_a_speed_sticks_only_where_it_is_not_zero_and_usually_changes() -> None:
     rng = np.random.default_rng(1)
     speed = (12.0 + 0.1 * rng.standard_normal(100))[:, None]
     speed[40:80] = speed[40]
-    assert np.flatnonzero(stuck_rows(Kind.SPEED, TIME_S, speed)).tolist() == list(range(41, 80))
+    assert np.flatnonzero(stuck_row_mask(Kind.SPEED, TIME_S, speed)).tolist() == list(range(41, 80))
     standing = speed.copy()
     standing[40:80] = 0.0
-    assert not stuck_rows(Kind.SPEED, TIME_S, standing).any()
+    assert not stuck_row_mask(Kind.SPEED, TIME_S, standing).any()
     coarse = np.round(speed)  # whole m/s
-    assert not stuck_rows(Kind.SPEED, TIME_S, coarse).any()
-    assert not stuck_rows(Kind.POSITION, TIME_S, np.tile([1.0, 2.0], (100, 1))).any()
+    assert not stuck_row_mask(Kind.SPEED, TIME_S, coarse).any()
+    assert not stuck_row_mask(Kind.POSITION, TIME_S, np.tile([1.0, 2.0], (100, 1))).any()

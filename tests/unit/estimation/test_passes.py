@@ -9,23 +9,25 @@ import pytest
 from filterpy.kalman import ExtendedKalmanFilter, KalmanFilter, rts_smoother
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import Parameter
-from cwcli.estimation.passes import PitchRate, Series, Start, run_pass
-from cwcli.estimation.song2016 import filter_vectors, process_noise
+from cwcli.estimation.passes import FilterStart, PitchRateSeries, SensorSeries, run_filter_pass
+from cwcli.estimation.song2016 import filter_measurement_matrix, process_noise_covariance
 from tests.unit.estimation import naive_ekf
 
 ATOL = 2e-6  # finite-difference Jacobians of the twin limit the comparison
 SIGMA = (0.6, 0.6, 0.5, 0.0175, 0.049, 0.00175)
 
 
-def series_of(kind: Kind, time: np.ndarray, values: np.ndarray, noise: tuple[float, float, float], **more) -> Series:
+def series_of(
+    kind: Kind, time: np.ndarray, values: np.ndarray, noise: tuple[float, float, float], **more
+) -> SensorSeries:
     padded = np.zeros((len(time), 2))
     padded[:, : values.shape[1]] = values
-    return Series(kind.name, kind, time, padded, np.tile(np.array(noise), (len(time), 1)), **more)
+    return SensorSeries(kind.name, kind, time, padded, np.tile(np.array(noise), (len(time), 1)), **more)
 
 
-def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
+def mixed_series(seed: int) -> tuple[list[SensorSeries], FilterStart, np.ndarray]:
     """A bend with every kind of measurement, parameters of every kind, sensors apart and a gap; 21 states."""
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 4.0, 25))
@@ -58,7 +60,7 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
             scale_state=15,
             lever_state=16,
             place_m=(1.0, 0.6),
-            pitch_rate=PitchRate(np.linspace(-0.1, 5, 100), rng.normal(0, 0.5, 100)),
+            pitch_rate=PitchRateSeries(np.linspace(-0.1, 5, 100), rng.normal(0, 0.5, 100)),
         ),
         series_of(Kind.HEADING, t, (heading + 2 * np.pi)[:, None], (0.001, 0, 0)),
         series_of(
@@ -80,17 +82,17 @@ def mixed_series(seed: int) -> tuple[list[Series], Start, np.ndarray]:
     walk = np.zeros(21)
     walk[8:10] = 1e-4, 1e-8
     walk[12:15] = 0.5, 0.5, 0.1
-    return series, Start(0.0, state, np.diag(sigma**2)), walk
+    return series, FilterStart(0.0, state, np.diag(sigma**2)), walk
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_pass_equals_twin_on_mixed_sensors(seed: int) -> None:
     series, start, walk = mixed_series(seed)
     output = np.linspace(0.0, 4.2, 23)
-    parameters = ModelParameters(time_constant_s={12: 2.0, 13: 2.0, 14: 0.7}, turn_noise={14: 0.3})
+    parameters = MotionParameters(time_constant_s={12: 2.0, 13: 2.0, 14: 0.7}, turn_noise={14: 0.3})
     naive = naive_ekf.run(series, start, parameters, walk, output)
-    filtered = run_pass(series, start, parameters.motion(walk), output, smooth=False, reset_after=10)
-    smoothed = run_pass(series, start, parameters.motion(walk), output, smooth=True, reset_after=10)
+    filtered = run_filter_pass(series, start, parameters.to_process_model(walk), output, smooth=False, reset_after=10)
+    smoothed = run_filter_pass(series, start, parameters.to_process_model(walk), output, smooth=True, reset_after=10)
     np.testing.assert_allclose(filtered.state, naive.filtered, atol=ATOL)
     np.testing.assert_allclose(filtered.covariance, naive.filtered_p, atol=ATOL)
     np.testing.assert_allclose(smoothed.state, naive.smoothed, atol=ATOL)
@@ -107,7 +109,7 @@ def test_song2016_equals_filterpy_ekf_over_the_matrix_update() -> None:
     t = dt * np.arange(n)
     truth = np.stack([10 * t, 0 * t, 10 + 0 * t, 0.2 * t, 0 * t, 0.2 + 0 * t], axis=1)
     z = truth + np.array(SIGMA) * rng.standard_normal((n, 6))
-    q = process_noise(dt)
+    q = process_noise_covariance(dt)
     ekf = ExtendedKalmanFilter(dim_x=6, dim_z=6)
     ekf.x, ekf.P, ekf.R, ekf.Q = z[0].copy(), np.diag(np.square(SIGMA)), np.diag(np.square(SIGMA)), q
     expected = [ekf.x.copy()]
@@ -123,7 +125,7 @@ def test_song2016_equals_filterpy_ekf_over_the_matrix_update() -> None:
         ekf.x = np.array([x + s * c, y + s * sn, v + a * dt, phi + w * dt, a, w])
         ekf.update(row, lambda _: np.eye(6), lambda state: state)
         expected.append(ekf.x.copy())
-    state, covariance = filter_vectors(z, SIGMA)
+    state, covariance = filter_measurement_matrix(z, SIGMA)
     np.testing.assert_allclose(state, expected, atol=1e-9)
     np.testing.assert_allclose(covariance[-1], ekf.P, atol=1e-9)
 
@@ -137,8 +139,8 @@ def test_song2016_on_a_straight_line_equals_filterpy_kalman_and_rts() -> None:
     z[:, 2] = 5 + 0.5 * rng.standard_normal(n)
     z[:, 4] = 0.05 * rng.standard_normal(n)
     sigma = (0.6, 0.6, 0.5, 1e-9, 0.05, 1e-9)
-    q = process_noise(dt, jerk=1.0, yaw_accel=1e-12)
-    state, covariance = filter_vectors(z, sigma, q=q, smooth=True)
+    q = process_noise_covariance(dt, jerk=1.0, yaw_accel=1e-12)
+    state, covariance = filter_measurement_matrix(z, sigma, q=q, smooth=True)
     use = [0, 2, 4]
     kf = KalmanFilter(dim_x=3, dim_z=3)
     kf.F = np.array([[1, dt, dt**2 / 2], [0, 1, dt], [0, 0, 1]])
@@ -162,8 +164,10 @@ def test_gate_rejects_a_jump_and_counts_it() -> None:
     s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)
     state = np.zeros(8)
     state[2] = 10.0
-    start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
-    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), time, smooth=True, reset_after=20)
+    start = FilterStart(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
+    result = run_filter_pass(
+        [s], start, MotionParameters().to_process_model(np.zeros(8)), time, smooth=True, reset_after=20
+    )
     assert np.flatnonzero(result.status[0] == 0).tolist() == [50]
     np.testing.assert_allclose(result.state[:, 0], 10.0 * time, atol=0.2)
 
@@ -176,8 +180,10 @@ def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
     s = replace(series_of(Kind.POSITION, time, xy, (0.01, 0.0, 0.01)), gate_nis=13.8)
     state = np.zeros(8)
     state[2] = 10.0
-    start = Start(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
-    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), time, smooth=False, reset_after=10)
+    start = FilterStart(0.0, state, np.diag([1, 1, 1, 0.1, 1, 0.1, 1, 0.1]))
+    result = run_filter_pass(
+        [s], start, MotionParameters().to_process_model(np.zeros(8)), time, smooth=False, reset_after=10
+    )
     assert (result.status[0] == 0).sum() == 19  # two seconds from the last believed row
     assert (result.status[0] == 2).sum() == 1
     np.testing.assert_allclose(result.state[-1, :2], xy[-1], atol=0.5)
@@ -185,12 +191,16 @@ def test_gate_gives_in_when_the_measurements_stay_elsewhere() -> None:
 
 def test_update_and_output_at_the_same_stamp_give_the_updated_state() -> None:
     s = series_of(Kind.POSITION, np.array([0.0]), np.array([[4.0, 2.0]]), (1e-6, 0.0, 1e-6))
-    start = Start(0.0, np.zeros(8), np.eye(8))
-    result = run_pass([s], start, ModelParameters().motion(np.zeros(8)), np.array([0.0]), smooth=False, reset_after=3)
+    start = FilterStart(0.0, np.zeros(8), np.eye(8))
+    result = run_filter_pass(
+        [s], start, MotionParameters().to_process_model(np.zeros(8)), np.array([0.0]), smooth=False, reset_after=3
+    )
     np.testing.assert_allclose(result.state[0, :2], [4.0, 2.0], atol=1e-4)
 
 
 def test_start_of_another_length_than_the_model_is_refused() -> None:
-    start = Start(0.0, np.zeros(6), np.eye(6))
+    start = FilterStart(0.0, np.zeros(6), np.eye(6))
     with pytest.raises(ValueError, match="a start of 6 states for a motion model of 8"):
-        run_pass([], start, ModelParameters().motion(np.zeros(8)), np.zeros(1), smooth=False, reset_after=3)
+        run_filter_pass(
+            [], start, MotionParameters().to_process_model(np.zeros(8)), np.zeros(1), smooth=False, reset_after=3
+        )

@@ -11,8 +11,8 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.estimation import EstimatorConfig, Kind, LatencyStatus, Measurements, estimate_track
 from cwcli.estimation.calibration import Calibration, Constant, ConstantStatus
-from cwcli.estimation.pooling import Drive, Said, calibrated, pooled
-from cwcli.estimation.track import estimate_both
+from cwcli.estimation.pooling import ConstantOfDrive, DriveEvidence, calibrate_from_drives, pool_constant_over_drives
+from cwcli.estimation.track import estimate_hindsight_and_online
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
 
 LATE = {"gnss": 0.12, "speed": 0.04}
@@ -21,7 +21,7 @@ DURATION_S = 120.0
 
 def test_logs_that_agree_are_weighted_by_their_variances() -> None:
     """10 +- 1 and 13 +- 2: weights 4 to 1, so 10.6 +- 0.894; chi-square 0.36 + 1.44."""
-    found = pooled([Said(10.0, 1.0, 5.0), Said(13.0, 2.0, 7.0)])
+    found = pool_constant_over_drives([ConstantOfDrive(10.0, 1.0, 5.0), ConstantOfDrive(13.0, 2.0, 7.0)])
     assert (found.status, found.n_logs, found.minutes) == (ConstantStatus.FOUND, 2, 12.0)
     assert (found.value, found.sigma, found.chi_square) == pytest.approx((10.6, math.sqrt(0.8), 1.8))
     assert found.spread == 0.0
@@ -29,19 +29,21 @@ def test_logs_that_agree_are_weighted_by_their_variances() -> None:
 
 def test_logs_that_disagree_have_a_spread_and_are_weighted_alike() -> None:
     """0 and 10, each +- 1: chi-square 50, allowed are 6.6; tau^2 = (50 - 1) / (2 - 1), sigma^2 = (1 + 49) / 2."""
-    found = pooled([Said(0.0, 1.0, 5.0), Said(10.0, 1.0, 5.0)])
+    found = pool_constant_over_drives([ConstantOfDrive(0.0, 1.0, 5.0), ConstantOfDrive(10.0, 1.0, 5.0)])
     assert found.status is ConstantStatus.DISAGREE
     assert (found.value, found.spread, found.sigma) == pytest.approx((5.0, 7.0, 5.0))
 
 
 def test_a_new_drive_of_logs_that_disagree_is_known_by_their_scatter_alone() -> None:
     """As above: mean +- 5, from drive to drive 7; Student's quantile of one degree of freedom is 12.706."""
-    found = pooled([Said(0.0, 1.0, 5.0, "monday"), Said(10.0, 1.0, 5.0, "tuesday")])
-    assert found.drive_sigma == pytest.approx(math.hypot(5.0, 7.0) * 12.706 / 1.96, rel=1e-3)
-    assert found.interval == pytest.approx(
+    found = pool_constant_over_drives(
+        [ConstantOfDrive(0.0, 1.0, 5.0, "monday"), ConstantOfDrive(10.0, 1.0, 5.0, "tuesday")]
+    )
+    assert found.sigma_in_another_drive == pytest.approx(math.hypot(5.0, 7.0) * 12.706 / 1.96, rel=1e-3)
+    assert found.interval_95 == pytest.approx(
         (5.0 - 12.706 * math.hypot(5.0, 7.0), 5.0 + 12.706 * math.hypot(5.0, 7.0)), rel=1e-3
     )
-    assert found.between_drives == pytest.approx(1.0 - 1.0 / 50.0)
+    assert found.i_squared_between_drives == pytest.approx(1.0 - 1.0 / 50.0)
     assert found.of_logs == (("monday", 0.0, 1.0), ("tuesday", 10.0, 1.0))
 
 
@@ -51,7 +53,7 @@ def test_intervals_of_new_drives_hold_what_they_say() -> None:
     n_inside = 0
     for _ in range(400):
         values = 0.1 + rng.normal(0.0, 0.05, 5) + rng.normal(0.0, 0.01, 5)
-        low, high = pooled([Said(value, 0.01, 5.0) for value in values[:4]]).interval
+        low, high = pool_constant_over_drives([ConstantOfDrive(value, 0.01, 5.0) for value in values[:4]]).interval_95
         n_inside += low <= values[4] - rng.normal(0.0, 0.01) <= high
     assert n_inside / 400 > 0.9
 
@@ -61,8 +63,8 @@ def test_drives_that_agree_are_pooled_as_sharply_as_their_number_allows() -> Non
     rng = np.random.default_rng(1)
     sharp = 0
     for _ in range(200):
-        found = pooled([Said(value, 0.01, 5.0) for value in rng.normal(0.1, 0.01, 10)])
-        sharp += found.drive_sigma == pytest.approx(0.01 / math.sqrt(10.0))
+        found = pool_constant_over_drives([ConstantOfDrive(value, 0.01, 5.0) for value in rng.normal(0.1, 0.01, 10)])
+        sharp += found.sigma_in_another_drive == pytest.approx(0.01 / math.sqrt(10.0))
     assert sharp >= 180  # one in twenty is taken for drives that differ
 
 
@@ -73,21 +75,28 @@ def test_drives_that_agree_are_pooled_as_sharply_as_their_number_allows() -> Non
 def test_latency_that_drives_disagree_on_counts_only_where_it_is_clear(
     values_s: tuple[float, ...], is_clear: bool
 ) -> None:
-    assert pooled([Said(value, 0.002, 5.0) for value in values_s]).is_clear_in_any_drive == is_clear
+    assert (
+        pool_constant_over_drives([ConstantOfDrive(value, 0.002, 5.0) for value in values_s]).is_usable_in_any_drive
+        == is_clear
+    )
 
 
 def test_logs_that_say_nothing_do_not_count() -> None:
-    found = pooled([Said(math.nan, 1.0, 5.0), Said(1.0, math.nan, 5.0), Said(2.0, 0.5, 5.0)])
+    found = pool_constant_over_drives(
+        [ConstantOfDrive(math.nan, 1.0, 5.0), ConstantOfDrive(1.0, math.nan, 5.0), ConstantOfDrive(2.0, 0.5, 5.0)]
+    )
     assert (found.value, found.sigma, found.n_logs) == (2.0, 0.5, 1)
-    assert not pooled([]).is_known
-    assert pooled([]).status is ConstantStatus.NOT_OBSERVABLE
+    assert not pool_constant_over_drives([]).has_value
+    assert pool_constant_over_drives([]).status is ConstantStatus.NOT_OBSERVABLE
 
 
 @pytest.fixture(scope="module")
 def car() -> Calibration:
     """Three drives."""
     drives = [measure(city_drive(seed, DURATION_S), seed, LATE) for seed in range(3)]
-    return calibrated([Drive(f"{k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car.toml")
+    return calibrate_from_drives(
+        [DriveEvidence(f"{k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car.toml"
+    )
 
 
 def test_constants_of_a_simulated_car_are_within_three_sigma(car: Calibration) -> None:
@@ -100,10 +109,10 @@ def test_constants_of_a_simulated_car_are_within_three_sigma(car: Calibration) -
         ("gnss", Kind.POSITION, "noise_sigma"): 0.6,
     }
     for (source, kind, name), value in truth.items():
-        constant = car.of(source, kind, name)
+        constant = car.find_constant(source, kind, name)
         assert abs(constant.value - value) < 3.0 * constant.sigma, name
         assert constant.n_logs == 3
-    assert car.of("gnss", Kind.POSITION, "latency_s").sigma < 0.006
+    assert car.find_constant("gnss", Kind.POSITION, "latency_s").sigma < 0.006
     assert car.minutes == pytest.approx(6.0, abs=0.1)
     assert car.evidence["accel_rms_mps2"] > 0.5
 
@@ -111,17 +120,17 @@ def test_constants_of_a_simulated_car_are_within_three_sigma(car: Calibration) -
 def test_an_imu_that_is_late_in_every_drive_is_found_late() -> None:
     """In drives of a minute each alone is hardly sure of 50 ms; all together are."""
     drives = [measure(city_drive(seed, 90.0), seed, {"imu": 0.05}) for seed in range(4)]
-    car = calibrated([Drive("", estimate_track(m, EstimatorConfig())) for m in drives])
-    late = car.of("imu", Kind.YAW_RATE, "latency_s")
+    car = calibrate_from_drives([DriveEvidence("", estimate_track(m, EstimatorConfig())) for m in drives])
+    late = car.find_constant("imu", Kind.YAW_RATE, "latency_s")
     assert late.value == pytest.approx(0.05, abs=max(3.0 * late.sigma, 0.005))
-    assert car.of("gnss", Kind.POSITION, "latency_s").value == pytest.approx(0.0, abs=0.02)
+    assert car.find_constant("gnss", Kind.POSITION, "latency_s").value == pytest.approx(0.0, abs=0.02)
 
 
 def test_causal_estimate_with_a_calibration_knows_nothing_of_what_comes_later(car: Calibration) -> None:
     """Leaving the log's second half out, or spoiling it, changes no state of the first half."""
     whole = measure(city_drive(9, DURATION_S), 9, LATE)
     half_ns = EPOCH_NS + 60_000_000_000
-    first = [m.at(m.stamp_ns < half_ns) for m in whole]
+    first = [m.select_rows(m.stamp_ns < half_ns) for m in whole]
     rng = np.random.default_rng(0)
     spoilt = [replace(m, values=m.values.copy()) for m in whole]
     for m in spoilt:
@@ -141,7 +150,7 @@ def test_online_states_use_the_calibration_as_the_causal_estimate_does(car: Cali
     """Without a search whose result would not count: latencies, biases and states are the same."""
     measurements = measure(city_drive(9, 60.0), 9, LATE)
     output_ns = EPOCH_NS + np.arange(1_000_000_000, 59_500_000_000, 50_000_000)
-    _, online = estimate_both(measurements, EstimatorConfig(calibration=car), output_ns, blind=True)
+    _, online = estimate_hindsight_and_online(measurements, EstimatorConfig(calibration=car), output_ns, blind=True)
     causal = estimate_track(measurements, EstimatorConfig(causal=True, calibration=car), output_ns)
     assert [each.latency.applied_s for each in online.sources] == [each.latency.applied_s for each in causal.sources]
     assert any(each.latency.applied_s > 0.1 for each in online.sources)
@@ -152,7 +161,7 @@ def test_with_the_smoother_the_calibration_is_weighed_with_the_log(car: Calibrat
     measurements = measure(city_drive(9, DURATION_S), 9, LATE)
     alone = estimate_track(measurements, EstimatorConfig()).sources[0].latency
     both = estimate_track(measurements, EstimatorConfig(calibration=car)).sources[0].latency
-    prior = car.of("gnss", Kind.POSITION, "latency_s")
+    prior = car.find_constant("gnss", Kind.POSITION, "latency_s")
     assert both.status is LatencyStatus.CALIBRATED
     # The IMU is levelled by the calibration, not by the drive: that moves the last digits.
     assert both.sigma_s == pytest.approx((alone.sigma_s**-2 + prior.sigma**-2) ** -0.5, rel=1e-3)
@@ -203,9 +212,9 @@ def test_constant_that_no_log_shows_is_not_observable() -> None:
         Measurements("gnss", Kind.POSITION, stamp_ns, rng.standard_normal((len(stamp_ns), 2))),
         Measurements("imu", Kind.IMU, stamp_ns, at_rest + 0.01 * rng.standard_normal(at_rest.shape)),
     ]
-    car = calibrated([Drive("", estimate_track(parked, EstimatorConfig()))])
-    assert car.of("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
-    assert car.of("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
+    car = calibrate_from_drives([DriveEvidence("", estimate_track(parked, EstimatorConfig()))])
+    assert car.find_constant("gnss", Kind.POSITION, "latency_s").status is ConstantStatus.NOT_OBSERVABLE
+    assert car.find_constant("gnss", Kind.POSITION, "latency_s") == replace(Constant(), n_logs=0)
 
 
 OUTPUT_NS = EPOCH_NS + np.arange(1_000_000_000, DURATION_S * 1e9 - 1e9, 50_000_000).astype(np.int64)
@@ -214,7 +223,9 @@ OUTPUT_NS = EPOCH_NS + np.arange(1_000_000_000, DURATION_S * 1e9 - 1e9, 50_000_0
 def car_of(*late_s: float) -> Calibration:
     """From a drive each with fixes that are so late."""
     drives = [measure(city_drive(seed, DURATION_S), seed, {"gnss": late}) for seed, late in enumerate(late_s)]
-    return calibrated([Drive(f"drive {k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car")
+    return calibrate_from_drives(
+        [DriveEvidence(f"drive {k}", estimate_track(m, EstimatorConfig())) for k, m in enumerate(drives)], "car"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -224,14 +235,16 @@ def disagreeing() -> Calibration:
 
 
 def test_drives_that_disagree_do_no_harm_to_a_third_one(disagreeing: Calibration) -> None:
-    latency = disagreeing.of("gnss", Kind.POSITION, "latency_s")
+    latency = disagreeing.find_constant("gnss", Kind.POSITION, "latency_s")
     assert latency.status is ConstantStatus.DISAGREE
     assert latency.value == pytest.approx(-0.092, abs=0.02)
     third = measure(city_drive(7, DURATION_S), 7, {})
     truth = city_drive(7, DURATION_S).at((OUTPUT_NS - EPOCH_NS) / 1e9)
     true_xy = np.column_stack([truth["x_m"], truth["y_m"]])
     without = estimate_track(third, EstimatorConfig(causal=True), OUTPUT_NS)
-    hindsight, online = estimate_both(third, EstimatorConfig(calibration=disagreeing), OUTPUT_NS, blind=True)
+    hindsight, online = estimate_hindsight_and_online(
+        third, EstimatorConfig(calibration=disagreeing), OUTPUT_NS, blind=True
+    )
     rmse_m = [float(np.sqrt(((t.state[:, :2] - true_xy) ** 2).sum(axis=1).mean())) for t in (without, online)]
     assert rmse_m[1] < 1.1 * rmse_m[0]
     for track in (hindsight, online):
@@ -247,7 +260,7 @@ def test_calibration_that_makes_a_log_worse_is_told_with_both_values(car: Calibr
     other = measure(city_drive(7, DURATION_S), 7, {"speed": LATE["speed"]})
     for causal in (False, True):
         config = EstimatorConfig(calibration=car, causal=causal)
-        track, _ = estimate_both(other, config, OUTPUT_NS, blind=True)
+        track, _ = estimate_hindsight_and_online(other, config, OUTPUT_NS, blind=True)
         (note,) = (note for note in track.notes if "makes this log worse" in note)
         assert "predicts the position of gnss" in note
         assert "latency of gnss position found on it: " in note
@@ -257,7 +270,7 @@ def test_calibration_that_makes_a_log_worse_is_told_with_both_values(car: Calibr
 def test_calibration_that_fits_is_not_called_worse(car: Calibration) -> None:
     for seed in (20, 21, 22):
         same = measure(city_drive(seed, DURATION_S), seed, LATE)
-        track, _ = estimate_both(same, EstimatorConfig(calibration=car), OUTPUT_NS, blind=True)
+        track, _ = estimate_hindsight_and_online(same, EstimatorConfig(calibration=car), OUTPUT_NS, blind=True)
         assert not any("makes this log worse" in note for note in track.notes)
 
 
@@ -271,7 +284,7 @@ def test_calibrated_biases_do_not_make_the_noise_greater(car: Calibration) -> No
 
 
 def test_source_that_the_latencies_are_against_is_the_reference(car: Calibration) -> None:
-    constant = car.of("imu", Kind.ACCEL, "latency_s")
+    constant = car.find_constant("imu", Kind.ACCEL, "latency_s")
     assert (constant.status, constant.value) == (ConstantStatus.REFERENCE, 0.0)
     track = estimate_track(measure(city_drive(9, 60.0), 9, LATE), EstimatorConfig(calibration=car, causal=True))
     assert next(r for r in track.sources if r.kind is Kind.ACCEL).latency.status is LatencyStatus.REFERENCE

@@ -6,34 +6,37 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.measurements import Kind
-from cwcli.estimation.model import ModelParameters
-from cwcli.estimation.passes import Series, Start, run_pass
+from cwcli.estimation.model import MotionParameters
+from cwcli.estimation.passes import FilterStart, SensorSeries, run_filter_pass
 from tests.unit.estimation.exact_ekf import run_exactly
 
 RTOL = 1e-7  # of a covariance, in units of both states' sigmas; the state in units of its sigma
 FIX_VARIANCE_M2 = 1e-4
 
 
-def _drive(time_s: np.ndarray) -> list[Series]:
+def _drive(time_s: np.ndarray) -> list[SensorSeries]:
     """Positions good to a centimetre and a speed, of a car at 5 m/s along x."""
     n = len(time_s)
     xy = np.stack([5.0 * time_s, np.zeros(n)], axis=1)
     noise = np.tile([FIX_VARIANCE_M2, 0.0, FIX_VARIANCE_M2], (n, 1))
     speed = np.stack([np.full(n, 5.0), np.zeros(n)], axis=1)
-    return [Series("fix", Kind.POSITION, time_s, xy, noise), Series("speed", Kind.SPEED, time_s, speed, noise)]
+    return [
+        SensorSeries("fix", Kind.POSITION, time_s, xy, noise),
+        SensorSeries("speed", Kind.SPEED, time_s, speed, noise),
+    ]
 
 
-def _start(variance_m2: float) -> Start:
+def _start(variance_m2: float) -> FilterStart:
     variance = np.array([variance_m2, variance_m2, 1.0, 0.01, 1.0, 0.01, 1.0, 0.01])
-    return Start(0.0, np.array([0.0, 0, 5, 0, 0, 0, 0, 0]), np.diag(variance))
+    return FilterStart(0.0, np.array([0.0, 0, 5, 0, 0, 0, 0, 0]), np.diag(variance))
 
 
-def _check(series: list[Series], start: Start, output_s: np.ndarray) -> None:
-    parameters = ModelParameters()
-    motion = parameters.motion(np.zeros(8))
+def _check(series: list[SensorSeries], start: FilterStart, output_s: np.ndarray) -> None:
+    parameters = MotionParameters()
+    motion = parameters.to_process_model(np.zeros(8))
     exact = run_exactly(series, start, parameters, output_s)
     for smooth, (state, covariance) in ((False, exact[:2]), (True, exact[2:])):
-        found = run_pass(series, start, motion, output_s, smooth=smooth, reset_after=10)
+        found = run_filter_pass(series, start, motion, output_s, smooth=smooth, reset_after=10)
         sigma = np.sqrt(np.einsum("nii->ni", covariance))
         scaled = (found.covariance - covariance) / (sigma[:, :, None] * sigma[:, None, :])
         assert np.abs(scaled).max() < RTOL

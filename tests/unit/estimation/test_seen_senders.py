@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.estimation.seen_senders import without_seen_senders
+from cwcli.estimation.seen_senders import drop_senders_seen_by_others
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
-from cwcli.signals.columns import FloatArray, strings_from
+from cwcli.signals.columns import FloatArray, encode_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.remotes import joined_remotes
+from cwcli.signals.remotes import join_remote_signals
 from tests.work import count_calls
 
 S = 1_000_000_000
@@ -37,7 +37,7 @@ def road_user(name: str, *, is_perceived: bool, east_m: Any = 0.0, north_m: Any 
     return RemoteSignal(
         **values,
         source="/v2x",
-        station=strings_from([name] * n),
+        station=encode_strings([name] * n),
         stamp_ns=stamp_ns,
         log_time_ns=stamp_ns + S // 100,
         is_perceived=np.full(n, is_perceived),
@@ -54,7 +54,7 @@ def seen(name: str = "9:1", **how: Any) -> RemoteSignal:
 
 def left(*parts: RemoteSignal) -> tuple[dict[str, int], tuple[str, ...]]:
     """How many rows of each id are left, and the notes."""
-    signal, notes = without_seen_senders(joined_remotes(parts), PLACE)
+    signal, notes = drop_senders_seen_by_others(join_remote_signals(parts), PLACE)
     names = [signal.station.values[code] for code in signal.station.codes]
     return {name: names.count(name) for name in sorted(set(names))}, notes
 
@@ -97,7 +97,7 @@ def test_between_two_senders_in_one_place_nobody_decides() -> None:
 
 def kept_s(*parts: RemoteSignal) -> FloatArray:
     """The moments of the objects that are left, seconds."""
-    signal, _ = without_seen_senders(joined_remotes(parts), PLACE)
+    signal, _ = drop_senders_seen_by_others(join_remote_signals(parts), PLACE)
     return signal.stamp_ns[np.asarray(signal.is_perceived)] / S
 
 
@@ -188,7 +188,7 @@ def test_messages_that_came_too_late_cost_no_more_than_others() -> None:
     def calls(n: int) -> int:
         signal = all_late(n)
         kept: list[RemoteSignal] = []
-        n_calls = count_calls(lambda: kept.append(without_seen_senders(signal, PLACE)[0]))
+        n_calls = count_calls(lambda: kept.append(drop_senders_seen_by_others(signal, PLACE)[0]))
         assert np.count_nonzero(kept[0].is_perceived) == n
         return n_calls
 
@@ -200,7 +200,7 @@ def all_late(n: int) -> RemoteSignal:
     times_s = 1.0 + STEP_S * np.arange(n)
     late = sender(time_s=times_s)
     late = replace(late, log_time_ns=late.log_time_ns + 10**6 * S)
-    return joined_remotes([late, seen(time_s=times_s)])
+    return join_remote_signals([late, seen(time_s=times_s)])
 
 
 def test_a_row_depends_on_nothing_that_was_received_later() -> None:
@@ -208,20 +208,20 @@ def test_a_row_depends_on_nothing_that_was_received_later() -> None:
     noisy = seen(north_m=0.8 * rng.standard_normal(N), sigma_m=0.4)
     late = sender()
     late = replace(late, log_time_ns=late.log_time_ns + (rng.random(N) * 0.3 * S).astype(np.int64))
-    whole = joined_remotes([late, noisy])
-    kept, _ = without_seen_senders(whole, PLACE)
+    whole = join_remote_signals([late, noisy])
+    kept, _ = drop_senders_seen_by_others(whole, PLACE)
     assert 0 < np.count_nonzero(kept.is_perceived) < N
     for cut_ns in (2 * S, 3 * S, 4 * S):
         before = np.flatnonzero(whole.log_time_ns < cut_ns)
         part = replace(
             whole,
             **{name: getattr(whole, name)[before] for name in (entry.name for entry in fields(RemoteQuantities))},
-            station=whole.station.rows(before),
+            station=whole.station.select_rows(before),
             stamp_ns=whole.stamp_ns[before],
             log_time_ns=whole.log_time_ns[before],
             is_perceived=np.asarray(whole.is_perceived)[before],
         )
-        early, _ = without_seen_senders(part, PLACE)
+        early, _ = drop_senders_seen_by_others(part, PLACE)
         expected = kept.stamp_ns[kept.log_time_ns < cut_ns]
         assert early.stamp_ns.tolist() == expected.tolist()
 

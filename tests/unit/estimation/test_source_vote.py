@@ -7,96 +7,110 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.estimation.check_words import Check
-from cwcli.estimation.contradiction import GRAVITY, Contradiction, Quantity
+from cwcli.estimation.check_texts import SourceComparisonCheck
+from cwcli.estimation.contradiction import GRAVITY_TEXT, Contradiction, SourceQuantity
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.source_checks import Comparison, Judgement
-from cwcli.estimation.source_vote import judge_comparisons, vote
+from cwcli.estimation.source_checks import Judgement, SourceComparison
+from cwcli.estimation.source_vote import find_contradicting_sources, leave_out_outvoted_sources
 from tests.unit.estimation.made_drive import Values, drive_series, made_drive
 
 FIX, SPEED, HEADING = (
-    Quantity("/fix", Kind.POSITION),
-    Quantity("/speed", Kind.SPEED),
-    Quantity("/heading", Kind.HEADING),
+    SourceQuantity("/fix", Kind.POSITION),
+    SourceQuantity("/speed", Kind.SPEED),
+    SourceQuantity("/heading", Kind.HEADING),
 )
-ACCEL, YAW_RATE = Quantity("/imu", Kind.ACCEL), Quantity("/imu", Kind.YAW_RATE)
+ACCEL, YAW_RATE = SourceQuantity("/imu", Kind.ACCEL), SourceQuantity("/imu", Kind.YAW_RATE)
 TIME_S, VALUES = made_drive()
 
 
-def _against(check: Check, one: Quantity, other: Quantity, number: float) -> Comparison:
-    return Comparison(check, one, other, Judgement.CONTRADICT, number)
+def _against(
+    check: SourceComparisonCheck, one: SourceQuantity, other: SourceQuantity, number: float
+) -> SourceComparison:
+    return SourceComparison(check, one, other, Judgement.CONTRADICT, number)
 
 
-def _with(check: Check, one: Quantity, other: Quantity) -> Comparison:
-    return Comparison(check, one, other, Judgement.AGREE, 1.0)
+def _with(check: SourceComparisonCheck, one: SourceQuantity, other: SourceQuantity) -> SourceComparison:
+    return SourceComparison(check, one, other, Judgement.AGREE, 1.0)
 
 
 def test_a_source_that_two_others_contradict_is_outvoted_and_left_out() -> None:
-    found = judge_comparisons(
+    found = find_contradicting_sources(
         [
-            _against(Check.WAY, SPEED, FIX, 3.6),
-            _against(Check.SPEED_CHANGE, ACCEL, SPEED, 1.0 / 3.6),
-            _with(Check.SPEED_CHANGE, ACCEL, FIX),
+            _against(SourceComparisonCheck.WAY, SPEED, FIX, 3.6),
+            _against(SourceComparisonCheck.SPEED_CHANGE, ACCEL, SPEED, 1.0 / 3.6),
+            _with(SourceComparisonCheck.SPEED_CHANGE, ACCEL, FIX),
         ]
     )
     assert [(each.who, each.against, each.allies, each.left_out) for each in found] == [
         (SPEED, FIX, (ACCEL,), (SPEED,))
     ]
-    assert found[0].sentence == (
+    assert found[0].contradiction_sentence == (
         "ego_speed (/speed) contradicts ego_position (/fix): the car covered 3.60 times the distance between the "
         "fixes, as if km/h were taken for m/s"
     )
-    assert found[0].consequence == (
+    assert found[0].consequence_text == (
         "imu accel (/imu) agrees with ego_position (/fix); ego_speed (/speed) is left out of the estimate"
     )
 
 
 def test_of_two_that_contradict_each_other_the_positions_stay() -> None:
-    found = judge_comparisons([_against(Check.TURN, YAW_RATE, FIX, -1.0)])
+    found = find_contradicting_sources([_against(SourceComparisonCheck.TURN, YAW_RATE, FIX, -1.0)])
     assert [(each.who, each.allies, each.left_out) for each in found] == [(YAW_RATE, (), (YAW_RATE,))]
-    assert found[0].consequence == (
+    assert found[0].consequence_text == (
         "no third source tells which of them is wrong; imu yaw rate (/imu) is left out of the estimate"
     )
 
 
 def test_positions_that_two_others_contradict_are_named_and_stay() -> None:
-    found = judge_comparisons(
+    found = find_contradicting_sources(
         [
-            _against(Check.WAY, SPEED, FIX, 0.5),
-            _against(Check.SPEED_CHANGE, ACCEL, FIX, 0.5),
-            _with(Check.SPEED_CHANGE, ACCEL, SPEED),
+            _against(SourceComparisonCheck.WAY, SPEED, FIX, 0.5),
+            _against(SourceComparisonCheck.SPEED_CHANGE, ACCEL, FIX, 0.5),
+            _with(SourceComparisonCheck.SPEED_CHANGE, ACCEL, SPEED),
         ]
     )
     assert [(each.who, each.against, each.left_out) for each in found] == [(FIX, SPEED, ())]
-    assert "the fixes lie 2.00 times as far apart as the car went" in found[0].sentence
+    assert "the fixes lie 2.00 times as far apart as the car went" in found[0].contradiction_sentence
 
 
 def test_two_sources_without_a_judge_are_told_and_neither_is_used() -> None:
-    found = judge_comparisons([_against(Check.TURN, YAW_RATE, HEADING, 0.5)])
+    found = find_contradicting_sources([_against(SourceComparisonCheck.TURN, YAW_RATE, HEADING, 0.5)])
     assert [set(each.left_out) for each in found] == [{YAW_RATE, HEADING}]
-    assert found[0].consequence == "no third source tells which of them is wrong; both are left out of the estimate"
+    assert (
+        found[0].consequence_text == "no third source tells which of them is wrong; both are left out of the estimate"
+    )
 
 
 def test_the_heading_is_outvoted_by_the_fixes_and_the_gyroscope() -> None:
-    found = judge_comparisons(
+    found = find_contradicting_sources(
         [
-            _against(Check.TURN, HEADING, FIX, -1.0),
-            _against(Check.TURN, YAW_RATE, HEADING, -1.0),
-            _with(Check.TURN, YAW_RATE, FIX),
+            _against(SourceComparisonCheck.TURN, HEADING, FIX, -1.0),
+            _against(SourceComparisonCheck.TURN, YAW_RATE, HEADING, -1.0),
+            _with(SourceComparisonCheck.TURN, YAW_RATE, FIX),
         ]
     )
     assert [(each.who, each.allies) for each in found] == [(HEADING, (YAW_RATE,))]
 
 
 def test_two_sources_that_are_both_wrong_are_both_named() -> None:
-    found = judge_comparisons([_against(Check.WAY, SPEED, FIX, 3.6), _against(Check.TURN, YAW_RATE, FIX, -1.0)])
+    found = find_contradicting_sources(
+        [
+            _against(SourceComparisonCheck.WAY, SPEED, FIX, 3.6),
+            _against(SourceComparisonCheck.TURN, YAW_RATE, FIX, -1.0),
+        ]
+    )
     assert {each.who for each in found} == {SPEED, YAW_RATE}
 
 
 def test_sources_that_agree_are_not_named() -> None:
-    assert judge_comparisons([_with(Check.WAY, SPEED, FIX), _with(Check.TURN, YAW_RATE, HEADING)]) == []
+    assert (
+        find_contradicting_sources(
+            [_with(SourceComparisonCheck.WAY, SPEED, FIX), _with(SourceComparisonCheck.TURN, YAW_RATE, HEADING)]
+        )
+        == []
+    )
 
 
 def _prepared(
@@ -124,14 +138,14 @@ ALL = (Kind.POSITION, Kind.SPEED, Kind.HEADING, Kind.ACCEL, Kind.YAW_RATE)
 
 def test_right_sources_all_take_part() -> None:
     prepared = _prepared(VALUES, *ALL)
-    voted = vote(prepared)
+    voted = leave_out_outvoted_sources(prepared)
     assert voted.contradictions == ()
     assert voted.prepared == prepared
 
 
 def test_what_is_outvoted_has_no_rows_left() -> None:
-    voted = vote(_prepared({**VALUES, Kind.SPEED: 3.6 * VALUES[Kind.SPEED]}, *ALL))
-    assert [each.who for each in voted.contradictions] == [Quantity("/speed", Kind.SPEED)]
+    voted = leave_out_outvoted_sources(_prepared({**VALUES, Kind.SPEED: 3.6 * VALUES[Kind.SPEED]}, *ALL))
+    assert [each.who for each in voted.contradictions] == [SourceQuantity("/speed", Kind.SPEED)]
     n = len(TIME_S)
     assert _rows(voted.prepared) == {**dict.fromkeys(ALL, n), Kind.SPEED: 0}
 
@@ -145,26 +159,26 @@ def test_what_is_outvoted_has_no_rows_left() -> None:
     ],
 )
 def test_an_imu_that_is_not_level_contradicts_gravity(force: tuple[float, float, float], what: str) -> None:
-    voted = vote(_prepared(VALUES, *ALL, force=force))
+    voted = leave_out_outvoted_sources(_prepared(VALUES, *ALL, force=force))
     assert voted.contradictions == (
         Contradiction(
-            Quantity("/imu", Kind.IMU),
-            GRAVITY,
+            SourceQuantity("/imu", Kind.IMU),
+            GRAVITY_TEXT,
             f"{what}: it is not mounted with x forward and z up",
-            left_out=(Quantity("/imu", Kind.IMU),),
+            left_out=(SourceQuantity("/imu", Kind.IMU),),
         ),
     )
-    assert voted.contradictions[0].consequence == "imu (/imu) is left out of the estimate"
+    assert voted.contradictions[0].consequence_text == "imu (/imu) is left out of the estimate"
     assert _rows(voted.prepared)[Kind.ACCEL] == _rows(voted.prepared)[Kind.YAW_RATE] == 0
 
 
 @pytest.mark.parametrize("force", [(4.9, 0.0, 8.5), (0.0, 3.0, 9.3), (0.1, 0.2, -0.1)])
 def test_an_imu_that_is_pitched_or_has_no_gravity_in_it_does_not(force: tuple[float, float, float]) -> None:
-    assert vote(_prepared(VALUES, *ALL, force=force)).contradictions == ()
+    assert leave_out_outvoted_sources(_prepared(VALUES, *ALL, force=force)).contradictions == ()
 
 
 def test_an_accelerometer_s_bias_is_no_fault_where_gravity_shows_its_mount() -> None:
     biased = {**VALUES, Kind.ACCEL: VALUES[Kind.ACCEL] + 2.5}
-    assert vote(_prepared(biased, *ALL)).contradictions == ()
-    told = vote(_prepared(biased, *ALL, force=(0.0, 0.0, 0.0))).contradictions
+    assert leave_out_outvoted_sources(_prepared(biased, *ALL)).contradictions == ()
+    told = leave_out_outvoted_sources(_prepared(biased, *ALL, force=(0.0, 0.0, 0.0))).contradictions
     assert [(each.who.kind, len(each.left_out)) for each in told] == [(Kind.ACCEL, 1)]

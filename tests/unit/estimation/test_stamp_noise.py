@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, Kind, Measurements, estimate_track
-from cwcli.estimation.calibrated import with_noise
+from cwcli.estimation.calibrated import with_calibrated_noise
 from cwcli.estimation.calibration import Calibration, Constant
-from cwcli.estimation.model import ModelParameters
+from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import Parameter, ParameterStatus
-from cwcli.estimation.passes import Series, Start, run_pass
-from cwcli.simulation.drive import SimulatedDrive, simulate
+from cwcli.estimation.passes import FilterStart, SensorSeries, run_filter_pass
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 from tests.studies.sensor_model import measurements_of
 from tests.studies.stamp_noise import jittered, judged, one_run
@@ -23,7 +23,9 @@ FIX_M = 0.05
 
 def drive(seed: int, *overrides: str) -> SimulatedDrive:
     made = load_scenario("curve", overrides)
-    return simulate(replace(made, sensors={**made.sensors, "gnss": {**made.sensors["gnss"], "sigma_m": FIX_M}}), seed)
+    return simulate_scenario(
+        replace(made, sensors={**made.sensors, "gnss": {**made.sensors["gnss"], "sigma_m": FIX_M}}), seed
+    )
 
 
 def fixes(made: SimulatedDrive, sigma_s: float, seed: int) -> Measurements:
@@ -77,13 +79,13 @@ def test_blind_online_states_take_no_error_from_the_log() -> None:
     config = EstimatorConfig(causal=True, blind=True)
     track = estimate_track([fixes(made, 0.03, 0)], config, made.truth_stamp_ns[1000::1000])
     assert track.sources[0].stamp_error == Parameter(0.0)
-    assert set(judged(track, made.truth["host"][1000::1000])) >= {"position", "speed"}
+    assert set(judged(track, made.true_states_by_vehicle["host"][1000::1000])) >= {"position", "speed"}
 
 
 def test_a_calibration_gives_the_error() -> None:
     constants = {"/gps": {"position": {"noise_sigma": Constant(value=0.1), "stamp_sigma_s": Constant(value=0.02)}}}
-    series = Series("/gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)))
-    known = with_noise(series, Calibration("car", constants))
+    series = SensorSeries("/gps", Kind.POSITION, np.zeros(1), np.zeros((1, 2)), np.ones((1, 3)))
+    known = with_calibrated_noise(series, Calibration("car", constants))
     assert (known.stamp_error.value, known.stamp_error.status) == (0.02, ParameterStatus.GIVEN)
 
 
@@ -93,10 +95,12 @@ def likelihood(
     """Log-likelihood of one fix of a car at 8 m/s and 30 degrees, and its slope by the variance of the stamps."""
     state, variance = np.zeros(8), np.full(8, 1e-12)
     state[2:4], variance[:2] = (8.0, np.radians(30.0)), (0.04, 0.09)
-    fix = Series("/gps", Kind.POSITION, np.zeros(1), np.array([innovation]), np.array([noise]))
+    fix = SensorSeries("/gps", Kind.POSITION, np.zeros(1), np.array([innovation]), np.array([noise]))
     fix = replace(fix, stamp_error=Parameter(sigma_s))
-    motion = ModelParameters().motion(np.zeros(8))
-    found = run_pass([fix], Start(0.0, state, np.diag(variance)), motion, np.zeros(0), smooth=False, reset_after=9)
+    motion = MotionParameters().to_process_model(np.zeros(8))
+    found = run_filter_pass(
+        [fix], FilterStart(0.0, state, np.diag(variance)), motion, np.zeros(0), smooth=False, reset_after=9
+    )
     return found.log_likelihood, float(found.nis[0][0, 4])
 
 

@@ -67,7 +67,7 @@ def test_after_a_reset_states_are_flagged_for_two_seconds_and_in_hindsight_since
     fixes = _fixes(TIME_S, jump_s=19.95)
     online = _times_of(StateFlag.AFTER_RESET, _track(fixes, causal=True))
     hindsight = _times_of(StateFlag.AFTER_RESET, _track(fixes, causal=False))
-    assert online[0] == pytest.approx(22.0, abs=0.3)  # two seconds of rejections, see `ekf.PATIENCE_S`
+    assert online[0] == pytest.approx(22.0, abs=0.3)  # two seconds of rejections, see `ekf.MAX_REJECTION_TIME_S`
     assert online[-1] - online[0] == pytest.approx(1.9, abs=0.11)
     assert hindsight[0] == pytest.approx(20.0, abs=0.01)
     assert hindsight[-1] == pytest.approx(online[-1], abs=0.01)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from cwcli.estimation.contradiction import Contradiction, Quantity
+from cwcli.estimation.contradiction import Contradiction, SourceQuantity
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.result import SourceReport
-from cwcli.estimation.verdict import Nees, verdict
+from cwcli.estimation.verdict import NeesOfQuantity, consistency_verdict_sentence
 
 GOOD = SourceReport(
     "/gps", Kind.POSITION, n_read=1000, n_used=998, n_gated=2, nis_mean=2.0, nis_dof=2, nis_bounds=(1.8, 2.2),
@@ -17,11 +17,11 @@ GOOD = SourceReport(
 )  # fmt: skip
 IMU = replace(GOOD, source="/imu", kind=Kind.YAW_RATE, nis_mean=1.0, nis_dof=1, nis_bounds=(0.9, 1.1))
 FLAGS = {"starting": 40, "after_reset": 0, "bridged": 0}
-TRUE = Nees("position", 1.0, (0.6, 1.5))
+TRUE = NeesOfQuantity("position", 1.0, (0.6, 1.5))
 
 
-def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[Nees, ...] = (TRUE,)) -> str:
-    return verdict(sources, n_states=1000, n_flagged={**FLAGS, "bridged": bridged}, nees=nees)
+def _said(*sources: SourceReport, bridged: int = 0, nees: tuple[NeesOfQuantity, ...] = (TRUE,)) -> str:
+    return consistency_verdict_sentence(sources, n_states=1000, n_flagged={**FLAGS, "bridged": bridged}, nees=nees)
 
 
 def test_what_lies_in_its_bounds_is_consistent() -> None:
@@ -52,7 +52,7 @@ def test_noise_found_from_the_log_that_is_too_small_lasts() -> None:
 
 
 def test_errors_that_are_larger_than_the_covariance_says_come_first() -> None:
-    found = _said(replace(IMU, nis_mean=9.0, nis_inside=False), nees=(Nees("speed", 16.0, (0.7, 1.3)), TRUE))
+    found = _said(replace(IMU, nis_mean=9.0, nis_inside=False), nees=(NeesOfQuantity("speed", 16.0, (0.7, 1.3)), TRUE))
     expected = "not consistent: the speed error is 4.0 times its sigma: multiply its covariance by 16; /imu"
     assert found.startswith(expected)
 
@@ -76,20 +76,22 @@ def test_the_worst_two_are_told_and_the_others_counted() -> None:
 def test_without_enough_rows_nothing_is_claimed() -> None:
     few = replace(GOOD, nis_inside=None)
     assert _said(few, nees=()) == "too little was measured to tell whether the estimate is consistent"
-    assert verdict((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
+    assert consistency_verdict_sentence((GOOD,), n_states=0, n_flagged={}) == "nothing was estimated"
 
 
 def test_sources_that_contradict_each_other_come_before_all_else() -> None:
-    speed, fix = Quantity("/wheel", Kind.SPEED), Quantity("/gps", Kind.POSITION)
+    speed, fix = SourceQuantity("/wheel", Kind.SPEED), SourceQuantity("/gps", Kind.POSITION)
     wrong = Contradiction(speed, fix, "the car covered 3.60 times the distance between the fixes")
     told = (
         "ego_speed (/wheel) contradicts ego_position (/gps): the car covered 3.60 times the distance between the fixes"
     )
-    alone = verdict((GOOD, IMU), n_states=1000, n_flagged=FLAGS, nees=(TRUE,), contradictions=(wrong,))
+    alone = consistency_verdict_sentence(
+        (GOOD, IMU), n_states=1000, n_flagged=FLAGS, nees=(TRUE,), contradictions=(wrong,)
+    )
     assert alone == f"not consistent: {told} (no third source tells which of them is wrong; both are used)"
-    outvoted = replace(wrong, allies=(Quantity("/imu", Kind.ACCEL),)).without(speed)
-    noisy = (Nees("speed", 16.0, (0.7, 1.3)),)
-    both = verdict((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
+    outvoted = replace(wrong, allies=(SourceQuantity("/imu", Kind.ACCEL),)).with_left_out(speed)
+    noisy = (NeesOfQuantity("speed", 16.0, (0.7, 1.3)),)
+    both = consistency_verdict_sentence((GOOD,), n_states=1000, n_flagged=FLAGS, nees=noisy, contradictions=(outvoted,))
     assert both.startswith(
         f"not consistent: {told} (imu accel (/imu) agrees with ego_position (/gps); ego_speed (/wheel) is left out of "
         "the estimate); the speed error is 4.0 times its sigma"

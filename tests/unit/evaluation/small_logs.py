@@ -11,7 +11,7 @@ from mcap.writer import Writer
 
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.pooling import rows_of
+from cwcli.metrics.pooling import metric_rows_by_name
 from cwcli.signals.columns import OutputChannel
 
 T0_NS = 1_700_000_000_000_000_000
@@ -33,4 +33,4 @@ def log_of(path: Path, channels: list[OutputChannel], records: Records | None = 
 
 
 def values(log: Log, **settings: Any) -> dict[str, float]:
-    return {name: row.value for name, row in rows_of(evaluate_log(log, **settings)).items()}
+    return {name: row.value for name, row in metric_rows_by_name(evaluate_log(log, **settings)).items()}

@@ -13,9 +13,9 @@ from mcap.writer import Writer
 from mcap_ros2.writer import Writer as Ros2Writer
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.logs.read.reader import Log
-from cwcli.signals.columns import OutputChannel, strings_from
+from cwcli.signals.columns import OutputChannel, encode_strings
 from tests.unit.evaluation.small_logs import T0_NS
 
 STEP_NS = 50_000_000
@@ -47,16 +47,16 @@ def states_of_meetings(n: int) -> list[OutputChannel]:
                 rows.append((at_ns, str(k + 1), state))
     rows.sort(key=lambda row: row[0])
     covariance = np.eye(8)
-    own = VehicleStates.of_ego(stamp_ns, ego, np.tile(covariance, (len(ego), 1, 1)))
+    own = VehicleStates.from_ego_states(stamp_ns, ego, np.tile(covariance, (len(ego), 1, 1)))
     others = replace(
-        VehicleStates.of_ego(
+        VehicleStates.from_ego_states(
             np.array([row[0] for row in rows], np.int64),
             np.array([row[2] for row in rows]),
             np.tile(covariance, (len(rows), 1, 1)),
         ),
-        ids=strings_from([row[1] for row in rows]),
+        ids=encode_strings([row[1] for row in rows]),
     )
-    return [write_states(EGO_STATE, own, None), write_states(REMOTE_STATE, others, None)]
+    return [write_vehicle_states(EGO_STATE, own, None), write_vehicle_states(REMOTE_STATE, others, None)]
 
 
 def at_ns(seconds: float) -> int:

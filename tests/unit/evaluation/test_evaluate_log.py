@@ -10,25 +10,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.predicted_path import PredictedPaths, write_paths
+from cwcli.channels.predicted_path import PredictedPaths, write_predicted_paths
 from cwcli.channels.published import EGO_PATH, EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.errors import UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.evaluation.target_truth import TruthScores, score_record
+from cwcli.evaluation.target_truth import TargetTruthScores, format_score_record_json
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import METRICS
-from cwcli.metrics.pooling import rows_of
+from cwcli.metrics.pooling import metric_rows_by_name
 from cwcli.metrics.table import Table
 from cwcli.pipeline.call import run_stage
 from cwcli.prediction.paths import Paths
-from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings, constant_strings
+from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, Strings, repeat_string
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
 from cwcli.stages.observe import ObserveConfig
 from cwcli.stages.predict import PredictConfig
 from cwcli.stages.warn import WarnConfig
-from cwcli.tracking.gospa import TargetMoments, score
+from cwcli.tracking.gospa import TargetMoments, score_tracks
 from cwcli.tracking.tracker import TrackResult
 from cwcli.warning.types import WarningConfig
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
@@ -53,8 +53,8 @@ def straight(*, x0_m: float = 0.0, y_m: float = 0.0, speed_mps: float = 10.0) ->
 
 
 def states(topic: str, state: FloatArray, vehicle: str = "ego", *, variance: float = 0.25) -> OutputChannel:
-    known = VehicleStates.of_ego(stamps(), state, np.tile(np.eye(8) * variance, (N, 1, 1)))
-    return write_states(EGO_STATE._replace(topic=topic), replace(known, ids=constant_strings(vehicle, N)), None)
+    known = VehicleStates.from_ego_states(stamps(), state, np.tile(np.eye(8) * variance, (N, 1, 1)))
+    return write_vehicle_states(EGO_STATE._replace(topic=topic), replace(known, ids=repeat_string(vehicle, N)), None)
 
 
 def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "ego") -> OutputChannel:
@@ -63,8 +63,8 @@ def paths(topic: str, state: FloatArray, *, speed_mps: float, vehicle: str = "eg
     x_m = state[:, :1] + speed_mps * time_s
     covariance = np.tile([1.0, 0.0, 1.0], (N, 51, 1))
     whole = Paths(time_s, x_m, np.repeat(state[:, 1:2], 51, 1), 0.0 * x_m, np.full_like(x_m, speed_mps), covariance)
-    predicted = PredictedPaths(constant_strings(vehicle, N), stamps(), stamps(), "cv", whole)
-    return write_paths(EGO_PATH._replace(topic=topic), predicted)
+    predicted = PredictedPaths(repeat_string(vehicle, N), stamps(), stamps(), "cv", whole)
+    return write_predicted_paths(EGO_PATH._replace(topic=topic), predicted)
 
 
 def test_errors_against_the_truth(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_predictions_that_are_a_metre_per_second_too_fast(tmp_path: Path) -> Non
             paths(EGO_PATH.topic, own, speed_mps=11.0),
         ],
     )
-    rows = rows_of(evaluate_log(log))
+    rows = metric_rows_by_name(evaluate_log(log))
     for horizon_s in (0.5, 1.0, 1.5, 2.0, 2.5):
         row = rows[f"prediction.ego.fde_{horizon_s:.1f}s_m"]
         assert row.value == pytest.approx(horizon_s, abs=1e-6)
@@ -152,7 +152,9 @@ def intersection() -> tuple[Log, dict[str, Table]]:
 def test_estimation_agrees_with_the_stages_own_table(intersection: tuple[Log, dict[str, Table]]) -> None:
     log, tables = intersection
     found = values(log)
-    own = {(r["vehicle"], r["source"], r["quantity"], r["metric"]): r["value"] for r in tables["estimate"].records()}
+    own = {
+        (r["vehicle"], r["source"], r["quantity"], r["metric"]): r["value"] for r in tables["estimate"].rows_as_dicts()
+    }
     sigma = own["ego", "/truth/ego", "position", "estimated_error_sigma"]
     assert found["ego.position_rmse_m"] == pytest.approx(math.sqrt(2.0) * sigma, rel=1e-12)  # the table's is per axis
     for name, quantity in (("speed_rmse_mps", "speed"), ("heading_rmse_deg", "heading"), ("accel_rmse_mps2", "accel")):
@@ -172,7 +174,7 @@ def test_estimation_agrees_with_the_stages_own_table(intersection: tuple[Log, di
 def test_predictions_agree_with_the_stages_own_table(intersection: tuple[Log, dict[str, Table]]) -> None:
     log, tables = intersection
     found = values(log)
-    for row in tables["prediction"].records():
+    for row in tables["prediction"].rows_as_dicts():
         who = "ego" if row["vehicle"] == "ego" else "remote"
         at = f"{row['horizon_s']:.1f}s"
         assert found[f"prediction.{who}.{row['model']}.fde_{at}_m"] == pytest.approx(row["mean_m"])
@@ -183,7 +185,7 @@ def test_predictions_agree_with_the_stages_own_table(intersection: tuple[Log, di
 
 def test_tables_of_the_stages_save_work_and_change_nothing(intersection: tuple[Log, dict[str, Table]]) -> None:
     log, tables = intersection
-    with_tables, without = evaluate_log(log, tables=tables).records(), evaluate_log(log).records()
+    with_tables, without = evaluate_log(log, tables=tables).rows_as_dicts(), evaluate_log(log).rows_as_dicts()
     assert [row["metric"] for row in with_tables] == [row["metric"] for row in without]
     for one, other in zip(with_tables, without, strict=True):
         assert one["value"] == pytest.approx(other["value"], rel=1e-12, nan_ok=True)
@@ -193,7 +195,7 @@ def test_tables_of_the_stages_save_work_and_change_nothing(intersection: tuple[L
 def test_warnings_agree_with_the_stages_own_scores(name: str, rule: str) -> None:
     log, tables = annotated(name, WarnConfig(rule=WarningConfig(rule=rule)))
     found = values(log)
-    (own,) = tables["scores"].records()
+    (own,) = tables["scores"].rows_as_dicts()
     decided = own["n_true"] + own["n_late"] + own["n_false"]
     warned = own["n_conflicts_warned"] + own["n_conflicts_late"]
 
@@ -239,7 +241,7 @@ def test_lateral_motion_agrees_with_the_stages_own_table(tmp_path: Path) -> None
     log = Log.open(write_lane_log(tmp_path / "lane.mcap", drive()))
     result = run_stage(STAGES["observe"], log, ObserveConfig())
     found = values(log.with_channels(result.channels, {"cwcli.run.observe": result.metadata}))
-    own = {row["state"]: row["rms"] for row in result.tables["observer_errors"].records()}
+    own = {row["state"]: row["rms"] for row in result.tables["observer_errors"].rows_as_dicts()}
     assert found["observer.lateral_speed_rmse_mps"] == pytest.approx(own["lateral_speed_mps"])
     assert found["observer.yaw_rate_rmse_degps"] == pytest.approx(math.degrees(own["yaw_rate_radps"]))
     assert found["observer.heading_deviation_rmse_deg"] == pytest.approx(math.degrees(own["heading_deviation_rad"]))
@@ -250,9 +252,9 @@ def test_tracking_scores_come_from_the_record(tmp_path: Path) -> None:
     ids = np.zeros(3, np.int64)
     truth = TargetMoments(at, ids, np.zeros((3, 4)))
     tracks = TargetMoments(at[:2], ids[:2], np.array([[3.0, 4.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]))
-    scores = score(truth, tracks, cutoff_m=10.0)
+    scores = score_tracks(truth, tracks, cutoff_m=10.0)
     empty = TrackResult((), counts={}, consistency={}, frame="map", sources=(), state_names=())
-    record = {"scores": score_record(empty, TruthScores("/truth/target", ("a",), scores))}
+    record = {"scores": format_score_record_json(empty, TargetTruthScores("/truth/target", ("a",), scores))}
     found = values(log_of(tmp_path / "a.mcap", [], {"cwcli.run.track": record}))
     # errors of 5 m and 0, then a miss, which costs 10 / sqrt(2)
     assert found["tracking.gospa_m"] == pytest.approx((5.0 + 0.0 + 10.0 / math.sqrt(2.0)) / 3.0)
@@ -308,7 +310,7 @@ def test_records_of_others_are_never_trusted(tmp_path: Path, text: str) -> None:
 
 def test_a_log_without_a_stage_has_the_data_metrics_only(tmp_path: Path) -> None:
     table = evaluate_log(log_of(tmp_path / "a.mcap", []))
-    assert {row["stage"] for row in table.records()} == {"data"}
+    assert {row["stage"] for row in table.rows_as_dicts()} == {"data"}
     assert table.metadata == {"truth": "auto"}
 
 

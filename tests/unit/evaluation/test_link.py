@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from cwcli.estimation.result import Track
-from cwcli.evaluation.link import COLUMNS, Link, add_link
-from cwcli.metrics.headline import Headline
+from cwcli.evaluation.link import LINK_TABLE_COLUMNS, RadioLinkSummary, add_link_metrics
+from cwcli.metrics.headline import HeadlineCollector
 from tests.unit.signals.pseudonyms import HERE, scene
 
 N_LOST = 3
 
 
-def link_with_losses() -> Link:
+def link_with_losses() -> RadioLinkSummary:
     """A car that counts its messages, three of which are lost, 100 m behind the receiver's place when it starts."""
     made = scene(np.random.default_rng(1), n_cars=1)
     is_first = np.flatnonzero(made.signal.station.codes == 0)
@@ -35,14 +35,14 @@ def link_with_losses() -> Link:
     state[:, 0], state[:, 1] = x_m - 100.0, y_m
     grid_ns = np.linspace(stamp_ns[0], stamp_ns[1], 200).astype(np.int64)
     ego = Track(grid_ns, np.repeat(state[:1], 200, axis=0), np.zeros((200, 8, 8)), np.zeros(200, np.uint8))
-    return Link([signal], ego, HERE)
+    return RadioLinkSummary([signal], ego, HERE)
 
 
 def test_the_tables_tell_each_station_and_the_distances() -> None:
     link = link_with_losses()
-    stations, reception = link.sections()
-    (row,) = link.tables()["link"].records()
-    assert len(stations.rows[0]) == len(stations.columns) == len(COLUMNS)
+    stations, reception = link.build_sections()
+    (row,) = link.build_tables()["link"].rows_as_dicts()
+    assert len(stations.rows[0]) == len(stations.columns) == len(LINK_TABLE_COLUMNS)
     assert row["sent"] - row["received"] == N_LOST
     assert row["loss_share"] == pytest.approx(N_LOST / row["sent"])
     assert row["latency_median_s"] == pytest.approx(0.03)
@@ -54,10 +54,10 @@ def test_the_tables_tell_each_station_and_the_distances() -> None:
 
 def test_the_record_holds_what_the_metrics_are_made_of() -> None:
     link = link_with_losses()
-    headline = Headline()
-    add_link(headline, json.loads(link.entries()["link"]))
-    found = {row["metric"]: row["value"] for row in headline.table().records()}
-    (row,) = link.tables()["link"].records()
+    headline = HeadlineCollector()
+    add_link_metrics(headline, json.loads(link.build_record_entries()["link"]))
+    found = {row["metric"]: row["value"] for row in headline.to_table().rows_as_dicts()}
+    (row,) = link.build_tables()["link"].rows_as_dicts()
     assert found["link.stations_count"] == 1.0
     assert found["link.loss_share"] == pytest.approx(row["loss_share"])
     assert found["link.age_p95_s"] == pytest.approx(row["age_p95_s"])
@@ -67,8 +67,8 @@ def test_the_record_holds_what_the_metrics_are_made_of() -> None:
 
 def test_without_remote_vehicles_nothing_is_told() -> None:
     nobody = Track(np.zeros(1, np.int64), np.zeros((1, 8)), np.zeros((1, 8, 8)), np.zeros(1, np.uint8))
-    link = Link([], nobody, HERE)
-    assert (link.sections(), link.tables(), link.entries()) == ((), {}, {})
-    headline = Headline()
-    add_link(headline, {})
+    link = RadioLinkSummary([], nobody, HERE)
+    assert (link.build_sections(), link.build_tables(), link.build_record_entries()) == ((), {}, {})
+    headline = HeadlineCollector()
+    add_link_metrics(headline, {})
     assert not headline.rows

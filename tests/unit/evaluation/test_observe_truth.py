@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.lateral_state import Observed, read_observed, write_observed
+from cwcli.channels.lateral_state import ObservedDrive, read_observed_drive, write_observed_drive
 from cwcli.channels.published import OBSERVER
-from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_statuses
-from cwcli.evaluation.observe import truth_errors
+from cwcli.dynamics.samples import FrameStatus, LateralTrack, count_frame_statuses
+from cwcli.evaluation.observe import build_truth_errors_table
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray, OutputChannel
 from tests.unit.evaluation.small_logs import T0_NS, log_of, values
@@ -46,9 +46,9 @@ def observed(preview_m: FloatArray) -> OutputChannel:
         mass_kg=level,
         mass_sigma_kg=np.nan * level,
         status=status,
-        counts=count_statuses(status),
+        counts=count_frame_statuses(status),
     )
-    return write_observed(Observed(STAMP_NS, track))
+    return write_observed_drive(ObservedDrive(STAMP_NS, track))
 
 
 def truth(*, with_ahead: bool, ends_m: float = np.inf) -> OutputChannel:
@@ -73,12 +73,12 @@ def truth(*, with_ahead: bool, ends_m: float = np.inf) -> OutputChannel:
 
 def errors(tmp_path: Path, *channels: OutputChannel) -> tuple[Table, dict[str, float]]:
     log = log_of(tmp_path / "a.mcap", list(channels))
-    columns = log.load({OBSERVER.topic: None, TRUTH: None})
-    return truth_errors(read_observed(columns[OBSERVER.topic]).track, columns[TRUTH]), values(log)
+    columns = log.load_topics({OBSERVER.topic: None, TRUTH: None})
+    return build_truth_errors_table(read_observed_drive(columns[OBSERVER.topic]).track, columns[TRUTH]), values(log)
 
 
 def of_place(table: Table) -> list[dict[str, float]]:
-    rows = {row["state"]: row for row in table.records()}
+    rows = {row["state"]: row for row in table.rows_as_dicts()}
     return [rows["lateral_deviation_m"], rows["heading_deviation_rad"]]
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.metrics.pooling import notes_of, rows_of
+from cwcli.metrics.pooling import metric_rows_by_name, notes_from_metadata
 from cwcli.signals.columns import OutputChannel
 from tests.unit.evaluation.small_logs import T0_NS, log_of
 
@@ -23,9 +23,9 @@ def states(topic: str, *, ahead_m: float = 0.0, delay_s: float = 0.0) -> OutputC
     stamp_ns = T0_NS + STEP_NS * np.arange(N)
     state = np.zeros((N, 8))
     state[:, 0], state[:, 2] = 10.0 * (stamp_ns - T0_NS) / 1e9 + ahead_m, 10.0
-    known = VehicleStates.of_ego(stamp_ns, state, np.tile(np.eye(8), (N, 1, 1)))
+    known = VehicleStates.from_ego_states(stamp_ns, state, np.tile(np.eye(8), (N, 1, 1)))
     later = replace(known, log_time_ns=stamp_ns + round(delay_s * 1e9))
-    return write_states(EGO_STATE._replace(topic=topic), later, None)
+    return write_vehicle_states(EGO_STATE._replace(topic=topic), later, None)
 
 
 @pytest.mark.parametrize("truth", [True, False])
@@ -33,7 +33,7 @@ def test_two_views_of_the_ego(tmp_path: Path, truth: bool) -> None:
     channels = [states(EGO_STATE.topic, ahead_m=0.125), states(EGO_ONLINE.topic, ahead_m=0.625, delay_s=0.2)]
     log = log_of(tmp_path / "a.mcap", channels + [states("/truth/ego")] * truth)
     table = evaluate_log(log)
-    rows = rows_of(table)
+    rows = metric_rows_by_name(table)
     online = rows["ego.online_position_rmse_m"]
     assert (online.value, online.states) == (
         (pytest.approx(0.625), "online vs truth") if truth else (pytest.approx(0.5), "online vs hindsight")
@@ -45,13 +45,15 @@ def test_two_views_of_the_ego(tmp_path: Path, truth: bool) -> None:
     if truth:
         hindsight = rows["ego.position_rmse_m"]
         assert (hindsight.value, hindsight.states) == (pytest.approx(0.125), "hindsight vs truth")
-    assert notes_of(table) == ()
+    assert notes_from_metadata(table) == ()
 
 
 def test_an_online_channel_that_lags_and_a_log_with_one_channel(tmp_path: Path) -> None:
     log = log_of(tmp_path / "a.mcap", [states(EGO_STATE.topic), states(EGO_ONLINE.topic, delay_s=3.0)])
-    (note,) = notes_of(evaluate_log(log))
+    (note,) = notes_from_metadata(evaluate_log(log))
     assert "/cwcli/ego/online: its states were usually known 3.0 s after their time" in note
-    old = rows_of(evaluate_log(log_of(tmp_path / "b.mcap", [states(EGO_STATE.topic), states("/truth/ego")])))
+    old = metric_rows_by_name(
+        evaluate_log(log_of(tmp_path / "b.mcap", [states(EGO_STATE.topic), states("/truth/ego")]))
+    )
     assert old["ego.position_rmse_m"].states == "hindsight vs truth"
     assert not any(name.startswith("ego.online_") for name in old)

@@ -9,28 +9,30 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
-from cwcli.evaluation.happened import Happened, what_happened
-from cwcli.evaluation.preventable import add_preventable, careful_driver
-from cwcli.metrics.headline import Headline
-from cwcli.signals.columns import constant_strings
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
+from cwcli.evaluation.actual_outcomes import ActualOutcomes, find_actual_outcomes
+from cwcli.evaluation.preventable import add_preventable_share, simulate_careful_driver
+from cwcli.metrics.headline import HeadlineCollector
+from cwcli.signals.columns import repeat_string
 from tests.unit.evaluation.small_logs import T0_NS, log_of
 
 STEP_NS = 50_000_000
 CRASH_S = 10.0
 
 
-def crash(path: Path, speed_mps: float) -> Happened:
+def crash(path: Path, speed_mps: float) -> ActualOutcomes:
     """The ego runs into a car that stands in its lane: the centres meet at 10 s, the outlines 4.5 m before."""
     stamp_ns = T0_NS + STEP_NS * np.arange(241)
     time_s = (stamp_ns - T0_NS) / 1e9
     ego, other = np.zeros((2, len(stamp_ns), 8))
     ego[:, 0], ego[:, 2] = speed_mps * (time_s - CRASH_S), speed_mps
     covariance = np.tile(np.eye(8), (len(stamp_ns), 1, 1))
-    own, theirs = (VehicleStates.of_ego(stamp_ns, state, covariance) for state in (ego, other))
-    theirs = replace(theirs, ids=constant_strings("2", len(stamp_ns)))
-    log = log_of(path / "a.mcap", [write_states(EGO_STATE, own, None), write_states(REMOTE_STATE, theirs, None)])
-    real = what_happened(log)
+    own, theirs = (VehicleStates.from_ego_states(stamp_ns, state, covariance) for state in (ego, other))
+    theirs = replace(theirs, ids=repeat_string("2", len(stamp_ns)))
+    log = log_of(
+        path / "a.mcap", [write_vehicle_states(EGO_STATE, own, None), write_vehicle_states(REMOTE_STATE, theirs, None)]
+    )
+    real = find_actual_outcomes(log)
     assert real is not None
     return real
 
@@ -42,24 +44,24 @@ def test_who_brakes_two_seconds_before_stops_from_10_and_not_from_40_metres_a_se
     """At a TTC of 2 s the gap is 20 m and 80 m; at 0.774 g the way to a stop is 6.6 m and 105 m."""
     real = crash(tmp_path, speed_mps)
     ((conflict,),) = real.conflicts.values()
-    found = careful_driver(real.pairs["2"], conflict)
+    found = simulate_careful_driver(real.pairs["2"], conflict)
     assert found is not None
     touched_s = CRASH_S - 4.5 / speed_mps
-    assert (found.at_ns - T0_NS) / 1e9 == pytest.approx(touched_s, abs=0.051)
-    assert found.braked_ns is not None
-    braked_s = (found.braked_ns - T0_NS) / 1e9
+    assert (found.contact_ns - T0_NS) / 1e9 == pytest.approx(touched_s, abs=0.051)
+    assert found.first_braking_ns is not None
+    braked_s = (found.first_braking_ns - T0_NS) / 1e9
     assert touched_s - 2.0 - 0.2 <= braked_s <= touched_s - 1.0  # with what it needs to see and to react
     assert found.outcome.avoided is avoids
     assert (found.outcome.least_gap_m > 0.0) is avoids
     assert np.isfinite(found.outcome.impact_mps) is np.bool_(not avoids)
-    headline = Headline()
-    add_preventable(headline, real)
+    headline = HeadlineCollector()
+    add_preventable_share(headline, real)
     ((_, name, value, *_),) = headline.rows
     assert (name, value) == ("warnings.preventable_share", float(avoids))
 
 
 def test_without_conflicts_there_is_nothing_to_prevent(tmp_path: Path) -> None:
     real = crash(tmp_path, 10.0)
-    headline = Headline()
-    add_preventable(headline, replace(real, conflicts={"2": []}))
+    headline = HeadlineCollector()
+    add_preventable_share(headline, replace(real, conflicts={"2": []}))
     assert headline.rows == []

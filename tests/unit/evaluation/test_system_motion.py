@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from cwcli.channels.published import EGO_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.errors import DataError, MissingSignalError, UsageError
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.evaluation.system.placing import fitted
-from cwcli.evaluation.system.topics import parse_system
+from cwcli.evaluation.system.placing import fit_frame_placement
+from cwcli.evaluation.system.topics import parse_other_system_options
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.pooling import MetricRow, notes_of, rows_of
+from cwcli.metrics.pooling import MetricRow, metric_rows_by_name, notes_from_metadata
 from cwcli.signals.columns import OutputChannel
 from tests.laws.input_logs import definition
 from tests.unit.evaluation.small_logs import T0_NS
@@ -49,7 +49,9 @@ def ego_states(motion: Motion, topic: str = EGO_STATE.topic) -> OutputChannel:
         x, y, heading = motion((at - T0_NS) / 1e9)
         state[k, [0, 1, 2, 3, 5]] = x, y, SPEED_MPS, heading, YAW_RATE if motion is circle else 0.0
     covariance = np.tile(np.eye(8), (len(state), 1, 1))
-    return write_states(EGO_STATE._replace(topic=topic), VehicleStates.of_ego(stamp_ns, state, covariance), None)
+    return write_vehicle_states(
+        EGO_STATE._replace(topic=topic), VehicleStates.from_ego_states(stamp_ns, state, covariance), None
+    )
 
 
 def header(seconds: float, frame: str) -> dict[str, Any]:
@@ -86,9 +88,9 @@ def written(path: Path, schema: str, messages: Iterable[tuple[float, dict[str, A
 def scored(path: Path, motion: Motion, *options: str, truth: bool = False) -> tuple[dict[str, MetricRow], str]:
     channels = [ego_states(motion)] + [ego_states(motion, "/truth/ego")] * truth
     with Log.open(path) as log:
-        table = evaluate_log(log.with_channels(channels), system=parse_system(options))
-    rows = {name: row for name, row in rows_of(table).items() if name.startswith("system.")}
-    return rows, " ".join(notes_of(table))
+        table = evaluate_log(log.with_channels(channels), system=parse_other_system_options(options))
+    rows = {name: row for name, row in metric_rows_by_name(table).items() if name.startswith("system.")}
+    return rows, " ".join(notes_from_metadata(table))
 
 
 @pytest.mark.parametrize("truth", [False, True])
@@ -285,7 +287,7 @@ def test_messages_of_another_type_and_logs_without_states(tmp_path: Path) -> Non
         scored(path, straight, "ego_path=/cwcli/ego/state")
     assert caught.value.found == ("/plan (autoware_planning_msgs/msg/Trajectory)",)
     with Log.open(path) as log, pytest.raises(MissingSignalError, match="holds no states of the ego"):
-        evaluate_log(log, system=parse_system(["ego_path=/plan"]))
+        evaluate_log(log, system=parse_other_system_options(["ego_path=/plan"]))
 
 
 def test_placing_finds_a_turn_and_a_shift_and_no_turn_of_a_parked_car() -> None:
@@ -294,11 +296,11 @@ def test_placing_finds_a_turn_and_a_shift_and_no_turn_of_a_parked_car() -> None:
     cosine, sine = math.cos(2.5), math.sin(2.5)
     onto = points @ np.array([[cosine, sine], [-sine, cosine]]) + [7.0, -9.0]
     onto[3] = np.nan
-    found = fitted(points, onto)
+    found = fit_frame_placement(points, onto)
     assert found is not None
-    np.testing.assert_allclose(found.xy(points)[4:], onto[4:], atol=1e-9)
+    np.testing.assert_allclose(found.points_in_map(points)[4:], onto[4:], atol=1e-9)
     assert found.turn_rad == pytest.approx(2.5)
-    parked = fitted(0.01 * points, 0.01 * points[::-1] + 5.0)
+    parked = fit_frame_placement(0.01 * points, 0.01 * points[::-1] + 5.0)
     assert parked is not None
     assert parked.turn_rad == 0.0
-    assert fitted(points[:2], onto[:2]) is None
+    assert fit_frame_placement(points[:2], onto[:2]) is None

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from cwcli.errors import DataError, MissingSignalError, UsageError
-from cwcli.evaluation.conflicts import FALSE, TRUE, UNDECIDED, judge
+from cwcli.evaluation.actual_outcomes import find_actual_outcomes
+from cwcli.evaluation.conflicts import VERDICT_FALSE, VERDICT_TRUE, VERDICT_UNDECIDED, judge_warning
 from cwcli.evaluation.evaluate_log import evaluate_log
-from cwcli.evaluation.happened import what_happened
 from cwcli.evaluation.scored_warnings import count_verdicts
-from cwcli.evaluation.system.flag import read_flag
-from cwcli.evaluation.system.topics import parse_system
-from cwcli.evaluation.system.warnings import judge_flag
+from cwcli.evaluation.system.flag import read_flag_from_topic
+from cwcli.evaluation.system.topics import parse_other_system_options
+from cwcli.evaluation.system.warnings import judge_flag_warnings
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.pooling import notes_of, rows_of
+from cwcli.metrics.pooling import metric_rows_by_name, notes_from_metadata
 from cwcli.signals.field_condition import parse_condition
 from tests.unit.evaluation.small_logs import log_of
 from tests.unit.evaluation.system_logs import (
@@ -53,8 +53,8 @@ def made_up_spans() -> list[tuple[float, float]]:
 
 
 def metrics(log: Log, warning: str = "/adas/fcw:data==true") -> dict[str, float]:
-    table = evaluate_log(log, system=parse_system([f"warning={warning}"]))
-    return {name: row.value for name, row in rows_of(table).items() if name.startswith("system.")}
+    table = evaluate_log(log, system=parse_other_system_options([f"warning={warning}"]))
+    return {name: row.value for name, row in metric_rows_by_name(table).items() if name.startswith("system.")}
 
 
 def test_a_made_up_second_system_is_scored_exactly(tmp_path: Path) -> None:
@@ -91,22 +91,23 @@ def test_a_later_flag_has_less_lead_and_then_is_late(tmp_path: Path, delay_s: fl
 
 
 def test_with_one_vehicle_a_flag_is_judged_like_cwclis_own_warnings(tmp_path: Path) -> None:
-    """`judge_flag` holds all warnings against all conflicts at once; `judge` one after the other, pair by pair."""
+    """`judge_flag_warnings` holds all warnings against all conflicts at once; `judge` one after the other, pair by
+    pair."""
     log = log_of(tmp_path / "a.mcap", states_of_meetings(1))
-    real = what_happened(log)
+    real = find_actual_outcomes(log)
     assert real is not None
     ((vehicle, pair),) = real.pairs.items()
     rng = np.random.default_rng(3)
     begins = np.sort(rng.uniform(-2.0, 22.0, 300))
     spans = [(at_ns(begin), at_ns(begin + rng.uniform(0.0, 9.0))) for begin in begins]
-    verdicts = [judge(*span, real.conflicts[vehicle], pair, real.config) for span in spans]
-    found = judge_flag(spans, real)
+    verdicts = [judge_warning(*span, real.conflicts[vehicle], pair, real.config) for span in spans]
+    found = judge_flag_warnings(spans, real)
     assert [(each.kind, each.conflict is not None) for each in found.judged] == [
-        (each.kind, each.conflict >= 0) for each in verdicts
+        (each.kind, each.conflict_index >= 0) for each in verdicts
     ]
     expected = count_verdicts([verdicts], n_conflicts=1, host_hours=real.host_hours)
     assert found.scores == expected
-    assert {FALSE, TRUE, UNDECIDED} <= {each.kind for each in found.judged}
+    assert {VERDICT_FALSE, VERDICT_TRUE, VERDICT_UNDECIDED} <= {each.kind for each in found.judged}
 
 
 STATUS = """std_msgs/Header header
@@ -168,10 +169,12 @@ def test_messages_of_other_components_change_nothing(tmp_path: Path) -> None:
     messages = [(at, message(k, at)) for k, at in enumerate(ticks(30.0))]
     path = ros_log(tmp_path / "a.mcap", "diagnostic_msgs/msg/DiagnosticArray", STATUS, messages)
     log = with_meetings(path, 2)
-    system = parse_system(["warning=/adas/fcw:status[name=='adas: fcw'].level>=2"])
+    system = parse_other_system_options(["warning=/adas/fcw:status[name=='adas: fcw'].level>=2"])
     table = evaluate_log(log, system=system)
-    assert rows_of(table)["system.warnings.count"].value == 2
-    assert "/adas/fcw: 1000 of 1500 messages lack the field: the flag is taken as unchanged" in notes_of(table)
+    assert metric_rows_by_name(table)["system.warnings.count"].value == 2
+    assert "/adas/fcw: 1000 of 1500 messages lack the field: the flag is taken as unchanged" in notes_from_metadata(
+        table
+    )
 
 
 @pytest.mark.parametrize(
@@ -229,8 +232,8 @@ def test_a_flag_of_a_kilohertz(tmp_path: Path) -> None:
 
 def flag_notes(path: Path, condition: str = "data==true") -> tuple[list[tuple[int, int]], str]:
     with Log.open(path) as log:
-        flag = read_flag(log, "/adas/fcw", parse_condition(condition))
-    return flag.spans(), " ".join(flag.notes)
+        flag = read_flag_from_topic(log, "/adas/fcw", parse_condition(condition))
+    return flag.warning_spans_ns(), " ".join(flag.notes)
 
 
 @pytest.mark.parametrize(
@@ -270,7 +273,7 @@ def test_a_wrong_field_lists_those_that_there_are(tmp_path: Path) -> None:
     messages = [(at, diagnostics(at, False)) for at in ticks(1.0)]
     path = ros_log(tmp_path / "a.mcap", "diagnostic_msgs/msg/DiagnosticArray", STATUS, messages)
     with Log.open(path) as log, pytest.raises(UsageError, match="its messages have no such field") as caught:
-        read_flag(log, "/adas/fcw", parse_condition("state[0].level>=2"))
+        read_flag_from_topic(log, "/adas/fcw", parse_condition("state[0].level>=2"))
     assert "status[].level (a whole number)" in caught.value.found
     assert "status[].name (a text such as 'disk')" in caught.value.found
     assert "status[].values[].key (a text such as 'speed')" in caught.value.found
@@ -281,14 +284,14 @@ def test_an_element_that_no_message_has(tmp_path: Path, condition: str) -> None:
     messages = [(at, diagnostics(at, False)) for at in ticks(1.0)]
     path = ros_log(tmp_path / "a.mcap", "diagnostic_msgs/msg/DiagnosticArray", STATUS, messages)
     with Log.open(path) as log, pytest.raises(UsageError) as caught:
-        read_flag(log, "/adas/fcw", parse_condition(condition))
+        read_flag_from_topic(log, "/adas/fcw", parse_condition(condition))
     assert any(each.startswith("status[].name") for each in caught.value.found)
 
 
 def test_text_that_is_asked_for_a_number(tmp_path: Path) -> None:
     path = ros_log(tmp_path / "a.mcap", "std_msgs/msg/String", "string data", [(0.0, {"data": "ALARM"})] * 3)
     with Log.open(path) as log, pytest.raises(UsageError, match="can't be compared so") as caught:
-        read_flag(log, "/adas/fcw", parse_condition("data>=2"))
+        read_flag_from_topic(log, "/adas/fcw", parse_condition("data>=2"))
     assert caught.value.found == ("data (a text such as 'ALARM')",)
     mixed = [(float(k), {"data": "2" if k == 3 else "n/a"}) for k in range(6)]
     path = ros_log(tmp_path / "b.mcap", "std_msgs/msg/String", "string data", mixed)
@@ -304,18 +307,18 @@ def test_messages_that_cannot_be_decoded(tmp_path: Path) -> None:
     assert "1 message could not be decoded" in notes
     path = json_log(tmp_path / "b.mcap", [(7.0, b"{broken")])
     with Log.open(path) as log, pytest.raises(DataError, match="none of its 1 messages can be decoded"):
-        read_flag(log, "/adas/fcw", parse_condition("data==true"))
+        read_flag_from_topic(log, "/adas/fcw", parse_condition("data==true"))
     path = json_log(tmp_path / "c.mcap", [])
     with Log.open(path) as log, pytest.raises(MissingSignalError, match="holds no message"):
-        read_flag(log, "/adas/fcw", parse_condition("data==true"))
+        read_flag_from_topic(log, "/adas/fcw", parse_condition("data==true"))
 
 
 def test_without_states_there_is_nothing_to_judge_by(tmp_path: Path) -> None:
     path = bool_log(tmp_path / "a.mcap", [(1.0, 2.0)], 3.0)
     with Log.open(path) as log, pytest.raises(MissingSignalError, match="holds no states of the ego and the others"):
-        evaluate_log(log, system=parse_system(["warning=/adas/fcw:data==true"]))
+        evaluate_log(log, system=parse_other_system_options(["warning=/adas/fcw:data==true"]))
     with Log.open(path) as log, pytest.raises(UsageError, match="the log has no such topic") as caught:
-        evaluate_log(log, system=parse_system(["warning=/adas/fcx:data==true"]))
+        evaluate_log(log, system=parse_other_system_options(["warning=/adas/fcx:data==true"]))
     assert caught.value.found == ("/adas/fcw (std_msgs/msg/Bool)",)
 
 
@@ -333,5 +336,5 @@ def test_without_states_there_is_nothing_to_judge_by(tmp_path: Path) -> None:
 )
 def test_options_that_name_no_system(options: list[str], said: str) -> None:
     with pytest.raises(UsageError) as caught:
-        parse_system(options)
+        parse_other_system_options(options)
     assert said in str(caught.value)

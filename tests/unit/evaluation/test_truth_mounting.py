@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cwcli.estimation import EstimatorConfig, estimate_track
-from cwcli.estimation.summary import summarise, verdict_of
-from cwcli.evaluation.truth import TruthErrors, against_truth
-from cwcli.signals.build import build
+from cwcli.estimation.summary import ego_verdict_sentence, summarise_track
+from cwcli.evaluation.truth import TruthErrors, compare_track_with_truth
+from cwcli.signals.build import build_signal
 from cwcli.signals.columns import Columns
 from cwcli.signals.role import Role
 from tests.studies.city_drive import EPOCH_NS, city_drive, measure
@@ -30,8 +30,8 @@ def truth(**mounted: float) -> Columns:
 
 
 def errors_of(columns: Columns) -> TruthErrors:
-    signal, _ = build(Role.TRUTH, columns)
-    found = against_truth([signal], MEASURED, TRACK, None, None)
+    signal, _ = build_signal(Role.TRUTH, columns)
+    found = compare_track_with_truth([signal], MEASURED, TRACK, None, None)
     assert found is not None
     return found
 
@@ -42,9 +42,9 @@ def test_mounting_of_the_device_changes_no_error_and_no_verdict() -> None:
         assert turned.estimated_sigma == pytest.approx(plain.estimated_sigma, rel=1e-3), plain.name
     for before, after in zip(along.nees, mounted.nees, strict=True):
         assert after.per_dof == pytest.approx(before.per_dof, rel=0.01), before.name
-    summary = summarise(TRACK)
-    assert verdict_of(summary, mounted.nees) == verdict_of(summary, along.nees)
-    assert "covariance times" not in verdict_of(summary, mounted.nees)
+    summary = summarise_track(TRACK)
+    assert ego_verdict_sentence(summary, mounted.nees) == ego_verdict_sentence(summary, along.nees)
+    assert "covariance times" not in ego_verdict_sentence(summary, mounted.nees)
 
 
 def test_mounting_is_told_where_there_is_one() -> None:

@@ -10,8 +10,8 @@ import fsspec
 import pytest
 
 from cwcli.errors import InputError, OutputError, UsageError
-from cwcli.fleet.inputs import expand_sources, local_copy
-from cwcli.logs.read.remote import is_remote
+from cwcli.fleet.inputs import expand_sources, temporary_local_copy
+from cwcli.logs.read.remote import is_remote_url
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def test_a_file_of_that_very_name_is_no_pattern(logs: Path) -> None:
 
 def test_file_urls_are_files(logs: Path) -> None:
     ((source, path),) = expand_sources([f"file://{logs}/logs/a.mcap"])
-    assert not is_remote(source)
+    assert not is_remote_url(source)
     assert path == str((logs / "logs/a.mcap").resolve())
 
 
@@ -114,7 +114,7 @@ def test_memory_urls(tmp_path: Path) -> None:
         system.pipe_file(f"/drives/{name}.mcap", name.encode())
     assert sources("memory://drives/*.mcap") == ["memory:///drives/a.mcap", "memory:///drives/b.mcap"]
     assert sources("memory://drives/") == sources("memory://drives/*.mcap")
-    with local_copy("memory:///drives/a.mcap", tmp_path / "scratch", 1) as path:
+    with temporary_local_copy("memory:///drives/a.mcap", tmp_path / "scratch", 1) as path:
         assert path.read_bytes() == b"a"
         assert path.parent == tmp_path / "scratch"
     assert list((tmp_path / "scratch").iterdir()) == []
@@ -122,11 +122,17 @@ def test_memory_urls(tmp_path: Path) -> None:
 
 def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
     fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
-    with pytest.raises(RuntimeError), local_copy("memory:///drives/a.mcap", tmp_path, 1):
+    with pytest.raises(RuntimeError), temporary_local_copy("memory:///drives/a.mcap", tmp_path, 1):
         raise RuntimeError
-    with pytest.raises(InputError, match="can't be read"), local_copy("memory:///drives/gone.mcap", tmp_path, 1):
+    with (
+        pytest.raises(InputError, match="can't be read"),
+        temporary_local_copy("memory:///drives/gone.mcap", tmp_path, 1),
+    ):
         pass
-    with pytest.raises(InputError, match="more than 0 GB"), local_copy("memory:///drives/a.mcap", tmp_path, 0):
+    with (
+        pytest.raises(InputError, match="more than 0 GB"),
+        temporary_local_copy("memory:///drives/a.mcap", tmp_path, 0),
+    ):
         pass
     assert list(tmp_path.iterdir()) == []
 
@@ -134,5 +140,5 @@ def test_a_copy_goes_when_its_work_fails(tmp_path: Path) -> None:
 def test_a_copy_without_a_place(tmp_path: Path) -> None:
     fsspec.filesystem("memory").pipe_file("/drives/a.mcap", b"a")
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError), local_copy("memory:///drives/a.mcap", tmp_path / "file", 1):
+    with pytest.raises(OutputError), temporary_local_copy("memory:///drives/a.mcap", tmp_path / "file", 1):
         pass

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cwcli.fleet.names import log_ids, safe_name, topic_name
+from cwcli.fleet.names import safe_name, safe_topic_name, unique_log_ids
 
 SAFE = re.compile(r"[^\W_][^\x00-,/:-@\[-^`{-\x7f]{0,99}")
 """It begins with a letter or a digit and holds none of ASCII but letters, digits and `._-`."""
@@ -40,7 +40,7 @@ def is_safe(name: str) -> bool:
     ],
 )
 def test_plain_names_stay(source: str, expected: str) -> None:
-    assert log_ids([source]) == [expected]
+    assert unique_log_ids([source]) == [expected]
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_plain_names_stay(source: str, expected: str) -> None:
     ],
 )
 def test_hostile_names_become_safe(source: str) -> None:
-    (name,) = log_ids([source])
+    (name,) = unique_log_ids([source])
     assert is_safe(name)
     assert name.lower() not in ("con", "nul", "nan")
     assert Path("out", name).resolve().parent == Path("out").resolve()
@@ -78,7 +78,7 @@ def test_hostile_names_become_safe(source: str) -> None:
 @given(st.text(min_size=1, max_size=120))
 def test_any_text_becomes_safe(text: str) -> None:
     assert is_safe(safe_name(text))
-    assert is_safe(topic_name(text))
+    assert is_safe(safe_topic_name(text))
 
 
 @given(st.lists(st.text(alphabet="aA. _/-1é", min_size=1, max_size=8), unique=True, max_size=8))
@@ -86,28 +86,28 @@ def test_different_names_stay_different(texts: list[str]) -> None:
     names = [safe_name(text) for text in texts]
     plain = {text for text, name in zip(texts, names, strict=True) if text == name}
     assert len(set(names)) == len(texts) or any(f"log-{text}" in plain for text in texts)
-    assert len({name.casefold() for name in log_ids(texts)}) == len(texts)
+    assert len({name.casefold() for name in unique_log_ids(texts)}) == len(texts)
 
 
 def test_twins_get_their_folders_in_front() -> None:
-    ids = log_ids(["day1/drive.mcap", "day2/drive.mcap", "day2/other.mcap"])
+    ids = unique_log_ids(["day1/drive.mcap", "day2/drive.mcap", "day2/other.mcap"])
     assert ids == ["day1_drive", "day2_drive", "other"]
 
 
 def test_twins_deeper_down() -> None:
-    assert log_ids(["a/x/drive.mcap", "b/x/drive.mcap"]) == ["a_x_drive", "b_x_drive"]
+    assert unique_log_ids(["a/x/drive.mcap", "b/x/drive.mcap"]) == ["a_x_drive", "b_x_drive"]
 
 
 def test_names_that_differ_only_in_case() -> None:
-    first, second = log_ids(["Drive.mcap", "drive.mcap"])
+    first, second = unique_log_ids(["Drive.mcap", "drive.mcap"])
     assert first.casefold() != second.casefold()
 
 
 def test_made_name_against_a_real_one() -> None:
-    first, second = log_ids(["7.mcap", "logs/log-7.mcap"])
+    first, second = unique_log_ids(["7.mcap", "logs/log-7.mcap"])
     assert first != second
 
 
 def test_topics() -> None:
-    assert topic_name("/cwcli/ego/state") == "cwcli.ego.state"
-    assert len({topic_name(topic) for topic in ("/a/b", "/a.b", "a/b", "/a//b", "/a/b/")}) == 5
+    assert safe_topic_name("/cwcli/ego/state") == "cwcli.ego.state"
+    assert len({safe_topic_name(topic) for topic in ("/a/b", "/a.b", "a/b", "/a//b", "/a/b/")}) == 5

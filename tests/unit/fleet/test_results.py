@@ -11,17 +11,17 @@ import pytest
 from pyarrow import parquet
 
 from cwcli.errors import InputError
-from cwcli.fleet.results import read_metrics
-from cwcli.metrics.headline import Headline
+from cwcli.fleet.results import read_run_metrics
+from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import Table, write_table
-from cwcli.report.source import read_run
+from cwcli.report.source import read_reported_run
 
 
 def metrics_table(path: Path, **changed: Any) -> Path:
     """A table with one metric of one log; `changed` columns hold one other value."""
-    headline = Headline()
-    headline.add("ego.position_rmse_m", 1.0, 10.0)
-    table = headline.table()
+    headline = HeadlineCollector()
+    headline.add_from_sums("ego.position_rmse_m", 1.0, 10.0)
+    table = headline.to_table()
     write_table(Table("metrics", {"log": ["a"], **table.columns}), path, force=True)
     found = parquet.read_table(path, partitioning=None)
     for name, value in changed.items():
@@ -47,14 +47,14 @@ def metrics_table(path: Path, **changed: Any) -> Path:
 def test_columns_of_another_type_are_one_line(tmp_path: Path, changed: dict[str, Any]) -> None:
     path = metrics_table(tmp_path / "m.parquet", **changed)
     with pytest.raises(InputError, match="does not hold what it should") as error:
-        read_metrics(str(path))
+        read_run_metrics(str(path))
     assert error.value.where == str(path)
 
 
 def test_numbers_beyond_all_bounds_are_read(tmp_path: Path) -> None:
     for value in (float("nan"), float("inf"), 1e308, -1.0):
         path = metrics_table(tmp_path / "m.parquet", value=value, total=value, weight=value)
-        assert len(read_metrics(str(path)).logs) == 1
+        assert len(read_run_metrics(str(path)).logs) == 1
 
 
 def test_damaged_metrics_of_one_log_do_not_stop_the_report(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_damaged_metrics_of_one_log_do_not_stop_the_report(tmp_path: Path) -> No
         (tmp_path / f"metrics/log={name}").mkdir(parents=True)
     metrics_table(tmp_path / "metrics/log=a/metrics.parquet")
     (tmp_path / "metrics/log=b/metrics.parquet").write_bytes(b"PAR1")
-    whole, damaged = read_run(str(tmp_path)).entries
+    whole, damaged = read_reported_run(str(tmp_path)).entries
     assert (whole.has_failed, list(whole.metrics)) == (False, ["ego.position_rmse_m"])
     assert damaged.has_failed and "the metrics can't be read" in damaged.error["what"]
 
@@ -73,7 +73,7 @@ def test_an_empty_name_is_not_the_folder_where_one_is(tmp_path: Path, monkeypatc
     monkeypatch.chdir(tmp_path)
     metrics_table(tmp_path / "m.parquet")
     (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "logs": [{"id": "a"}]}))
-    for read in (read_metrics, read_run):
+    for read in (read_run_metrics, read_reported_run):
         assert read(".")
         with pytest.raises(InputError, match="the name of the run is empty"):
             read("")

@@ -11,16 +11,16 @@ from typing import Any
 
 import pytest
 
-from cwcli.cli.commands.run import default_options
+from cwcli.cli.commands.run import gather_default_options
 from cwcli.errors import OutputError, UsageError
 from cwcli.fleet import run as fleet_run
 from cwcli.fleet import worker
-from cwcli.fleet.folder import LogFolder, new_entry, read_document, write_document
+from cwcli.fleet.folder import LogFolder, new_entry, read_json_object, write_json_object
 from cwcli.fleet.local import WorkerDied
-from cwcli.fleet.plan import Plan, Task
+from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.run import run_fleet
-from cwcli.fleet.worker import work
-from cwcli.pipeline.call import Selection, StageCall, with_selection
+from cwcli.fleet.worker import process_log
+from cwcli.pipeline.call import Selection, StageCall, replace_selection
 from cwcli.stages import STAGES
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
@@ -28,87 +28,89 @@ EMPTY_SHA256 = hashlib.sha256(b"").hexdigest()
 
 
 @pytest.fixture
-def plan() -> Plan:
-    return default_options().plan(replace=False)
+def plan() -> FleetPlan:
+    return gather_default_options().fleet_plan(replace=False)
 
 
-def test_key_depends_on_what_decides_the_result(plan: Plan) -> None:
+def test_key_depends_on_what_decides_the_result(plan: FleetPlan) -> None:
     keys = {
-        plan.key("a"),
-        plan.key("b"),
-        dataclasses.replace(plan, strict=True).key("a"),
-        dataclasses.replace(plan, start="1").key("a"),
-        dataclasses.replace(plan, tables=True).key("a"),
-        dataclasses.replace(plan, stages=plan.stages[:1]).key("a"),
+        plan.cache_key("a"),
+        plan.cache_key("b"),
+        dataclasses.replace(plan, strict=True).cache_key("a"),
+        dataclasses.replace(plan, start="1").cache_key("a"),
+        dataclasses.replace(plan, tables=True).cache_key("a"),
+        dataclasses.replace(plan, stages=plan.stages[:1]).cache_key("a"),
         dataclasses.replace(
             plan, stages=(StageCall(STAGES["estimate"], dataclasses.replace(plan.stages[0].config, rate_hz=5)),)
-        ).key("a"),
+        ).cache_key("a"),
     }
     assert len(keys) == 7
-    assert dataclasses.replace(plan, pipeline={"gates": ["a < 1"]}).key("a") == plan.key("a")
-    assert default_options().plan(replace=False).key("a") == plan.key("a")
+    assert dataclasses.replace(plan, pipeline={"gates": ["a < 1"]}).cache_key("a") == plan.cache_key("a")
+    assert gather_default_options().fleet_plan(replace=False).cache_key("a") == plan.cache_key("a")
 
 
-def test_a_wider_bound_reruns_no_log_that_was_read_whole(plan: Plan) -> None:
+def test_a_wider_bound_reruns_no_log_that_was_read_whole(plan: FleetPlan) -> None:
     wider = dataclasses.replace(plan, max_pipe_bytes=2 * plan.max_pipe_bytes, max_ratio=2 * plan.max_ratio)
-    assert wider.key("a") == plan.key("a")
+    assert wider.cache_key("a") == plan.cache_key("a")
     recovered = dataclasses.replace(plan, recover=True)  # leaves out what a bound refuses: another bound, another log
-    assert dataclasses.replace(recovered, max_ratio=2 * plan.max_ratio).key("a") != recovered.key("a")
-    assert dataclasses.replace(recovered, max_pipe_bytes=1).key("a") == recovered.key("a")
+    assert dataclasses.replace(recovered, max_ratio=2 * plan.max_ratio).cache_key("a") != recovered.cache_key("a")
+    assert dataclasses.replace(recovered, max_pipe_bytes=1).cache_key("a") == recovered.cache_key("a")
 
 
-def test_every_configuration_takes_a_selection(plan: Plan) -> None:
+def test_every_configuration_takes_a_selection(plan: FleetPlan) -> None:
     selection = Selection(topics={"imu": "/imu"}, start_ns=1, end_ns=2)
     for call in plan.stages:
-        config: Any = with_selection(call.config, selection)
+        config: Any = replace_selection(call.config, selection)
         chosen = getattr(config, "sources", config)
         assert (chosen.topics, chosen.start_ns, chosen.end_ns) == ({"imu": "/imu"}, 1, 2)
 
 
-def test_a_bug_is_recorded_with_where_it_came_from(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bug_is_recorded_with_where_it_came_from(
+    plan: FleetPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def stumble(*arguments: Any, **settings: Any) -> None:
         raise KeyError("speed")
 
     monkeypatch.setattr(worker, "run_stages", stumble)
-    task = Task("s", "straight.mcap", str(SAMPLES / "straight.mcap"), str(tmp_path))
-    assert work(task, plan).status == "failed"
-    entry = LogFolder(tmp_path, "s").entry()
+    task = LogTask("s", "straight.mcap", str(SAMPLES / "straight.mcap"), str(tmp_path))
+    assert process_log(task, plan).status == "failed"
+    entry = LogFolder(tmp_path, "s").read_entry()
     assert entry is not None
     assert entry["error"]["exit_code"] == 70
     assert "KeyError" in entry["error"]["what"]
     assert any("in stumble" in frame for frame in entry["error"]["found"])
 
 
-def test_a_log_that_fails_leaves_nothing_of_an_earlier_run(plan: Plan, tmp_path: Path) -> None:
+def test_a_log_that_fails_leaves_nothing_of_an_earlier_run(plan: FleetPlan, tmp_path: Path) -> None:
     log = tmp_path / "s.mcap"
     log.write_bytes((SAMPLES / "straight.mcap").read_bytes())
-    task = Task("s", "s.mcap", str(log), str(tmp_path / "out"))
-    assert work(task, plan).status == "done"
+    task = LogTask("s", "s.mcap", str(log), str(tmp_path / "out"))
+    assert process_log(task, plan).status == "done"
     log.write_bytes(b"broken now")
-    assert work(task, plan).status == "failed"
+    assert process_log(task, plan).status == "failed"
     assert [path.name for path in (tmp_path / "out").rglob("*") if path.is_file()] == ["entry.json"]
 
 
-def test_a_renamed_log_is_not_done_again(plan: Plan, tmp_path: Path) -> None:
+def test_a_renamed_log_is_not_done_again(plan: FleetPlan, tmp_path: Path) -> None:
     out = str(tmp_path / "out")
-    assert work(Task("s", "old/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "done"
-    assert work(Task("s", "new/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "unchanged"
-    entry = LogFolder(tmp_path / "out", "s").entry()
+    assert process_log(LogTask("s", "old/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "done"
+    assert process_log(LogTask("s", "new/s.mcap", str(SAMPLES / "straight.mcap"), out), plan).status == "unchanged"
+    entry = LogFolder(tmp_path / "out", "s").read_entry()
     assert entry is not None and entry["source"] == "new/s.mcap"
 
 
 def test_a_log_whose_worker_died_is_in_the_manifest(
-    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plan: FleetPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(fleet_run, "run_local", lambda tasks, plan, jobs: ((task, WorkerDied()) for task in tasks))
     fleet = run_fleet([str(SAMPLES / "straight.mcap")], plan, tmp_path / "out")
     assert fleet.exit_code == 70
-    manifest = read_document(tmp_path / "out/manifest.json")
+    manifest = read_json_object(tmp_path / "out/manifest.json")
     assert manifest is not None
     assert "died twice" in manifest["logs"][0]["error"]["what"]
 
 
-def test_twins_from_two_folders_keep_apart(plan: Plan, tmp_path: Path) -> None:
+def test_twins_from_two_folders_keep_apart(plan: FleetPlan, tmp_path: Path) -> None:
     for day, sample in (("day1", "straight"), ("day2", "curve")):
         (tmp_path / day).mkdir()
         (tmp_path / day / "drive.mcap").write_bytes((SAMPLES / f"{sample}.mcap").read_bytes())
@@ -119,7 +121,7 @@ def test_twins_from_two_folders_keep_apart(plan: Plan, tmp_path: Path) -> None:
     assert len(hashes) == 2
 
 
-def test_ambiguous_position_is_an_error_of_the_log(plan: Plan, tmp_path: Path) -> None:
+def test_ambiguous_position_is_an_error_of_the_log(plan: FleetPlan, tmp_path: Path) -> None:
     from mcap.writer import Writer
 
     path = tmp_path / "two.mcap"
@@ -132,19 +134,19 @@ def test_ambiguous_position_is_an_error_of_the_log(plan: Plan, tmp_path: Path) -
             fix = {"timestamp": {"sec": 1, "nsec": 0}, "latitude": 51.0, "longitude": 13.0, "altitude": 0.0}
             writer.add_message(channel, 10**9, json.dumps(fix).encode(), 10**9)
         writer.finish()
-    assert work(Task("two", "two.mcap", str(path), str(tmp_path / "out")), plan).status == "failed"
-    entry = LogFolder(tmp_path / "out", "two").entry()
+    assert process_log(LogTask("two", "two.mcap", str(path), str(tmp_path / "out")), plan).status == "failed"
+    entry = LogFolder(tmp_path / "out", "two").read_entry()
     assert entry is not None
     assert entry["error"]["exit_code"] == 4
     assert "--topic ego_position=/a" in entry["error"]["hint"]
 
 
-def test_unfit_output_folder(plan: Plan, tmp_path: Path) -> None:
+def test_unfit_output_folder(plan: FleetPlan, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="on this machine"):
         run_fleet([str(SAMPLES / "straight.mcap")], plan, "s3://bucket/out")
 
 
-def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Plan, tmp_path: Path) -> None:
+def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: FleetPlan, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.mcap")
     fleet = run_fleet([str(tmp_path / "pipe.mcap"), "/dev/zero"], plan, tmp_path / "out", jobs=1)
     assert fleet.exit_code == 3
@@ -153,10 +155,10 @@ def test_what_is_no_file_is_an_error_of_its_log_and_never_waited_for(plan: Plan,
     assert what == {"pipe": pipe, "zero": pipe}
 
 
-def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: Plan, tmp_path: Path) -> None:
+def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: FleetPlan, tmp_path: Path) -> None:
     (tmp_path / "a.mcap").mkdir()
-    assert work(Task("a", "a.mcap", str(tmp_path / "a.mcap"), str(tmp_path / "out")), plan).status == "failed"
-    entry = LogFolder(tmp_path / "out", "a").entry()
+    assert process_log(LogTask("a", "a.mcap", str(tmp_path / "a.mcap"), str(tmp_path / "out")), plan).status == "failed"
+    entry = LogFolder(tmp_path / "out", "a").read_entry()
     assert entry is not None
     assert (entry["error"]["exit_code"], entry["error"]["what"]) == (3, "the folder holds no log")
 
@@ -177,24 +179,33 @@ def test_a_log_that_became_a_folder_is_an_error_of_its_log(plan: Plan, tmp_path:
     ],
     ids=json.dumps,
 )
-def test_a_log_whose_entry_was_tampered_with_is_done_again(plan: Plan, tmp_path: Path, damage: dict[str, Any]) -> None:
+def test_a_log_whose_entry_was_tampered_with_is_done_again(
+    plan: FleetPlan, tmp_path: Path, damage: dict[str, Any]
+) -> None:
     log = tmp_path / "log.mcap"
     log.write_bytes(b"")
     folder = LogFolder(tmp_path, "log")
-    folder.annotated.parent.mkdir(parents=True)
-    folder.annotated.write_bytes(b"annotated")
-    entry = {**new_entry("log", str(log)), "status": "done", "sha256": EMPTY_SHA256, "key": plan.key(EMPTY_SHA256)}
-    whole = folder.finish(entry, [folder.annotated])
-    assert folder.is_done(whole, plan.key(EMPTY_SHA256))
-    write_document({**whole, **damage}, folder.annotated.parent / "entry.json")
-    assert work(Task("log", str(log), str(log), str(tmp_path)), plan).status == "failed"  # it is an empty file
+    folder.annotated_log_path.parent.mkdir(parents=True)
+    folder.annotated_log_path.write_bytes(b"annotated")
+    entry = {
+        **new_entry("log", str(log)),
+        "status": "done",
+        "sha256": EMPTY_SHA256,
+        "key": plan.cache_key(EMPTY_SHA256),
+    }
+    whole = folder.write_entry(entry, [folder.annotated_log_path])
+    assert folder.is_done(whole, plan.cache_key(EMPTY_SHA256))
+    write_json_object({**whole, **damage}, folder.annotated_log_path.parent / "entry.json")
+    assert (
+        process_log(LogTask("log", str(log), str(log), str(tmp_path)), plan).status == "failed"
+    )  # it is an empty file
 
 
 def test_json_of_thousands_of_lists_is_no_document(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text("[" * 100_000)
-    assert read_document(tmp_path / "manifest.json") is None
+    assert read_json_object(tmp_path / "manifest.json") is None
 
 
-def test_a_folder_too_deep_to_make_is_an_output_error(plan: Plan, tmp_path: Path) -> None:
+def test_a_folder_too_deep_to_make_is_an_output_error(plan: FleetPlan, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="can't be made"):
         run_fleet([str(tmp_path / "log.mcap")], plan, tmp_path / ("b/" * 2000))

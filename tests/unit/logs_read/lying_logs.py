@@ -6,27 +6,27 @@ from collections.abc import Callable
 
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
-    ATTACHMENT_INDEX,
-    CHANNEL,
-    CHUNK_INDEX,
-    MAGIC,
-    METADATA_INDEX,
-    SCHEMA,
-    STATISTICS,
+    MCAP_MAGIC,
+    OPCODE_ATTACHMENT_INDEX,
+    OPCODE_CHANNEL,
+    OPCODE_CHUNK_INDEX,
+    OPCODE_METADATA_INDEX,
+    OPCODE_SCHEMA,
+    OPCODE_STATISTICS,
     ChunkIndex,
     Statistics,
     read_channel,
     read_chunk_index,
     read_footer,
-    read_prefix,
+    read_record_prefix,
     read_statistics,
 )
 
 
 def with_summary(data: bytes, summary: bytes) -> bytes:
     """A file of these records and this summary."""
-    start = len(data) + len(record_bytes.data_end())
-    return data + record_bytes.data_end() + summary + record_bytes.footer(start, 0, summary) + MAGIC
+    start = len(data) + len(record_bytes.encode_data_end())
+    return data + record_bytes.encode_data_end() + summary + record_bytes.encode_footer(start, 0, summary) + MCAP_MAGIC
 
 
 def retold(
@@ -37,25 +37,25 @@ def retold(
 ) -> bytes:
     """A log with other chunk indexes and statistics in its summary; the functions get the channels' ids by topic."""
     view = memoryview(data)
-    footer_at = len(data) - len(MAGIC) - len(record_bytes.footer(0, 0, b""))
-    _, start, end = read_prefix(view, footer_at, len(data))
+    footer_at = len(data) - len(MCAP_MAGIC) - len(record_bytes.encode_footer(0, 0, b""))
+    _, start, end = read_record_prefix(view, footer_at, len(data))
     summary_at = read_footer(view, start, end).summary_start
     records, at = [], summary_at
     while at < footer_at:
-        opcode, start, end = read_prefix(view, at, footer_at)
+        opcode, start, end = read_record_prefix(view, at, footer_at)
         records.append((opcode, start, end, bytes(view[at:end])))
         at = end
-    channels = [read_channel(view, start, end) for opcode, start, end, _ in records if opcode == CHANNEL]
+    channels = [read_channel(view, start, end) for opcode, start, end, _ in records if opcode == OPCODE_CHANNEL]
     ids = {channel.topic: channel.id for channel in channels}
     summary = b""
     for opcode, start, end, record in records:
-        if opcode == CHUNK_INDEX:
-            summary += record_bytes.chunk_index(chunk(read_chunk_index(view, start, end), ids))
-        elif opcode == STATISTICS:
-            summary += record_bytes.statistics(counted(read_statistics(view, start, end), ids))
-        elif opcode in (SCHEMA, CHANNEL, ATTACHMENT_INDEX, METADATA_INDEX):
+        if opcode == OPCODE_CHUNK_INDEX:
+            summary += record_bytes.encode_chunk_index(chunk(read_chunk_index(view, start, end), ids))
+        elif opcode == OPCODE_STATISTICS:
+            summary += record_bytes.encode_statistics(counted(read_statistics(view, start, end), ids))
+        elif opcode in (OPCODE_SCHEMA, OPCODE_CHANNEL, OPCODE_ATTACHMENT_INDEX, OPCODE_METADATA_INDEX):
             summary += record
-    return with_summary(data[: summary_at - len(record_bytes.data_end())], summary)
+    return with_summary(data[: summary_at - len(record_bytes.encode_data_end())], summary)
 
 
 def hiding(data: bytes, topic: str, *, n: int = 2) -> bytes:

@@ -83,7 +83,7 @@ def write_metadata(folder: Path, paths: Sequence[Path], counts: Sequence[int], *
 
 def seen(log: Log) -> dict[str, tuple[list[int], list[float]]]:
     """Topic -> log times and values of its messages."""
-    columns = log.load(dict.fromkeys(sorted({each.topic for each in log.channels})))
+    columns = log.load_topics(dict.fromkeys(sorted({each.topic for each in log.channels})))
     return {
         topic: (each.log_time_ns.tolist(), np.asarray(each.fields["value"]).tolist()) for topic, each in columns.items()
     }

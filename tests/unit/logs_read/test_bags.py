@@ -19,11 +19,11 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, InputError, OutputError
-from cwcli.logs.codecs.unpacked import unpacked_message
+from cwcli.logs.codecs.compressed_messages import decompress_message
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.logs.write.record_writer import RecordWriter
 from tests.unit.logs_read.part_builders import official
 
@@ -132,7 +132,7 @@ RECORDINGS: dict[str, Callable[[Path], Path]] = {
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_a_recording_of_any_kind_is_a_log(tmp_path: Path, kind: str) -> None:
     with Log.open(RECORDINGS[kind](tmp_path)) as log:
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
         assert {(each.topic, each.schema_name, each.message_count) for each in log.channels} == {
             ("/tf_static", TF, 1),
             ("/fix", FIX, N),
@@ -158,24 +158,24 @@ def test_packed_messages_that_are_damaged_or_too_large_are_counted_as_undecodabl
 ) -> None:
     folder = recording(tmp_path / "drive", StoragePlugin.MCAP, CompressionMode.MESSAGE)
     path = next(folder.glob("*.mcap"))
-    monkeypatch.setattr("cwcli.logs.codecs.unpacked.MAX_BYTES", 700)
-    monkeypatch.setattr("cwcli.logs.codecs.unpacked.MAX_TIMES", 0)
+    monkeypatch.setattr("cwcli.logs.codecs.compressed_messages.MAX_DECOMPRESSED_BATCH_BYTES", 700)
+    monkeypatch.setattr("cwcli.logs.codecs.compressed_messages.MAX_BATCH_COMPRESSION_RATIO", 0)
     with Log.open(path) as log:
         fixes = log.columns("/fix")
         assert 0 < len(fixes) < N
         assert len(fixes) + fixes.n_undecodable == N
     broken = b"\x28\xb5\x2f\xfd broken"
-    assert unpacked_message(broken) == broken
-    assert unpacked_message(zstandard.compress(b"\0" * 1000), 999)[:4] == broken[:4]
-    assert unpacked_message(zstandard.compress(b"\0" * 1000), 1000) == b"\0" * 1000
-    assert unpacked_message(memoryview(b"\0\1\0\0")) == b"\0\1\0\0"
+    assert decompress_message(broken) == broken
+    assert decompress_message(zstandard.compress(b"\0" * 1000), 999)[:4] == broken[:4]
+    assert decompress_message(zstandard.compress(b"\0" * 1000), 1000) == b"\0" * 1000
+    assert decompress_message(memoryview(b"\0\1\0\0")) == b"\0\1\0\0"
 
 
 def test_the_annotated_bag_is_a_log_of_ros_2(tmp_path: Path) -> None:
     path = bag(tmp_path / "drive.bag")
     with Log.open(path) as log:
         assert log.begin_sha256().result() == hashlib.sha256(path.read_bytes()).hexdigest()
-        annotate(log, (), {}, tmp_path / "drive.mcap")
+        annotate_log(log, (), {}, tmp_path / "drive.mcap")
     found = list(official(tmp_path / "drive.mcap"))
     assert [(topic, schema) for topic, schema, _, _ in found[:3]] == [("/tf_static", TF), ("/fix", FIX), ("/imu", IMU)]
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -194,7 +194,7 @@ def test_bags_are_parts_of_a_log_too(tmp_path: Path) -> None:
 def test_no_output_overwrites_the_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = bag(tmp_path / "drive.bag")
     before = path.read_bytes()
-    assert run(["estimate", str(path), "-o", str(path), "--force"]) != 0
+    assert run_command_line(["estimate", str(path), "-o", str(path), "--force"]) != 0
     assert "the input itself" in capsys.readouterr().err
     assert path.read_bytes() == before
 
@@ -204,7 +204,7 @@ def test_without_the_library_one_line_names_it(
 ) -> None:
     path = bag(tmp_path / "drive.bag")
     monkeypatch.setitem(sys.modules, "rosbags.rosbag1", None)
-    assert run(["info", str(path)]) == EXIT_USAGE
+    assert run_command_line(["info", str(path)]) == EXIT_USAGE
     said = capsys.readouterr().err
     assert said.startswith(f"error: {path}: ROS 1 bags need a package that is not installed")
     assert "pip install 'cwcli-drive[bags]'" in said

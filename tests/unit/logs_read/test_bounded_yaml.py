@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 import yaml
 
-from cwcli.logs.read.bounded_yaml import Size, check_events, load_yaml
-from cwcli.logs.read.recording import Listing, read_listing
+from cwcli.logs.read.bounded_yaml import ExpandedSize, load_yaml, measure_expanded_size
+from cwcli.logs.read.recording import RecordingListing, read_recording_listing
 
 BOUNDS = {"max_nodes": 1000, "max_chars": 1000, "max_depth": 10}
 MAX_PEAK_BYTES = 20_000_000
 """Of which 16 MB are the buffer into which a metadata.yaml of any size is read."""
-NOT_UNDERSTOOD = Listing(faults={"metadata.yaml that can't be understood": 1})
+NOT_UNDERSTOOD = RecordingListing(faults={"metadata.yaml that can't be understood": 1})
 
 
 def bomb(levels: int, width: int = 9) -> str:
@@ -26,8 +26,8 @@ def bomb(levels: int, width: int = 9) -> str:
     return "\n".join(lines) + "\n"
 
 
-def size(text: str) -> Size:
-    return check_events(yaml.parse(text, yaml.SafeLoader), max_nodes=10**9, max_chars=10**9, max_depth=64)
+def size(text: str) -> ExpandedSize:
+    return measure_expanded_size(yaml.parse(text, yaml.SafeLoader), max_nodes=10**9, max_chars=10**9, max_depth=64)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def size(text: str) -> Size:
     ],
 )
 def test_size_is_that_of_the_document_with_every_alias_written_out(text: str, nodes: int, chars: int) -> None:
-    assert size(text) == Size(nodes, chars)
+    assert size(text) == ExpandedSize(nodes, chars)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_no_more_events_are_taken_than_the_bounds_allow() -> None:
             yield event
 
     with pytest.raises(ValueError, match="too much"):
-        check_events(events(), **BOUNDS)
+        measure_expanded_size(events(), **BOUNDS)
     assert taken == 2 + BOUNDS["max_nodes"] + 1  # stream and document begin, and the first node beyond the bound
 
 
@@ -90,7 +90,7 @@ def test_an_alias_that_stands_for_little_is_read(tmp_path: Path) -> None:
     """PyYAML writes a list that occurs twice as an anchor and an alias."""
     path = tmp_path / "metadata.yaml"
     path.write_text(f"x: &names [a_0.mcap, a_1.mcap]\n{INFORMATION}  relative_file_paths: *names\n")
-    assert read_listing(str(path)) == Listing({"a_0.mcap": None, "a_1.mcap": None}, 7)
+    assert read_recording_listing(str(path)) == RecordingListing({"a_0.mcap": None, "a_1.mcap": None}, 7)
 
 
 @pytest.mark.parametrize(
@@ -107,10 +107,10 @@ def test_an_alias_that_stands_for_little_is_read(tmp_path: Path) -> None:
 def test_a_metadata_that_stands_for_too_much_costs_little_memory(tmp_path: Path, text: str) -> None:
     path = tmp_path / "metadata.yaml"
     path.write_text(text)
-    read_listing(str(path))  # imports take memory once
+    read_recording_listing(str(path))  # imports take memory once
     tracemalloc.start()
     try:
-        assert read_listing(str(path)) == NOT_UNDERSTOOD
+        assert read_recording_listing(str(path)) == NOT_UNDERSTOOD
         assert tracemalloc.get_traced_memory()[1] < MAX_PEAK_BYTES
     finally:
         tracemalloc.stop()
@@ -122,4 +122,4 @@ def test_a_count_is_a_number_or_unknown(tmp_path: Path, written: str, read: int 
     path.write_text(
         f"rosbag2_bagfile_information:\n  relative_file_paths: [a.mcap]\n  message_count: {written}\n  files: null\n"
     )
-    assert read_listing(str(path)) == Listing({"a.mcap": None}, read)
+    assert read_recording_listing(str(path)) == RecordingListing({"a.mcap": None}, read)

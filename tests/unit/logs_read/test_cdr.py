@@ -13,8 +13,8 @@ from mcap_ros2._dynamic import MessageSpecification, _for_each_msgdef, _write_co
 
 from cwcli.errors import InputError
 from cwcli.logs.codecs.cdr import CdrDecoder
-from cwcli.logs.codecs.ros2msg import SchemaError, parse_definitions
-from cwcli.logs.codecs.slots import Payloads
+from cwcli.logs.codecs.column_buffers import Payloads
+from cwcli.logs.codecs.ros2msg import SchemaError, parse_message_definitions
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Ragged, Strings
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
@@ -140,9 +140,9 @@ def payloads_of(messages: list[bytes]) -> Payloads:
 def decoded(text: str, payloads: Payloads, fields: list[str] | None) -> Any:
     """All messages, which must be decodable."""
     decoder = CdrDecoder("test_msgs/Root", text.encode(), fields)
-    decoder.add(payloads)
+    decoder.decode_batch(payloads)
     assert decoder.outcome().is_ok.all()
-    return decoder.finish(np.arange(len(payloads)))
+    return decoder.build_columns(np.arange(len(payloads)))
 
 
 def test_column_types_follow_from_the_definition() -> None:
@@ -198,11 +198,11 @@ def test_every_cut_of_a_message_is_undecodable() -> None:
     text = "string name\nfloat64[] values\nuint16 last\n"
     whole = encode("test_msgs/Root", text, {"name": "abc", "values": [1.0, 2.0], "last": 5})
     decoder = CdrDecoder("test_msgs/Root", text.encode(), None)
-    decoder.add(payloads_of([whole[:cut] for cut in range(len(whole))] + [whole]))
+    decoder.decode_batch(payloads_of([whole[:cut] for cut in range(len(whole))] + [whole]))
     outcome = decoder.outcome()
     assert outcome.is_ok.tolist() == [False] * len(whole) + [True]
     assert sum(outcome.reasons.values()) == len(whole)
-    columns = decoder.finish(np.array([len(whole)]))
+    columns = decoder.build_columns(np.array([len(whole)]))
     assert columns["values"].values.tolist() == [1.0, 2.0]
     assert columns["last"].tolist() == [5]
 
@@ -210,7 +210,7 @@ def test_every_cut_of_a_message_is_undecodable() -> None:
 @pytest.mark.parametrize("text", ["string s\nuint8 b\n", "uint8[] s\nuint8 b\n", "float64[] s\n", "string[] s\n"])
 def test_huge_length_in_a_message_is_undecodable(text: str) -> None:
     decoder = CdrDecoder("test_msgs/Root", text.encode(), ["s"])
-    decoder.add(payloads_of([b"\0\1\0\0" + b"\xff" * 4 + b"\0" * 16, b"\0\1\0\0\xff\xff\xff\x7f" + b"\0" * 9]))
+    decoder.decode_batch(payloads_of([b"\0\1\0\0" + b"\xff" * 4 + b"\0" * 16, b"\0\1\0\0\xff\xff\xff\x7f" + b"\0" * 9]))
     assert not decoder.outcome().is_ok.any()
 
 
@@ -234,7 +234,7 @@ def test_plain_cdr2_aligns_to_four_bytes() -> None:
 @pytest.mark.parametrize("kind", [2, 3, 8, 9, 10, 11, 200])
 def test_other_encapsulations_are_undecodable(kind: int) -> None:
     decoder = CdrDecoder("test_msgs/Root", b"uint8 a\n", None)
-    decoder.add(payloads_of([bytes([0, kind, 0, 0, 5])]))
+    decoder.decode_batch(payloads_of([bytes([0, kind, 0, 0, 5])]))
     assert decoder.outcome().reasons == {"its encapsulation is not plain CDR": 1}
 
 
@@ -267,7 +267,7 @@ def test_schema_that_can_not_be_used_is_an_error_that_names_the_channel(tmp_path
 def test_definitions_with_constants_defaults_bounds_and_comments() -> None:
     text = "# top\nint32 LIMIT=5 # five\nint32 a 3\nstring<=5 b 'x = y'\t# text\nint8[<=3] c [1, 2]\r\n"
     text += "Header header\nmsg/Deep d\n"
-    root, definitions = parse_definitions("pkg/msg/Root", text)
+    root, definitions = parse_message_definitions("pkg/msg/Root", text)
     assert root == "pkg/Root"
     assert [(each.name, each.type, each.is_sequence, each.length) for each in definitions[root]] == [
         ("a", "int32", False, None),
@@ -298,13 +298,13 @@ def test_array_longer_than_the_messages_is_not_allocated() -> None:
     schema = b"float64[16000000] latitude\n"
     decoder = CdrDecoder("test_msgs/msg/Huge", schema, None, n_expected=1_000_000)
     starts = 100 * np.arange(500)
-    decoder.add(Payloads(np.zeros(50_000, np.uint8), starts, starts + 100))
+    decoder.decode_batch(Payloads(np.zeros(50_000, np.uint8), starts, starts + 100))
     outcome = decoder.outcome()
     assert not outcome.is_ok.any()
     assert outcome.reasons == {"the message ends before its fields do": 500}
-    assert decoder.finish(np.zeros(0, np.int64))["latitude"].shape == (0, 16_000_000)
+    assert decoder.build_columns(np.zeros(0, np.int64))["latitude"].shape == (0, 16_000_000)
 
 
 def test_array_of_four_thousand_million_elements_is_an_error() -> None:
     with pytest.raises(SchemaError, match="too long"):
-        parse_definitions("test_msgs/msg/Huge", "float64[4000000000] latitude\n")
+        parse_message_definitions("test_msgs/msg/Huge", "float64[4000000000] latitude\n")

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError, OutputError
-from cwcli.input import InputFile, check_unchanged, inputs_below, note_input, read_file, remembering_inputs
+from cwcli.input import InputFile, check_unchanged, names_of_inputs_in_folder, note_input, read_file, remember_inputs
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
-from cwcli.output import Together, check_target, write_file
+from cwcli.logs.write.annotate import annotate_log
+from cwcli.output import AtomicGroup, check_target, write_file
 from tests.unit.logs_read.builders import small_log
 from tests.unit.logs_write.builders import state_channel
 
@@ -71,7 +71,7 @@ def test_a_changed_log_is_not_annotated(path: Path, change: Callable[[Path], Non
     log = Log.open(path)
     change(path)
     with pytest.raises(InputError, match=f"{CHANGED}|became shorter"):
-        annotate(log, [state_channel()], {}, target)
+        annotate_log(log, [state_channel()], {}, target)
     assert not target.exists()
     log.close()
 
@@ -80,8 +80,8 @@ def test_a_changed_log_is_not_annotated(path: Path, change: Callable[[Path], Non
 def test_a_change_before_the_output_gets_its_name_is_told(path: Path, change: Callable[[Path], None]) -> None:
     target = path.with_name("out.mcap")
     log = Log.open(path)
-    with pytest.raises(InputError, match=CHANGED), Together() as together:
-        annotate(log, [state_channel()], {}, target, together=together)
+    with pytest.raises(InputError, match=CHANGED), AtomicGroup() as together:
+        annotate_log(log, [state_channel()], {}, target, together=together)
         change(path)
     assert not target.exists()
     log.close()
@@ -154,19 +154,19 @@ def test_a_file_that_a_run_has_read_is_no_target(tmp_path: Path) -> None:
     source, link = tmp_path / "a.toml", tmp_path / "b.toml"
     source.write_bytes(b"mine")
     link.hardlink_to(source)
-    with remembering_inputs():
+    with remember_inputs():
         assert read_file(source) == b"mine"
-        assert inputs_below(tmp_path) == [str(source)]
+        assert names_of_inputs_in_folder(tmp_path) == [str(source)]
         with pytest.raises(OutputError, match="the input itself"):
             write_file(link, b"new", force=True)
-        with remembering_inputs(), pytest.raises(OutputError, match="the input itself"):
+        with remember_inputs(), pytest.raises(OutputError, match="the input itself"):
             check_target(source, force=True)
     write_file(link, b"new", force=True)
     assert source.read_bytes() == b"mine"
 
 
 def test_a_run_minds_the_logs_that_are_open(path: Path) -> None:
-    with remembering_inputs():
+    with remember_inputs():
         log = Log.open(path)
         overwrite(path)
         with pytest.raises(InputError, match=CHANGED):
@@ -177,20 +177,20 @@ def test_a_run_minds_the_logs_that_are_open(path: Path) -> None:
 
 
 def test_what_nobody_can_read_is_not_remembered(tmp_path: Path) -> None:
-    with remembering_inputs():
+    with remember_inputs():
         note_input(tmp_path / "none")
         note_input("a\0b")
         note_input(tmp_path)
-        assert inputs_below(tmp_path.parent) == []
+        assert names_of_inputs_in_folder(tmp_path.parent) == []
 
 
 def test_a_change_behind_the_last_read_is_nobodys_matter(path: Path) -> None:
     target = path.with_name("out.mcap")
     with Log.open(path) as log:
-        annotate(log, [state_channel()], {}, target)
+        annotate_log(log, [state_channel()], {}, target)
         overwrite(path)
     assert target.exists()
     with pytest.raises(InputError, match=CHANGED), Log.open(path) as log:
-        annotate(log, [state_channel()], {}, target, force=True)
+        annotate_log(log, [state_channel()], {}, target, force=True)
         overwrite(path)
         log.columns("/fix")

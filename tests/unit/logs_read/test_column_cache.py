@@ -23,14 +23,14 @@ def test_a_later_stage_gets_the_same_columns() -> None:
     with Log.open(LOG) as log:
         topic = a_topic(log)
         first = log.columns(topic, ["header.stamp.sec"])
-        later = log.with_channels([]).load({topic: ("header.stamp.sec",)})[topic]
+        later = log.with_channels([]).load_topics({topic: ("header.stamp.sec",)})[topic]
         assert later is first
         assert log.columns(topic, []) is not first  # of other fields more or fewer messages may be readable
         assert log.columns(topic) is not log.columns(topic)
 
 
 def test_long_topics_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(column_cache, "MAX_ROWS", 10)
+    monkeypatch.setattr(column_cache, "MAX_CACHED_ROWS", 10)
     with Log.open(LOG) as log:
         topic = a_topic(log)
         assert log.columns(topic, []) is not log.columns(topic, [])

@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from tests.unit.logs_read.conformance import CONTENTS, PAYLOAD, SHA256, Content, every_file
 
 FILES = {name: (content, data) for name, content, data in every_file()}
@@ -23,9 +23,9 @@ def messages(log: Log) -> Rows:
     reader = MessageReader(log.file, log._index, log.faults, recover=log.recover, verify=True)
     return [
         (int(sequence), log_time_ns, int(publish_time_ns), bytes(payload))
-        for batch in reader.batches([channel.id for channel in log.channels])
+        for batch in reader.iter_batches([channel.id for channel in log.channels])
         for sequence, publish_time_ns, (log_time_ns, payload) in zip(
-            batch.sequence, batch.publish_time_ns, batch.messages(), strict=True
+            batch.sequence, batch.publish_time_ns, batch.iter_messages(), strict=True
         )
     ]
 
@@ -37,7 +37,7 @@ def check(path: Path, content: Content, *, recover: bool) -> None:
         assert [channel.topic for channel in log.channels] == ["example"] * bool(content.messages)
         assert [each.name for each in log.attachments] == ["myFile"] * content.has_attachment
         assert list(log.metadata) == [("myMetadata", {"foo": "bar"})] * content.has_metadata
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
 
 
 def test_files_are_those_that_are_published() -> None:
@@ -58,7 +58,7 @@ def test_every_file_is_read_and_copied(tmp_path: Path, content: str, recover: bo
         source.write_bytes(data)
         check(source, expected, recover=recover)
         with Log.open(source, recover=recover) as log:
-            report = annotate(log, [], {}, target, force=True, durable=False)
+            report = annotate_log(log, [], {}, target, force=True, durable=False)
         assert (report.n_chunks_lost, report.n_bytes_lost) == (0, 0), name
         check(target, expected, recover=False)
         with target.open("rb") as stream:

@@ -14,16 +14,16 @@ from mcap.writer import CompressionType
 from cwcli.errors import CwcliError, InputError
 from cwcli.logs.format import record_bytes
 from cwcli.logs.format.records import (
-    CHUNK,
-    CHUNK_INDEX,
-    DATA_END,
-    FOOTER,
-    MAGIC,
-    MESSAGE,
-    MESSAGE_INDEX,
+    MCAP_MAGIC,
+    OPCODE_CHUNK,
+    OPCODE_CHUNK_INDEX,
+    OPCODE_DATA_END,
+    OPCODE_FOOTER,
+    OPCODE_MESSAGE,
+    OPCODE_MESSAGE_INDEX,
     read_chunk,
     read_chunk_index,
-    read_prefix,
+    read_record_prefix,
 )
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Columns
@@ -36,7 +36,7 @@ COMPRESSIONS = {name: LAYOUTS[name] for name in ("zstd", "lz4", "uncompressed", 
 def read_all(path: Path, *, recover: bool = False) -> tuple[dict[str, Columns], Log]:
     """Every topic."""
     with Log.open(path, recover=recover) as log:
-        return log.load({channel.topic: None for channel in log.channels}), log
+        return log.load_topics({channel.topic: None for channel in log.channels}), log
 
 
 def latitudes(loaded: dict[str, Columns]) -> list[float]:
@@ -48,7 +48,7 @@ def records(data: bytes) -> Iterator[tuple[int, int, int, int]]:
     """Opcode, offset, content start and end of every top-level record."""
     view, at = memoryview(data), 8
     while at < len(data) - 8:
-        opcode, start, end = read_prefix(view, at, len(data))
+        opcode, start, end = read_record_prefix(view, at, len(data))
         yield opcode, at, start, end
         at = end
 
@@ -105,13 +105,15 @@ def test_flipped_bytes_give_a_known_error_or_intact_messages(tmp_path: Path, nam
         if has_crc and not log.faults.data_crc_mismatch:
             assert set(found) <= expected
         if has_crc and len(found) < N and name not in ("no statistics", "no summary"):
-            assert recover and log.faults.counts(), at
+            assert recover and log.faults.counts_by_reason(), at
 
 
 @pytest.mark.parametrize("name", ["zstd", "lz4", "uncompressed"])
 def test_flipped_byte_in_a_chunk_costs_that_chunk_alone(tmp_path: Path, name: str) -> None:
     data = small_log(N, **COMPRESSIONS[name])
-    chunks = [read_chunk(memoryview(data), start, end) for opcode, _, start, end in records(data) if opcode == CHUNK]
+    chunks = [
+        read_chunk(memoryview(data), start, end) for opcode, _, start, end in records(data) if opcode == OPCODE_CHUNK
+    ]
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, chunks[1].data_start + chunks[1].data_length // 2))
     with pytest.raises(InputError, match="chunk") as caught:
@@ -128,19 +130,19 @@ def test_flipped_byte_in_a_chunk_costs_that_chunk_alone(tmp_path: Path, name: st
 
 def test_flipped_byte_in_an_unchunked_file_fails_the_crc_of_all_messages(tmp_path: Path) -> None:
     data = small_log(N, **LAYOUTS["unchunked with a CRC"])
-    start = next(start for opcode, _, start, _ in records(data) if opcode == MESSAGE)
+    start = next(start for opcode, _, start, _ in records(data) if opcode == OPCODE_MESSAGE)
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, start + 60))
     with pytest.raises(InputError, match="CRC of its messages"):
         read_all(path)
     loaded, log = read_all(path, recover=True)
     assert [len(columns) for columns in loaded.values()] == [N, N]
-    assert log.faults.counts() == {"CRC of all messages wrong": 1}
+    assert log.faults.counts_by_reason() == {"CRC of all messages wrong": 1}
 
 
 def test_flipped_crc_alone_is_a_crc_mismatch(tmp_path: Path) -> None:
     data = small_log(N)
-    first = next(start for opcode, _, start, _ in records(data) if opcode == CHUNK)
+    first = next(start for opcode, _, start, _ in records(data) if opcode == OPCODE_CHUNK)
     path = tmp_path / "log.mcap"
     path.write_bytes(flipped(data, first + 24))
     with pytest.raises(InputError, match="CRC"):
@@ -155,17 +157,17 @@ def test_flipped_byte_in_a_message_index_is_counted_and_harms_nobody(tmp_path: P
     path = tmp_path / "log.mcap"
     path.write_bytes(data)
     expected = latitudes(read_all(path)[0])
-    offsets = [start for opcode, _, start, _ in records(data) if opcode == MESSAGE_INDEX]
+    offsets = [start for opcode, _, start, _ in records(data) if opcode == OPCODE_MESSAGE_INDEX]
     for shift in (0, 3, 8, 14):  # channel, length, a time, an offset
         path.write_bytes(flipped(data, offsets[0] + shift))
         loaded, log = read_all(path)
         assert latitudes(loaded) == expected
-        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
+        assert log.faults.counts_by_reason() == {"message indexes that differ from their chunk": 1}
 
 
 def test_index_entry_that_points_outside_the_chunk_is_counted(tmp_path: Path) -> None:
     data = bytearray(small_log(N))
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == MESSAGE_INDEX)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_MESSAGE_INDEX)
     struct.pack_into("<Q", data, start + 6 + 8, 1 << 62)
     path = tmp_path / "log.mcap"
     path.write_bytes(bytes(data))
@@ -179,7 +181,7 @@ def test_chunk_index_that_points_outside_the_file_is_an_error(tmp_path: Path) ->
     path = tmp_path / "log.mcap"
     for field_at in (16, 24):  # chunk start, chunk length
         broken = bytearray(data)
-        start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == CHUNK_INDEX)
+        start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK_INDEX)
         struct.pack_into("<Q", broken, start + field_at, 1 << 62)
         path.write_bytes(bytes(broken))
         with pytest.raises(InputError, match="outside the file") as caught:
@@ -200,29 +202,29 @@ def test_flipped_byte_in_the_summary_is_an_error_and_recover_reads_everything(tm
             read_all(path)
         loaded, log = read_all(path, recover=True)
         assert [len(columns) for columns in loaded.values()] == [N, N]
-        assert log.faults.counts() == {"summary damaged": 1}
+        assert log.faults.counts_by_reason() == {"summary damaged": 1}
 
 
 HUGE = 1 << 63
 
 
 def huge_record_length(data: bytearray) -> None:
-    at = next(at for opcode, at, _, _ in records(bytes(data)) if opcode == CHUNK)
+    at = next(at for opcode, at, _, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
     struct.pack_into("<Q", data, at + 1, HUGE)
 
 
 def huge_chunk_size(data: bytearray) -> None:
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == CHUNK)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
     struct.pack_into("<Q", data, start + 16, HUGE)
     for opcode, _, index_start, end in list(records(bytes(data))):
-        if opcode == CHUNK_INDEX:
+        if opcode == OPCODE_CHUNK_INDEX:
             index = read_chunk_index(memoryview(bytes(data)), index_start, end)
             if index.chunk_start == start - 9:
                 struct.pack_into("<Q", data, end - 8, HUGE)
 
 
 def huge_stored_size(data: bytearray) -> None:
-    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == CHUNK)
+    start = next(start for opcode, _, start, _ in records(bytes(data)) if opcode == OPCODE_CHUNK)
     chunk = read_chunk(memoryview(bytes(data)), start, len(data))
     struct.pack_into("<Q", data, chunk.data_start - 8, HUGE)
 
@@ -244,7 +246,7 @@ def test_declared_size_of_two_to_the_63_is_not_allocated(tmp_path: Path, damage:
         read_all(path)
     loaded, log = read_all(path, recover=True)
     assert 0 < len(loaded["/fix"]) <= N
-    assert log.faults.counts()
+    assert log.faults.counts_by_reason()
 
 
 def test_huge_counts_in_the_statistics_are_not_allocated(tmp_path: Path) -> None:
@@ -263,10 +265,10 @@ def test_record_in_a_chunk_of_two_to_the_63_bytes_is_an_error(tmp_path: Path) ->
     chunk = next(
         read_chunk(memoryview(bytes(data)), start, end)
         for opcode, _, start, end in records(bytes(data))
-        if opcode == CHUNK
+        if opcode == OPCODE_CHUNK
     )
     at = chunk.data_start
-    while data[at] != MESSAGE:
+    while data[at] != OPCODE_MESSAGE:
         at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
     struct.pack_into("<Q", data, at + 1, HUGE)
     path = tmp_path / "log.mcap"
@@ -315,9 +317,9 @@ def test_unknown_compression_is_named(tmp_path: Path) -> None:
 
 def test_message_index_that_is_missing_costs_no_message_where_no_summary_counts(tmp_path: Path) -> None:
     data = small_log(N)
-    indexes = [(at, end) for opcode, at, _, end in records(data) if opcode == MESSAGE_INDEX]
-    end = next(end for opcode, _, _, end in records(data) if opcode == DATA_END)
-    footer = record_bytes.footer(0, 0, b"") + MAGIC
+    indexes = [(at, end) for opcode, at, _, end in records(data) if opcode == OPCODE_MESSAGE_INDEX]
+    end = next(end for opcode, _, _, end in records(data) if opcode == OPCODE_DATA_END)
+    footer = record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
     path = tmp_path / "log.mcap"
     for start, stop in indexes[1:4]:
         path.write_bytes(data[:start] + data[stop:end] + footer)
@@ -326,14 +328,16 @@ def test_message_index_that_is_missing_costs_no_message_where_no_summary_counts(
                 assert len(log.columns(topic)) == N
 
 
-@pytest.mark.parametrize("opcode", [DATA_END, FOOTER])
+@pytest.mark.parametrize("opcode", [OPCODE_DATA_END, OPCODE_FOOTER])
 def test_end_record_amid_the_data_is_damage(tmp_path: Path, opcode: int) -> None:
     """One damaged byte: a message index behind the second chunk has become the end of the data, or of the file."""
     data = small_log(N)
-    at = [at for kind, at, _, _ in records(data) if kind == MESSAGE_INDEX][2]
-    end = next(end for kind, _, _, end in records(data) if kind == DATA_END)
+    at = [at for kind, at, _, _ in records(data) if kind == OPCODE_MESSAGE_INDEX][2]
+    end = next(end for kind, _, _, end in records(data) if kind == OPCODE_DATA_END)
     path = tmp_path / "log.mcap"
-    path.write_bytes(data[:at] + bytes([opcode]) + data[at + 1 : end] + record_bytes.footer(0, 0, b"") + MAGIC)
+    path.write_bytes(
+        data[:at] + bytes([opcode]) + data[at + 1 : end] + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
+    )
     with pytest.raises(InputError, match=f"damaged at byte {at}"):
         read_all(path)
     assert latitudes(read_all(path, recover=True)[0]) == [48.0 + k for k in range(N)]
@@ -341,11 +345,11 @@ def test_end_record_amid_the_data_is_damage(tmp_path: Path, opcode: int) -> None
 
 def test_chunk_that_declares_no_content_is_damage(tmp_path: Path) -> None:
     data = small_log(N)
-    start = [start for kind, _, start, _ in records(data) if kind == CHUNK][1]
-    end = next(end for kind, _, _, end in records(data) if kind == DATA_END)
+    start = [start for kind, _, start, _ in records(data) if kind == OPCODE_CHUNK][1]
+    end = next(end for kind, _, _, end in records(data) if kind == OPCODE_DATA_END)
     path = tmp_path / "log.mcap"
     changed = data[: start + 16] + bytes(8) + data[start + 24 : end]
-    path.write_bytes(changed + record_bytes.footer(0, 0, b"") + MAGIC)
+    path.write_bytes(changed + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC)
     with pytest.raises(InputError, match="instead of the declared 0"):
         read_all(path)
     loaded, log = read_all(path, recover=True)

@@ -16,9 +16,9 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.writer import CompressionType
 
 from cwcli.errors import InputError
-from cwcli.logs.read.frames import BAD_BASE64, MAX_FRAMES_AT_ONCE
+from cwcli.logs.read.frames import BAD_BASE64_REASON, MAX_FRAMES_PER_BATCH
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.schemas import message_schema
+from cwcli.logs.write.schemas import find_message_schema
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes, small_log
 from tests.unit.logs_read.official import read_officially
 
@@ -34,7 +34,7 @@ RAW = (
 
 def declared(name: str) -> Declared:
     """A protobuf camera channel of a standard schema."""
-    return Declared("/camera", "protobuf", name, "protobuf", message_schema(name).data)
+    return Declared("/camera", "protobuf", name, "protobuf", find_message_schema(name).data)
 
 
 def compressed_cdr(k: int, data: bytes) -> bytes:
@@ -45,7 +45,7 @@ def compressed_cdr(k: int, data: bytes) -> bytes:
 
 def foxglove(name: str, k: int, **values: Any) -> bytes:
     """A message of a standard protobuf schema."""
-    message = GetMessageClass(message_schema(name).descriptor)(frame_id="cam", **values)
+    message = GetMessageClass(find_message_schema(name).descriptor)(frame_id="cam", **values)
     message.timestamp.FromNanoseconds(T0_NS + k)
     return message.SerializeToString()
 
@@ -120,7 +120,7 @@ def test_json_image_is_base64_and_bad_ones_are_counted(tmp_path: Path) -> None:
         frames = list(log.frames("/camera"))
         assert [bytes(frame.data) for frame in frames] == [b"PNG" * 20, b"PNG" * 20, b""]
         assert [frame.stamp_ns for frame in frames] == [1_000_000_002, 1_000_000_002, None]
-        assert log.faults.undecodable["/camera"][BAD_BASE64] == 1
+        assert log.faults.undecodable["/camera"][BAD_BASE64_REASON] == 1
         assert sum(log.faults.undecodable["/camera"].values()) == 2
 
 
@@ -181,14 +181,14 @@ def test_a_look_at_the_first_frame_does_not_forget_what_a_whole_reading_counted(
     def message(data: str) -> bytes:
         return json.dumps({"timestamp": {"sec": 1, "nsec": 2}, "frame_id": "cam", "data": data}).encode()
 
-    n_good = MAX_FRAMES_AT_ONCE  # so that the damage lies behind what a look at the first frame decodes
+    n_good = MAX_FRAMES_PER_BATCH  # so that the damage lies behind what a look at the first frame decodes
     texts = [message("AAAA")] * n_good + [message("no base64!"), message("nor this!"), b"broken"]
     channel = Declared("/camera", "json", "foxglove.CompressedImage", "jsonschema", b"{}")
     path = write(tmp_path / "log.mcap", channel, texts, [T0_NS + k for k in range(len(texts))])
     with Log.open(path) as log:
         assert len(list(log.frames("/camera"))) == n_good
         counted = {topic: dict(reasons) for topic, reasons in log.faults.undecodable.items()}
-        assert counted["/camera"][BAD_BASE64] == 2
+        assert counted["/camera"][BAD_BASE64_REASON] == 2
         assert sum(counted["/camera"].values()) == 3
         next(log.frames("/camera"))
         assert log.faults.undecodable == counted

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.logs.codecs.json import INVALID, NO_OBJECT, JsonDecoder
-from cwcli.logs.codecs.slots import Payloads
+from cwcli.logs.codecs.column_buffers import Payloads
+from cwcli.logs.codecs.json import INVALID_JSON_REASON, NOT_AN_OBJECT_REASON, JsonDecoder
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Field, Ragged, Strings
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
@@ -23,9 +23,9 @@ def columns_of(*messages: bytes | str | dict[str, Any], fields: list[str] | None
     octets = [_bytes(each) for each in messages]
     ends = np.cumsum([len(each) for each in octets])
     decoder = JsonDecoder(fields)
-    decoder.add(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
+    decoder.decode_batch(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
     assert decoder.outcome().is_ok.all()
-    return decoder.finish(np.arange(len(octets)))
+    return decoder.build_columns(np.arange(len(octets)))
 
 
 def _bytes(message: bytes | str | dict[str, Any]) -> bytes:
@@ -119,7 +119,7 @@ def _comparable(column: Field) -> Any:
 
 def test_escape_beside_bytes_that_are_not_text_is_not_read(tmp_path: Path) -> None:
     log = check(tmp_path, [b'{"t": "a"}', b'{"t": "\\n\xf5"}', b'{"t": "\\n"}'])
-    assert log.faults.undecodable["/m"] == {INVALID: 1}
+    assert log.faults.undecodable["/m"] == {INVALID_JSON_REASON: 1}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -135,7 +135,7 @@ def test_flipped_and_cut_messages_are_what_the_json_module_makes_of_them(tmp_pat
             del data[int(rng.integers(len(data))) :]
         messages.append(bytes(data))
     log = check(tmp_path, messages, chunk_size=3000)
-    assert log.faults.undecodable["/m"][INVALID] > 20
+    assert log.faults.undecodable["/m"][INVALID_JSON_REASON] > 20
 
 
 def test_kinds_of_columns() -> None:
@@ -208,9 +208,9 @@ def test_a_refused_message_with_a_broken_text_in_an_array_leaves_the_others() ->
     octets = [b'{"r": ["\\u0061"]}', b'{"r": ["\\n\xb4"]}', b'{"r": ["b"]}']
     ends = np.cumsum([len(each) for each in octets])
     decoder = JsonDecoder(None)
-    decoder.add(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
+    decoder.decode_batch(Payloads(np.frombuffer(b"".join(octets), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
     assert decoder.outcome().is_ok.tolist() == [True, False, True]
-    assert _comparable(decoder.finish(np.array([0, 2]))["r"]) == ["a", "b"]
+    assert _comparable(decoder.build_columns(np.array([0, 2]))["r"]) == ["a", "b"]
 
 
 def test_one_text_leaves_the_numbers_of_the_others() -> None:
@@ -250,7 +250,7 @@ def test_what_the_json_module_refuses_is_counted(tmp_path: Path, text: str) -> N
     log = check(tmp_path, [b'{"a": 1}', text.encode(), b'{"a": 2}'])
     reasons = log.faults.undecodable["/m"]
     assert sum(reasons.values()) == 1
-    assert set(reasons) <= {INVALID, NO_OBJECT}
+    assert set(reasons) <= {INVALID_JSON_REASON, NOT_AN_OBJECT_REASON}
 
 
 def test_unusual_but_valid(tmp_path: Path) -> None:
@@ -297,7 +297,7 @@ def test_keys_that_need_escapes() -> None:
     }
     decoder = JsonDecoder(None)
     text = b'{"a\\"b": 1}{"a"b": 1}'
-    decoder.add(Payloads(np.frombuffer(text, np.uint8), np.array([0, 11]), np.array([11, 21])))
+    decoder.decode_batch(Payloads(np.frombuffer(text, np.uint8), np.array([0, 11]), np.array([11, 21])))
     assert decoder.outcome().is_ok.tolist() == [True, False]
 
 

@@ -22,12 +22,12 @@ def check_against_official(path: Path, data: bytes) -> Log:
     path.write_bytes(data)
     official = read_officially(data, seeking=False)
     with Log.open(path) as log:
-        for topic, columns in log.load({channel.topic: None for channel in log.channels}).items():
+        for topic, columns in log.load_topics({channel.topic: None for channel in log.channels}).items():
             if topic in official:
                 assert_same(columns, official[topic])
             else:
                 assert len(columns) == 0
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
         return log
 
 
@@ -92,7 +92,7 @@ def test_only_chunks_with_wanted_channels_are_opened(tmp_path: Path, monkeypatch
     opened = []
     from cwcli.logs.read import message_reader
 
-    real = message_reader.chunk_payload
+    real = message_reader.decompress_chunk
 
     def counted(data: memoryview, chunk: object, *, verify: bool) -> memoryview:
         opened.append(chunk)
@@ -108,8 +108,8 @@ def test_projection_gives_the_same_columns_as_everything(tmp_path: Path) -> None
     path = tmp_path / "log.mcap"
     path.write_bytes(small_log())
     with Log.open(path) as log:
-        whole = log.load({"/fix": None, "/notes": None})
-        some = log.load({"/fix": ["latitude", "header.frame_id", "nothing"], "/notes": {"text", "list"}})
+        whole = log.load_topics({"/fix": None, "/notes": None})
+        some = log.load_topics({"/fix": ["latitude", "header.frame_id", "nothing"], "/notes": {"text", "list"}})
     assert set(some["/fix"].fields) == {"latitude", "header.frame_id"}
     assert set(some["/notes"].fields) == {"text", "list"}
     assert np.array_equal(some["/fix"].fields["latitude"], whole["/fix"].fields["latitude"])
@@ -122,8 +122,8 @@ def test_log_times_are_those_of_the_messages(tmp_path: Path, name: str) -> None:
     (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
     with Log.open(tmp_path / "log.mcap") as log:
         for topic in ("/fix", "/notes"):
-            assert log.log_times(topic).tolist() == log.columns(topic).log_time_ns.tolist()
-            assert len(log.log_times(topic)) == 60
+            assert log.log_times_ns(topic).tolist() == log.columns(topic).log_time_ns.tolist()
+            assert len(log.log_times_ns(topic)) == 60
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
@@ -131,7 +131,7 @@ def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: p
     (tmp_path / "log.mcap").write_bytes(small_log(**LAYOUTS[name]))
     span = (T0_NS + 20_000_000, T0_NS + 22_500_000)  # from a message of /fix to before one of /notes
     opened: list[int] = []
-    real = message_reader.chunk_payload
+    real = message_reader.decompress_chunk
 
     def counted(*arguments: Any, **options: Any) -> memoryview:
         opened.append(arguments[1].chunk_start)
@@ -140,12 +140,12 @@ def test_a_span_is_the_whole_topic_cut(tmp_path: Path, name: str, monkeypatch: p
     monkeypatch.setattr(message_reader, real.__name__, counted)
     with Log.open(tmp_path / "log.mcap") as log:
         wanted = {"/fix": ["latitude"], "/notes": ["k"]}
-        part = log.load(wanted, logged=span)
+        part = log.load_topics(wanted, logged=span)
         n_opened = len(set(opened))
-        whole = log.load(wanted)
+        whole = log.load_topics(wanted)
         assert {topic: len(columns) for topic, columns in part.items()} == {"/fix": 3, "/notes": 2}
         for topic, columns in part.items():
-            cut = whole[topic].logged_within(*span)
+            cut = whole[topic].slice_by_log_time(*span)
             assert np.array_equal(columns.log_time_ns, cut.log_time_ns)
             assert np.array_equal(columns.sequence, cut.sequence)
             [leaf] = wanted[topic]

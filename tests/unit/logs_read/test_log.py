@@ -160,13 +160,13 @@ def test_channel_in_memory_reads_as_from_the_written_file(path: Path, tmp_path: 
             file_info.message_count,
         )
         assert dict(memory.metadata)["cwcli.run.test"] == {"a": "b"}
-        loaded = memory.load({"/fix": ["latitude"], channel.topic: None})
+        loaded = memory.load_topics({"/fix": ["latitude"], channel.topic: None})
         assert list(loaded) == ["/fix", channel.topic]
         assert_equal(loaded[channel.topic], other.columns(channel.topic))
         second_ns = T0_NS + 1
         assert_equal(
-            memory.load({channel.topic: None}, logged=(second_ns, second_ns + 1))[channel.topic],
-            memory.columns(channel.topic).logged_within(second_ns, second_ns + 1),
+            memory.load_topics({channel.topic: None}, logged=(second_ns, second_ns + 1))[channel.topic],
+            memory.columns(channel.topic).slice_by_log_time(second_ns, second_ns + 1),
         )
         one = next(iter(loaded[channel.topic].fields))
         assert list(memory.columns(channel.topic, [one]).fields) == [one]

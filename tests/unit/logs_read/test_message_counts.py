@@ -30,8 +30,11 @@ MESSAGES = {
 }
 READINGS: dict[str, tuple[str, Callable[[Log], Iterator[object]]]] = {
     "columns": ("/numbers", lambda log: iter(log.columns("/numbers").log_time_ns)),
-    "a window": ("/numbers", lambda log: iter(log.load({"/numbers": None}, logged=(0, 1 << 62))["/numbers"].sequence)),
-    "trees": ("/numbers", lambda log: log.trees("/numbers")),
+    "a window": (
+        "/numbers",
+        lambda log: iter(log.load_topics({"/numbers": None}, logged=(0, 1 << 62))["/numbers"].sequence),
+    ),
+    "trees": ("/numbers", lambda log: log.iter_message_trees("/numbers")),
     "frames": ("/camera", lambda log: log.frames("/camera")),
     "transforms": ("/tf", lambda log: log.transforms("/tf")),
 }
@@ -59,7 +62,7 @@ def test_a_chunk_that_hides_a_channel_is_read(tmp_path: Path, topic: str, read: 
     (tmp_path / "in.mcap").write_bytes(hiding(log_bytes(), topic))
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
-        assert log.faults.counts() == {"message indexes that differ from their chunk": 1}
+        assert log.faults.counts_by_reason() == {"message indexes that differ from their chunk": 1}
 
 
 @pytest.mark.parametrize("reading", READINGS)
@@ -69,7 +72,7 @@ def test_a_miscounted_channel_is_a_fault(tmp_path: Path, reading: str) -> None:
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
         expected = {} if reading in IN_PART else {"channels with a wrong message count in the summary": 1}
-        assert log.faults.counts() == expected
+        assert log.faults.counts_by_reason() == expected
 
 
 @pytest.mark.parametrize(("topic", "read"), READINGS.values(), ids=READINGS.keys())
@@ -77,11 +80,11 @@ def test_an_honest_log_has_no_fault(tmp_path: Path, topic: str, read: Callable[[
     (tmp_path / "in.mcap").write_bytes(log_bytes())
     with Log.open(tmp_path / "in.mcap") as log:
         assert len([*read(log)]) == N
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
 
 
 def test_who_takes_the_first_frame_alone_is_told_nothing(tmp_path: Path) -> None:
     (tmp_path / "in.mcap").write_bytes(log_bytes())
     with Log.open(tmp_path / "in.mcap") as log:
         assert bytes(next(log.frames("/camera")).data) == b"JPEG"
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}

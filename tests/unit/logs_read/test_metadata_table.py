@@ -9,16 +9,18 @@ import pytest
 
 from cwcli.errors import InputError
 from cwcli.logs.format import record_bytes
-from cwcli.logs.format.metadata_table import MANY
-from cwcli.logs.format.records import MAGIC, METADATA, PREFIX, Channel, MetadataIndex, Statistics
+from cwcli.logs.format.metadata_table import MIN_RECORDS_FOR_KERNEL
+from cwcli.logs.format.records import MCAP_MAGIC, OPCODE_METADATA, RECORD_PREFIX, Channel, MetadataIndex, Statistics
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 
-N = 6 * MANY
-HEAD = MAGIC + record_bytes.header("", "test") + record_bytes.channel(Channel(1, 0, "/t", "json", {}))
-END = record_bytes.data_end() + record_bytes.footer(0, 0, b"") + MAGIC
+N = 6 * MIN_RECORDS_FOR_KERNEL
+HEAD = (
+    MCAP_MAGIC + record_bytes.encode_header("", "test") + record_bytes.encode_channel(Channel(1, 0, "/t", "json", {}))
+)
+END = record_bytes.encode_data_end() + record_bytes.encode_footer(0, 0, b"") + MCAP_MAGIC
 CONTENTS = [(f"nämé {k}" if k % 7 else "run", {"k": str(k), "ü": "é" * k} if k % 3 else {}) for k in range(N)]
-RECORDS = [record_bytes.metadata(*each) for each in CONTENTS]
+RECORDS = [record_bytes.encode_metadata(*each) for each in CONTENTS]
 
 
 def written(path: Path, records: list[bytes]) -> Path:
@@ -36,17 +38,17 @@ def test_every_record_of_a_row_is_read(tmp_path: Path) -> None:
     assert read(path) == CONTENTS
     with Log.open(path) as log:
         assert log.metadata_names == tuple(name for name, _ in CONTENTS)
-        assert log.metadata_of("run") == tuple(each for each in CONTENTS if each[0] == "run")
+        assert log.metadata_with_prefix("run") == tuple(each for each in CONTENTS if each[0] == "run")
 
 
 def test_other_records_in_a_row_are_not_metadata(tmp_path: Path) -> None:
     """A message between them, of a channel that nobody has defined."""
-    message = PREFIX.pack(5, 22) + bytes(22)
+    message = RECORD_PREFIX.pack(5, 22) + bytes(22)
     path = written(tmp_path / "in.mcap", [each for record in RECORDS for each in (message, record)])
     with Log.open(path) as log:
         assert log.n_messages == N
         assert list(log.metadata) == CONTENTS
-    rows = [*RECORDS[: 3 * MANY], message * 3, *RECORDS[3 * MANY :]]
+    rows = [*RECORDS[: 3 * MIN_RECORDS_FOR_KERNEL], message * 3, *RECORDS[3 * MIN_RECORDS_FOR_KERNEL :]]
     with Log.open(written(tmp_path / "in.mcap", rows)) as log:
         assert log.n_messages == 3
         assert list(log.metadata) == CONTENTS
@@ -63,23 +65,23 @@ BROKEN = {
 
 @pytest.mark.parametrize("content", BROKEN.values(), ids=BROKEN.keys())
 def test_a_damaged_one_is_told_or_left_out(tmp_path: Path, content: bytes) -> None:
-    k = 4 * MANY
-    bad = PREFIX.pack(METADATA, len(content)) + content
+    k = 4 * MIN_RECORDS_FOR_KERNEL
+    bad = RECORD_PREFIX.pack(OPCODE_METADATA, len(content)) + content
     path = written(tmp_path / "in.mcap", [*RECORDS[:k], bad, *RECORDS[k:]])
     at = len(HEAD) + sum(map(len, RECORDS[:k]))
     with pytest.raises(InputError, match=f"damaged at byte {at}: "):
         Log.open(path)
     with Log.open(path, recover=True) as log:
         assert list(log.metadata) == CONTENTS
-        assert log.faults.counts() == {"bytes lost": len(bad)}
+        assert log.faults.counts_by_reason() == {"bytes lost": len(bad)}
 
 
 def with_summary(path: Path, places: list[MetadataIndex]) -> Path:
-    data = HEAD + b"".join(RECORDS) + record_bytes.data_end()
-    summary = record_bytes.statistics(Statistics(0, 0, 1, 0, len(places), 0, 0, 0, {}))
-    summary += record_bytes.channel(Channel(1, 0, "/t", "json", {}))
-    summary += b"".join(map(record_bytes.metadata_index, places))
-    path.write_bytes(data + summary + record_bytes.footer(len(data), 0, summary) + MAGIC)
+    data = HEAD + b"".join(RECORDS) + record_bytes.encode_data_end()
+    summary = record_bytes.encode_statistics(Statistics(0, 0, 1, 0, len(places), 0, 0, 0, {}))
+    summary += record_bytes.encode_channel(Channel(1, 0, "/t", "json", {}))
+    summary += b"".join(map(record_bytes.encode_metadata_index, places))
+    path.write_bytes(data + summary + record_bytes.encode_footer(len(data), 0, summary) + MCAP_MAGIC)
     return path
 
 
@@ -95,7 +97,11 @@ def test_a_summary_in_any_order_lists_them_in_file_order(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("place", [(len(HEAD), 20), (1 << 63, 1), ((1 << 64) - 1, (1 << 64) - 1)])
 def test_a_summary_that_points_elsewhere_is_damaged(tmp_path: Path, place: tuple[int, int]) -> None:
-    listed = [*places()[: 2 * MANY], MetadataIndex(*place, "x"), *places()[2 * MANY :]]
+    listed = [
+        *places()[: 2 * MIN_RECORDS_FOR_KERNEL],
+        MetadataIndex(*place, "x"),
+        *places()[2 * MIN_RECORDS_FOR_KERNEL :],
+    ]
     path = with_summary(tmp_path / "in.mcap", listed)
     with pytest.raises(InputError, match="the summary's indexes overlap, or point outside the file"):
         Log.open(path)
@@ -105,9 +111,9 @@ def test_a_summary_that_points_elsewhere_is_damaged(tmp_path: Path, place: tuple
 def test_rows_are_copied_without_those_that_are_replaced(tmp_path: Path) -> None:
     path = written(tmp_path / "in.mcap", RECORDS)
     with Log.open(path) as log:
-        annotate(log, [], {"run": {"new": "1"}}, tmp_path / "out.mcap", replace=True)
+        annotate_log(log, [], {"run": {"new": "1"}}, tmp_path / "out.mcap", replace=True)
     assert read(tmp_path / "out.mcap") == [*(each for each in CONTENTS if each[0] != "run"), ("run", {"new": "1"})]
     with Log.open(path) as log:
-        annotate(log, [], {}, tmp_path / "whole.mcap")
+        annotate_log(log, [], {}, tmp_path / "whole.mcap")
     assert read(tmp_path / "whole.mcap") == CONTENTS
     assert b"".join(RECORDS) in (tmp_path / "whole.mcap").read_bytes()

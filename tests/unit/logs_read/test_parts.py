@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, Writer
 
 from cwcli.errors import InputError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from tests.unit.logs_read.builders import LAYOUTS
 from tests.unit.logs_read.part_builders import (
     T0_NS,
@@ -50,7 +50,7 @@ def test_parts_read_as_the_whole(whole: Path, tmp_path: Path, ids: str, layout: 
         assert (log.start_ns, log.end_ns, log.n_messages) == (expected.start_ns, expected.end_ns, N)
         counts = {each.topic: each.message_count for each in expected.channels}
         assert {each.topic: each.message_count for each in log.channels} == counts
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
 
 
 def write_part(path: Path, channels: list[tuple[int, str, dict[str, str]]], first: int) -> Path:
@@ -94,7 +94,7 @@ def test_channels_of_equal_topic_and_type_are_one_across_parts(
     """Every message is on the channel of its own sender, in the log and in its copy."""
     paths = [write_part(tmp_path / f"drive_{k}.mcap", each, 10 * k) for k, each in enumerate(parts)]
     with Log.open(names(paths)) as log:
-        annotate(log, (), {}, tmp_path / "copy.mcap")
+        annotate_log(log, (), {}, tmp_path / "copy.mcap")
         assert sorted(each.topic for each in log.channels) == expected
         assert sum(each.message_count or 0 for each in log.channels) == 10 * sum(map(len, parts))
     senders: dict[int, set[int]] = {}
@@ -109,12 +109,12 @@ def test_channels_of_equal_topic_and_type_are_one_across_parts(
 def test_the_copy_of_parts_is_one_file_that_others_read(whole: Path, tmp_path: Path, ids: str, layout: str) -> None:
     parts = cut(messages(N), tmp_path, 7, ids=ids, **LAYOUTS[layout])
     with Log.open(names(parts)) as log:
-        report = annotate(log, (), {"note": {"is": "new"}}, tmp_path / "copy.mcap")
+        report = annotate_log(log, (), {"note": {"is": "new"}}, tmp_path / "copy.mcap")
     assert report.n_messages_copied == N
     assert sorted(official(tmp_path / "copy.mcap")) == sorted(official(whole))
     with Log.open(tmp_path / "copy.mcap") as copy, Log.open(whole) as expected:
         assert seen(copy) == seen(expected)
-        assert copy.faults.counts() == {}
+        assert copy.faults.counts_by_reason() == {}
         assert dict(copy.metadata) == {"note": {"is": "new"}}
 
 
@@ -153,13 +153,13 @@ def test_a_missing_part_is_told(tmp_path: Path, left_out: int) -> None:
     parts[left_out].unlink()
     with Log.open(tmp_path) as log:
         assert log.n_messages == N - 20
-        assert log.faults.counts() == {f"parts missing that metadata.yaml lists (drive_{left_out}.mcap)": 1}
+        assert log.faults.counts_by_reason() == {f"parts missing that metadata.yaml lists (drive_{left_out}.mcap)": 1}
 
 
 def test_a_missing_number_and_a_silence_are_told(tmp_path: Path) -> None:
     parts = cut(messages(2000), tmp_path, 10)
     with Log.open(names(parts[:4] + parts[5:])) as log:
-        assert log.faults.counts() == {
+        assert log.faults.counts_by_reason() == {
             "parts missing by the numbers in the names (4)": 1,
             "gaps between parts (drive_3.mcap and drive_5.mcap: 2.0 s)": 1,
         }
@@ -174,7 +174,7 @@ def test_a_folder_is_its_metadata(whole: Path, tmp_path: Path) -> None:
     with Log.open(folder) as log, Log.open(whole) as expected:
         assert seen(log) == seen(expected)
         assert log.name == str(folder)
-        assert log.faults.counts() == {"logs that metadata.yaml does not list, not read (annotated.mcap)": 1}
+        assert log.faults.counts_by_reason() == {"logs that metadata.yaml does not list, not read (annotated.mcap)": 1}
 
 
 @pytest.mark.parametrize("suffix", [".zstd", ".zst"])
@@ -189,7 +189,7 @@ def test_files_that_the_recorder_compressed(whole: Path, tmp_path: Path, suffix:
     write_metadata(folder, packed, [50] * 4, compression_format="zstd", compression_mode="FILE")
     with Log.open(folder) as log, Log.open(whole) as expected:
         assert seen(log) == seen(expected)
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
         hashed = log.begin_sha256().result()
     assert hashed == hashlib.sha256(b"".join(path.read_bytes() for path in packed)).hexdigest()
 
@@ -200,15 +200,15 @@ def test_metadata_that_lies_is_told(tmp_path: Path) -> None:
     with Log.open(tmp_path) as log:
         assert log.n_messages == N
         told = "wrong numbers of messages in metadata.yaml (drive_2.mcap: 51 instead of 50)"
-        assert log.faults.counts() == {told: 1}
+        assert log.faults.counts_by_reason() == {told: 1}
     write_metadata(tmp_path, parts, [50] * 4, message_count=7)
     with Log.open(tmp_path) as log:
         told = "wrong numbers of messages in metadata.yaml (all: 7 instead of 200)"
-        assert log.faults.counts() == {told: 1}
+        assert log.faults.counts_by_reason() == {told: 1}
     write_metadata(tmp_path, parts, [50] * 4, relative_file_paths=["/etc/passwd", *(path.name for path in parts)])
     with Log.open(tmp_path) as log:
         assert log.n_messages == N
-        assert log.faults.counts() == {"parts missing that metadata.yaml lists (passwd)": 1}
+        assert log.faults.counts_by_reason() == {"parts missing that metadata.yaml lists (passwd)": 1}
 
 
 DOUBLING = "a0: &a0 {k: 1}\n" + "".join(
@@ -237,7 +237,7 @@ def test_metadata_that_is_none_is_told(tmp_path: Path, text: str) -> None:
     (tmp_path / "metadata.yaml").write_text(text)
     with Log.open(tmp_path) as log:
         assert log.n_messages == N
-        assert log.faults.counts() == {"metadata.yaml that can't be understood": 1}
+        assert log.faults.counts_by_reason() == {"metadata.yaml that can't be understood": 1}
 
 
 def test_a_repeated_part_counts_once(whole: Path, tmp_path: Path) -> None:
@@ -248,7 +248,7 @@ def test_a_repeated_part_counts_once(whole: Path, tmp_path: Path) -> None:
     link.symlink_to(parts[2])
     with Log.open(names([*parts, parts[0], copy, link])) as log, Log.open(whole) as expected:
         assert seen(log) == seen(expected)
-        assert log.faults.counts() == {"repeated parts (drive_0.mcap, copy.mcap, link.mcap)": 3}
+        assert log.faults.counts_by_reason() == {"repeated parts (drive_0.mcap, copy.mcap, link.mcap)": 3}
 
 
 def test_parts_that_overlap_are_told_and_read(tmp_path: Path) -> None:
@@ -257,7 +257,7 @@ def test_parts_that_overlap_are_told_and_read(tmp_path: Path) -> None:
     two = write_log(tmp_path / "two.mcap", content[100:])
     with Log.open([str(two), str(one)]) as log:
         assert log.n_messages == 220
-        assert log.faults.counts() == {"parts that overlap in time (one.mcap and two.mcap: 0.190 s)": 1}
+        assert log.faults.counts_by_reason() == {"parts that overlap in time (one.mcap and two.mcap: 0.190 s)": 1}
         times_ns = log.columns("/a").log_time_ns
         assert (np.diff(times_ns) >= 0).all()
 
@@ -268,7 +268,7 @@ def test_an_empty_part_is_told(tmp_path: Path) -> None:
     empty.touch()
     with Log.open(names([*parts, empty])) as log:
         assert log.n_messages == N
-        assert log.faults.counts() == {"empty parts (drive_2.mcap)": 1}
+        assert log.faults.counts_by_reason() == {"empty parts (drive_2.mcap)": 1}
     with pytest.raises(InputError, match="all of its parts are empty"):
         Log.open([str(empty)])
 
@@ -283,7 +283,7 @@ def test_a_part_that_was_cut_is_named_and_recovered(tmp_path: Path) -> None:
         assert log.faults.truncated
     parts[2].write_bytes(b"no log")
     with Log.open(names(parts), recover=True) as log:
-        assert "parts that can't be read (drive_2.mcap: it is not an MCAP file)" in log.faults.counts()
+        assert "parts that can't be read (drive_2.mcap: it is not an MCAP file)" in log.faults.counts_by_reason()
 
 
 def test_damage_is_told_with_the_part_and_its_offset(tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_parts_of_several_profiles_are_told(tmp_path: Path) -> None:
     two = write_log(tmp_path / "drive_1.mcap", content[100:])
     with Log.open([str(one), str(two)]) as log:
         assert log.profile == ""
-        assert log.faults.counts() == {"parts with different profiles": 2}
+        assert log.faults.counts_by_reason() == {"parts with different profiles": 2}
 
 
 def test_what_is_no_log_of_parts_is_refused(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
 
 from cwcli.errors import InputError
-from cwcli.logs.codecs.protobuf import UNDECODABLE, ProtobufDecoder
-from cwcli.logs.codecs.slots import Payloads
+from cwcli.logs.codecs.column_buffers import Payloads
+from cwcli.logs.codecs.protobuf import INVALID_MESSAGE_REASON, ProtobufDecoder
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Ragged
 from tests.unit.logs_read.builders import T0_NS, Declared, Sent, log_bytes
@@ -157,7 +157,7 @@ def test_all_leaves_are_columns(tmp_path: Path) -> None:
     for prefix in ("inner", "choice_inner"):
         expected |= {f"{prefix}.{name}" for name in ("x", "k", "many", "name", "deep.z")}
     expected |= {f"inners.{name}" for name in ("x", "k", "many", "deep.z")}
-    assert set(decoder.finish(np.zeros(0, np.int64))) == expected
+    assert set(decoder.build_columns(np.zeros(0, np.int64))) == expected
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -185,7 +185,7 @@ def test_packed_and_unpacked_are_the_same(tmp_path: Path) -> None:
     packed = b"\xca\x06\x02\x01\x02"  # some_5 (105), length-delimited
     unpacked = b"\xc8\x06\x01\xc8\x06\x02"
     log = check(tmp_path, schema, [packed, unpacked, packed + unpacked, b""])
-    assert log.faults.counts() == {}
+    assert log.faults.counts_by_reason() == {}
 
 
 def test_overlong_varints_groups_and_nesting(tmp_path: Path) -> None:
@@ -205,7 +205,7 @@ def test_overlong_varints_groups_and_nesting(tmp_path: Path) -> None:
             b"\xf2\x01\x02\xff\xfe",  # text that is not UTF-8
         ],
     )
-    assert log.faults.undecodable["/m"][UNDECODABLE] >= 3
+    assert log.faults.undecodable["/m"][INVALID_MESSAGE_REASON] >= 3
 
 
 def test_absent_parts_are_nan_and_left_out_scalars_are_zero() -> None:
@@ -215,8 +215,8 @@ def test_absent_parts_are_nan_and_left_out_scalars_are_zero() -> None:
     full.inner.x = 0.0
     decoder = ProtobufDecoder("test.Root", schema, ["one_3", "one_1", "maybe", "inner.x", "text", "choice_text"])
     data = full.SerializeToString()
-    decoder.add(Payloads(np.frombuffer(data, np.uint8), np.array([0, 0]), np.array([len(data), 0])))
-    columns = decoder.finish(np.arange(2))
+    decoder.decode_batch(Payloads(np.frombuffer(data, np.uint8), np.array([0, 0]), np.array([len(data), 0])))
+    columns = decoder.build_columns(np.arange(2))
     assert columns["one_3"].dtype == np.int64 and columns["one_3"].tolist() == [5, 0]
     assert columns["one_1"].tolist() == [0.0, 0.0]
     assert np.array_equal(columns["maybe"], [0.0, np.nan], equal_nan=True)
@@ -233,8 +233,10 @@ def test_repeated_scalars_are_a_matrix_only_if_all_rows_have_as_many() -> None:
         messages = [make(some_1=row).SerializeToString() for row in rows]
         ends = np.cumsum([len(each) for each in messages])
         decoder = ProtobufDecoder("test.Root", schema, ["some_1"])
-        decoder.add(Payloads(np.frombuffer(b"".join(messages), np.uint8), np.concatenate([[0], ends[:-1]]), ends))
-        return decoder.finish(np.arange(len(rows)))["some_1"]
+        decoder.decode_batch(
+            Payloads(np.frombuffer(b"".join(messages), np.uint8), np.concatenate([[0], ends[:-1]]), ends)
+        )
+        return decoder.build_columns(np.arange(len(rows)))["some_1"]
 
     assert column([1.0, 2.0], [3.0, 4.0]).tolist() == [[1.0, 2.0], [3.0, 4.0]]
     ragged = column([1.0, 2.0], [3.0])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.logs.read.frames import is_camera
+from cwcli.logs.read.frames import is_camera_channel
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.official import SHARED_LOGS, assert_same, read_officially
 
@@ -19,18 +19,18 @@ pytestmark = pytest.mark.skipif(not LOGS, reason="the development logs in ../sha
 def test_columns_equal_the_official_decoders(path: Path) -> None:
     official = read_officially(path.read_bytes())
     with Log.open(path) as log:
-        loaded = log.load({channel.topic: None for channel in log.channels})
+        loaded = log.load_topics({channel.topic: None for channel in log.channels})
         assert set(loaded) == set(official)
         for topic, columns in loaded.items():
             assert_same(columns, official[topic])
-        assert log.faults.counts() == {}
+        assert log.faults.counts_by_reason() == {}
         assert log.n_messages == sum(len(each.messages) for each in official.values())
 
 
 @pytest.mark.parametrize("path", LOGS, ids=lambda path: path.stem)
 def test_frames_equal_the_official_decoders(path: Path) -> None:
     with Log.open(path) as log:
-        cameras = [channel for channel in log.channels if is_camera(channel)]
+        cameras = [channel for channel in log.channels if is_camera_channel(channel)]
         official = read_officially(path.read_bytes()) if cameras else {}
         for channel in cameras:
             messages = official[channel.topic].messages

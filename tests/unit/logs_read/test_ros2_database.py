@@ -14,7 +14,7 @@ import pytest
 import zstandard
 from rosbags.rosbag2 import StoragePlugin
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_BAD_DATA, EXIT_DONE, InputError
 from cwcli.logs.read.reader import Log
 from tests.unit.logs_read.test_bags import FIX, T0_NS, N, recording
@@ -42,7 +42,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 def faults(path: Path) -> tuple[int, dict[str, int]]:
     with Log.open(path) as log:
-        return log.n_messages, log.faults.counts()
+        return log.n_messages, log.faults.counts_by_reason()
 
 
 def copy_unfinished(path: Path, target: Path, *statements: str, commit: bool = True) -> Path:
@@ -127,7 +127,7 @@ def test_a_journal_that_holds_nothing_changes_nothing(database: Path) -> None:
 def test_no_output_overwrites_a_journal(database: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     wal = copy_unfinished(database, tmp_path / "cut", "PRAGMA journal_mode = WAL", DOUBLE)
     before = contents(wal.parent)
-    assert run(["estimate", str(wal), "-o", f"{wal}-wal", "--force"]) != EXIT_DONE
+    assert run_command_line(["estimate", str(wal), "-o", f"{wal}-wal", "--force"]) != EXIT_DONE
     assert "the input itself" in capsys.readouterr().err
     assert contents(wal.parent) == before
 
@@ -137,10 +137,10 @@ def test_messages_of_no_topic_are_counted(database: Path, capsys: pytest.Capture
     change(database, f"UPDATE messages SET topic_id = 7 + rowid % 3 WHERE topic_id = {fix} AND rowid < 25")
     with Log.open(database) as log:
         fixes = log.columns("/fix")
-        (told,) = log.faults.counts().items()
+        (told,) = log.faults.counts_by_reason().items()
     assert told == ("messages that belong to no topic (topic ids 7, 8, 9)", N - len(fixes))
     assert told[1] == 12  # rows 2, 4, ..., 24
-    assert run(["estimate", str(database), "--strict", "--quiet"]) == EXIT_BAD_DATA
+    assert run_command_line(["estimate", str(database), "--strict", "--quiet"]) == EXIT_BAD_DATA
     assert "messages that belong to no topic (topic ids 7, 8, 9): 12" in " ".join(capsys.readouterr().err.split())
 
 
@@ -150,7 +150,7 @@ def test_other_serialization_formats_are_left_out_by_name(database: Path, serial
     with Log.open(database) as log:
         assert {each.topic for each in log.channels} == {"/tf_static", "/fix"}
         told = f"messages in the format {serialization[:80]}, which is not read, only CDR is (/imu)"
-        assert log.faults.counts() == {told: N}
+        assert log.faults.counts_by_reason() == {told: N}
         assert len(log.columns("/fix")) == N
 
 
@@ -221,4 +221,4 @@ def test_a_write_ahead_log_that_is_not_on_this_machine_is_told(database: Path, t
         store.pipe_file(f"/unfinished/{each.name}", each.read_bytes())
     told = f"write-ahead logs that are not read, as the databases are not on this machine ({wal.name}-wal)"
     with Log.open("memory://unfinished/") as log:
-        assert (log.n_messages, log.faults.counts()) == (N_MESSAGES, {told: 1})
+        assert (log.n_messages, log.faults.counts_by_reason()) == (N_MESSAGES, {told: 1})

@@ -5,17 +5,19 @@ from __future__ import annotations
 import fsspec
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, InputError
-from cwcli.logs.read.remote import ALIASES, SCHEMES, file_system
+from cwcli.logs.read.remote import URL_SCHEME_ALIASES, URL_SCHEMES, file_system_and_path
 
-OTHERS = sorted({each for each in fsspec.available_protocols() if each not in (*SCHEMES, *ALIASES, "file", "local")})
+OTHERS = sorted(
+    {each for each in fsspec.available_protocols() if each not in (*URL_SCHEMES, *URL_SCHEME_ALIASES, "file", "local")}
+)
 
 
 @pytest.mark.parametrize("scheme", [*OTHERS, "local", "simplecache::s3", "nosuch", "HTTPS", "a b"])
 def test_an_unknown_scheme_is_one_line(scheme: str, capsys: pytest.CaptureFixture[str]) -> None:
     """fsspec knows some forty: `github` and `jupyter` raise what they like, `zip` and `reference` open other files."""
-    assert run(["info", f"{scheme}://host/drive.mcap"]) == EXIT_USAGE
+    assert run_command_line(["info", f"{scheme}://host/drive.mcap"]) == EXIT_USAGE
     printed = capsys.readouterr().err.splitlines()
     assert printed[0] == f"error: logs can't be read from URLs that begin with '{scheme}://'"
     assert [
@@ -24,7 +26,7 @@ def test_an_unknown_scheme_is_one_line(scheme: str, capsys: pytest.CaptureFixtur
 
 
 def test_many_logs_of_an_unknown_scheme_are_refused_too(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["run", "github://org/drives/*.mcap", "-d", str(tmp_path / "out")]) == EXIT_USAGE
+    assert run_command_line(["run", "github://org/drives/*.mcap", "-d", str(tmp_path / "out")]) == EXIT_USAGE
     assert "URLs that begin with 'github://'" in capsys.readouterr().err
 
 
@@ -34,4 +36,4 @@ def test_whatever_a_store_raises_is_a_known_error(monkeypatch: pytest.MonkeyPatc
 
     monkeypatch.setattr("fsspec.core.url_to_fs", fails)
     with pytest.raises(InputError, match=r"it can.t be read"):
-        file_system("https://host/drive.mcap")
+        file_system_and_path("https://host/drive.mcap")

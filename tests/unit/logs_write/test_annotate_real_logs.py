@@ -11,7 +11,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
 
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.signals.columns import OutputChannel
 from tests.unit.logs_write.builders import SourceStub, state_channel
 
@@ -53,7 +53,7 @@ def test_real_log_is_untouched(tmp_path: Path, source: Path) -> None:
     times = np.linspace(*span, 500).astype(np.int64)
     channel = OutputChannel(STATE, template.schema_name, times, template.fields)
     target = tmp_path / "out.mcap"
-    annotate(SourceStub(source), [channel], {"cwcli.run.estimate": {"a": "b"}}, target)
+    annotate_log(SourceStub(source), [channel], {"cwcli.run.estimate": {"a": "b"}}, target)
     before, after = digests(source), digests(target)
     assert after.pop(STATE)[0] == 500
     assert after == before

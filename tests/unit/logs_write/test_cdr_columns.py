@@ -10,17 +10,17 @@ import pytest
 from mcap_ros2._dynamic import generate_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cwcli.export.ros.messages import ROS_MESSAGES
-from cwcli.logs.codecs.ros2msg import PRIMITIVES, STRING, MessageField, parse_definitions
+from cwcli.export.ros.messages import ROS_CONVERSIONS
+from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, MessageField, parse_message_definitions
 from cwcli.logs.write import cdr_encoder
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.cdr_encoder import encode_cdr
-from cwcli.logs.write.cdr_fit import unfit_numbers, unfit_rows
+from cwcli.logs.write.cdr_fit import unrepresentable_mask, unrepresentable_row_masks
 from cwcli.logs.write.column_tree import ColumnError
-from cwcli.logs.write.ros_schemas import ros_schema
-from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, column_rows
+from cwcli.logs.write.ros_schemas import ros2msg_schema_text
+from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, slice_column
 
-SCHEMAS = sorted({message.schema for message in ROS_MESSAGES.values()})
+SCHEMAS = sorted({message.schema for message in ROS_CONVERSIONS.values()})
 WORDS = ("", "ego", "Fahrzeug 7 äöü", "x" * 201)
 N = 40
 
@@ -35,13 +35,13 @@ def random_numbers(code: str, shape: tuple[int, ...], rng: np.random.Generator) 
 
 def random_column(definitions: Mapping[str, Any], field: MessageField, n: int, rng: np.random.Generator) -> Any:
     offsets = np.concatenate([[0], np.cumsum(rng.integers(0, 4, n))]).astype(np.int64)
-    if field.type in PRIMITIVES:
+    if field.type in PRIMITIVE_DTYPES:
         if field.length is not None:
-            return random_numbers(PRIMITIVES[field.type], (n, field.length), rng)
+            return random_numbers(PRIMITIVE_DTYPES[field.type], (n, field.length), rng)
         if field.is_sequence:
-            return Ragged(random_numbers(PRIMITIVES[field.type], (int(offsets[-1]),), rng), offsets)
-        return random_numbers(PRIMITIVES[field.type], (n,), rng)
-    if field.type == STRING:
+            return Ragged(random_numbers(PRIMITIVE_DTYPES[field.type], (int(offsets[-1]),), rng), offsets)
+        return random_numbers(PRIMITIVE_DTYPES[field.type], (n,), rng)
+    if field.type == STRING_TYPE:
         return Strings(rng.integers(-1, len(WORDS), n).astype(np.int32), WORDS)
     if field.is_sequence:
         return Repeated(offsets, random_columns(definitions, field.type, int(offsets[-1]), rng))
@@ -97,12 +97,12 @@ def plain(value: Any) -> Any:
 
 def by_rosbags(schema: str, rows: ByteRows) -> list[Any]:
     store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(ros_schema(schema), schema))
+    store.register(get_types_from_msg(ros2msg_schema_text(schema), schema))
     return [plain(store.deserialize_cdr(each, schema)) for each in messages(rows)]
 
 
 def by_mcap_ros2(schema: str, rows: ByteRows) -> list[Any]:
-    decode = generate_dynamic(schema, ros_schema(schema))[schema]
+    decode = generate_dynamic(schema, ros2msg_schema_text(schema))[schema]
     return [plain(decode(each)) for each in messages(rows)]
 
 
@@ -113,20 +113,20 @@ def messages(rows: ByteRows) -> list[bytes]:
 @pytest.mark.parametrize("schema", SCHEMAS)
 @pytest.mark.parametrize("read", [by_rosbags, by_mcap_ros2])
 def test_others_read_what_went_in(schema: str, read: Any) -> None:
-    root, definitions = parse_definitions(schema, ros_schema(schema))
+    root, definitions = parse_message_definitions(schema, ros2msg_schema_text(schema))
     columns = random_columns(definitions, root, N, np.random.default_rng(7))
     assert read(schema, encode_cdr(schema, columns, N)) == [row_of(columns, row) for row in range(N)]
 
 
 @pytest.mark.parametrize("schema", ["nav_msgs/msg/Path", "cwcli_msgs/msg/Lanes", "diagnostic_msgs/msg/DiagnosticArray"])
 def test_pieces_are_the_whole(schema: str) -> None:
-    root, definitions = parse_definitions(schema, ros_schema(schema))
+    root, definitions = parse_message_definitions(schema, ros2msg_schema_text(schema))
     columns = random_columns(definitions, root, N, np.random.default_rng(3))
     parts = [
         each
         for start, stop in ((0, 1), (1, 17), (17, N))
         for each in messages(
-            encode_cdr(schema, {path: column_rows(v, start, stop) for path, v in columns.items()}, stop - start)
+            encode_cdr(schema, {path: slice_column(v, start, stop) for path, v in columns.items()}, stop - start)
         )
     ]
     assert parts == messages(encode_cdr(schema, columns, N))
@@ -135,13 +135,13 @@ def test_pieces_are_the_whole(schema: str) -> None:
 def test_elements_are_encoded_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """The passes over the elements of a path don't grow with its length."""
     passes: list[str] = []
-    add_message = cdr_encoder._add_message
+    add_message = cdr_encoder._append_message
 
     def counted(rows: Any, definitions: Any, name: str, tree: Any) -> None:
         passes.append(name)
         add_message(rows, definitions, name, tree)
 
-    monkeypatch.setattr(cdr_encoder, "_add_message", counted)
+    monkeypatch.setattr(cdr_encoder, "_append_message", counted)
     numbers = []
     for n in (3, 300):
         passes.clear()
@@ -155,8 +155,8 @@ def test_definitions_are_those_of_ros() -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     for schema in SCHEMAS:
         if schema in store.types:
-            root, definitions = parse_definitions(schema, ros_schema(schema))
-            theirs = parse_definitions(schema, store.generate_msgdef(schema, ros_version=2)[0])[1]
+            root, definitions = parse_message_definitions(schema, ros2msg_schema_text(schema))
+            theirs = parse_message_definitions(schema, store.generate_msgdef(schema, ros_version=2)[0])[1]
             assert definitions == theirs, root
     assert sum(schema in store.types for schema in SCHEMAS) == len([s for s in SCHEMAS if "cwcli" not in s])
 
@@ -216,12 +216,14 @@ def test_columns_that_do_not_fit(fields: dict[str, OutputField], said: str) -> N
     ],
 )
 def test_numbers_of_a_type(type_name: str, values: Any, unfit: list[bool]) -> None:
-    assert unfit_numbers(type_name, values).tolist() == unfit
+    assert unrepresentable_mask(type_name, values).tolist() == unfit
 
 
 def test_no_number_becomes_another() -> None:
     fields: dict[str, OutputField] = {"level": np.array([10, 300, -1]), "stamp": np.array([0, 1, 2**31]) * 10**9}
-    found = {path: rows.tolist() for path, rows in unfit_rows("rcl_interfaces/msg/Log", fields, 3).items()}
+    found = {
+        path: rows.tolist() for path, rows in unrepresentable_row_masks("rcl_interfaces/msg/Log", fields, 3).items()
+    }
     assert found == {"level": [False, True, True], "stamp": [False, False, True]}
     for path, said in (
         ("level", "2 of 3 numbers do not fit in uint8"),
@@ -237,7 +239,7 @@ def test_elements_of_unequal_number_are_named() -> None:
     x_m = Ragged(np.zeros(2), np.array([0, 1, 2, 2]))
     path = "poses.pose.position.x"
     fields: dict[str, OutputField] = {"poses.header.stamp.sec": stamps, path: x_m}
-    found = {name: rows.tolist() for name, rows in unfit_rows("nav_msgs/msg/Path", fields, 3).items()}
+    found = {name: rows.tolist() for name, rows in unrepresentable_row_masks("nav_msgs/msg/Path", fields, 3).items()}
     assert found == {"poses.header.stamp.sec": [False, True, False], path: [True, False, False]}
 
 
@@ -245,8 +247,10 @@ def test_what_is_empty_fits() -> None:
     """A channel without a message, and one of two messages without an element."""
     stamps = {"header.stamp": np.zeros(0, np.int64)}
     nothing: dict[str, OutputField] = {**stamps, "pose.covariance": np.zeros((0, 36))}
-    assert not unfit_rows("nav_msgs/msg/Odometry", nothing, 0)
+    assert not unrepresentable_row_masks("nav_msgs/msg/Odometry", nothing, 0)
     none_each = np.zeros(3, np.int64)
     inside: dict[str, OutputField] = {**stamps, "pose.position.x": np.zeros(0)}
-    assert not unfit_rows("nav_msgs/msg/Path", {"poses": Repeated(none_each, inside)}, 2)
-    assert not unfit_rows("nav_msgs/msg/Path", {"poses.pose.position.x": Ragged(np.zeros(0), none_each)}, 2)
+    assert not unrepresentable_row_masks("nav_msgs/msg/Path", {"poses": Repeated(none_each, inside)}, 2)
+    assert not unrepresentable_row_masks(
+        "nav_msgs/msg/Path", {"poses.pose.position.x": Ragged(np.zeros(0), none_each)}, 2
+    )

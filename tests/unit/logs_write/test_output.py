@@ -17,7 +17,7 @@ import cwcli.output_stream
 import cwcli.temporary
 from cwcli.errors import EXIT_OUTPUT, OutputError, UsageError
 from cwcli.input import InputFile
-from cwcli.output import Together, check_target, open_output, write_file
+from cwcli.output import AtomicGroup, check_target, open_output, write_file
 
 MEGABYTE = 1 << 20
 
@@ -295,7 +295,7 @@ def test_small_writes_are_gathered(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_files_written_together_appear_at_the_end(tmp_path: Path) -> None:
-    with Together() as together:
+    with AtomicGroup() as together:
         write_file(tmp_path / "a", b"1", together=together)
         write_file(tmp_path / "b", b"2", together=together)
         assert not (tmp_path / "a").exists() and not (tmp_path / "b").exists()
@@ -305,7 +305,7 @@ def test_files_written_together_appear_at_the_end(tmp_path: Path) -> None:
 
 def test_of_files_written_together_none_appears_after_an_error(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"old")
-    with pytest.raises(OutputError, match="does not exist"), Together() as together:
+    with pytest.raises(OutputError, match="does not exist"), AtomicGroup() as together:
         write_file(tmp_path / "a", b"new", force=True, together=together)
         write_file(tmp_path / "no" / "b", b"2", together=together)
     assert names_in(tmp_path) == ["a"]
@@ -313,7 +313,7 @@ def test_of_files_written_together_none_appears_after_an_error(tmp_path: Path) -
 
 
 def test_of_files_written_together_none_appears_where_one_name_is_taken_meanwhile(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="the file exists"), Together() as together:
+    with pytest.raises(OutputError, match="the file exists"), AtomicGroup() as together:
         write_file(tmp_path / "a", b"1", together=together)
         write_file(tmp_path / "b", b"2", together=together)
         (tmp_path / "b").write_bytes(b"other")
@@ -324,7 +324,7 @@ def test_of_files_written_together_none_appears_where_one_name_is_taken_meanwhil
 @pytest.fixture
 def no_nameless_files(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a file system or a system without them."""
-    monkeypatch.setattr(cwcli.temporary, "_open_nameless", lambda folder: None)
+    monkeypatch.setattr(cwcli.temporary, "_open_unnamed_file", lambda folder: None)
 
 
 @pytest.mark.usefixtures("no_nameless_files")

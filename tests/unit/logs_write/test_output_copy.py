@@ -24,7 +24,7 @@ def test_copy_takes_a_part_of_a_file(tmp_path: Path) -> None:
     source.write_bytes(content)
     with source.open("rb") as file, open_output(tmp_path / "out.bin") as output:
         output.write(b"head")
-        output.copy(file.fileno(), 5, 2 * MEGABYTE)
+        output.copy_from_file(file.fileno(), 5, 2 * MEGABYTE)
         assert output.position == 4 + 2 * MEGABYTE
         output.write(b"tail")
     assert (tmp_path / "out.bin").read_bytes() == b"head" + content[5 : 5 + 2 * MEGABYTE] + b"tail"
@@ -47,7 +47,7 @@ def test_source_that_became_shorter(tmp_path: Path, size: int) -> None:
         pytest.raises(InputError, match="became shorter"),
         open_output(tmp_path / "out.bin") as output,
     ):
-        output.copy(file.fileno(), 0, size + 1)
+        output.copy_from_file(file.fileno(), 0, size + 1)
         output.write(b"more")
     assert names_in(tmp_path) == ["in.bin"]
 
@@ -60,7 +60,7 @@ def test_copies_and_data_stay_in_order(tmp_path: Path) -> None:
     with source.open("rb") as file, open_output(tmp_path / "out.bin") as output:
         for k, length in enumerate((3 * MEGABYTE, 100, MEGABYTE, MEGABYTE, 300_000, 1)):
             data = bytes([k]) * (1 if k % 2 else 3 * MEGABYTE // 2)
-            output.copy(file.fileno(), k, length)
+            output.copy_from_file(file.fileno(), k, length)
             output.write(data)
             expected += content[k : k + length] + data
             assert output.position == len(expected)
@@ -80,5 +80,5 @@ def test_an_error_in_the_thread_leaves_nothing(tmp_path: Path, monkeypatch: pyte
         open_output(tmp_path / "out.bin") as output,
     ):
         for _ in range(3):
-            output.copy(file.fileno(), 0, MEGABYTE)
+            output.copy_from_file(file.fileno(), 0, MEGABYTE)
     assert names_in(tmp_path) == ["in.bin"]

@@ -11,9 +11,9 @@ from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message_factory import GetMessageClass
 
 from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.protobuf_encoder import ColumnError, encode_columns
-from cwcli.logs.write.schemas import message_schema
-from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, column_rows
+from cwcli.logs.write.protobuf_encoder import ColumnError, encode_protobuf
+from cwcli.logs.write.schemas import find_message_schema
+from cwcli.signals.columns import OutputField, Ragged, Repeated, Strings, slice_column
 
 SCHEMAS = [
     "cwcli.v1.VehicleState",
@@ -116,7 +116,7 @@ def assert_same(message: Any, expected: Mapping[str, Any]) -> None:
 
 
 def parsed(rows: ByteRows, schema_name: str) -> list[Any]:
-    message_class = GetMessageClass(message_schema(schema_name).descriptor)
+    message_class = GetMessageClass(find_message_schema(schema_name).descriptor)
     return [
         message_class.FromString(rows.data[a:b].tobytes()) for a, b in zip(rows.offsets, rows.offsets[1:], strict=False)
     ]
@@ -126,8 +126,8 @@ def parsed(rows: ByteRows, schema_name: str) -> list[Any]:
 @pytest.mark.parametrize("schema_name", SCHEMAS)
 def test_official_parser_reads_the_same_values(schema_name: str, n: int) -> None:
     for seed in range(3):
-        columns = random_columns(message_schema(schema_name).descriptor, n, np.random.default_rng(seed))
-        messages = parsed(encode_columns(message_schema(schema_name).descriptor, columns, n), schema_name)
+        columns = random_columns(find_message_schema(schema_name).descriptor, n, np.random.default_rng(seed))
+        messages = parsed(encode_protobuf(find_message_schema(schema_name).descriptor, columns, n), schema_name)
         assert len(messages) == n
         for i, message in enumerate(messages):
             assert_same(message, {path: row_of(column, i) for path, column in columns.items()})
@@ -135,10 +135,10 @@ def test_official_parser_reads_the_same_values(schema_name: str, n: int) -> None
 
 @pytest.mark.parametrize("schema_name", SCHEMAS)
 def test_slices_encode_like_the_whole(schema_name: str) -> None:
-    descriptor = message_schema(schema_name).descriptor
+    descriptor = find_message_schema(schema_name).descriptor
     columns = random_columns(descriptor, 20, np.random.default_rng(5))
-    whole = encode_columns(descriptor, columns, 20)
-    part = encode_columns(descriptor, {path: column_rows(column, 7, 15) for path, column in columns.items()}, 8)
+    whole = encode_protobuf(descriptor, columns, 20)
+    part = encode_protobuf(descriptor, {path: slice_column(column, 7, 15) for path, column in columns.items()}, 8)
     assert part.data.tobytes() == whole.data[whole.offsets[7] : whole.offsets[15]].tobytes()
 
 
@@ -149,28 +149,28 @@ def test_zeros_are_written() -> None:
         "id": Strings(np.zeros(2, np.int32), ("ego",)),
         "x_m": np.array([0.0, 1.0]),
     }
-    rows = encode_columns(message_schema("cwcli.v1.VehicleState").descriptor, columns, 2)
+    rows = encode_protobuf(find_message_schema("cwcli.v1.VehicleState").descriptor, columns, 2)
     assert rows.sizes.tolist() == [9 + 5 + 9, 9 + 5 + 9]
     assert rows.data[:23].tobytes() == b"\x09" + bytes(8) + b"\x12\x03ego" + b"\x19" + bytes(8)
 
 
 def test_nan_and_infinity_survive() -> None:
     values = np.array([np.nan, np.inf, -np.inf, -0.0])
-    rows = encode_columns(message_schema("cwcli.v1.VehicleState").descriptor, {"length_m": values}, 4)
+    rows = encode_protobuf(find_message_schema("cwcli.v1.VehicleState").descriptor, {"length_m": values}, 4)
     found = np.array([message.length_m for message in parsed(rows, "cwcli.v1.VehicleState")])
     assert found.tobytes() == values.tobytes()
 
 
 def test_timestamp_from_nanoseconds() -> None:
     stamp_ns = np.array([0, 1_700_000_000_123_456_789, -1])
-    rows = encode_columns(message_schema("foxglove.Log").descriptor, {"timestamp": stamp_ns}, 3)
+    rows = encode_protobuf(find_message_schema("foxglove.Log").descriptor, {"timestamp": stamp_ns}, 3)
     found = [(m.timestamp.seconds, m.timestamp.nanos) for m in parsed(rows, "foxglove.Log")]
     assert found == [(0, 0), (1_700_000_000, 123_456_789), (-1, 999_999_999)]
 
 
 def test_enum_by_name() -> None:
     state = Strings(np.array([0, 1, 2, -1], np.int32), ("raised", "held", "STATE_CLEARED"))
-    rows = encode_columns(message_schema("cwcli.v1.Warning").descriptor, {"state": state}, 4)
+    rows = encode_protobuf(find_message_schema("cwcli.v1.Warning").descriptor, {"state": state}, 4)
     assert [message.state for message in parsed(rows, "cwcli.v1.Warning")] == [1, 2, 3, 0]
 
 
@@ -181,7 +181,7 @@ def test_repeated_messages_from_ragged_leaves() -> None:
         "poses.orientation.w": Ragged(np.array([4.0, 5.0, 6.0]), offsets),
     }
     messages = parsed(
-        encode_columns(message_schema("foxglove.PosesInFrame").descriptor, columns, 3), "foxglove.PosesInFrame"
+        encode_protobuf(find_message_schema("foxglove.PosesInFrame").descriptor, columns, 3), "foxglove.PosesInFrame"
     )
     found = [[(pose.position.x, pose.orientation.w) for pose in message.poses] for message in messages]
     assert found == [[(1.0, 4.0), (2.0, 5.0)], [], [(3.0, 6.0)]]
@@ -205,4 +205,4 @@ def test_repeated_messages_from_ragged_leaves() -> None:
 )
 def test_columns_that_do_not_fit_are_refused(schema_name: str, columns: dict[str, OutputField], words: str) -> None:
     with pytest.raises(ColumnError, match=words):
-        encode_columns(message_schema(schema_name).descriptor, columns, 2)
+        encode_protobuf(find_message_schema(schema_name).descriptor, columns, 2)

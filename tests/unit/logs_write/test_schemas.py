@@ -9,7 +9,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.records import Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.logs.write.schemas import DESCRIPTOR_SET_NAME, message_schema, schema_folder
+from cwcli.logs.write.schemas import CWCLI_DESCRIPTOR_SET_FILE, find_message_schema, schema_folder
 from tools.compile_schemas import compile_schemas
 
 PROMISED = {
@@ -28,18 +28,18 @@ PROMISED = {
 
 def test_descriptor_set_is_in_step_with_the_sources() -> None:
     folder = Path(str(schema_folder()))
-    shipped = FileDescriptorSet.FromString((folder / DESCRIPTOR_SET_NAME).read_bytes())
+    shipped = FileDescriptorSet.FromString((folder / CWCLI_DESCRIPTOR_SET_FILE).read_bytes())
     assert shipped == FileDescriptorSet.FromString(compile_schemas(folder))
 
 
 @pytest.mark.parametrize("name", PROMISED)
 def test_promised_fields_are_there(name: str) -> None:
-    assert set(PROMISED[name].split()) <= set(message_schema(name).descriptor.fields_by_name)
+    assert set(PROMISED[name].split()) <= set(find_message_schema(name).descriptor.fields_by_name)
 
 
 @pytest.mark.parametrize("name", ["cwcli.v1.Lanes", "foxglove.SceneUpdate"])
 def test_schema_data_is_complete_for_the_official_decoder(name: str) -> None:
-    schema = message_schema(name)
+    schema = find_message_schema(name)
     record = Schema(id=1, name=name, encoding="protobuf", data=schema.data)
     decode = DecoderFactory().decoder_for("protobuf", record)
     assert decode is not None
@@ -51,4 +51,4 @@ def test_schema_data_is_complete_for_the_official_decoder(name: str) -> None:
 @pytest.mark.parametrize("name", ["foxglove.Nothing", "cwcli.v1.Nothing", "other.Thing"])
 def test_unknown_message(name: str) -> None:
     with pytest.raises(KeyError):
-        message_schema(name)
+        find_message_schema(name)

@@ -7,13 +7,13 @@ import pytest
 from scipy import stats
 
 from cwcli.measures.collision_probability import (
-    ENOUGH_BELOW,
-    FAR_SIGMAS,
-    LATTICE,
-    LEAST_M2,
-    STRAIGHT_SIGMAS,
+    LATTICE_GENERATORS,
+    MAX_BEND_SIGMAS,
+    MAX_TOUCH_SIGMAS,
+    MAX_VARIANCE_SHARES_OF_FEW_LINES,
+    MIN_VARIANCE_M2,
     collision_probability,
-    error_lines,
+    lines_through_errors,
 )
 from tests.studies.collision_probability import Encounter, random_encounter, sampled
 from tests.unit.measures.naive_collision import contact_probability, straight_points
@@ -125,8 +125,8 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
         one.covariances_m2,
         one.sizes,
         ends=list(ends),
-        least_m2=LEAST_M2,
-        sigmas=STRAIGHT_SIGMAS,
+        least_m2=MIN_VARIANCE_M2,
+        sigmas=MAX_BEND_SIGMAS,
     )
     assert {17, 50} <= set(points)
     assert len(points) < 50
@@ -137,11 +137,11 @@ def test_kernel_against_its_plain_twin(seed: int) -> None:
             tuple(each[points] for each in one.headings_rad),
             tuple(each[points] for each in one.covariances_m2),
             one.sizes,
-            lines=[error_lines(n) for n in LATTICE],
-            enough_below=ENOUGH_BELOW,
+            lines=[lines_through_errors(n) for n in LATTICE_GENERATORS],
+            enough_below=MAX_VARIANCE_SHARES_OF_FEW_LINES,
             end=points.index(end),
-            far_sigmas=FAR_SIGMAS,
-            least_m2=LEAST_M2,
+            far_sigmas=MAX_TOUCH_SIGMAS,
+            least_m2=MIN_VARIANCE_M2,
         )
         for end in ends
     ]
@@ -178,9 +178,9 @@ def test_a_path_that_is_no_number_has_no_probability_and_spoils_no_other() -> No
     assert found[1] == one.probability()
 
 
-@pytest.mark.parametrize("n", LATTICE)
+@pytest.mark.parametrize("n", LATTICE_GENERATORS)
 def test_the_lines_hold_the_moments_of_their_errors(n: int) -> None:
-    cosine, sine, *errors = error_lines(n).T
+    cosine, sine, *errors = lines_through_errors(n).T
     np.testing.assert_allclose(cosine**2 + sine**2, 1.0)
     np.testing.assert_allclose(np.mean(errors, axis=1), 0.0, atol=1e-12)
     np.testing.assert_allclose(np.cov(errors, bias=True), np.eye(2), atol=1e-12)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.measures.contact import Projections, accelerated_contact, straight_contact
-from cwcli.measures.outlines import overlap_margin
+from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
+from cwcli.measures.outlines import outline_separation_m
 from cwcli.measures.pair import ActualTrack, Pair
 
 CAR, TRUCK = (4.5, 1.8), (12.0, 2.5)
@@ -33,10 +33,10 @@ def pair_of(host: list[list[float]], other: list[list[float]], other_size: tuple
 )
 def test_straight_contact_by_hand(dx: float, dy: float, dvx: float, dvy: float, heading: float, time: float) -> None:
     standing = [[0.0, 0.0, 0.0, 0.0]] * 2
-    at = Projections.of(pair_of(standing, [[dx, dy, 0.0, heading]] * 2))
-    moving = at.moved(*(np.full(2, each) for each in (dx, dy, dvx, dvy)))
-    np.testing.assert_allclose(straight_contact(moving), time, atol=1e-9)
-    np.testing.assert_allclose(accelerated_contact(moving, np.zeros(2), np.zeros(2)), time, atol=1e-9)
+    at = EdgeProjections.from_pair(pair_of(standing, [[dx, dy, 0.0, heading]] * 2))
+    moving = at.with_motion(*(np.full(2, each) for each in (dx, dy, dvx, dvy)))
+    np.testing.assert_allclose(straight_contact_time_s(moving), time, atol=1e-9)
+    np.testing.assert_allclose(accelerated_contact_time_s(moving, np.zeros(2), np.zeros(2)), time, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -49,8 +49,8 @@ def test_straight_contact_by_hand(dx: float, dy: float, dvx: float, dvy: float, 
     ],
 )
 def test_accelerated_contact_by_hand(gap: float, speed: float, accel: float, time: float) -> None:
-    at = Projections.of(pair_of([[0.0, 0.0, 0.0, 0.0]] * 2, [[gap + 4.5, 0.0, speed, 0.0]] * 2))
-    np.testing.assert_allclose(accelerated_contact(at, np.full(2, accel), np.zeros(2)), time, atol=1e-9)
+    at = EdgeProjections.from_pair(pair_of([[0.0, 0.0, 0.0, 0.0]] * 2, [[gap + 4.5, 0.0, speed, 0.0]] * 2))
+    np.testing.assert_allclose(accelerated_contact_time_s(at, np.full(2, accel), np.zeros(2)), time, atol=1e-9)
 
 
 def test_accelerated_contact_against_a_grid_of_time() -> None:
@@ -61,8 +61,8 @@ def test_accelerated_contact_against_a_grid_of_time() -> None:
         for _ in range(2)
     ]
     pair = pair_of(rows[0], rows[1], TRUCK)
-    at, accel = pair.approach, rng.normal(0.0, 3.0, (2, n))
-    found = accelerated_contact(Projections.of(pair), *accel)
+    at, accel = pair.other_in_host_axes, rng.normal(0.0, 3.0, (2, n))
+    found = accelerated_contact_time_s(EdgeProjections.from_pair(pair), *accel)
     n_hits = 0
     for k in range(n):
         x, y = (
@@ -70,7 +70,7 @@ def test_accelerated_contact_against_a_grid_of_time() -> None:
             for place, speed, a in ((at.x_m, at.vx_mps, accel[0]), (at.y_m, at.vy_mps, accel[1]))
         )
         turn = np.full(len(time), math.atan2(at.sin_turn[k], at.cos_turn[k]))
-        margin = overlap_margin(x, y, np.zeros(len(time)), turn, CAR, TRUCK)
+        margin = outline_separation_m(x, y, np.zeros(len(time)), turn, CAR, TRUCK)
         if (margin <= 0.0).any():
             n_hits += 1
             assert time[(margin <= 0.0).argmax()] - STEP_S <= found[k] <= time[(margin <= 0.0).argmax()]

@@ -78,7 +78,7 @@ def laid(name: str, ego: int, other: int) -> Pair:
 
 def value(name: str, ego: int, other: int, step: int, measure: str) -> float:
     entry = MEASURES[measure]
-    found = laid(name, ego, other).value(entry)
+    found = laid(name, ego, other).evaluate_measure(entry)
     return float(found[step] if entry.is_series else found)
 
 
@@ -94,7 +94,7 @@ def test_values_along_the_recording(
     name: str, ego: int, other: int, measure: str, expected: float, digit: float
 ) -> None:
     # CriMe's DCE is the least gap of the recorded trajectories, TTCE when it is, TTC* when it is first 0.
-    gap = np.maximum(pair(name, ego, other).value(MEASURES["gap"]), 0.0)
+    gap = np.maximum(pair(name, ego, other).evaluate_measure(MEASURES["gap"]), 0.0)
     found = {
         "DCE": gap.min(),
         "TTCE": 0.1 * gap.argmin(),
@@ -105,8 +105,8 @@ def test_values_along_the_recording(
 
 def test_time_exposed_until_the_crash() -> None:
     whole = laid(URBAN, 8, 6)
-    crash = int((whole.value(MEASURES["gap"]) <= 0.0).argmax())
-    assert float(until(whole, crash).value(MEASURES["tet"])) == pytest.approx(2.0, abs=0.1)
+    crash = int((whole.evaluate_measure(MEASURES["gap"]) <= 0.0).argmax())
+    assert float(until(whole, crash).evaluate_measure(MEASURES["tet"])) == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("name", "ego", "other", "step", "measure", "theirs", "why"), DIFFERENT)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures import MEASURES
-from cwcli.measures.contact import Projections, accelerated_contact
-from cwcli.measures.p_mc import HORIZON_S, SIGMA_MPS2
+from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s
+from cwcli.measures.p_mc import ACCEL_SIGMA_MPS2, HORIZON_S
 from cwcli.measures.pair import ActualTrack, Pair
 
 N_ENCOUNTERS, N_RANDOM = 8, 60_000
@@ -22,12 +22,12 @@ def test_against_random_samples() -> None:
         stamps = np.arange(N_ENCOUNTERS) * 10**8
         tracks.append(ActualTrack(stamps, np.column_stack([place, speed, heading])))
     pair = Pair(tracks[0], tracks[1], (4.5, 1.8), (12.0, 2.5), 0.5)
-    found = pair.value(MEASURES["p-mc"])
-    at = Projections.of(pair)
+    found = pair.evaluate_measure(MEASURES["p-mc"])
+    at = EdgeProjections.from_pair(pair)
     expected = []
     for row in range(N_ENCOUNTERS):
-        ax, ay = rng.normal(0.0, SIGMA_MPS2, (2, N_RANDOM))
-        hit = accelerated_contact(at.rows(np.full(N_RANDOM, row)), ax, ay) <= HORIZON_S
+        ax, ay = rng.normal(0.0, ACCEL_SIGMA_MPS2, (2, N_RANDOM))
+        hit = accelerated_contact_time_s(at.select_rows(np.full(N_RANDOM, row)), ax, ay) <= HORIZON_S
         expected.append(hit.mean())
     spread = np.array(expected)
     assert ((spread > 0.02) & (spread < 0.98)).sum() >= 3

@@ -28,4 +28,4 @@ def test_the_approaches_need_all_kinds_of_braking() -> None:
 def test_what_needs_no_braking_has_no_crash_potential() -> None:
     closing = approach(np.random.default_rng(1))
     apart = type(closing)(closing.other, closing.host, closing.other_size, closing.host_size, closing.max_gap_s)
-    assert float(apart.value(MEASURES["cpi"])) == 0.0
+    assert float(apart.evaluate_measure(MEASURES["cpi"])) == 0.0

@@ -78,7 +78,7 @@ def test_following_until_the_other_stands(
     theirs = numbers(conflict, f"{span}Span")
     ttc = numbers(conflict, "TTCSpan")
     judged = np.isfinite(theirs) & (np.nan_to_num(ttc, nan=np.inf) < MAX_TTC_S)
-    ours = followed.value(MEASURES[name])
+    ours = followed.evaluate_measure(MEASURES[name])
     assert judged.sum() > 100
     low, high = (each[judged] for each in possible(followed, name))
     ours, theirs = ours[judged], theirs[judged]
@@ -95,4 +95,4 @@ def test_no_value_where_sumo_has_none(conflict: ET.Element, followed: Pair) -> N
     apart = np.isnan(numbers(conflict, "TTCSpan")) & (np.diff(followed.host.state[:, 2], append=np.nan) != 0.0)
     closing = followed.host.state[:, 2] - followed.other.state[:, 2]
     assert apart.any()
-    assert np.isnan(followed.value(MEASURES["ttc"])[apart & (closing <= 0.0)]).all()
+    assert np.isnan(followed.evaluate_measure(MEASURES["ttc"])[apart & (closing <= 0.0)]).all()

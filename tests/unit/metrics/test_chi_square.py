@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cwcli.metrics.chi_square import chi_square_cdf, chi_square_quantile, mean_bounds
+from cwcli.metrics.chi_square import chi_square_cdf, chi_square_mean_bounds, chi_square_quantile
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 10, 747.5, 40_000])
@@ -19,13 +19,13 @@ def test_two_degrees_of_freedom_by_hand():
 
 def test_bounds_of_a_mean():
     # Bar-Shalom et al., section 5.4.2, example: 50 runs of 2 degrees of freedom: [1.48, 2.59] (chi-square of 100 / 50)
-    low, high = mean_bounds(2, 50)
+    low, high = chi_square_mean_bounds(2, 50)
     assert (round(low, 2), round(high, 2)) == (1.48, 2.59)
-    assert np.isnan(mean_bounds(2, 0)).all()
+    assert np.isnan(chi_square_mean_bounds(2, 0)).all()
 
 
 def test_mean_bounds_hold_95_percent_of_the_means():
-    low, high = mean_bounds(2, 100)
+    low, high = chi_square_mean_bounds(2, 100)
     means = np.random.default_rng(0).chisquare(2, (4000, 100)).mean(axis=1)
     assert ((means > low) & (means < high)).mean() == pytest.approx(0.95, abs=0.015)
 

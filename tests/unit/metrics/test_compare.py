@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cwcli.metrics.compare import ERROR_RATE, Change, Verdict, compare_runs, comparison_table
-from cwcli.metrics.headline import METRICS, metric_of
+from cwcli.metrics.compare import FAMILY_WISE_ERROR_RATE, ChangeVerdict, MetricChange, compare_runs, comparison_table
+from cwcli.metrics.headline import METRICS, find_metric
 from cwcli.metrics.pooling import LogMetrics, MetricRow
 from cwcli.signals.columns import FloatArray
 
@@ -18,7 +18,7 @@ POSITIVE = [
 
 
 def row(name: str, value: float) -> MetricRow:
-    metric = metric_of(name)
+    metric = find_metric(name)
     assert metric is not None
     weight = 100.0 if math.isfinite(value) else 0.0
     total = {"rms": value**2 * weight, "mean": value * weight}.get(metric.pool, value)
@@ -38,7 +38,7 @@ def run(
     ]
 
 
-def only(change: tuple[Change, ...]) -> Change:
+def only(change: tuple[MetricChange, ...]) -> MetricChange:
     (found,) = change
     return found
 
@@ -47,27 +47,30 @@ def test_identical_runs_are_the_same() -> None:
     logs = run({RMSE: [1.0, 2.0], "warnings.recall": [1.0, math.nan]})
     comparison = compare_runs(logs, logs)
     assert [(c.metric, c.verdict, c.change, c.n_pairs) for c in comparison.changes] == [
-        (RMSE, Verdict.SAME, 0.0, 2),
-        ("warnings.recall", Verdict.SAME, 0.0, 1),
+        (RMSE, ChangeVerdict.SAME, 0.0, 2),
+        ("warnings.recall", ChangeVerdict.SAME, 0.0, 1),
     ]
 
 
 def test_rounding_of_another_processor_is_no_change() -> None:
     values = np.linspace(1.0, 2.0, 12)
-    assert only(compare_runs(run({RMSE: values}), run({RMSE: values * (1.0 + 1e-13)})).changes).verdict is Verdict.SAME
+    assert (
+        only(compare_runs(run({RMSE: values}), run({RMSE: values * (1.0 + 1e-13)})).changes).verdict
+        is ChangeVerdict.SAME
+    )
 
 
 def test_a_few_logs_are_unclear_but_exact_judges_them() -> None:
     before, after = run({RMSE: [1.0, 2.0, 3.0]}), run({RMSE: [1.1, 2.2, 3.3]})
     change = only(compare_runs(before, after).changes)
-    assert change.verdict is Verdict.UNCLEAR
+    assert change.verdict is ChangeVerdict.UNCLEAR
     # each grew by a tenth; the floor is 1 % of both runs' pooled sqrt((14 + 1.21 * 14) / 6) = 2.271
     floor = 0.01 * math.sqrt(14.0 * (1.0 + 1.1**2) / 6.0)
     ratios = [(1.1 * x + floor) / (x + floor) for x in (1.0, 2.0, 3.0)]
     assert change.change == pytest.approx(math.prod(ratios) ** (1.0 / 3.0) - 1.0)
-    assert only(compare_runs(before, after, exact=True).changes).verdict is Verdict.WORSE
-    assert only(compare_runs(before, after, exact=True, tolerance=0.2).changes).verdict is Verdict.SAME
-    assert only(compare_runs(after, before, exact=True).changes).verdict is Verdict.IMPROVED
+    assert only(compare_runs(before, after, exact=True).changes).verdict is ChangeVerdict.WORSE
+    assert only(compare_runs(before, after, exact=True, tolerance=0.2).changes).verdict is ChangeVerdict.SAME
+    assert only(compare_runs(after, before, exact=True).changes).verdict is ChangeVerdict.IMPROVED
 
 
 def test_exchanged_runs_give_the_opposite_change() -> None:
@@ -86,7 +89,7 @@ def test_p_value_of_twelve_changes_to_one_side() -> None:
     change = only(compare_runs(run({RMSE: before}), run({RMSE: before * 1.05})).changes)
     # only all signs as they are, or all turned, reach the sum: 2 of 2^12
     assert change.p == pytest.approx(2.0 / 2**12, abs=5e-4)
-    assert change.verdict is Verdict.WORSE
+    assert change.verdict is ChangeVerdict.WORSE
     assert 0.045 < change.low <= change.change <= change.high < 0.05
 
 
@@ -115,37 +118,39 @@ def test_fewer_right_shares_are_worse_and_more_false_alarms_too() -> None:
     before = run({"warnings.recall": lower, "warnings.false_alarms_per_hour": higher})
     after = run({"warnings.recall": lower - 0.05, "warnings.false_alarms_per_hour": higher * 1.2})
     assert {c.metric: c.verdict for c in compare_runs(before, after).changes} == {
-        "warnings.recall": Verdict.WORSE,
-        "warnings.false_alarms_per_hour": Verdict.WORSE,
+        "warnings.recall": ChangeVerdict.WORSE,
+        "warnings.false_alarms_per_hour": ChangeVerdict.WORSE,
     }
 
 
 def test_a_metric_with_a_target_is_judged_by_its_distance() -> None:
     before = run({"ego.position_nees": np.full(20, 0.5)})
     nearer, past = run({"ego.position_nees": np.full(20, 1.5)}), run({"ego.position_nees": np.full(20, 4.5)})
-    assert only(compare_runs(before, nearer).changes).verdict is Verdict.IMPROVED
+    assert only(compare_runs(before, nearer).changes).verdict is ChangeVerdict.IMPROVED
     worse = only(compare_runs(before, past).changes)
-    assert worse.verdict is Verdict.WORSE
+    assert worse.verdict is ChangeVerdict.WORSE
     assert worse.change == pytest.approx(1.0)  # 2.5 from 2 instead of 1.5
 
 
 def test_a_certain_but_tiny_change_is_the_same() -> None:
     before = np.linspace(1.0, 2.0, 50)
     change = only(compare_runs(run({RMSE: before}), run({RMSE: before * 1.002})).changes)
-    assert change.p < ERROR_RATE and change.verdict is Verdict.SAME
+    assert change.p < FAMILY_WISE_ERROR_RATE and change.verdict is ChangeVerdict.SAME
 
 
 def test_noise_without_a_change_is_unclear() -> None:
     rng = np.random.default_rng(1)
     before = rng.uniform(1.0, 2.0, 20)
     after = before * np.exp(rng.normal(0.0, 0.2, 20))
-    assert only(compare_runs(run({RMSE: before}), run({RMSE: after})).changes).verdict is Verdict.UNCLEAR
+    assert only(compare_runs(run({RMSE: before}), run({RMSE: after})).changes).verdict is ChangeVerdict.UNCLEAR
 
 
 def test_a_parked_car_does_not_decide() -> None:
     # nine logs got a tenth worse; the error of the tenth, a parked car, fell from nothing to less
     before, after = [1.0] * 9 + [1e-6], [1.1] * 9 + [1e-12]
-    assert only(compare_runs(run({RMSE: before}), run({RMSE: after}), exact=True).changes).verdict is Verdict.WORSE
+    assert (
+        only(compare_runs(run({RMSE: before}), run({RMSE: after}), exact=True).changes).verdict is ChangeVerdict.WORSE
+    )
 
 
 def test_typical_log_against_pooled_value_is_unclear() -> None:
@@ -153,7 +158,7 @@ def test_typical_log_against_pooled_value_is_unclear() -> None:
     before, after = [0.1] * 19 + [10.0], [0.05] * 19 + [20.0]
     change = only(compare_runs(run({RMSE: before}), run({RMSE: after})).changes)
     assert change.change < -0.3 and change.candidate > 1.9 * change.baseline
-    assert change.verdict is Verdict.UNCLEAR
+    assert change.verdict is ChangeVerdict.UNCLEAR
 
 
 def test_missing_metrics_and_logs_are_named() -> None:
@@ -163,9 +168,9 @@ def test_missing_metrics_and_logs_are_named() -> None:
     comparison = compare_runs(before, after)
     verdicts = {c.metric: c.verdict for c in comparison.changes}
     assert verdicts == {
-        RMSE: Verdict.SAME,
-        "lanes.found_share": Verdict.MISSING,
-        "tracking.gospa_m": Verdict.NEW,
+        RMSE: ChangeVerdict.SAME,
+        "lanes.found_share": ChangeVerdict.MISSING,
+        "tracking.gospa_m": ChangeVerdict.NEW,
     }
     assert comparison.failed == ("log1",)
     assert comparison.only_candidate == ("log7",)
@@ -187,11 +192,11 @@ def test_no_pair_at_all() -> None:
 
 def test_table_of_a_comparison() -> None:
     values = np.linspace(1.0, 2.0, 12)
-    (record,) = comparison_table(compare_runs(run({RMSE: values}), run({RMSE: values * 1.1}))).records()
+    (record,) = comparison_table(compare_runs(run({RMSE: values}), run({RMSE: values * 1.1}))).rows_as_dicts()
     assert (record["metric"], record["verdict"], record["n_pairs"], record["is_relative"]) == (RMSE, "worse", 12, True)
 
 
-def synthetic_pair(seed: int, *, planted: float) -> dict[str, Verdict]:
+def synthetic_pair(seed: int, *, planted: float) -> dict[str, ChangeVerdict]:
     """Two runs of 40 logs: every error differs by 5 % of noise from run to run, and by a planted change in the first.
 
     The logs' own errors spread over a factor of 2.2 (one sigma of the logarithm is 0.8).
@@ -206,8 +211,10 @@ def synthetic_pair(seed: int, *, planted: float) -> dict[str, Verdict]:
 
 def test_of_200_pairs_planted_regressions_are_found_and_chance_is_not() -> None:
     assert len(POSITIVE) >= 12
-    found = sum(synthetic_pair(seed, planted=0.05)[POSITIVE[0]] is Verdict.WORSE for seed in range(200))
+    found = sum(synthetic_pair(seed, planted=0.05)[POSITIVE[0]] is ChangeVerdict.WORSE for seed in range(200))
     unplanted = [synthetic_pair(1000 + seed, planted=0.0) for seed in range(200)]
-    flagged = sum(bool({Verdict.WORSE, Verdict.IMPROVED} & set(verdicts.values())) for verdicts in unplanted)
+    flagged = sum(
+        bool({ChangeVerdict.WORSE, ChangeVerdict.IMPROVED} & set(verdicts.values())) for verdicts in unplanted
+    )
     assert found >= 0.95 * 200
     assert flagged <= 0.05 * 200

@@ -7,19 +7,19 @@ from hypothesis import strategies as st
 from cwcli.errors import UsageError
 from cwcli.metrics.gate_syntax import (
     Aggregate,
-    Both,
+    AndOr,
+    AnyAll,
     Comparison,
     Name,
     Not,
     Number,
-    Over,
     Share,
-    is_about_logs,
-    parse,
+    needs_single_log,
+    parse_gate,
 )
-from cwcli.metrics.gates import FAILED_LOGS, Status, check_gates, matches
-from cwcli.metrics.headline import Headline
-from cwcli.metrics.pooling import LogMetrics, rows_of
+from cwcli.metrics.gates import FAILED_LOGS_GATE, CheckStatus, check_gates, matches_pattern
+from cwcli.metrics.headline import HeadlineCollector
+from cwcli.metrics.pooling import LogMetrics, metric_rows_by_name
 
 ERROR = "ego.position_rmse_m"
 
@@ -27,14 +27,14 @@ ERROR = "ego.position_rmse_m"
 def log(
     name: str, rmse: float | None = None, *, recall: tuple[float, float] | None = None, **more: float
 ) -> LogMetrics:
-    headline = Headline()
+    headline = HeadlineCollector()
     if rmse is not None:
-        headline.add(ERROR, rmse**2 * 10.0, 10.0)
+        headline.add_from_sums(ERROR, rmse**2 * 10.0, 10.0)
     if recall is not None:
-        headline.add("warnings.recall", *recall)
+        headline.add_from_sums("warnings.recall", *recall)
     for metric, value in more.items():
-        headline.add(metric.replace("__", "."), value, 1.0)
-    return LogMetrics(name, rows_of(headline.table()))
+        headline.add_from_sums(metric.replace("__", "."), value, 1.0)
+    return LogMetrics(name, metric_rows_by_name(headline.to_table()))
 
 
 PIECES = [
@@ -64,7 +64,7 @@ THREE = (log("a", 0.2, recall=(1, 1)), log("b", 0.4, recall=(1, 3)), log("c", 0.
 
 
 def holds(gate: str, logs: tuple[LogMetrics, ...] = THREE) -> bool:
-    return check_gates([gate], logs)[0].status is Status.PASSED
+    return check_gates([gate], logs)[0].status is CheckStatus.PASSED
 
 
 @pytest.mark.parametrize(
@@ -79,19 +79,19 @@ def holds(gate: str, logs: tuple[LogMetrics, ...] = THREE) -> bool:
         ("p95(x) == 1", Comparison((Aggregate("p95", Name("x")), Number(1.0)), ("==",))),
         ("not x > 1", Not(Comparison((Name("x"), Number(1.0)), (">",)))),
         ("not not x > 1", Comparison((Name("x"), Number(1.0)), (">",))),
-        ("any(x > 1)", Over("any", Comparison((Name("x"), Number(1.0)), (">",)))),
+        ("any(x > 1)", AnyAll("any", Comparison((Name("x"), Number(1.0)), (">",)))),
         ("share(x > 1) > 0.5", Comparison(
             (Share(Comparison((Name("x"), Number(1.0)), (">",))), Number(0.5)), (">",))),
     ],
 )  # fmt: skip
 def test_parse(text: str, node: object) -> None:
-    assert parse(text) == node
+    assert parse_gate(text) == node
 
 
 def test_and_binds_stronger_than_or() -> None:
-    x, y, z = (parse(f"{name} > 1") for name in "xyz")
-    assert parse("x > 1 or y > 1 and z > 1") == Both((x, Both((y, z), is_and=True)), is_and=False)
-    assert parse("(x > 1 or y > 1) and z > 1") == Both((Both((x, y), is_and=False), z), is_and=True)
+    x, y, z = (parse_gate(f"{name} > 1") for name in "xyz")
+    assert parse_gate("x > 1 or y > 1 and z > 1") == AndOr((x, AndOr((y, z), is_and=True)), is_and=False)
+    assert parse_gate("(x > 1 or y > 1) and z > 1") == AndOr((AndOr((x, y), is_and=False), z), is_and=True)
 
 
 @pytest.mark.parametrize(
@@ -122,25 +122,25 @@ def test_and_binds_stronger_than_or() -> None:
 )
 def test_what_is_no_gate_is_refused_with_the_place(text: str, said: str) -> None:
     with pytest.raises(UsageError) as error:
-        parse(text)
+        parse_gate(text)
     assert said in error.value.what
 
 
 def test_endless_gates_are_refused() -> None:
     with pytest.raises(UsageError, match="inside each other"):
-        parse("(" * 60 + "x < 1" + ")" * 60)
+        parse_gate("(" * 60 + "x < 1" + ")" * 60)
     with pytest.raises(UsageError, match="longer than"):
-        parse("x < 1 and " * 1000 + "x < 1")
+        parse_gate("x < 1 and " * 1000 + "x < 1")
 
 
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.sampled_from(PIECES), max_size=25).map("".join))
 def test_any_text_is_parsed_or_refused(text: str) -> None:
     try:
-        node = parse(text)
+        node = parse_gate(text)
     except UsageError:
         return
-    assert isinstance(is_about_logs(node), bool)
+    assert isinstance(needs_single_log(node), bool)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_a_gate_on_a_log_is_asked_of_every_log() -> None:
     assert [(check.log, check.status.value) for check in result.checks] == [
         ("a", "passed"), ("b", "passed"), ("c", "failed"),
     ]  # fmt: skip
-    assert result.failed[0].detail == "ego.position_rmse_m = 0.6000 m"
+    assert result.failed_checks[0].detail == "ego.position_rmse_m = 0.6000 m"
 
 
 def test_a_gate_on_the_run_is_asked_once() -> None:
@@ -189,22 +189,22 @@ def test_a_gate_on_the_run_is_asked_once() -> None:
 def test_a_missing_metric_fails_with_the_reason_unless_allowed() -> None:
     logs = (log("a", 0.2), log("b"))
     (result,) = check_gates([f"{ERROR} < 0.5"], logs)
-    assert [(check.log, check.detail) for check in result.failed] == [("b", f"{ERROR} is missing")]
+    assert [(check.log, check.detail) for check in result.failed_checks] == [("b", f"{ERROR} is missing")]
     (result,) = check_gates([f"{ERROR} < 0.5"], logs, allow_missing=True)
-    assert [check.status for check in result.checks] == [Status.PASSED, Status.SKIPPED]
-    assert result.status is Status.PASSED
+    assert [check.status for check in result.checks] == [CheckStatus.PASSED, CheckStatus.SKIPPED]
+    assert result.status is CheckStatus.PASSED
 
 
 def test_a_metric_of_no_log_fails_with_the_nearest_name() -> None:
     (result,) = check_gates(["ego.positon_rmse_m < 0.5"], THREE)
-    assert "did you mean ego.position_rmse_m?" in result.failed[0].detail
+    assert "did you mean ego.position_rmse_m?" in result.failed_checks[0].detail
     (result,) = check_gates(["mean(lanes.found_share) > 0.5"], THREE)
-    assert result.failed[0].detail == "no log has lanes.found_share"
+    assert result.failed_checks[0].detail == "no log has lanes.found_share"
 
 
 def test_a_metric_without_a_value_is_told_from_a_missing_one() -> None:
     (result,) = check_gates(["warnings.recall > 0.2"], THREE)
-    assert [(check.log, check.detail) for check in result.failed] == [
+    assert [(check.log, check.detail) for check in result.failed_checks] == [
         ("c", "warnings.recall has no value: there was nothing to judge")
     ]
 
@@ -212,23 +212,23 @@ def test_a_metric_without_a_value_is_told_from_a_missing_one() -> None:
 def test_kleene_logic_lets_a_missing_metric_decide_nothing() -> None:
     assert holds(f"{ERROR} < 0.7 or lanes.found_share > 0.5")
     (result,) = check_gates([f"{ERROR} > 0.7 and lanes.found_share > 0.5"], THREE, allow_missing=True)
-    assert result.status is Status.FAILED  # false, whatever the missing one is
+    assert result.status is CheckStatus.FAILED  # false, whatever the missing one is
     (result,) = check_gates(["not lanes.found_share > 0.5"], THREE, allow_missing=True)
-    assert result.status is Status.SKIPPED
+    assert result.status is CheckStatus.SKIPPED
 
 
 def test_a_failed_log_fails_what_is_asked_of_it_and_a_gate_of_its_own() -> None:
     logs = (log("a", 0.2), LogMetrics("b", error="it was cut"))
     first, second, last = check_gates([f"{ERROR} < 0.5", f"max({ERROR}) < 0.5"], logs, allow_missing=True)
-    assert [check.detail for check in first.failed] == ["the log failed: it was cut"]
-    assert second.status is Status.PASSED
-    assert (last.gate, [check.log for check in last.failed]) == (FAILED_LOGS, ["b"])
+    assert [check.detail for check in first.failed_checks] == ["the log failed: it was cut"]
+    assert second.status is CheckStatus.PASSED
+    assert (last.gate, [check.log for check in last.failed_checks]) == (FAILED_LOGS_GATE, ["b"])
     assert check_gates([], logs) == []
 
 
 def test_no_logs_pass_no_gate() -> None:
     (result,) = check_gates([f"{ERROR} < 0.5"], ())
-    assert result.failed[0].detail == "there is no log"
+    assert result.failed_checks[0].detail == "there is no log"
 
 
 @pytest.mark.parametrize(
@@ -245,7 +245,7 @@ def test_no_logs_pass_no_gate() -> None:
     ],
 )
 def test_patterns(pattern: str, name: str, expected: bool) -> None:
-    assert matches(pattern, name) is expected
+    assert matches_pattern(pattern, name) is expected
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ import pytest
 
 from cwcli.metrics.lane_scores import (
     TuSimpleScore,
-    ego_lanes,
-    share_within,
+    lane_width_stability,
+    lanes_beside_ego,
+    share_of_rows_within_tolerance,
     tusimple_score,
-    visual_score,
-    width_stability,
+    visual_standard_score,
 )
 
 NAN = math.nan
@@ -127,7 +127,7 @@ def test_ego_lanes_are_those_beside_the_middle_of_the_lower_edge() -> None:
     rows = np.arange(240.0, 711.0, 10.0)
     down = (rows - 240.0) / 470.0
     lines = {foot: np.where(rows >= 300.0, 640.0 + (foot - 640.0) * down, -2.0) for foot in (-900, 300, 1000, 1900)}
-    found = ego_lanes(np.array(list(lines.values())), rows, 1280.0, 720.0)
+    found = lanes_beside_ego(np.array(list(lines.values())), rows, 1280.0, 720.0)
     np.testing.assert_array_equal(found, [lines[300], lines[1000]])
 
 
@@ -135,16 +135,16 @@ def test_ego_lanes_follow_a_bend_at_its_near_end() -> None:
     # seen far ahead the lane leans to the right; its lowest rows lean to the left and reach the edge at 639 - 10 = 629
     rows = np.arange(240.0, 711.0, 10.0)
     bend = np.where(rows < 640.0, 800.0 - 0.4 * (rows - 240.0), 709.0 - (rows - 640.0))
-    (found,) = ego_lanes(np.array([bend]), rows, 1280.0, 720.0)
+    (found,) = lanes_beside_ego(np.array([bend]), rows, 1280.0, 720.0)
     assert found is not None
-    left, right = ego_lanes(np.array([bend, np.full(len(rows), 660.0)]), rows, 1280.0, 720.0)
+    left, right = lanes_beside_ego(np.array([bend, np.full(len(rows), 660.0)]), rows, 1280.0, 720.0)
     assert (left[0], right[0]) == (800.0, 660.0)
 
 
 def test_ego_lanes_of_an_empty_road() -> None:
     rows = np.arange(240.0, 711.0, 10.0)
-    assert ego_lanes(np.full((2, len(rows)), -2.0), rows, 1280.0, 720.0) == []
-    assert ego_lanes(np.zeros((0, len(rows))), rows, 1280.0, 720.0) == []
+    assert lanes_beside_ego(np.full((2, len(rows)), -2.0), rows, 1280.0, 720.0) == []
+    assert lanes_beside_ego(np.zeros((0, len(rows))), rows, 1280.0, 720.0) == []
 
 
 def test_tusimple_refuses_a_truth_without_rows() -> None:
@@ -166,38 +166,38 @@ def test_visual_standard_needs_85_percent_of_the_visible_rows_of_both() -> None:
     good[:15] += 6.5  # 85 of 100 visible rows are right
     good[100:] += 50.0  # not judged
     bad[:16] += 6.5
-    assert visual_score(good, truth, truth, truth, visible, visible).is_correct
-    judged = visual_score(bad, truth, truth, truth, visible, visible)
+    assert visual_standard_score(good, truth, truth, truth, visible, visible).is_correct
+    judged = visual_standard_score(bad, truth, truth, truth, visible, visible)
     assert (judged.left_share, judged.right_share, judged.is_correct) == (0.84, 1.0, False)
 
 
 def test_visual_standard_tolerance_includes_6_pixels_and_scales_with_the_width() -> None:
     truth, visible = np.zeros(10), np.ones(10, bool)
-    assert share_within(truth + 6.0, truth, visible) == 1.0
-    assert share_within(truth - 6.01, truth, visible) == 0.0
-    assert visual_score(truth + 12.0, truth, truth, truth, visible, visible, width_px=640).is_correct
+    assert share_of_rows_within_tolerance(truth + 6.0, truth, visible) == 1.0
+    assert share_of_rows_within_tolerance(truth - 6.01, truth, visible) == 0.0
+    assert visual_standard_score(truth + 12.0, truth, truth, truth, visible, visible, width_px=640).is_correct
 
 
 def test_visual_standard_not_found_is_a_miss_and_an_unseen_boundary_is_not_judged() -> None:
     truth, visible, none = np.zeros(10), np.ones(10, bool), np.zeros(10, bool)
     missing = np.full(10, NAN)
-    assert not visual_score(missing, truth, truth, truth, visible, visible).is_correct
-    assert visual_score(missing, truth, truth, truth, none, visible).is_correct
-    assert not visual_score(truth, truth, truth, truth, none, none).is_correct
+    assert not visual_standard_score(missing, truth, truth, truth, visible, visible).is_correct
+    assert visual_standard_score(missing, truth, truth, truth, none, visible).is_correct
+    assert not visual_standard_score(truth, truth, truth, truth, none, none).is_correct
 
 
 def test_width_stability_by_hand() -> None:
-    score = width_stability(np.array([3.5, 3.6, NAN, 3.9, 3.6, 3.6]))
+    score = lane_width_stability(np.array([3.5, 3.6, NAN, 3.9, 3.6, 3.6]))
     assert (score.n, score.median_m) == (5, 3.6)
     assert score.share_near == 0.8  # 3.9 is 8 % off
     assert score.max_jump_m == pytest.approx(0.3)  # 3.9 -> 3.6; the gap is not bridged
-    assert width_stability(np.array([NAN])).n == 0
+    assert lane_width_stability(np.array([NAN])).n == 0
 
 
 def test_a_line_on_the_paint_is_no_error() -> None:
     # A stripe of 9 pixels on each side of the truth: 6 pixels beyond its edge are 15 from its middle.
     truth, visible = np.full(4, 100.0), np.ones(4, np.bool_)
     found = np.array([91.0, 85.0, 115.0, 115.5])
-    assert share_within(found, truth, visible) == 0.0
-    assert share_within(found, truth, visible, half_width_px=9.0) == 0.75
-    assert share_within(found, truth, visible, half_width_px=np.array([9.0, 8.0, 9.0, 9.5])) == 0.75
+    assert share_of_rows_within_tolerance(found, truth, visible) == 0.0
+    assert share_of_rows_within_tolerance(found, truth, visible, half_width_px=9.0) == 0.75
+    assert share_of_rows_within_tolerance(found, truth, visible, half_width_px=np.array([9.0, 8.0, 9.0, 9.5])) == 0.75

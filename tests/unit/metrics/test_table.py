@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from cwcli.errors import OutputError, UsageError
-from cwcli.metrics.table import ColumnDoc, Table, arrow_table, check_table_name, unit_of, write_table
+from cwcli.metrics.table import ColumnDoc, Table, check_table_file_name, to_arrow_table, unit_of_column, write_table
 from cwcli.signals.columns import Ragged, Strings
 
 
@@ -47,7 +47,7 @@ def test_parquet_round_trip(tmp_path: Path) -> None:
 
 
 def test_fields_carry_unit_frame_and_doc() -> None:
-    schema = arrow_table(example()).schema
+    schema = to_arrow_table(example()).schema
     assert schema.field("speed_mps").metadata == {b"unit": b"m/s"}
     assert schema.field("stamp_ns").metadata == {b"unit": b"ns"}
     assert schema.field("position").metadata == {b"unit": b"m", b"frame": b"map", b"doc": b"Where it was"}
@@ -89,7 +89,7 @@ def test_same_table_gives_the_same_bytes(tmp_path: Path, suffix: str) -> None:
 def test_a_dictionary_holds_each_value_once() -> None:
     """Behind a dictionary with equal values Arrow writes memory as it finds it: files of equal tables differed."""
     twice = Strings(np.array([2, 0, -1, 1, 0], np.int32), ("/imu", "/gps", "/imu"))
-    column = arrow_table(Table("t", {"topic": twice}))["topic"].combine_chunks()
+    column = to_arrow_table(Table("t", {"topic": twice}))["topic"].combine_chunks()
     assert column.dictionary.to_pylist() == ["/imu", "/gps"]
     assert column.to_pylist() == ["/imu", "/imu", None, "/gps", "/imu"]
 
@@ -106,7 +106,7 @@ def test_sliced_columns_are_written_right(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["t.json", "t", "t.parquet.txt"])
 def test_unknown_suffix_is_a_usage_error(tmp_path: Path, name: str) -> None:
     with pytest.raises(UsageError, match="Parquet or CSV"):
-        check_table_name(tmp_path / name)
+        check_table_file_name(tmp_path / name)
 
 
 def test_existing_table_needs_force(tmp_path: Path) -> None:
@@ -148,4 +148,4 @@ def test_inconsistent_tables_are_refused(
     ],
 )
 def test_unit_follows_from_the_name(name: str, unit: str) -> None:
-    assert unit_of(name) == unit
+    assert unit_of_column(name) == unit

@@ -4,10 +4,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.horizon import compare_models, horizon_table
+from cwcli.prediction.model_comparison import compare_models_at_horizons, horizon_error_table
 from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 T0_NS = 1_700_000_000_000_000_000
@@ -26,7 +26,7 @@ def cv_paths(time_s: FloatArray, **values: float) -> Paths:
     state[:, 0], state[:, 2] = 10.0 * time_s, 10.0
     for name, value in values.items():
         state[:, ("x", "y", "v", "heading").index(name)] = value
-    return rollout("cv", state, None)
+    return roll_out_paths("cv", state, None)
 
 
 def test_errors_split_along_and_across_the_predicted_heading() -> None:
@@ -63,7 +63,7 @@ def test_mahalanobis_of_a_unit_error() -> None:
     covariance[0, 0, 0], covariance[0, 1, 1] = 4.0, 1.0
     state = np.zeros((1, 8))
     state[0, :3] = -2.0, 3.0, 0.0  # stands at (-2, 3), truth at (0, 0): 2 m east, 3 m south
-    paths = rollout("cv", state, covariance)
+    paths = roll_out_paths("cv", state, covariance)
     errors = horizon_errors(paths, stamps(time[:1]), stamps(time), 0.0 * east_at_ten(time), [0.0, 1.0])
     np.testing.assert_allclose(errors.mahalanobis2[0], 4.0 / 4.0 + 9.0 / 1.0)
 
@@ -79,9 +79,9 @@ def test_constant_velocity_is_always_compared() -> None:
     state = np.zeros((len(time), 8))
     state[:, 0], state[:, 2], state[:, 4] = 5.0 * time + time**2, 5.0 + 2.0 * time, 2.0
     covariance = np.tile(np.diag([0.01] * 4 + [1e-6] * 4), (len(time), 1, 1))
-    errors = compare_models(["ca"], state, covariance, stamps(time), stamps(time), state[:, :2])
+    errors = compare_models_at_horizons(["ca"], state, covariance, stamps(time), stamps(time), state[:, :2])
     assert list(errors) == ["cv", "ca"]
-    table = horizon_table(errors)
+    table = horizon_error_table(errors)
     at = [name == "cv" and horizon == 2.5 for name, horizon in zip(table["model"], table["horizon_s"], strict=True)]
     row = at.index(True)
     # 2 m/s^2 over 2.5 s: 6.25 m short, all of it along; constant acceleration has none of it
@@ -98,7 +98,7 @@ def test_table_without_the_baseline_is_refused() -> None:
     time = np.arange(0.0, 10.0, 0.05)
     errors = horizon_errors(cv_paths(time), stamps(time), stamps(time), east_at_ten(time), [1.0])
     with pytest.raises(ValueError, match="constant-velocity"):
-        horizon_table({"ca": errors})
+        horizon_error_table({"ca": errors})
 
 
 def test_coverage_of_drawn_outcomes_is_the_ellipses_level() -> None:
@@ -110,7 +110,7 @@ def test_coverage_of_drawn_outcomes_is_the_ellipses_level() -> None:
     state = np.zeros((n, 8))
     state[:, :2] = rng.multivariate_normal([0.0, 0.0], covariance[0, :2, :2], size=n)
     time = np.array([0.0, 10.0])
-    errors = compare_models(
+    errors = compare_models_at_horizons(
         ["cv"],
         state,
         covariance,
@@ -121,6 +121,6 @@ def test_coverage_of_drawn_outcomes_is_the_ellipses_level() -> None:
         max_gap_s=20.0,
         calibrate=False,
     )
-    table = horizon_table(errors)
+    table = horizon_error_table(errors)
     assert table["inside_50"][0] == pytest.approx(0.5, abs=0.015)
     assert table["inside_90"][0] == pytest.approx(0.9, abs=0.01)

@@ -6,14 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cwcli.dynamics.observer import observe
+from cwcli.dynamics.observer import observe_lateral_motion
 from cwcli.dynamics.samples import LateralTrack
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
-from cwcli.prediction.lateral import LateralPathConfig, dead_reckon, lateral_paths, map_paths, recent_acceleration
-from cwcli.prediction.lateral_calibrate import calibrate_paths, record_factors
-from cwcli.simulation.lane_camera import sense_lane
-from cwcli.simulation.lane_drive import Road, Runs, drive_lane
+from cwcli.prediction.lateral import (
+    LateralPathConfig,
+    dead_reckon_poses,
+    predict_paths_from_observer,
+    recent_acceleration_mps2,
+    transform_paths_to_map,
+)
+from cwcli.prediction.lateral_calibrate import scale_lateral_covariance, sigma_factors_from_driven_track
+from cwcli.simulation.lane_camera import simulate_lane_sensors
+from cwcli.simulation.lane_drive import LaneRuns, Road, simulate_lane_runs
 
 CAR = load_vehicle()
 PAPER = LateralPathConfig(model="zhang2011")
@@ -39,7 +45,7 @@ def track_of(
 
 def test_constant_yaw_rate_is_a_circle() -> None:
     # Radius v / gamma = 100 m, 0.4 rad in 2 s: x = 100 sin 0.4, y = 100 (1 - cos 0.4).
-    paths = lateral_paths(track_of(yaw_rate=0.2), CAR, PAPER)
+    paths = predict_paths_from_observer(track_of(yaw_rate=0.2), CAR, PAPER)
     assert paths.time_s[-1] == pytest.approx(2.0)
     assert paths.x_m[0, -1] == pytest.approx(100 * np.sin(0.4), abs=2e-3)
     assert paths.y_m[0, -1] == pytest.approx(100 * (1 - np.cos(0.4)), abs=2e-3)
@@ -47,20 +53,22 @@ def test_constant_yaw_rate_is_a_circle() -> None:
 
 
 def test_lateral_speed_carries_the_car_sideways() -> None:
-    paths = lateral_paths(track_of(lateral=-0.3), CAR, PAPER)
+    paths = predict_paths_from_observer(track_of(lateral=-0.3), CAR, PAPER)
     assert paths.y_m[0, -1] == pytest.approx(-0.6)
     assert paths.x_m[0, -1] == pytest.approx(40.0)
 
 
 def test_a_car_that_follows_the_bend_stays_on_it() -> None:
     track = track_of(yaw_rate=20.0 * 0.004, bend=0.004)
-    ours, papers = (lateral_paths(track, CAR, LateralPathConfig(model=model)) for model in ("cwcli", "zhang2011"))
+    ours, papers = (
+        predict_paths_from_observer(track, CAR, LateralPathConfig(model=model)) for model in ("cwcli", "zhang2011")
+    )
     np.testing.assert_allclose(ours.y_m, papers.y_m, atol=1e-9)
 
 
 def test_the_yaw_rate_goes_over_to_the_roads() -> None:
     # heading after t: road v k t, and what is left of the deviation: -v k tau (1 - exp(-t/tau)).
-    path = lateral_paths(track_of(bend=0.004), CAR, LateralPathConfig(adapt_s=0.7))
+    path = predict_paths_from_observer(track_of(bend=0.004), CAR, LateralPathConfig(adapt_s=0.7))
     expected = 0.08 * (2.0 - 0.7 * (1.0 - np.exp(-2.0 / 0.7)))
     assert path.heading_rad[0, -1] == pytest.approx(expected, rel=1e-3)
 
@@ -75,7 +83,7 @@ def test_a_preview_point_at_the_car_or_behind_it_leaves_paths_that_take_the_road
     track = replace(track_of(2, v=4.0), curvature_1pm=curvature_1pm, preview_m=np.full(2, preview_m))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        path = lateral_paths(track, car, LateralPathConfig(horizon_s=10.0))
+        path = predict_paths_from_observer(track, car, LateralPathConfig(horizon_s=10.0))
     assert np.isfinite(path.y_m).all()
     turning = np.diff(path.heading_rad[1]) / 0.05
     np.testing.assert_allclose(turning[-1], 4.0 * 0.01, atol=1e-6)
@@ -85,37 +93,37 @@ def test_scatter_of_the_speed_is_no_acceleration() -> None:
     """20 Hz, 0.05 m/s: the slope over 1 s scatters by 0.036 m/s^2, in 2 s 7 cm; nearly all of it is cut."""
     scatter = np.random.default_rng(1).normal(0.0, 0.05, 2000)
     track = replace(track_of(2000), stamp_ns=np.arange(2000, dtype=np.int64) * 50_000_000, speed_mps=25.0 + scatter)
-    accel = recent_acceleration(track)
+    accel = recent_acceleration_mps2(track)
     assert np.sqrt(np.mean(accel**2)) < 0.02
     braking = replace(track, speed_mps=25.0 + scatter - 2.0 * 0.05 * np.arange(2000))
-    np.testing.assert_allclose(recent_acceleration(braking)[30:], -2.0, atol=0.2)
+    np.testing.assert_allclose(recent_acceleration_mps2(braking)[30:], -2.0, atol=0.2)
 
 
 def test_no_acceleration_from_few_frames_or_beyond_a_gap() -> None:
     track = replace(track_of(6), speed_mps=np.array([20.0, 21.0, 22.0, np.nan, 23.0, 24.0]))
-    assert recent_acceleration(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
+    assert recent_acceleration_mps2(track)[:4].tolist() == [0.0, 0.0, 0.0, 0.0]
     gap = replace(track_of(6), stamp_ns=np.arange(6, dtype=np.int64) * 2_000_000_000, speed_mps=np.arange(6.0))
-    assert not recent_acceleration(gap).any()
-    assert len(recent_acceleration(track_of(0))) == 0
+    assert not recent_acceleration_mps2(gap).any()
+    assert len(recent_acceleration_mps2(track_of(0))) == 0
 
 
 def test_a_steady_acceleration_goes_on() -> None:
     track = replace(track_of(30), speed_mps=20.0 + 1.0 * 0.1 * np.arange(30))
-    path = lateral_paths(track, CAR)
+    path = predict_paths_from_observer(track, CAR)
     assert path.x_m[-1, -1] == pytest.approx(22.9 * 2.0 + 0.5 * 1.0 * 4.0, abs=1e-6)
-    assert lateral_paths(track, CAR, PAPER).x_m[-1, -1] == pytest.approx(22.9 * 2.0)
+    assert predict_paths_from_observer(track, CAR, PAPER).x_m[-1, -1] == pytest.approx(22.9 * 2.0)
 
 
 def test_a_braking_car_stops_and_does_not_reverse() -> None:
     track = replace(track_of(12), speed_mps=np.maximum(6.0 - 5.0 * 0.1 * np.arange(12), 0.0))
-    path = lateral_paths(track, CAR)
+    path = predict_paths_from_observer(track, CAR)
     assert path.speed_mps[-1].min() >= 0.0
     assert np.diff(path.x_m[-1]).min() >= 0.0
 
 
 def test_paths_in_the_map() -> None:
-    paths = lateral_paths(track_of(yaw_rate=0.2), CAR, PAPER)
-    placed = map_paths(paths, np.array([10.0]), np.array([-5.0]), np.array([np.pi / 2]))
+    paths = predict_paths_from_observer(track_of(yaw_rate=0.2), CAR, PAPER)
+    placed = transform_paths_to_map(paths, np.array([10.0]), np.array([-5.0]), np.array([np.pi / 2]))
     np.testing.assert_allclose(placed.x_m, 10.0 - paths.y_m, atol=1e-12)
     np.testing.assert_allclose(placed.y_m, -5.0 + paths.x_m, atol=1e-12)
     np.testing.assert_allclose(placed.position_covariance_m2[..., 0], paths.position_covariance_m2[..., 2], atol=1e-12)
@@ -130,8 +138,8 @@ def test_covariance_equals_random_draws_of_the_start() -> None:
     spread = random.normal(size=(n, 3)) * [0.01, 0.001, 0.1]
     base = track_of(n)
     drawn = replace(base, state=base.state + np.pad(spread[:, :2], ((0, 0), (0, 2))), speed_mps=20.0 + spread[:, 2])
-    ends = lateral_paths(drawn, CAR, config)
-    told = lateral_paths(track_of(), CAR, config).position_covariance_m2[0, -1]
+    ends = predict_paths_from_observer(drawn, CAR, config)
+    told = predict_paths_from_observer(track_of(), CAR, config).position_covariance_m2[0, -1]
     assert np.var(ends.y_m[:, -1]) == pytest.approx(told[2], rel=0.1)
     assert np.var(ends.x_m[:, -1]) == pytest.approx(told[0], rel=0.1)
 
@@ -139,7 +147,7 @@ def test_covariance_equals_random_draws_of_the_start() -> None:
 def test_no_state_no_path() -> None:
     track = track_of(3)
     track.state[1] = np.nan
-    paths = lateral_paths(track, CAR)
+    paths = predict_paths_from_observer(track, CAR)
     assert np.isnan(paths.y_m[1]).all()
     assert np.isfinite(paths.y_m[[0, 2]]).all()
 
@@ -163,8 +171,10 @@ def test_wrong_options_are_refused(changes: dict[str, object]) -> None:
 @pytest.fixture(scope="module")
 def drives():
     road = Road(np.array([0.0, 200.0, 280.0, 500.0, 580.0, 900.0, 980.0]), np.array([0, 0, 0.002, 0.002, 0, 0, -0.003]))
-    truth = drive_lane(road, CAR, Runs(np.full(4, 25.0), np.zeros(4), np.full(4, np.inf), 0.0, 60.0), seed=3)
-    return road, truth, [sense_lane(truth, run, road, CAR, seed=3) for run in range(4)]
+    truth = simulate_lane_runs(
+        road, CAR, LaneRuns(np.full(4, 25.0), np.zeros(4), np.full(4, np.inf), 0.0, 60.0), seed=3
+    )
+    return road, truth, [simulate_lane_sensors(truth, run, road, CAR, seed=3) for run in range(4)]
 
 
 @pytest.mark.parametrize(("with_gyro", "median_m"), [(False, 0.6), (True, 0.35)])
@@ -172,8 +182,8 @@ def test_error_and_band_at_two_seconds(drives, with_gyro: bool, median_m: float)
     _, truth, sensed = drives
     errors, inside = [], []
     for run, drive in enumerate(sensed):
-        track = observe(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate if with_gyro else None)
-        paths = calibrate_paths(lateral_paths(track, CAR), track)
+        track = observe_lateral_motion(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate if with_gyro else None)
+        paths = scale_lateral_covariance(predict_paths_from_observer(track, CAR), track)
         rows = np.arange(20, len(track) - 21)
         now, later = drive.index[rows], drive.index[rows] + 200
         dx, dy = (values[later, run] - values[now, run] for values in (truth.x_m, truth.y_m))
@@ -188,8 +198,8 @@ def test_error_and_band_at_two_seconds(drives, with_gyro: bool, median_m: float)
 def test_dead_reckoning_follows_the_true_track(drives) -> None:
     _, truth, sensed = drives
     drive = sensed[0]
-    track = observe(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate)
-    x, y, _ = dead_reckon(track)
+    track = observe_lateral_motion(drive.lanes, drive.speed, CAR, yaw_rate=drive.yaw_rate)
+    x, y, _ = dead_reckon_poses(track)
     first, last = drive.index[0], drive.index[100]
     driven = np.hypot(truth.x_m[last, 0] - truth.x_m[first, 0], truth.y_m[last, 0] - truth.y_m[first, 0])
     assert np.hypot(x[100], y[100]) == pytest.approx(driven, rel=2e-3)
@@ -197,4 +207,6 @@ def test_dead_reckoning_follows_the_true_track(drives) -> None:
 
 def test_a_short_record_keeps_the_assumed_sigmas() -> None:
     track = track_of(3)
-    np.testing.assert_allclose(record_factors(lateral_paths(track, CAR), track), 1.0, atol=0.15)
+    np.testing.assert_allclose(
+        sigma_factors_from_driven_track(predict_paths_from_observer(track, CAR), track), 1.0, atol=0.15
+    )

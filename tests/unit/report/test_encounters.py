@@ -12,11 +12,11 @@ import pytest
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.measures.pair import ActualTrack
 from cwcli.report.drive import Drive, OtherTrack
-from cwcli.report.encounters import find_meetings
-from cwcli.report.story import tell
-from cwcli.report.tables import encounter_facts
+from cwcli.report.encounters import find_encounters
+from cwcli.report.story import build_story
+from cwcli.report.tables import encounter_facts_table
 from cwcli.signals.columns import Strings
-from cwcli.warning.rows import HELD, RAISED, WarningRow, WarningRows, warning_rows
+from cwcli.warning.rows import HELD, RAISED, WarningRow, WarningRows, build_warning_rows
 from cwcli.warning.types import WarningConfig
 
 S = 1_000_000_000
@@ -45,7 +45,7 @@ def warning(at_s: float, other: str, rule: str = "cwcli") -> WarningRows:
         WarningRow(first, first, first, 1, RAISED, other, "", 2.0, 0.4, math.nan, 0.48, compared[0]),
         WarningRow(second, second, second, 1, HELD, other, "", 1.5, 0.3, math.nan, 0.9, compared[1]),
     ]
-    return warning_rows(rows, rule=rule, host_id="ego")
+    return build_warning_rows(rows, rule=rule, host_id="ego")
 
 
 def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: WarningRows | None, *, moves: bool = True) -> Drive:
@@ -75,14 +75,14 @@ def drive(other: tuple[np.ndarray, np.ndarray] | None, warnings: WarningRows | N
     ids=lambda value: value if isinstance(value, str) else "",
 )
 def test_direction_is_told_from_the_drivers_seat(other: tuple[np.ndarray, np.ndarray], words: str) -> None:
-    (encounter,) = find_meetings(drive(other, warning(2.0, "7"))).encounters
+    (encounter,) = find_encounters(drive(other, warning(2.0, "7"))).encounters
     assert encounter.direction == words
 
 
 def test_collision_in_words() -> None:
     # both reach (0, 50) at 5.0 s: centres 2.5 m apart at 5 s - 2.5 / (10 * sqrt 2) s = 4.82 s, so 2.8 s after 2.0 s
     scene = drive(straight(50.0, 50.0, 10.0, math.pi), warning(2.0, "7"))
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert story.headline == (
         "At 2.0 s cwcli warned that the car would collide with vehicle 7, coming from the right; "
         "they did: at 5.0 s their outlines overlap, with 0.0 m between their centres."
@@ -96,19 +96,19 @@ def test_collision_in_words() -> None:
 def test_false_alarm_in_words() -> None:
     # it passes 10 m ahead of the car's place at 5 s: nearest sqrt(2) / 2 * 10 = 7.07 m
     scene = drive(straight(60.0, 50.0, 10.0, math.pi), warning(2.0, "7"))
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert "they came nearest at 5.5 s, with 7.1 m between their centres" in story.headline
     assert story.more[0].startswith("By what followed it was a false alarm")
     assert [badge.tone for badge in story.badges] == ["bad"]
 
 
 def no_warnings() -> WarningRows:
-    return warning_rows([], rule="cwcli", host_id="ego")
+    return build_warning_rows([], rule="cwcli", host_id="ego")
 
 
 def test_conflict_without_a_warning_is_told() -> None:
     scene = drive(straight(50.0, 50.0, 10.0, math.pi), no_warnings())
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert "gave no warning" in story.headline
     assert any(sentence.startswith("No warning came before 4.8 s") for sentence in story.more)
     assert any(badge.tone == "bad" for badge in story.badges)
@@ -116,27 +116,27 @@ def test_conflict_without_a_warning_is_told() -> None:
 
 def test_no_warning_where_the_lane_alone_was_watched() -> None:
     scene = replace(drive(None, no_warnings()), ego=None)
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert "gave no warning of leaving the lane; the car's place was not estimated" in story.headline
     assert "vehicle" not in story.headline
 
 
 def test_warning_of_a_vehicle_without_a_track() -> None:
     scene = drive(None, warning(2.0, "9"))
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert story.headline.endswith("vehicle 9. How near they came is not known.")
 
 
 def test_lane_departure_is_not_about_a_vehicle() -> None:
     scene = drive(None, warning(2.0, "left boundary", "lane-departure"))
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert story.headline == "At 2.0 s cwcli warned that the car would leave its lane over its left boundary."
 
 
 def facts(scene: Drive) -> dict[str, str]:
     """The rows of the first warning's table that begin with what was predicted, by what is said of them."""
-    (encounter,) = find_meetings(scene).encounters
-    rows = encounter_facts(scene, encounter).rows
+    (encounter,) = find_encounters(scene).encounters
+    rows = encounter_facts_table(scene, encounter).rows
     said = (row for row in rows if row[0].startswith("predicted "))
     return {row[0].removeprefix("predicted when it was given: "): row[1] for row in said}
 
@@ -160,7 +160,7 @@ def test_what_a_lane_departure_predicts_is_about_the_line() -> None:
 
 def test_no_warnings_computed_says_why() -> None:
     scene = drive(None, None)
-    story = tell(scene, find_meetings(scene))
+    story = build_story(scene, find_encounters(scene))
     assert story.headline == (
         "The car's motion was estimated, but no warnings were computed: no other vehicle is in the log."
     )
@@ -168,13 +168,13 @@ def test_no_warnings_computed_says_why() -> None:
 
 def test_standing_car_has_a_way_of_nothing() -> None:
     scene = drive(None, None, moves=False)
-    assert "the car drove 0 m, at most 0 km/h" in " ".join(tell(scene, find_meetings(scene)).more)
+    assert "the car drove 0 m, at most 0 km/h" in " ".join(build_story(scene, find_encounters(scene)).more)
 
 
 @pytest.mark.parametrize(
     ("states", "parameters", "words"),
     [
-        ("online", "calibration car.toml", "are told when the car could have known; what happened"),
+        ("online", "calibration car.toml", "are given when the car could have known; what happened"),
         (
             "online",
             "this log",
@@ -190,4 +190,4 @@ def test_the_first_sentence_below_the_headline_says_what_was_known(states: str, 
         "estimate": {"online_parameters": parameters},
     }
     scene = replace(scene, records=records)
-    assert words in tell(scene, find_meetings(scene)).more[0]
+    assert words in build_story(scene, find_encounters(scene)).more[0]

@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 from cwcli.report import marks as marks_module
-from cwcli.report.marks import DIGITS, marks
+from cwcli.report.anchor_names import MIN_NAME_DIGITS, stable_anchor_names
 
 
 def test_names_that_agree_by_chance_get_more_digits() -> None:
     """2,000 draws of 65,536 agree some thirty times."""
-    names = marks("x.mcap", "warning", (("ttc", str(k)) for k in range(2_000)))
+    names = stable_anchor_names("x.mcap", "warning", (("ttc", str(k)) for k in range(2_000)))
     assert len(set(names)) == 2_000
-    assert names[:3] == marks("x.mcap", "warning", (("ttc", str(k)) for k in range(3)))
-    assert {len(name) - len("warning-") for name in names} == {DIGITS, DIGITS + 1}
+    assert names[:3] == stable_anchor_names("x.mcap", "warning", (("ttc", str(k)) for k in range(3)))
+    assert {len(name) - len("warning-") for name in names} == {MIN_NAME_DIGITS, MIN_NAME_DIGITS + 1}
 
 
 class CountedText(str):
@@ -42,5 +42,5 @@ def test_comparisons_grow_with_their_number(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(marks_module, "hashlib", SimpleNamespace(blake2s=digest))
     monkeypatch.setattr(CountedText, "n_compared", 0)
-    assert len(marks("x.mcap", "conflict", [("7",)] * 10_000)) == 10_000
+    assert len(stable_anchor_names("x.mcap", "conflict", [("7",)] * 10_000)) == 10_000
     assert CountedText.n_compared < 30_000

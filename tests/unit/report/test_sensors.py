@@ -11,13 +11,13 @@ import pytest
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.result import Gated
+from cwcli.estimation.result import GatedMeasurements
 from cwcli.report.drive import Drive
-from cwcli.report.encounters import Meetings
-from cwcli.report.sensors import along_error, doubts, sensors_view
+from cwcli.report.encounters import DriveEncounters
+from cwcli.report.sensors import build_sensors_view, reasons_for_doubt, sigma_along_error
 from cwcli.report.signal_figures import motion_figure
-from cwcli.report.story import tell
-from cwcli.signals.columns import strings_from
+from cwcli.report.story import build_story
+from cwcli.signals.columns import encode_strings
 from cwcli.signals.vehicle_state import ACCEL, SPEED, YAW_RATE
 from cwcli.warning.types import WarningConfig
 
@@ -29,7 +29,7 @@ def drive(summary: dict[str, Any] | None = None, **motion: float) -> Drive:
     state = np.zeros((10, 8))
     for name, value in motion.items():
         state[:, {"speed": SPEED, "accel": ACCEL, "yaw_rate": YAW_RATE}[name]] = value
-    states = VehicleStates.of_ego(np.arange(10) * S, state, np.tile(np.eye(8), (10, 1, 1)))
+    states = VehicleStates.from_ego_states(np.arange(10) * S, state, np.tile(np.eye(8), (10, 1, 1)))
     record = {} if summary is None else {"estimate": {"summary": json.dumps(summary)}}
     return Drive("drive.mcap", 0, 9 * S, states, (), (), None, None, WarningConfig(), record, "")
 
@@ -50,17 +50,17 @@ def summary(*rows: list[Any], **more: Any) -> dict[str, Any]:
     ],
 )
 def test_values_that_no_car_has_are_told(motion: dict[str, float], said: list[str]) -> None:
-    assert doubts(drive(**motion)) == said
+    assert reasons_for_doubt(drive(**motion)) == said
 
 
 def test_a_covariance_that_the_truth_contradicts_is_told_with_its_factor() -> None:
-    found = doubts(drive(summary(["position", 3.6, "OUT"], ["speed", 1.9, "OUT"], ["heading", None, ""])))
+    found = reasons_for_doubt(drive(summary(["position", 3.6, "OUT"], ["speed", 1.9, "OUT"], ["heading", None, ""])))
     assert found == ["a covariance of the position that is too small by a factor of 3.6"]
 
 
 def test_doubts_come_first_in_the_story() -> None:
     fast = drive(speed=60.0)
-    story = tell(fast, Meetings((), (), None, 0), "", doubts(fast))
+    story = build_story(fast, DriveEncounters((), (), None, 0), "", reasons_for_doubt(fast))
     assert story.headline.startswith(
         "Do not trust this estimate as it is: it has a speed of 216 km/h. The car's motion"
     )
@@ -72,7 +72,7 @@ def test_the_section_holds_tables_verdict_and_every_note() -> None:
     made = replace(
         drive(told), records={**drive(told).records, "predict": {"summary": json.dumps({"notes": ["late"]})}}
     )
-    view = sensors_view(made)
+    view = build_sensors_view(made)
     assert view is not None
     assert view.verdict == "not consistent: x"
     assert view.notes == ("estimate: /gps/fix: 1 gap", "predict: late")
@@ -90,8 +90,8 @@ def test_the_section_holds_tables_verdict_and_every_note() -> None:
     ],
 )
 def test_a_record_of_anybody_is_not_believed(broken: dict[str, Any] | None) -> None:
-    assert sensors_view(drive(broken)) is None
-    assert doubts(drive(broken)) == []
+    assert build_sensors_view(drive(broken)) is None
+    assert reasons_for_doubt(drive(broken)) == []
 
 
 def test_band_of_a_position_error_is_the_ellipse_in_its_direction() -> None:
@@ -99,15 +99,17 @@ def test_band_of_a_position_error_is_the_ellipse_in_its_direction() -> None:
     error = np.array([[3.0, 0.0], [0.0, -0.5], [1.0, 1.0], [0.0, 0.0]])
     # Along the axes the standard deviations themselves; diagonally sqrt(2 / (1/4 + 1/1)); without an error the mean.
     expected = [2.0, 1.0, np.sqrt(1.6), np.sqrt(2.5)]
-    np.testing.assert_allclose(along_error(error, covariance), expected)
+    np.testing.assert_allclose(sigma_along_error(error, covariance), expected)
 
 
 def test_what_was_gated_is_marked_where_it_was_measured() -> None:
     stamps = np.arange(10) * S
     fix = Measurements("/speed", Kind.SPEED, stamps, np.full((10, 1), 5.0), None)
-    names, quantities = strings_from(["/speed", "/other", "/speed"]), strings_from(["speed", "speed", "accel"])
-    gated = Gated(np.array([3, 4, 5]) * S, names, quantities, np.full(3, 50.0), np.full(3, 10.8))
-    made = motion_figure(replace(drive(speed=5.0), measured=(fix,), gated=gated), Meetings((), (), None, 0), 100)
+    names, quantities = encode_strings(["/speed", "/other", "/speed"]), encode_strings(["speed", "speed", "accel"])
+    gated = GatedMeasurements(np.array([3, 4, 5]) * S, names, quantities, np.full(3, 50.0), np.full(3, 10.8))
+    made = motion_figure(
+        replace(drive(speed=5.0), measurements=(fix,), gated=gated), DriveEncounters((), (), None, 0), 100
+    )
     assert made is not None
     (crosses,) = (trace for trace in made["data"] if trace["name"] == "gated")
     assert (crosses["x"], crosses["y"]) == ([3], [5])

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.columns import strings_from
+from cwcli.signals.columns import encode_strings
 from cwcli.signals.geodesy import LocalMap
-from cwcli.signals.stitch import stitch
+from cwcli.signals.stitch import join_changed_ids
 
 T0_NS = 1_600_000_000_000_000_000
 HERE = LocalMap(50.0, 8.0, 100.0)
@@ -73,7 +73,7 @@ def scene(rng: np.random.Generator, n_cars: int = N_CARS) -> Scene:
     nothing = np.full(n, np.nan)
     signal = RemoteSignal(
         source="/v2x",
-        station=strings_from([names[k] for k in order]),
+        station=encode_strings([names[k] for k in order]),
         stamp_ns=stamp_ns,
         log_time_ns=stamp_ns + 30_000_000,
         latitude_deg=latitude,
@@ -103,7 +103,7 @@ def score(n_scenes: int, seed: int) -> tuple[int, int, int]:
     for _ in range(n_scenes):
         made = scene(rng)
         true = {tuple(ids) for ids in made.ids if len(ids) == 2}
-        found = set(stitch(made.signal, HERE).joined)
+        found = set(join_changed_ids(made.signal, HERE).joined)
         n_changes += len(true)
         n_right += len(true & found)
         n_wrong += len(found - true)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.signals.columns import Columns, Ragged, Strings, strings_from
+from cwcli.signals.columns import Columns, Ragged, Strings, encode_strings
 
 LOGS = Path(__file__).parents[3].parent / "shared" / "logs"
 T0_NS = 1_570_522_030_000_000_000
@@ -113,7 +113,7 @@ def _field(values: Any) -> Any:
         return values
     values = list(values)
     if any(isinstance(value, str) for value in values):
-        return strings_from([value or "" for value in values])
+        return encode_strings([value or "" for value in values])
     if any(isinstance(value, (list, tuple)) or hasattr(value, "__len__") for value in values):
         rows = [np.asarray(value if value is not None else (), dtype=np.float64) for value in values]
         if len({len(row) for row in rows}) == 1 and len(rows[0]):

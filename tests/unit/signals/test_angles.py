@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.signals.angles import compass_deg_from_heading, heading_from_compass_deg, unwrap, wrap_angle
+from cwcli.signals.angles import compass_deg_from_heading, heading_from_compass_deg, unwrap_angles, wrap_angle
 
 ATOL_RAD = 1e-12
 ATOL_DEG = 1e-10
@@ -54,7 +54,7 @@ def test_wrap_angle_nan_and_infinity_become_nan() -> None:
 
 
 def test_unwrap_steps_over_nan() -> None:
-    unwrapped = unwrap(np.array([3.0, np.nan, -3.0, -2.5]))
+    unwrapped = unwrap_angles(np.array([3.0, np.nan, -3.0, -2.5]))
     np.testing.assert_allclose(unwrapped, [3.0, np.nan, 2 * np.pi - 3.0, 2 * np.pi - 2.5], atol=ATOL_RAD)
 
 

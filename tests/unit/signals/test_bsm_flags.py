@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals.bsm_flags import json_flags
-from cwcli.signals.build import build
+from cwcli.signals.bsm_flags import read_json_event_flags
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.inputs import input_for
+from cwcli.signals.inputs import find_input_for_role
 from cwcli.signals.quality import Quality
-from cwcli.signals.road_events import HARD_BRAKING, RoadEvents
+from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, SAMPLES, stamp_of
@@ -55,9 +55,9 @@ def core(schema: str, message: dict[str, Any]) -> dict[str, Any]:
 
 def read(path: Path, schema: str, encoding: str, messages: list[dict[str, Any]], **how: Any) -> tuple[Any, Quality]:
     with Log.open(write_log(path / "log.mcap", schema, encoding, "/bsm", messages)) as log:
-        found = input_for(Role.REMOTE, schema)
+        found = find_input_for_role(Role.REMOTE, schema)
         assert found is not None
-        return build(Role.REMOTE, log.columns("/bsm", fields=found.fields[encoding]), **how)
+        return build_signal(Role.REMOTE, log.columns("/bsm", fields=found.fields[encoding]), **how)
 
 
 def told(events: RoadEvents | None) -> list[tuple[str, str, int]]:
@@ -77,7 +77,7 @@ def test_flags_of_json_messages_are_events(form: str, as_list: bool, tmp_path: P
     signal, quality = read(tmp_path, schema, "json", messages)
     assert isinstance(signal, RemoteSignal)
     assert len(signal.stamp_ns) == 3
-    assert told(signal.events) == [("2a3c603c", WIPERS, stamp_of(1)), ("2a3c603c", HARD_BRAKING, stamp_of(1))]
+    assert told(signal.events) == [("2a3c603c", WIPERS, stamp_of(1)), ("2a3c603c", HARD_BRAKING_KIND, stamp_of(1))]
     assert signal.events is not None
     assert signal.events.log_time_ns.tolist() == [stamp_of(1) + DELAY_NS] * 2
     np.testing.assert_allclose(signal.events.latitude_deg, 40.8646987, atol=1e-9)
@@ -100,7 +100,7 @@ def test_flags_of_ros_messages_are_events(schema: str, tmp_path: Path) -> None:
     messages[2]["part_ii"] = []
     messages[3]["part_ii"] = [extension(64, 2, 5)]  # it has a history, and no events
     signal, quality = read(tmp_path, schema, "cdr", messages)
-    expected = [(HARD_BRAKING, stamp_of(0)), (HARD_BRAKING, stamp_of(1)), (WIPERS, stamp_of(1))]
+    expected = [(HARD_BRAKING_KIND, stamp_of(0)), (HARD_BRAKING_KIND, stamp_of(1)), (WIPERS, stamp_of(1))]
     assert sorted((kind, stamp) for _, kind, stamp in told(signal.events)) == sorted(expected)
     assert {who for who, _, _ in told(signal.events)} == {"2a3c603c"}
     np.testing.assert_allclose(signal.events.latitude_deg, 40.8646987, atol=1e-9)
@@ -116,7 +116,7 @@ def test_what_is_no_flag_tells_nothing_and_is_counted() -> None:
         ([1.0, np.nan, 0.0, 0.0], 1),
     ):
         columns = columns_of("BasicSafetyMessage", {"partII.partII-Value.events": values}, message_encoding="json")
-        flags, is_unread = json_flags(columns, ("",))
+        flags, is_unread = read_json_event_flags(columns, ("",))
         assert flags.tolist() == [0, 0, 0, 0]
         assert np.count_nonzero(is_unread) == n_unread
 
@@ -149,7 +149,7 @@ def test_one_odd_message_leaves_the_flags_of_the_others(
     for k, message in enumerate(messages):
         core(schema, message)["partII"] = odd if k == 1 else usual
     signal, quality = read(tmp_path, schema, "json", messages)
-    braking = {stamp for _, kind, stamp in told(signal.events) if kind == HARD_BRAKING}
+    braking = {stamp for _, kind, stamp in told(signal.events) if kind == HARD_BRAKING_KIND}
     assert braking >= {stamp_of(0), stamp_of(2), stamp_of(3)}
     assert len(told(signal.events)) == len(braking)  # no other flag
     said = [note for note in quality.notes if note.endswith("can't be read and are left out")]
@@ -176,9 +176,9 @@ def test_flags_are_noted_once(role: Role, tmp_path: Path) -> None:
     for message in messages:
         core(schema, message)["partII"] = [extension]
     with Log.open(write_log(tmp_path / "log.mcap", schema, "json", "/bsm", messages)) as log:
-        found = input_for(role, schema)
+        found = find_input_for_role(role, schema)
         assert found is not None
-        _, quality = build(role, log.columns("/bsm", fields=found.fields["json"]), ego_station="2a3c603c")
+        _, quality = build_signal(role, log.columns("/bsm", fields=found.fields["json"]), ego_station="2a3c603c")
     assert not [note for note in quality.notes if "flag" in note]
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build, fields_for
+from cwcli.signals.build import build_signal, leaf_fields_for_role
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
 from cwcli.signals.columns import Ragged
 from cwcli.signals.role import Role
@@ -28,7 +28,7 @@ def ragged(*rows):
 def detected(schema_name, fields, **more):
     n = len(next(iter(fields.values())))
     stamped = {**stamp_fields(T0_NS + 100_000_000 * np.arange(n)), "header.frame_id": ["radar"] * n, **fields}
-    signal, quality = build(Role.DETECTIONS, columns_of(schema_name, stamped, **more))
+    signal, quality = build_signal(Role.DETECTIONS, columns_of(schema_name, stamped, **more))
     assert isinstance(signal, DetectionSignal)
     assert quality.read == quality.used + sum(quality.rejected.values())
     assert len(signal.offsets) == len(signal.stamp_ns) + 1 == len(signal.frame) + 1
@@ -81,7 +81,7 @@ def test_messages_out_of_order_take_their_elements_along():
             "returns.azimuth": ragged([0.0], [0.0, 0.0], [0.0]),
         },
     )
-    signal, quality = build(Role.DETECTIONS, columns)
+    signal, quality = build_signal(Role.DETECTIONS, columns)
     np.testing.assert_array_equal(signal.values[:, 0], [1.0, 2.0, 3.0, 4.0])
     np.testing.assert_array_equal(signal.offsets, [0, 1, 2, 4])
     np.testing.assert_array_equal(signal.log_time_ns, columns.log_time_ns[[0, 2, 1]])
@@ -154,8 +154,8 @@ def write(path, schema_name, encoding, schema_encoding, schema, messages, topic=
 
 def read(path):
     with Log.open(path) as log:
-        bound = bind(log.channels, {}, required=(Role.DETECTIONS,))
-        return build(Role.DETECTIONS, log.load(bound.wanted())["/sensor"])
+        bound = bind_roles(log.channels, {}, required=(Role.DETECTIONS,))
+        return build_signal(Role.DETECTIONS, log.load_topics(bound.fields_to_load())["/sensor"])
 
 
 def scene(k):
@@ -254,12 +254,12 @@ def test_json_ranges_with_null_for_what_is_not_measured(tmp_path):
 
 def test_the_lidar_radar_log_is_read_as_it_is_and_its_truth_has_the_map_s_velocity():
     with Log.open(development_log("udacity-obj-pose.ros2.mcap")) as log:
-        bound = bind(log.channels, {}, required=(Role.DETECTIONS, Role.TARGET_TRUTH))
-        assert {one.topic for one in bound.of(Role.DETECTIONS)} == {"/lidar/objects", "/radar/scan"}
-        loaded = log.load(bound.wanted())
-        lidar, _ = build(Role.DETECTIONS, loaded["/lidar/objects"])
-        radar, _ = build(Role.DETECTIONS, loaded["/radar/scan"])
-        truth, _ = build(Role.TARGET_TRUTH, loaded["/truth/target"])
+        bound = bind_roles(log.channels, {}, required=(Role.DETECTIONS, Role.TARGET_TRUTH))
+        assert {one.topic for one in bound.channels_of_role(Role.DETECTIONS)} == {"/lidar/objects", "/radar/scan"}
+        loaded = log.load_topics(bound.fields_to_load())
+        lidar, _ = build_signal(Role.DETECTIONS, loaded["/lidar/objects"])
+        radar, _ = build_signal(Role.DETECTIONS, loaded["/radar/scan"])
+        truth, _ = build_signal(Role.TARGET_TRUTH, loaded["/truth/target"])
         twist = log.columns("/truth/target", ["twist.twist.linear.x", "twist.twist.linear.y"]).fields
     assert (lidar.kind, len(lidar.values), radar.kind, len(radar.values)) == ("position", 250, "radar", 250)
     np.testing.assert_allclose(lidar.values[0], [0.3122427, 0.5803398])
@@ -279,7 +279,7 @@ def test_states_of_many_targets_are_kept_apart_by_their_ids():
         "frame_id": ["map"] * n,
     }
     columns = columns_of("cwcli.v1.Target", fields, message_encoding="protobuf", topic="/truth/targets")
-    signal, quality = build(Role.TARGET_TRUTH, columns)
+    signal, quality = build_signal(Role.TARGET_TRUTH, columns)
     assert (quality.used, signal.frame_id) == (4, "map")
     assert [signal.id.values[k] for k in signal.id.codes] == ["a", "b", "a", "b"]
 
@@ -291,10 +291,13 @@ def test_drawn_cubes_count_only_where_no_sensor_reports():
 
     scan, drawn = Found("/radar", "radar_msgs/msg/RadarScan"), Found("/markers", "foxglove.SceneUpdate", "protobuf")
     own = Found("/cwcli/targets/scene", "foxglove.SceneUpdate", "protobuf")
-    assert [b.topic for b in bind([scan, drawn, own], {}, required=(Role.DETECTIONS,)).of(Role.DETECTIONS)] == [
-        "/radar"
-    ]
-    assert [b.topic for b in bind([drawn, own], {}, required=(Role.DETECTIONS,)).of(Role.DETECTIONS)] == ["/markers"]
+    assert [
+        b.topic
+        for b in bind_roles([scan, drawn, own], {}, required=(Role.DETECTIONS,)).channels_of_role(Role.DETECTIONS)
+    ] == ["/radar"]
+    assert [
+        b.topic for b in bind_roles([drawn, own], {}, required=(Role.DETECTIONS,)).channels_of_role(Role.DETECTIONS)
+    ] == ["/markers"]
 
 
 @pytest.mark.parametrize(
@@ -308,4 +311,4 @@ def test_drawn_cubes_count_only_where_no_sensor_reports():
     ],
 )
 def test_every_schema_names_its_fields(schema, encoding):
-    assert fields_for(Role.DETECTIONS, schema, encoding)
+    assert leaf_fields_for_role(Role.DETECTIONS, schema, encoding)

@@ -12,9 +12,9 @@ from osi3.osi_groundtruth_pb2 import GroundTruth
 from osi3.osi_object_pb2 import MovingObject
 from osi3.osi_sensordata_pb2 import SensorData
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.logs.read.reader import Log
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import PoseSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
@@ -28,7 +28,7 @@ OTHER = Actor(9, along(80.0, 0.0, pi, 10.0))
 def read(path: Path, role: Role, **how: Any) -> tuple[Any, Quality]:
     with Log.open(path) as log:
         columns = log.columns(log.channels[0].topic)
-    return build(role, columns, **how)
+    return build_signal(role, columns, **how)
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_a_host_is_known_by_every_digit_of_its_id(tmp_path) -> None:
 def test_a_ground_truth_fills_every_role_whatever_its_topic_is_called(tmp_path) -> None:
     for topic in ("ground_truth", "/osi/world", "/truth"):
         with Log.open(write_trace(tmp_path / "a.mcap", (CAR, OTHER), topic=topic, duration_s=1.0)) as log:
-            bound = bind(log.channels, {}, required=(Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE, Role.TRUTH))
+            bound = bind_roles(log.channels, {}, required=(Role.EGO_POSITION, Role.EGO_SPEED, Role.REMOTE, Role.TRUTH))
             assert {bindings[0].topic for bindings in bound.by_role.values()} == {topic}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import (
     CameraInfoSignal,
     HeadingSignal,
@@ -16,7 +16,7 @@ from cwcli.signals.canonical import (
     SpeedSignal,
 )
 from cwcli.signals.columns import Columns, Ragged
-from cwcli.signals.limits import OUT_OF_RANGE as OUT_OF_LIMIT
+from cwcli.signals.limits import OUT_OF_RANGE_REASON as OUT_OF_LIMIT
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -41,7 +41,7 @@ def quaternion(base: str, yaw_rad: Any, pitch_rad: float = 0.0) -> dict[str, Any
 def test_quaternion_heading_is_the_yaw(pitch_rad: float) -> None:
     yaw = np.array([0.0, 1.0, -2.0, 3.1])
     fields = stamp_fields(STEADY_NS[:4]) | quaternion("quaternion", yaw, pitch_rad)
-    signal, _ = build(Role.EGO_HEADING, columns_of("geometry_msgs/msg/QuaternionStamped", fields))
+    signal, _ = build_signal(Role.EGO_HEADING, columns_of("geometry_msgs/msg/QuaternionStamped", fields))
     assert isinstance(signal, HeadingSignal)
     np.testing.assert_allclose(signal.heading_rad, yaw, atol=1e-12)
     assert np.isnan(signal.variance_rad2).all()
@@ -50,7 +50,7 @@ def test_quaternion_heading_is_the_yaw(pitch_rad: float) -> None:
 def test_quaternion_of_no_length_and_imu_without_orientation_give_no_heading() -> None:
     fields = stamp_fields(STEADY_NS[:2]) | quaternion("orientation", [0.5, 0.6])
     fields["orientation_covariance"] = np.array([[0.1] * 9, [-1.0] + [0.0] * 8])
-    signal, quality = build(Role.EGO_HEADING, columns_of("sensor_msgs/msg/Imu", fields))
+    signal, quality = build_signal(Role.EGO_HEADING, columns_of("sensor_msgs/msg/Imu", fields))
     assert isinstance(signal, HeadingSignal)
     assert signal.heading_rad == pytest.approx([0.5])
     assert signal.variance_rad2 == pytest.approx([0.1])
@@ -72,7 +72,7 @@ def imu_columns(**more: Any) -> Columns:
 
 
 def test_imu_gives_vectors_and_the_variances_that_are_given() -> None:
-    signal, quality = build(Role.IMU, imu_columns())
+    signal, quality = build_signal(Role.IMU, imu_columns())
     assert isinstance(signal, ImuSignal)
     np.testing.assert_array_equal(signal.accel_mps2[1], [0.2, 0.0, 9.8])
     np.testing.assert_array_equal(signal.gyro_radps[:, 2], [0.5, 0.4, 0.3])
@@ -82,7 +82,9 @@ def test_imu_gives_vectors_and_the_variances_that_are_given() -> None:
 
 
 def test_imu_quantity_that_is_not_measured_is_nan_and_no_fault() -> None:
-    signal, quality = build(Role.IMU, imu_columns(angular_velocity_covariance=np.tile([-1.0] + [0.0] * 8, (3, 1))))
+    signal, quality = build_signal(
+        Role.IMU, imu_columns(angular_velocity_covariance=np.tile([-1.0] + [0.0] * 8, (3, 1)))
+    )
     assert isinstance(signal, ImuSignal)
     assert np.isnan(signal.gyro_radps).all()
     assert np.isfinite(signal.accel_mps2).all()
@@ -90,7 +92,7 @@ def test_imu_quantity_that_is_not_measured_is_nan_and_no_fault() -> None:
 
 
 def test_imu_row_that_is_not_finite_is_rejected() -> None:
-    signal, quality = build(Role.IMU, imu_columns(**{"linear_acceleration.x": np.array([0.1, INF, NAN])}))
+    signal, quality = build_signal(Role.IMU, imu_columns(**{"linear_acceleration.x": np.array([0.1, INF, NAN])}))
     assert isinstance(signal, ImuSignal)
     assert len(signal.stamp_ns) == 1
     assert quality.rejected == {"value not a number": 2}
@@ -98,7 +100,7 @@ def test_imu_row_that_is_not_finite_is_rejected() -> None:
 
 def test_imu_covariances_of_varying_length_are_read_where_they_have_nine() -> None:
     ragged = Ragged(values=np.array([0.5] * 9), offsets=np.array([0, 9, 9, 9]))
-    signal, _ = build(Role.IMU, imu_columns(linear_acceleration_covariance=ragged))
+    signal, _ = build_signal(Role.IMU, imu_columns(linear_acceleration_covariance=ragged))
     assert isinstance(signal, ImuSignal)
     np.testing.assert_array_equal(signal.accel_variance, [[0.5] * 3, [NAN] * 3, [NAN] * 3])
 
@@ -120,7 +122,7 @@ def odometry_columns(child: str, yaw: Any, **more: Any) -> Columns:
 
 
 def test_odometry_is_a_pose_with_signed_speed() -> None:
-    signal, _ = build(Role.EGO_POSITION, odometry_columns("base_link", [0.1, 0.2, 0.3]))
+    signal, _ = build_signal(Role.EGO_POSITION, odometry_columns("base_link", [0.1, 0.2, 0.3]))
     assert isinstance(signal, PoseSignal)
     np.testing.assert_allclose(signal.yaw_rad, [0.1, 0.2, 0.3])
     np.testing.assert_allclose(signal.speed_mps, [-5.0] * 3)  # of (-3, 4): horizontal, backwards
@@ -129,7 +131,7 @@ def test_odometry_is_a_pose_with_signed_speed() -> None:
 
 
 def test_odometry_without_orientation_has_no_yaw_and_an_unsigned_speed() -> None:
-    signal, quality = build(Role.TRUTH, odometry_columns("target", np.zeros(3)))
+    signal, quality = build_signal(Role.TRUTH, odometry_columns("target", np.zeros(3)))
     assert isinstance(signal, PoseSignal)
     assert np.isnan(signal.yaw_rad).all()
     np.testing.assert_allclose(signal.speed_mps, [5.0] * 3)
@@ -148,14 +150,14 @@ def test_odometry_twist_axes_are_found_from_the_way_driven(is_map: bool) -> None
     fields |= {"pose.pose.position.x": position.real, "pose.pose.position.y": position.imag}
     fields |= {"pose.pose.position.z": np.zeros(100), "twist.twist.angular.z": np.full(100, -0.2)}
     fields |= {"twist.twist.linear.x": twist.real, "twist.twist.linear.y": twist.imag}
-    signal, quality = build(Role.TRUTH, columns_of("nav_msgs/msg/Odometry", fields, log_time_ns=stamp_ns))
+    signal, quality = build_signal(Role.TRUTH, columns_of("nav_msgs/msg/Odometry", fields, log_time_ns=stamp_ns))
     assert isinstance(signal, PoseSignal)
     np.testing.assert_allclose(signal.speed_mps, -10.0, atol=1e-9)
     assert len(quality.notes) == (1 if is_map else 0)
 
 
 def test_odometry_as_speed_source() -> None:
-    signal, _ = build(Role.EGO_SPEED, odometry_columns("base_link", [0.1, 0.2, 0.3]))
+    signal, _ = build_signal(Role.EGO_SPEED, odometry_columns("base_link", [0.1, 0.2, 0.3]))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps, [-5.0] * 3)
 
@@ -163,7 +165,7 @@ def test_odometry_as_speed_source() -> None:
 @pytest.mark.parametrize("frame", ["odom", "map"])
 def test_odometry_s_twist_is_in_the_child_frame_whatever_the_pose_s_frame_is_called(frame: str) -> None:
     twist = {"twist.twist.linear.y": np.zeros(3), "header.frame_id": [frame] * 3}
-    signal, quality = build(Role.EGO_SPEED, odometry_columns("base_link", [0.1, 0.2, 0.3], **twist))
+    signal, quality = build_signal(Role.EGO_SPEED, odometry_columns("base_link", [0.1, 0.2, 0.3], **twist))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps, [-3.0] * 3)
     assert quality.notes == []
@@ -171,7 +173,7 @@ def test_odometry_s_twist_is_in_the_child_frame_whatever_the_pose_s_frame_is_cal
 
 def test_odometry_without_orientation_may_reverse() -> None:
     columns = odometry_columns("base_link", np.zeros(3), **{"twist.twist.linear.y": np.full(3, 0.1)})
-    signal, _ = build(Role.EGO_SPEED, columns)
+    signal, _ = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_array_equal(signal.speed_mps, [-3.0] * 3)
 
@@ -181,12 +183,12 @@ def test_odometry_says_the_variances_of_speed_yaw_rate_and_heading() -> None:
     twist[:, 0, 0], twist[:, 1, 1], twist[:, 5, 5], pose[:, 5, 5] = 0.04, np.inf, 0.01, 0.0025
     covariances = {"twist.covariance": twist.reshape(3, 36), "pose.covariance": pose.reshape(3, 36)}
     columns = odometry_columns("base_link", [0.1, 0.2, 0.3], **covariances)
-    speed, quality = build(Role.EGO_SPEED, columns)
+    speed, quality = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(speed, SpeedSignal)
     np.testing.assert_allclose(speed.speed_variance_m2ps2, [0.04] * 3)  # not of y, which is not measured
     np.testing.assert_array_equal(speed.yaw_rate_variance_rad2ps2, [0.01] * 3)
     assert quality.n_faults == 0
-    heading, _ = build(Role.EGO_POSITION, columns)
+    heading, _ = build_signal(Role.EGO_POSITION, columns)
     assert isinstance(heading, PoseSignal)
     assert heading.yaw_variance_rad2 is not None
     np.testing.assert_array_equal(heading.yaw_variance_rad2, [0.0025] * 3)
@@ -197,7 +199,7 @@ def test_odometry_s_variance_is_turned_with_a_twist_without_orientation() -> Non
     twist = np.zeros((3, 6, 6))
     twist[:, 0, 0], twist[:, 0, 1], twist[:, 1, 0], twist[:, 1, 1] = 0.25, 0.1, 0.1, 0.5
     columns = odometry_columns("target", np.zeros(3), **{"twist.covariance": twist.reshape(3, 36)})
-    signal, _ = build(Role.EGO_SPEED, columns)
+    signal, _ = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps, 5.0)
     np.testing.assert_allclose(signal.speed_variance_m2ps2, 0.314)
@@ -212,7 +214,7 @@ def test_vehicle_state_is_a_pose() -> None:
         "heading_rad": [3.0, 3.5],
         "yaw_rate_radps": [0.1, 0.1],
     }
-    signal, _ = build(Role.TRUTH, columns_of("cwcli.v1.VehicleState", fields, message_encoding="protobuf"))
+    signal, _ = build_signal(Role.TRUTH, columns_of("cwcli.v1.VehicleState", fields, message_encoding="protobuf"))
     assert isinstance(signal, PoseSignal)
     np.testing.assert_array_equal(signal.stamp_ns, STEADY_NS[:2])
     np.testing.assert_allclose(signal.yaw_rad, [3.0, 3.5 - 2 * np.pi])
@@ -225,7 +227,7 @@ def test_camera_info_gives_the_calibration(case: str) -> None:
     fields: dict[str, Any] = {(name if case == "lower" else name.upper()): np.array(v) for name, v in names.items()}
     fields |= stamp_fields(STEADY_NS[:2])
     fields |= {"width": [640, 640], "height": [480, 480], "distortion_model": ["plumb_bob"] * 2}
-    signal, quality = build(Role.CAMERA_INFO, columns_of("sensor_msgs/msg/CameraInfo", fields))
+    signal, quality = build_signal(Role.CAMERA_INFO, columns_of("sensor_msgs/msg/CameraInfo", fields))
     assert isinstance(signal, CameraInfoSignal)
     assert (signal.width_px, signal.height_px, signal.distortion_model) == (640, 480, "plumb_bob")
     np.testing.assert_array_equal(signal.intrinsic, [[500, 0, 320], [0, 510, 240], [0, 0, 1]])
@@ -238,7 +240,7 @@ def test_camera_info_gives_the_calibration(case: str) -> None:
 def test_camera_info_that_changes_or_is_empty_is_counted() -> None:
     k = np.array([[0.0] * 9, [500.0, 0, 320, 0, 500, 240, 0, 0, 1], [600.0, 0, 320, 0, 600, 240, 0, 0, 1]])
     fields = {"width": [640] * 3, "height": [480] * 3, "K": k}
-    signal, quality = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    signal, quality = build_signal(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
     assert isinstance(signal, CameraInfoSignal)
     assert signal.intrinsic[0, 0] == 500.0
     assert (quality.read, quality.used, sum(quality.rejected.values())) == (3, 1, 2)
@@ -252,7 +254,7 @@ def test_camera_info_that_no_lens_has_is_rejected(place: int, value: float) -> N
     k = np.array([[500.0, 0, 320, 0, 500, 240, 0, 0, 1]])
     k[0, place] = value
     fields = {"width": [640], "height": [480], "K": k}
-    signal, quality = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    signal, quality = build_signal(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
     assert isinstance(signal, CameraInfoSignal)
     assert signal.width_px == 0
     assert sum(quality.rejected.values()) == 1
@@ -262,7 +264,7 @@ def test_camera_info_that_no_lens_has_is_rejected(place: int, value: float) -> N
 def test_camera_info_of_impossible_size_or_distortion_is_rejected(width: float, height: float, d: list[float]) -> None:
     k = np.array([[0.8 * width, 0, width / 2, 0, 0.8 * width, height / 2, 0, 0, 1]])
     fields: dict[str, Any] = {"width": [width], "height": [height], "K": k, "D": np.array([d])}
-    _, quality = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    _, quality = build_signal(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
     assert (quality.used, sum(quality.rejected.values())) == (0, 1)
 
 
@@ -270,7 +272,7 @@ def test_projection_of_no_lens_is_not_given() -> None:
     k = np.array([[500.0, 0, 320, 0, 500, 240, 0, 0, 1]])
     p = np.array([[500.0, 0, 320, 0, 0, 0.0, 240, 0, 0, 0, 1, 0]])
     fields = {"width": [640], "height": [480], "K": k, "P": p}
-    signal, _ = build(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
+    signal, _ = build_signal(Role.CAMERA_INFO, columns_of("foxglove.CameraCalibration", fields))
     assert isinstance(signal, CameraInfoSignal)
     np.testing.assert_array_equal(signal.projection[:, :3], k.reshape(3, 3))
 
@@ -281,7 +283,7 @@ def test_speed_that_no_car_drives_is_rejected(value: float) -> None:
         "longitudinal_velocity": [1.0, value, 2.0],
         "heading_rate": [0.1, 0.1, value],
     }
-    signal, quality = build(Role.EGO_SPEED, columns_of("autoware_vehicle_msgs/msg/VelocityReport", fields))
+    signal, quality = build_signal(Role.EGO_SPEED, columns_of("autoware_vehicle_msgs/msg/VelocityReport", fields))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_array_equal(signal.speed_mps, [1.0, 2.0])
     assert quality.rejected == {OUT_OF_LIMIT: 1}
@@ -297,7 +299,7 @@ def test_inertial_value_out_of_range_is_rejected_without_a_word_of_numpy(value: 
         for name in ("linear_acceleration", "angular_velocity")
         for k, axis in enumerate("zyx")
     }
-    signal, quality = build(Role.IMU, columns_of("sensor_msgs/msg/Imu", fields))
+    signal, quality = build_signal(Role.IMU, columns_of("sensor_msgs/msg/Imu", fields))
     assert isinstance(signal, ImuSignal)
     assert (quality.used, quality.rejected) == (2, {OUT_OF_LIMIT: 1})
 
@@ -305,6 +307,6 @@ def test_inertial_value_out_of_range_is_rejected_without_a_word_of_numpy(value: 
 @pytest.mark.filterwarnings("error")
 def test_quaternion_that_overflows_is_no_orientation() -> None:
     fields = stamp_fields(STEADY_NS[:2]) | {f"quaternion.{axis}": [1e308, 0.5] for axis in "xyzw"}
-    signal, quality = build(Role.EGO_HEADING, columns_of("geometry_msgs/msg/QuaternionStamped", fields))
+    signal, quality = build_signal(Role.EGO_HEADING, columns_of("geometry_msgs/msg/QuaternionStamped", fields))
     assert isinstance(signal, HeadingSignal)
     assert (quality.used, quality.rejected) == (1, {"orientation not given": 1})

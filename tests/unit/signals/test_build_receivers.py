@@ -9,10 +9,24 @@ import numpy as np
 import pynmea2
 import pytest
 
-from cwcli.signals.build import build
-from cwcli.signals.builders.nmea import BAD_CHECKSUM, NO_CHECKSUM, NO_SENTENCE, OTHER, TOO_SHORT, number
-from cwcli.signals.builders.sbg import NO_AXES
-from cwcli.signals.gnss_time import GPS_EPOCH_S, LEAP_SECONDS, ROLLED_OVER, WEEK_S, utc_of_date, utc_of_gps
+from cwcli.signals.build import build_signal
+from cwcli.signals.builders.nmea import (
+    BAD_CHECKSUM_REASON,
+    NO_CHECKSUM_REASON,
+    NO_SENTENCE_REASON,
+    OTHER_SENTENCE_REASON,
+    SENTENCE_TOO_SHORT_REASON,
+    parse_number_or_nan,
+)
+from cwcli.signals.builders.sbg import UNKNOWN_AXES_REASON
+from cwcli.signals.gnss_time import (
+    GPS_EPOCH_UNIX_S,
+    LEAP_SECOND_INSTANTS_UNIX_S,
+    SECONDS_PER_WEEK,
+    WEEK_ROLLOVER_REASON,
+    utc_ns_from_date,
+    utc_ns_from_gps_ns,
+)
 from cwcli.signals.role import Role
 from tests.laws.receiver_messages import WEEK, WEEK_MS, sentence
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
@@ -39,8 +53,13 @@ def test_sentences_are_rejected_by_reason() -> None:
         sentence("GPGGA,080710.00,48"),
         good,
     ]
-    signal, quality = build(Role.EGO_POSITION, nmea(*texts))
-    assert quality.rejected == {BAD_CHECKSUM: 1, NO_CHECKSUM: 1, NO_SENTENCE: 2, TOO_SHORT: 1}
+    signal, quality = build_signal(Role.EGO_POSITION, nmea(*texts))
+    assert quality.rejected == {
+        BAD_CHECKSUM_REASON: 1,
+        NO_CHECKSUM_REASON: 1,
+        NO_SENTENCE_REASON: 2,
+        SENTENCE_TOO_SHORT_REASON: 1,
+    }
     assert signal.latitude_deg.tolist() == [48.125, 48.125]
     assert signal.altitude_m.tolist() == [547.0, 547.0]
 
@@ -56,7 +75,7 @@ def test_sentences_are_rejected_by_reason() -> None:
     ],
 )
 def test_sentence_without_a_fix_gives_no_position(content: str) -> None:
-    _, quality = build(Role.EGO_POSITION, nmea(sentence(content)))
+    _, quality = build_signal(Role.EGO_POSITION, nmea(sentence(content)))
     assert quality.rejected == {"no fix": 1}
 
 
@@ -64,17 +83,17 @@ def test_sentence_without_a_fix_gives_no_position(content: str) -> None:
     "change", [("4807.5", "4867.5"), (",N,", ",E,"), (",N,", ",,"), ("4807.50000", ""), ("4807.50000", "-4807.5")]
 )
 def test_place_that_is_none_is_rejected(change: tuple[str, str]) -> None:
-    _, quality = build(Role.EGO_POSITION, nmea(sentence(GGA.replace(*change, 1))))
+    _, quality = build_signal(Role.EGO_POSITION, nmea(sentence(GGA.replace(*change, 1))))
     assert quality.rejected == {"latitude or longitude not a number": 1}
 
 
 def test_kinds_of_sentences_share_a_channel() -> None:
     texts = [sentence(each) for each in (GGA, RMC, "GPVTG,90.0,T,,M,10.0,N,18.52,K,A", "GPHDT,45.0,T", "PASHR,1")]
     columns = nmea(*texts)
-    position, of_position = build(Role.EGO_POSITION, columns)
-    velocity, _ = build(Role.EGO_VELOCITY, columns)
-    heading, _ = build(Role.EGO_HEADING, columns)
-    assert of_position.set_aside == {OTHER: 4}
+    position, of_position = build_signal(Role.EGO_POSITION, columns)
+    velocity, _ = build_signal(Role.EGO_VELOCITY, columns)
+    heading, _ = build_signal(Role.EGO_HEADING, columns)
+    assert of_position.set_aside == {OTHER_SENTENCE_REASON: 4}
     assert position.stamp_ns.tolist() == [T0_NS]
     assert velocity.stamp_ns.tolist() == [T0_NS + 10**8]
     np.testing.assert_allclose(velocity.east_mps, [10.0 * 1852 / 3600])
@@ -83,7 +102,7 @@ def test_kinds_of_sentences_share_a_channel() -> None:
 
 def test_velocity_of_vtg_where_there_is_no_rmc_and_without_a_course_at_standstill() -> None:
     texts = ["GPVTG,,T,,M,0.000,N,0.000,K,A", "GPVTG,,T,,M,0.1,N,0.2,K,A", "GPVTG,180.0,T,,M,10.0,N,36.0,K,A"]
-    velocity, quality = build(Role.EGO_VELOCITY, nmea(*map(sentence, texts)))
+    velocity, quality = build_signal(Role.EGO_VELOCITY, nmea(*map(sentence, texts)))
     np.testing.assert_allclose(velocity.north_mps, [0.0, -10.0])
     assert quality.rejected == {"no velocity": 1}  # its direction is not known
 
@@ -96,7 +115,7 @@ def test_a_sentence_with_one_letter_changed_or_cut_gives_no_other_position() -> 
         at = int(rng.integers(len(good)))
         change = good[:at] + letters[rng.integers(len(letters))] * int(rng.integers(2)) + good[at + 1 :]
         odd += [change, good[:at]]
-    signal, quality = build(Role.EGO_POSITION, nmea(*odd))
+    signal, quality = build_signal(Role.EGO_POSITION, nmea(*odd))
     assert quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values()) == len(odd)
     assert set(zip(signal.latitude_deg.tolist(), signal.longitude_deg.tolist(), strict=True)) <= {(48.125, 11.5)}
 
@@ -106,7 +125,7 @@ def test_a_sentence_with_one_letter_changed_or_cut_gives_no_other_position() -> 
     [("-4807.5", -4807.5), ("+12", 12.0), ("+-5", np.nan), ("--5", np.nan), ("-", np.nan), ("", np.nan), (".", np.nan)],
 )
 def test_a_number_has_one_sign_at_most(text: str, expected: float) -> None:
-    assert number(text) == pytest.approx(expected, nan_ok=True)
+    assert parse_number_or_nan(text) == pytest.approx(expected, nan_ok=True)
 
 
 def test_positions_agree_with_pynmea2() -> None:
@@ -118,7 +137,7 @@ def test_positions_agree_with_pynmea2() -> None:
         where += f",{longitude:03d}{rng.random() * 60:08.5f},{rng.choice(['E', 'W'])}"
         where = where.replace("60.00000", "59.99999")
         contents.append(sentence(f"GNGGA,080710.00,{where},1,12,0.8,{rng.random() * 900:.3f},M,{rng.normal():.2f},M,,"))
-    signal, quality = build(Role.EGO_POSITION, nmea(*contents))
+    signal, quality = build_signal(Role.EGO_POSITION, nmea(*contents))
     theirs = [pynmea2.parse(each, check=True) for each in contents]
     assert quality.used == 300
     np.testing.assert_allclose(signal.latitude_deg, [each.latitude for each in theirs], atol=1e-12)
@@ -131,17 +150,17 @@ def test_week_and_leap_seconds() -> None:
     """1980-01-06 is week 0; 2017-01-01T00:00:00Z is GPS second 18 of the Sunday that begins week 1930."""
     week = np.array([0, 1930, 1930, 1930, WEEK])
     ms = np.array([0, 17_000, 18_000, 16_999, WEEK_MS])
-    stamp_ns = utc_of_gps((GPS_EPOCH_S + WEEK_S * week) * 10**9 + ms * 10**6)
+    stamp_ns = utc_ns_from_gps_ns((GPS_EPOCH_UNIX_S + SECONDS_PER_WEEK * week) * 10**9 + ms * 10**6)
     expected = ["1980-01-06T00:00:00", "2017-01-01T00:00:00", "2017-01-01T00:00:00", "2016-12-31T23:59:59.999"]
     assert [np.datetime64(int(each), "ns") for each in stamp_ns[:4]] == [np.datetime64(each, "ns") for each in expected]
     assert stamp_ns[4] == TRUE_NS
-    assert len(LEAP_SECONDS) == 18
+    assert len(LEAP_SECOND_INSTANTS_UNIX_S) == 18
 
 
 @pytest.mark.parametrize("bad", [{"month": 13}, {"month": 2, "day": 30}, {"day": 0}, {"year": 0}, {"nano": 2e9}])
 def test_date_that_is_none(bad: dict[str, float]) -> None:
     parts = {"year": 2019, "month": 10, "day": 8, "seconds_of_day": 3600, "nano": -5.0} | bad
-    assert not utc_of_date(*(np.array([float(each)]) for each in parts.values()))[1].any()
+    assert not utc_ns_from_date(*(np.array([float(each)]) for each in parts.values()))[1].any()
 
 
 def best_pos(log_time_ns: int = T0_NS, **more: float):
@@ -152,27 +171,29 @@ def best_pos(log_time_ns: int = T0_NS, **more: float):
 
 
 def test_message_without_a_stamp_takes_the_week_and_a_rolled_over_one_is_moved() -> None:
-    whole, clean = build(Role.EGO_POSITION, best_pos(TRUE_NS + 10**7))
-    rolled, counted = build(Role.EGO_POSITION, best_pos(TRUE_NS + 10**7, **{"nov_header.gps_week_number": WEEK - 1024}))
+    whole, clean = build_signal(Role.EGO_POSITION, best_pos(TRUE_NS + 10**7))
+    rolled, counted = build_signal(
+        Role.EGO_POSITION, best_pos(TRUE_NS + 10**7, **{"nov_header.gps_week_number": WEEK - 1024})
+    )
     assert whole.stamp_ns.tolist() == rolled.stamp_ns.tolist() == [TRUE_NS]
     assert not clean.repaired
-    assert counted.repaired == {ROLLED_OVER: 1}
+    assert counted.repaired == {WEEK_ROLLOVER_REASON: 1}
 
 
 def test_round_of_weeks_is_not_told_by_a_clock_that_was_never_set() -> None:
-    _, quality = build(Role.EGO_POSITION, best_pos(10**18))  # 2001
-    assert ROLLED_OVER not in quality.repaired
+    _, quality = build_signal(Role.EGO_POSITION, best_pos(10**18))  # 2001
+    assert WEEK_ROLLOVER_REASON not in quality.repaired
 
 
 @pytest.mark.parametrize("bad", [{"sol_status.status": 1}, {"pos_type.type": 0}, {"sol_status.status": np.nan}])
 def test_best_pos_that_is_not_computed(bad: dict[str, float]) -> None:
-    assert build(Role.EGO_POSITION, best_pos(**bad))[1].rejected == {"no fix": 1}
+    assert build_signal(Role.EGO_POSITION, best_pos(**bad))[1].rejected == {"no fix": 1}
 
 
 def test_best_vel_was_measured_before_its_stamp() -> None:
     fields = {"sol_status.status": [0], "vel_type.type": [8], "latency": [0.15], "hor_speed": [5.0], "trk_gnd": [0.0]}
     columns = columns_of("novatel_oem7_msgs/msg/BESTVEL", {**stamp_fields([T0_NS]), **fields}, log_time_ns=[T0_NS])
-    assert build(Role.EGO_VELOCITY, columns)[0].stamp_ns.tolist() == [T0_NS - 150_000_000]
+    assert build_signal(Role.EGO_VELOCITY, columns)[0].stamp_ns.tolist() == [T0_NS - 150_000_000]
 
 
 def septentrio(**more: float):
@@ -193,11 +214,11 @@ def septentrio(**more: float):
     ],
 )
 def test_septentrio_says_do_not_use(more: dict[str, float], role: Role, reason: str) -> None:
-    assert build(role, septentrio(**more))[1].rejected == {reason: 1}
+    assert build_signal(role, septentrio(**more))[1].rejected == {reason: 1}
 
 
 def test_septentrio_accuracy_that_is_not_there() -> None:
-    assert np.isnan(build(Role.EGO_POSITION, septentrio(h_accuracy=65_535))[0].covariance_m2).all()
+    assert np.isnan(build_signal(Role.EGO_POSITION, septentrio(h_accuracy=65_535))[0].covariance_m2).all()
 
 
 def nav_pvt(**more: float):
@@ -208,20 +229,20 @@ def nav_pvt(**more: float):
 
 @pytest.mark.parametrize("bad", [{"fix_type": 0}, {"fix_type": 5}, {"flags": 0}, {"reserved1": [1, 0, 0, 0, 0, 0]}])
 def test_nav_pvt_without_a_fix(bad: dict[str, float]) -> None:
-    assert build(Role.EGO_POSITION, nav_pvt(**bad))[1].rejected == {"no fix": 1}
+    assert build_signal(Role.EGO_POSITION, nav_pvt(**bad))[1].rejected == {"no fix": 1}
 
 
 @pytest.mark.parametrize(("behind_s", "is_told"), [(0.1, False), (5.0, True), (-3.0, True)])
 def test_nav_pvt_whose_clock_is_not_the_recorders_is_told(behind_s: float, is_told: bool) -> None:
     columns = nav_pvt()
     logged = replace(columns, log_time_ns=columns.log_time_ns + round(behind_s * 1e9))
-    _, quality = build(Role.EGO_POSITION, logged)
+    _, quality = build_signal(Role.EGO_POSITION, logged)
     assert [note for note in quality.notes if "--clock log" in note] == quality.notes
     assert bool(quality.notes) == is_told
 
 
 def test_nav_pvt_takes_the_log_time_until_its_own_is_resolved() -> None:
-    signal, quality = build(Role.EGO_POSITION, nav_pvt(valid=3))
+    signal, quality = build_signal(Role.EGO_POSITION, nav_pvt(valid=3))
     assert quality.repaired == {"no stamp, log time used": 1}
     assert signal.stamp_ns.tolist() == [T0_NS]
 
@@ -232,6 +253,6 @@ def test_nav_pvt_takes_the_log_time_until_its_own_is_resolved() -> None:
 def test_axes_of_sbg_are_told_by_the_name_of_the_frame(frame: str, east: float | None) -> None:
     fields = {"status.vel_status": [0], "status.vel_type": [2], "velocity.x": [3.0], "velocity.y": [4.0]}
     columns = columns_of("sbg_driver/msg/SbgGpsVel", {**stamp_fields([T0_NS]), **fields, "header.frame_id": [frame]})
-    signal, quality = build(Role.EGO_VELOCITY, columns)
+    signal, quality = build_signal(Role.EGO_VELOCITY, columns)
     assert signal.east_mps.tolist() == ([] if east is None else [east])
-    assert quality.rejected == ({NO_AXES: 1} if east is None else {})
+    assert quality.rejected == ({UNKNOWN_AXES_REASON: 1} if east is None else {})

@@ -8,16 +8,21 @@ import numpy as np
 import pytest
 
 from cwcli.errors import DataError, MissingSignalError
-from cwcli.signals.build import build, fields_for, require_rows
-from cwcli.signals.builders.position import NO_FIX, NOT_A_NUMBER, NULL_ISLAND, OUT_OF_RANGE
+from cwcli.signals.build import build_signal, leaf_fields_for_role, require_usable_rows
+from cwcli.signals.builders.position import (
+    NO_FIX_REASON,
+    POSITION_NOT_A_NUMBER_REASON,
+    POSITION_OUT_OF_RANGE_REASON,
+    ZERO_POSITION_REASON,
+)
 from cwcli.signals.canonical import (
     PositionSignal,
     SpeedSignal,
     VelocitySignal,
 )
-from cwcli.signals.clocks import LOG_TIME_OUT
+from cwcli.signals.clocks import INVALID_LOG_TIME_REASON
 from cwcli.signals.columns import Columns
-from cwcli.signals.covariances import UNUSABLE_COVARIANCE
+from cwcli.signals.covariances import UNUSABLE_COVARIANCE_REASON
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -40,7 +45,7 @@ def fix_columns(latitude: Any, longitude: Any, **more: Any) -> Columns:
 
 
 def test_fix_gives_place_time_and_east_north_covariance() -> None:
-    signal, quality = build(Role.EGO_POSITION, fix_columns([51.0, 51.1], [13.0, 13.1]))
+    signal, quality = build_signal(Role.EGO_POSITION, fix_columns([51.0, 51.1], [13.0, 13.1]))
     assert isinstance(signal, PositionSignal)
     assert (signal.source, quality.used) == ("/gps/fix", 2)
     np.testing.assert_array_equal(signal.stamp_ns, STEADY_NS[:2])
@@ -51,16 +56,16 @@ def test_fix_gives_place_time_and_east_north_covariance() -> None:
 @pytest.mark.parametrize(
     ("latitude", "longitude", "reason"),
     [
-        pytest.param(NAN, 13.0, NOT_A_NUMBER, id="latitude-nan"),
-        pytest.param(51.0, INF, NOT_A_NUMBER, id="longitude-infinite"),
-        pytest.param(91.0, 13.0, OUT_OF_RANGE, id="latitude-91"),
-        pytest.param(-90.1, 13.0, OUT_OF_RANGE, id="latitude-below-the-pole"),
-        pytest.param(51.0, 181.0, OUT_OF_RANGE, id="longitude-181"),
-        pytest.param(0.0, 0.0, NULL_ISLAND, id="zero-zero"),
+        pytest.param(NAN, 13.0, POSITION_NOT_A_NUMBER_REASON, id="latitude-nan"),
+        pytest.param(51.0, INF, POSITION_NOT_A_NUMBER_REASON, id="longitude-infinite"),
+        pytest.param(91.0, 13.0, POSITION_OUT_OF_RANGE_REASON, id="latitude-91"),
+        pytest.param(-90.1, 13.0, POSITION_OUT_OF_RANGE_REASON, id="latitude-below-the-pole"),
+        pytest.param(51.0, 181.0, POSITION_OUT_OF_RANGE_REASON, id="longitude-181"),
+        pytest.param(0.0, 0.0, ZERO_POSITION_REASON, id="zero-zero"),
     ],
 )
 def test_fix_that_is_no_place_is_rejected_and_counted(latitude: float, longitude: float, reason: str) -> None:
-    signal, quality = build(Role.EGO_POSITION, fix_columns([51.0, latitude, 51.1], [13.0, longitude, 13.1]))
+    signal, quality = build_signal(Role.EGO_POSITION, fix_columns([51.0, latitude, 51.1], [13.0, longitude, 13.1]))
     assert isinstance(signal, PositionSignal)
     assert quality.rejected == {reason: 1}
     assert (quality.read, quality.used) == (3, 2)
@@ -71,12 +76,12 @@ def test_fix_that_is_no_place_is_rejected_and_counted(latitude: float, longitude
 @pytest.mark.parametrize("status", [-1, -2])
 def test_fix_without_a_fix_is_rejected(status: int) -> None:
     columns = fix_columns([51.0, 51.1], [13.0, 13.1], **{"status.status": np.array([0, status], dtype=np.int8)})
-    _, quality = build(Role.EGO_POSITION, columns)
-    assert quality.rejected == {NO_FIX: 1}
+    _, quality = build_signal(Role.EGO_POSITION, columns)
+    assert quality.rejected == {NO_FIX_REASON: 1}
 
 
 def test_fix_on_the_equator_or_the_meridian_is_a_place() -> None:
-    _, quality = build(Role.EGO_POSITION, fix_columns([0.0, 51.5], [32.0, 0.0]))
+    _, quality = build_signal(Role.EGO_POSITION, fix_columns([0.0, 51.5], [32.0, 0.0]))
     assert quality.used == 2
 
 
@@ -99,22 +104,22 @@ def test_fix_covariance_that_says_nothing_is_nan(covariance: list[float], kind: 
         position_covariance=np.tile(covariance, (2, 1)),
         position_covariance_type=np.full(2, kind),
     )
-    signal, quality = build(Role.EGO_POSITION, columns)
+    signal, quality = build_signal(Role.EGO_POSITION, columns)
     assert isinstance(signal, PositionSignal)
     assert np.isnan(signal.covariance_m2).all()
-    assert quality.repaired == ({UNUSABLE_COVARIANCE: n_repaired} if n_repaired else {})
+    assert quality.repaired == ({UNUSABLE_COVARIANCE_REASON: n_repaired} if n_repaired else {})
 
 
 def test_fix_whose_header_was_never_filled_takes_the_log_time() -> None:
     columns = fix_columns([51.0, 51.1], [13.0, 13.1], **stamp_fields(np.zeros(2)))
-    signal, quality = build(Role.EGO_POSITION, columns)
+    signal, quality = build_signal(Role.EGO_POSITION, columns)
     np.testing.assert_array_equal(signal.stamp_ns, columns.log_time_ns)  # type: ignore[union-attr]
     assert quality.repaired == {"no stamp, log time used": 2}
 
 
 def test_fix_counts_undecodable_messages() -> None:
     fields = {"latitude": [51.0], "longitude": [13.0]}
-    _, quality = build(Role.EGO_POSITION, columns_of("sensor_msgs/NavSatFix", fields, n_undecodable=3))
+    _, quality = build_signal(Role.EGO_POSITION, columns_of("sensor_msgs/NavSatFix", fields, n_undecodable=3))
     assert (quality.read, quality.used, quality.rejected) == (4, 1, {"undecodable": 3})
 
 
@@ -129,7 +134,7 @@ def test_fix_counts_undecodable_messages() -> None:
 )
 def test_fix_reads_every_spelling_of_a_stamp(stamp: dict[str, Any]) -> None:
     fields = {"latitude": [51.0], "longitude": [13.0], "altitude": [1.0]} | stamp
-    signal, _ = build(Role.EGO_POSITION, columns_of("foxglove.LocationFix", fields, message_encoding="json"))
+    signal, _ = build_signal(Role.EGO_POSITION, columns_of("foxglove.LocationFix", fields, message_encoding="json"))
     assert isinstance(signal, PositionSignal)
     assert signal.stamp_ns.tolist() == [T0_NS + 5]
 
@@ -151,7 +156,7 @@ def twist_columns(frame_id: str, schema: str = "geometry_msgs/msg/TwistWithCovar
 
 @pytest.mark.parametrize("frame", ["map", "enu", "/map", "gps", ""])
 def test_twist_in_map_axes_is_a_velocity(frame: str) -> None:
-    signal, quality = build(Role.EGO_VELOCITY, twist_columns(frame))
+    signal, quality = build_signal(Role.EGO_VELOCITY, twist_columns(frame))
     assert isinstance(signal, VelocitySignal)
     np.testing.assert_array_equal(signal.east_mps, [3.0] * 3)
     np.testing.assert_array_equal(signal.north_mps, [4.0] * 3)
@@ -161,7 +166,7 @@ def test_twist_in_map_axes_is_a_velocity(frame: str) -> None:
 
 @pytest.mark.parametrize("schema", ["geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/TwistWithCovarianceStamped"])
 def test_twist_in_body_axes_is_a_speed(schema: str) -> None:
-    signal, _ = build(Role.EGO_SPEED, twist_columns("base_link", schema))
+    signal, _ = build_signal(Role.EGO_SPEED, twist_columns("base_link", schema))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_array_equal(signal.speed_mps, [3.0] * 3)
     np.testing.assert_array_equal(signal.yaw_rate_radps, [0.1, 0.0, -0.1])
@@ -170,15 +175,15 @@ def test_twist_in_body_axes_is_a_speed(schema: str) -> None:
 
 
 def test_twist_frame_id_has_the_last_word_over_the_role() -> None:
-    assert isinstance(build(Role.EGO_VELOCITY, twist_columns("base_link"))[0], SpeedSignal)
-    assert isinstance(build(Role.EGO_SPEED, twist_columns("map"))[0], VelocitySignal)
+    assert isinstance(build_signal(Role.EGO_VELOCITY, twist_columns("base_link"))[0], SpeedSignal)
+    assert isinstance(build_signal(Role.EGO_SPEED, twist_columns("map"))[0], VelocitySignal)
 
 
 def test_twist_named_by_the_user_follows_the_role_with_a_note() -> None:
-    velocity, quality = build(Role.EGO_VELOCITY, twist_columns("base_link"), is_override=True)
+    velocity, quality = build_signal(Role.EGO_VELOCITY, twist_columns("base_link"), is_override=True)
     assert isinstance(velocity, VelocitySignal)
     assert "base_link" in quality.notes[0]
-    speed, quality = build(Role.EGO_SPEED, twist_columns("map"), is_override=True)
+    speed, quality = build_signal(Role.EGO_SPEED, twist_columns("map"), is_override=True)
     assert isinstance(speed, SpeedSignal)
     np.testing.assert_allclose(speed.speed_mps, [5.0] * 3)
     assert "map axes" in quality.notes[0]
@@ -187,14 +192,14 @@ def test_twist_named_by_the_user_follows_the_role_with_a_note() -> None:
 def test_twist_with_a_value_that_is_no_number_is_rejected() -> None:
     columns = twist_columns("map")
     columns.fields["twist.twist.linear.x"][1] = NAN  # type: ignore[index]
-    _, quality = build(Role.EGO_VELOCITY, columns)
+    _, quality = build_signal(Role.EGO_VELOCITY, columns)
     assert quality.rejected == {"value not a number": 1}
 
 
 def test_twist_whose_yaw_rate_is_never_filled_has_none() -> None:
     columns = twist_columns("base_link")
     columns.fields["twist.twist.angular.z"][:] = 0.0  # type: ignore[index]
-    signal, quality = build(Role.EGO_SPEED, columns)
+    signal, quality = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(signal, SpeedSignal)
     assert np.isnan(signal.yaw_rate_radps).all()
     assert quality.notes == ["yaw rate is exactly 0 in every message, taken as not measured"]
@@ -202,35 +207,35 @@ def test_twist_whose_yaw_rate_is_never_filled_has_none() -> None:
 
 def test_velocity_report_is_a_speed_with_yaw_rate() -> None:
     fields = stamp_fields(STEADY_NS[:2]) | {"longitudinal_velocity": [-1.5, -1.0], "heading_rate": [0.2, 0.1]}
-    signal, _ = build(Role.EGO_SPEED, columns_of("autoware_vehicle_msgs/msg/VelocityReport", fields))
+    signal, _ = build_signal(Role.EGO_SPEED, columns_of("autoware_vehicle_msgs/msg/VelocityReport", fields))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_array_equal(signal.speed_mps, [-1.5, -1.0])
     np.testing.assert_array_equal(signal.yaw_rate_radps, [0.2, 0.1])
 
 
 def test_require_rows_tells_bad_data_from_none() -> None:
-    _, quality = build(Role.EGO_POSITION, fix_columns([91.0, NAN], [13.0, 13.0]))
+    _, quality = build_signal(Role.EGO_POSITION, fix_columns([91.0, NAN], [13.0, 13.0]))
     with pytest.raises(DataError, match="none of its 2 messages can be used"):
-        require_rows(quality, where="drive.mcap")
-    _, quality = build(Role.EGO_POSITION, fix_columns([], []))
+        require_usable_rows(quality, where="drive.mcap")
+    _, quality = build_signal(Role.EGO_POSITION, fix_columns([], []))
     with pytest.raises(MissingSignalError, match="the channel is empty"):
-        require_rows(quality)
+        require_usable_rows(quality)
 
 
 def test_fields_for_names_the_leaves_of_each_encoding() -> None:
-    assert "timestamp.seconds" in fields_for(Role.EGO_POSITION, "foxglove.LocationFix", "protobuf")
-    assert "timestamp.nsec" in fields_for(Role.EGO_POSITION, "foxglove.LocationFix", "json")
-    assert fields_for(Role.CAMERA, "foxglove.CompressedImage", "protobuf") == ()
-    assert fields_for(Role.IMU, "sensor_msgs/msg/NavSatFix", "cdr") == ()
+    assert "timestamp.seconds" in leaf_fields_for_role(Role.EGO_POSITION, "foxglove.LocationFix", "protobuf")
+    assert "timestamp.nsec" in leaf_fields_for_role(Role.EGO_POSITION, "foxglove.LocationFix", "json")
+    assert leaf_fields_for_role(Role.CAMERA, "foxglove.CompressedImage", "protobuf") == ()
+    assert leaf_fields_for_role(Role.IMU, "sensor_msgs/msg/NavSatFix", "cdr") == ()
 
 
 def test_build_refuses_a_role_that_the_schema_can_not_fill() -> None:
     with pytest.raises(ValueError, match="no builder"):
-        build(Role.IMU, fix_columns([51.0], [13.0]))
+        build_signal(Role.IMU, fix_columns([51.0], [13.0]))
 
 
 def test_altitude_out_of_range_is_left_out() -> None:
-    signal, quality = build(
+    signal, quality = build_signal(
         Role.EGO_POSITION, fix_columns([51.0, 51.1], [13.0, 13.1], altitude=np.array([100.0, 1e300]))
     )
     assert isinstance(signal, PositionSignal)
@@ -241,5 +246,5 @@ def test_altitude_out_of_range_is_left_out() -> None:
 def test_log_time_beyond_int64_is_rejected() -> None:
     columns = fix_columns([51.0, 51.1, 51.2], [13.0, 13.1, 13.2])
     columns.log_time_ns[1] = -(1 << 63) + 5
-    _, quality = build(Role.EGO_POSITION, columns)
-    assert (quality.used, quality.rejected) == (2, {LOG_TIME_OUT: 1})
+    _, quality = build_signal(Role.EGO_POSITION, columns)
+    assert (quality.used, quality.rejected) == (2, {INVALID_LOG_TIME_REASON: 1})

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from cwcli.errors import MissingSignalError
-from cwcli.signals.build import build, require_rows
+from cwcli.signals.build import build_signal, require_usable_rows
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteSignal, SpeedSignal
 from cwcli.signals.columns import Columns
 from cwcli.signals.etsi import VAM_PATHS
-from cwcli.signals.j2735 import JSON_RAW
+from cwcli.signals.j2735 import JSON_RAW_PATHS
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of
@@ -33,7 +33,7 @@ from tests.unit.signals.v2x_messages import (
 
 
 def remote(columns: Columns, **options: Any) -> tuple[RemoteSignal, Quality]:
-    signal, quality = build(Role.REMOTE, columns, **options)
+    signal, quality = build_signal(Role.REMOTE, columns, **options)
     assert isinstance(signal, RemoteSignal)
     assert quality.read == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
     return signal, quality
@@ -210,7 +210,7 @@ def test_bsm_in_reverse_keeps_the_heading_of_its_front(columns: Columns) -> None
 
 def test_bsm_in_reverse_as_an_object() -> None:
     columns = json_bsm()
-    fields = {path: field for path, field in columns.fields.items() if path != JSON_RAW["transmission"]}
+    fields = {path: field for path, field in columns.fields.items() if path != JSON_RAW_PATHS["transmission"]}
     as_object = {"coreData.transmission.reverseGears": ["x"]}
     signal, _ = remote(
         columns_of("BasicSafetyMessage", fields | as_object, message_encoding="json", log_time_ns=LOG_NS)
@@ -269,7 +269,7 @@ def stream(stations: list[str], latitudes: list[int], dsecond_ms: list[int], **m
     values = {name: [value] * n_rows for name, value in RAW_BSM.items()}
     values |= {"station": stations, "latitude_deg": latitudes, "dsecond_ms": dsecond_ms} | more
     log_ns = T0_NS + (np.array(dsecond_ms) - 10_000 + 20) * MS
-    fields = {JSON_RAW[name]: value for name, value in values.items()}
+    fields = {JSON_RAW_PATHS[name]: value for name, value in values.items()}
     return columns_of("BasicSafetyMessage", fields, topic="/v2x", message_encoding="json", log_time_ns=log_ns)
 
 
@@ -305,7 +305,7 @@ def test_ego_station_leaves_the_remote_vehicles_and_becomes_the_ego() -> None:
     signal, quality = remote(columns, ego_station="2A3C600D")
     assert signal.station.values == ("b",)
     assert quality.set_aside == {"sent by the ego station": 2}
-    position, quality = build(Role.EGO_POSITION, columns, ego_station="2A3C600D")
+    position, quality = build_signal(Role.EGO_POSITION, columns, ego_station="2A3C600D")
     assert isinstance(position, PositionSignal)
     np.testing.assert_allclose(position.latitude_deg, [1e-6, 3e-6])
     assert quality.set_aside == {"sent by another station": 1}
@@ -315,23 +315,23 @@ def test_ode_record_says_whose_message_it_is() -> None:
     own, received = ode_bsm(source="EV"), ode_bsm(source="RV")
     assert len(remote(own)[0].stamp_ns) == 0
     assert len(remote(received)[0].stamp_ns) == 1
-    position, _ = build(Role.EGO_POSITION, own)
-    speed, _ = build(Role.EGO_SPEED, own)
-    heading, _ = build(Role.EGO_HEADING, own)
+    position, _ = build_signal(Role.EGO_POSITION, own)
+    speed, _ = build_signal(Role.EGO_SPEED, own)
+    heading, _ = build_signal(Role.EGO_HEADING, own)
     assert isinstance(position, PositionSignal)
     assert isinstance(speed, SpeedSignal)
     assert isinstance(heading, HeadingSignal)
     assert position.longitude_deg[0] == pytest.approx(-77.8304602)
     assert speed.speed_mps[0] == pytest.approx(10.0)
     assert heading.heading_rad[0] == pytest.approx(np.pi)
-    _, quality = build(Role.EGO_POSITION, received)
+    _, quality = build_signal(Role.EGO_POSITION, received)
     with pytest.raises(MissingSignalError, match="sent by another station"):
-        require_rows(quality)
+        require_usable_rows(quality)
 
 
 def test_faults_of_other_stations_are_not_counted_for_the_ego() -> None:
     columns = stream(["a", "b"], [1, 900_000_001], [10_000, 10_000], speed_mps=[500, 9000])
-    _, quality = build(Role.EGO_POSITION, columns, ego_station="a")
+    _, quality = build_signal(Role.EGO_POSITION, columns, ego_station="a")
     assert quality.n_faults == 0
 
 
@@ -339,9 +339,9 @@ def test_faults_of_other_stations_are_not_counted_for_the_ego() -> None:
 def test_values_in_units_are_held_to_the_ranges_of_their_codes(make: Any) -> None:
     """The largest speed is 8190 steps of 0.02 m/s; 8191 says that there is none."""
     for told, kept, n_counted in ((163.8, 163.8, 0), (163.82, np.nan, 0), (163.9, np.nan, 1), (1e300, np.nan, 1)):
-        signal, quality = build(Role.REMOTE, make({"speed_mps": told}))
+        signal, quality = build_signal(Role.REMOTE, make({"speed_mps": told}))
         np.testing.assert_allclose(signal.speed_mps, [kept])
         assert quality.repaired.get("Speed outside its range, left out", 0) == n_counted
-    signal, quality = build(Role.REMOTE, make({"semi_major_m": 1e300}))
+    signal, quality = build_signal(Role.REMOTE, make({"semi_major_m": 1e300}))
     assert np.isnan(signal.position_covariance_m2).all()
     assert quality.repaired["SemiMajorAxisAccuracy outside its range, left out"] == 1

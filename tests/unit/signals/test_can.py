@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.signals.build import build
-from cwcli.signals.can import NOT_AVAILABLE, OTHER_FRAME, OUT_OF_RANGE, TOO_SHORT
-from cwcli.signals.mapping import parse_mappings
+from cwcli.signals.build import build_signal
+from cwcli.signals.can import FRAME_TOO_SHORT_REASON, NOT_AVAILABLE_REASON, OTHER_MESSAGE_REASON, OUT_OF_RANGE_REASON
+from cwcli.signals.mapping import parse_field_mappings
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
@@ -54,7 +54,7 @@ def frames(rows: list[tuple[int, bool, bytes]], **more):
 
 
 def built(role: Role, text: str, columns, dbc: Path):
-    return build(role, columns, mapping=parse_mappings(role, f"/can:{text};{dbc}")[0])
+    return build_signal(role, columns, mapping=parse_field_mappings(role, f"/can:{text};{dbc}")[0])
 
 
 def test_signals_are_those_of_cantools(dbc: Path) -> None:
@@ -68,8 +68,8 @@ def test_signals_are_those_of_cantools(dbc: Path) -> None:
     np.testing.assert_allclose(signal.speed_mps, [each["Speed"] / 3.6 for each in good])
     np.testing.assert_allclose(signal.yaw_rate_radps, np.radians([each["Yaw"] for each in good]))
     assert quality.read == 500
-    assert quality.rejected.get(NOT_AVAILABLE, 0) == n_none
-    assert quality.rejected[OUT_OF_RANGE] == 500 - len(good) - n_none
+    assert quality.rejected.get(NOT_AVAILABLE_REASON, 0) == n_none
+    assert quality.rejected[OUT_OF_RANGE_REASON] == 500 - len(good) - n_none
     assert quality.notes == [
         "Motion.Speed is in km/h, as the DBC file says",
         "Motion.Yaw is in deg/s, as the DBC file says",
@@ -83,7 +83,7 @@ def test_extended_identifier_and_a_real_number(dbc: Path) -> None:
     rows = [(extended, True, data), (extended, False, data), (257, False, b"")]
     signal, quality = built(Role.EGO_SPEED, "Wheels.Real", frames(rows), dbc)
     assert signal.speed_mps.tolist() == [12.5]
-    assert quality.set_aside == {OTHER_FRAME: 2}
+    assert quality.set_aside == {OTHER_MESSAGE_REASON: 2}
 
 
 def test_frames_that_do_not_fit_are_counted(dbc: Path) -> None:
@@ -92,15 +92,15 @@ def test_frames_that_do_not_fit_are_counted(dbc: Path) -> None:
     columns = frames(rows, is_rtr=np.array([False, False, False, True]))
     signal, quality = built(Role.EGO_SPEED, "Motion.Speed*kmh", columns, dbc)
     np.testing.assert_allclose(signal.speed_mps, [10.0 / 3.6])
-    assert quality.rejected == {TOO_SHORT: 1, NOT_AVAILABLE: 1}
-    assert quality.set_aside == {OTHER_FRAME: 1}
+    assert quality.rejected == {FRAME_TOO_SHORT_REASON: 1, NOT_AVAILABLE_REASON: 1}
+    assert quality.set_aside == {OTHER_MESSAGE_REASON: 1}
 
 
 def test_multiplexed_signal(dbc: Path) -> None:
     rows = [(512, False, bytes([1, 0xE8, 0x03, 0])), (512, False, bytes([2, 0xE8, 0x03, 0]))]
     signal, quality = built(Role.EGO_STEER, "Muxed.Steer", frames(rows), dbc)
     np.testing.assert_allclose(signal.steer_rad, [np.radians(10.0)])
-    assert quality.set_aside == {OTHER_FRAME: 1}
+    assert quality.set_aside == {OTHER_MESSAGE_REASON: 1}
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_file_that_is_no_dbc_is_refused(tmp_path: Path, content: str) -> None:
         built(Role.EGO_SPEED, "Motion.Speed", frames([(256, False, bytes(8))]), tmp_path / "none.dbc")
     columns = frames([(256, False, bytes(8))])
     with pytest.raises(UsageError, match="need the file"):
-        build(Role.EGO_SPEED, columns, mapping=parse_mappings(Role.EGO_SPEED, "/can:Motion.Speed")[0])
+        build_signal(Role.EGO_SPEED, columns, mapping=parse_field_mappings(Role.EGO_SPEED, "/can:Motion.Speed")[0])
 
 
 LONG = (
@@ -149,7 +149,7 @@ def test_what_lies_behind_the_frame_s_array_is_too_short(tmp_path: Path) -> None
     for name in ("Late", "Chosen"):  # the value, or what says whether it is there
         signal, quality = built(Role.EGO_SPEED, f"Long.{name}", columns, path)
         assert len(signal.stamp_ns) == 0
-        assert quality.rejected == {TOO_SHORT: 1}
+        assert quality.rejected == {FRAME_TOO_SHORT_REASON: 1}
     with pytest.raises(UsageError, match="Wide has 65 bits"):
         built(Role.EGO_SPEED, "Long.Wide", columns, path)
 

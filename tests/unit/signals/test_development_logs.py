@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from cwcli.channels.binding import EVERY_ROLE, bind
+from cwcli.channels.binding import EVERY_ROLE, bind_roles
 from cwcli.errors import MissingSignalError
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import (
     HeadingSignal,
     ImuSignal,
@@ -40,7 +40,7 @@ OPTIONAL = tuple(role for role in EVERY_ROLE if role != Role.EGO_POSITION)
 
 @cache
 def built(log: str, topic: str, role: Role) -> tuple[Signal, Quality]:
-    signal, quality = build(role, official_columns(development_log(log), topic))
+    signal, quality = build_signal(role, official_columns(development_log(log), topic))
     assert quality.read == quality.used + sum(quality.rejected.values()) + sum(quality.set_aside.values())
     return signal, quality
 
@@ -67,12 +67,12 @@ def test_bind_finds_what_each_log_holds(log: str, expected: dict[str, str]) -> N
     channels = [
         Found(c.topic, summary.schemas[c.schema_id].name, c.message_encoding) for c in summary.channels.values()
     ]
-    bindings = bind(channels, {}, required=(), optional=EVERY_ROLE)
-    assert {role.value: bindings.topic(role) for role in bindings.by_role} == expected
+    bindings = bind_roles(channels, {}, required=(), optional=EVERY_ROLE)
+    assert {role.value: bindings.first_topic_of_role(role) for role in bindings.by_role} == expected
     assert len(bindings.notes) == (1 if log == KITTI else 0)  # its two truth channels
     if "ego_position" not in expected:
         with pytest.raises(MissingSignalError, match="no channel holds the ego position"):
-            bind(channels, {}, required=[Role.EGO_POSITION], optional=OPTIONAL)
+            bind_roles(channels, {}, required=[Role.EGO_POSITION], optional=OPTIONAL)
 
 
 class Found:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.angles import wrap_angle
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.targets import build_pose_truth
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
@@ -32,7 +32,7 @@ def city_speed() -> FloatArray:
 
 
 def pose_of(columns: Columns) -> PoseSignal:
-    signal, _ = build(Role.TRUTH, columns)
+    signal, _ = build_signal(Role.TRUTH, columns)
     assert isinstance(signal, PoseSignal)
     return signal
 
@@ -175,7 +175,7 @@ def test_heading_and_speed_of_single_velocities() -> None:
 
 def test_odometry_as_speed_source_is_horizontal_too() -> None:
     speed = city_speed()
-    signal, _ = build(Role.EGO_SPEED, odometry(TIME_S, curvy_heading(), speed, pitch=-3.8, left=0.9))
+    signal, _ = build_signal(Role.EGO_SPEED, odometry(TIME_S, curvy_heading(), speed, pitch=-3.8, left=0.9))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps[speed > 2.0], speed[speed > 2.0], atol=EXACT)
 
@@ -186,7 +186,7 @@ def test_variance_is_taken_along_the_direction_of_travel() -> None:
     covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 2, 2] = 0.25, 0.04, 0.01
     more = {"twist.covariance": covariance.reshape(-1, 36)}
     columns = odometry(TIME_S, curvy_heading(), city_speed() + 3.0, left=60.0, **more)
-    signal, _ = build(Role.EGO_SPEED, columns)
+    signal, _ = build_signal(Role.EGO_SPEED, columns)
     assert isinstance(signal, SpeedSignal)
     expected = 0.25 * np.cos(60.0 * DEG) ** 2 + 0.04 * np.sin(60.0 * DEG) ** 2
     np.testing.assert_allclose(signal.speed_variance_m2ps2, expected, atol=EXACT)
@@ -196,7 +196,7 @@ def test_sideways_velocity_that_is_stated_as_not_measured_does_not_count() -> No
     covariance = np.zeros((len(TIME_S), 6, 6))
     covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 2, 2] = 0.25, 1e6, np.inf
     more = {"twist.covariance": covariance.reshape(-1, 36), "twist.twist.linear.y": np.full(len(TIME_S), 7.0)}
-    signal, _ = build(Role.EGO_SPEED, odometry(TIME_S, curvy_heading(), city_speed() + 3.0, **more))
+    signal, _ = build_signal(Role.EGO_SPEED, odometry(TIME_S, curvy_heading(), city_speed() + 3.0, **more))
     assert isinstance(signal, SpeedSignal)
     np.testing.assert_allclose(signal.speed_mps, city_speed() + 3.0, atol=EXACT)
     np.testing.assert_allclose(signal.speed_variance_m2ps2, 0.25, atol=EXACT)

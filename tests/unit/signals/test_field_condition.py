@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cwcli.errors import UsageError
-from cwcli.signals.field_condition import Condition, Missing, holds, parse_condition, value_at
+from cwcli.signals.field_condition import Condition, MissingValue, meets_condition, parse_condition, value_at_path
 
 
 @pytest.mark.parametrize(
@@ -44,8 +44,8 @@ def test_a_condition_inside_chooses_an_element() -> None:
         "value",
     )
     message = {"status": [{"name": "x"}, {"name": "fcw", "values": [{"key": "ttc", "value": "1.2"}]}]}
-    assert value_at(message, found.path) == "1.2"
-    assert holds("1.2", found) is True
+    assert value_at_path(message, found.path) == "1.2"
+    assert meets_condition("1.2", found) is True
 
 
 @pytest.mark.parametrize(
@@ -107,30 +107,30 @@ def test_long_and_deep_texts_are_refused() -> None:
         (math.nan, "x<3", False),
         (math.inf, "x>3", True),
         (None, "x!=3", False),
-        (Missing.FIELD, "x!=3", False),
+        (MissingValue.FIELD, "x!=3", False),
         ([1], "x==1", None),
         ({}, "x==1", None),
     ],
 )
 def test_what_is_compared(value: object, text: str, expected: bool | None) -> None:
-    assert holds(value, parse_condition(text)) is expected
+    assert meets_condition(value, parse_condition(text)) is expected
 
 
 @pytest.mark.parametrize(
     ("message", "text", "expected"),
     [
         ({"a": {"b": 1}}, "a.b==1", 1),
-        ({"a": {"b": 1}}, "a.c==1", Missing.FIELD),
-        ({"a": 1}, "a.b==1", Missing.FIELD),
+        ({"a": {"b": 1}}, "a.c==1", MissingValue.FIELD),
+        ({"a": 1}, "a.b==1", MissingValue.FIELD),
         ({"a": [1, 2]}, "a[1]==1", 2),
-        ({"a": [1, 2]}, "a[2]==1", Missing.ELEMENT),
+        ({"a": [1, 2]}, "a[2]==1", MissingValue.ELEMENT),
         ({"a": [1, 2]}, "a[-2]==1", 1),
-        ({"a": [1, 2]}, "a[-3]==1", Missing.ELEMENT),
-        ({"a": 1}, "a[0]==1", Missing.FIELD),
+        ({"a": [1, 2]}, "a[-3]==1", MissingValue.ELEMENT),
+        ({"a": 1}, "a[0]==1", MissingValue.FIELD),
         ({"a": [{"n": 1}, {"n": 2, "v": 5}]}, "a[n==2].v==1", 5),
-        ({"a": [{"n": 1}]}, "a[n==2].v==1", Missing.ELEMENT),
-        ([], "a==1", Missing.FIELD),
+        ({"a": [{"n": 1}]}, "a[n==2].v==1", MissingValue.ELEMENT),
+        ([], "a==1", MissingValue.FIELD),
     ],
 )
 def test_what_stands_at_a_path(message: object, text: str, expected: object) -> None:
-    assert value_at(message, parse_condition(text).path) == expected
+    assert value_at_path(message, parse_condition(text).path) == expected

@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from cwcli.signals import inputs
-from cwcli.signals.input_rows import in_signals
+from cwcli.signals.input_rows import load_from_signals
 
 
 def test_every_named_builder_exists() -> None:
@@ -22,7 +22,7 @@ def test_every_named_builder_exists() -> None:
         place = (
             "" if dotted.startswith(("j2735.", "etsi.", "cpm.", "sdsm.", "denm.", "osi.", "radio.")) else "builders."
         )
-        assert in_signals(place + dotted) is not None
+        assert load_from_signals(place + dotted) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import Columns
-from cwcli.signals.covariances import UNUSABLE_COVARIANCE, given_plane_covariance, given_variances
+from cwcli.signals.covariances import (
+    UNUSABLE_COVARIANCE_REASON,
+    usable_plane_covariance_or_nan,
+    usable_variances_or_nan,
+)
 from cwcli.signals.quality import RowLedger
 
 
@@ -19,7 +23,9 @@ def ledger(n: int) -> RowLedger:
 @pytest.mark.parametrize("tiny", [5.9e-322, 2.4e-259, 1e-19])
 def test_variance_below_a_nanometres_is_unusable(tiny: float) -> None:
     found = ledger(3)
-    assert np.isnan(given_variances(found, np.array([0.0, tiny, 1e-12]))).tolist() == [True, True, False]
-    plane = given_plane_covariance(found, np.array([1.0, tiny, 1e-12]), np.zeros(3), np.array([1.0, 1.0, 1e-12]))
+    assert np.isnan(usable_variances_or_nan(found, np.array([0.0, tiny, 1e-12]))).tolist() == [True, True, False]
+    plane = usable_plane_covariance_or_nan(
+        found, np.array([1.0, tiny, 1e-12]), np.zeros(3), np.array([1.0, 1.0, 1e-12])
+    )
     assert np.isnan(plane[:, 0]).tolist() == [False, True, False]
-    assert found.quality.repaired == {UNUSABLE_COVARIANCE: 2}  # one of each kind
+    assert found.quality.repaired == {UNUSABLE_COVARIANCE_REASON: 2}  # one of each kind

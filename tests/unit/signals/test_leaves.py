@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import Field, Ragged, Strings
-from cwcli.signals.leaf_fields import bits_of, row_of, texts, whole_numbers
+from cwcli.signals.leaf_fields import numbers_of_row, numbers_to_bit_flags, read_integers, read_texts
 from tests.unit.signals.signal_columns import columns_of
 
 LISTS: dict[str, tuple[Field | None, list[float]]] = {
@@ -22,20 +22,20 @@ LISTS: dict[str, tuple[Field | None, list[float]]] = {
 @pytest.mark.parametrize("kind", LISTS)
 def test_numbers_of_one_message(kind: str) -> None:
     field, expected = LISTS[kind]
-    found = row_of(field, 1)
+    found = numbers_of_row(field, 1)
     assert found.dtype == np.float64
     assert found.tolist() == expected
 
 
 def test_an_unsigned_number_never_becomes_a_negative_one() -> None:
     field = np.array([2**63 - 1, 2**63, 2**64 - 1], np.uint64)
-    values, is_there = whole_numbers(columns_of("T", {"stamp_ns": field}), "stamp_ns")
+    values, is_there = read_integers(columns_of("T", {"stamp_ns": field}), "stamp_ns")
     assert values.tolist() == [2**63 - 1] * 3
     assert is_there.tolist() == [True, False, False]
 
 
 def test_no_two_numbers_are_spelled_alike() -> None:
-    found = texts(columns_of("T", {"id": np.array([7.0, 7.25, 1e300, np.nan, 7.0])}), "id")
+    found = read_texts(columns_of("T", {"id": np.array([7.0, 7.25, 1e300, np.nan, 7.0])}), "id")
     assert found is not None
     assert [found.values[code] if code >= 0 else None for code in found.codes] == ["7", "7.25", "1e+300", None, "7"]
 
@@ -44,11 +44,11 @@ def test_no_two_numbers_are_spelled_alike() -> None:
 def test_numbers_that_are_no_octets_are_no_id(is_ragged: bool) -> None:
     rows = np.array([[1.0, 255.0], [1.0, 256.0], [1e300, 0.0], [0.5, 1.0], [np.nan, 1.0], [1.0, 255.0]])
     field = Ragged(rows.ravel(), np.arange(0, 13, 2)) if is_ragged else rows
-    found = texts(columns_of("T", {"id": field}), "id")
+    found = read_texts(columns_of("T", {"id": field}), "id")
     assert found is not None
     assert (found.values, found.codes.tolist()) == (("01ff",), [0, -1, -1, -1, -1, 0])
 
 
 def test_a_number_that_is_no_set_of_flags_sets_none() -> None:
     values = np.array([3.0, 0.0, -1.0, 2.5, 1e300, np.inf, np.nan])
-    assert bits_of(values).tolist() == [3, 0, 0, 0, 0, 0, 0]
+    assert numbers_to_bit_flags(values).tolist() == [3, 0, 0, 0, 0, 0, 0]

@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.columns import FloatArray, Strings
-from cwcli.signals.link import age_quantile_s, links_of
+from cwcli.signals.radio_link import information_age_quantile_s, measure_station_links
 
 T0_NS = 1_600_000_000_000_000_000
 NAN = float("nan")
@@ -36,7 +36,7 @@ def test_injected_loss_is_reported_exactly(share: float, seed: int) -> None:
     number = np.flatnonzero(is_heard)
     sent_s = 0.1 * number + rng.uniform(-0.02, 0.02, len(number))
     distance_m = 120.0 + 0.0 * sent_s
-    (link,), reception = links_of(signal_of(sent_s, (number + 77) % 128.0), distance_m)
+    (link,), reception = measure_station_links(signal_of(sent_s, (number + 77) % 128.0), distance_m)
     assert link.n_sent == 20_000
     assert link.n_received == len(number)
     assert link.loss_share == pytest.approx(1.0 - len(number) / 20_000, abs=1e-12)
@@ -49,7 +49,7 @@ def test_injected_loss_is_reported_exactly(share: float, seed: int) -> None:
 
 def test_a_pause_in_which_the_count_may_go_round_is_an_absence() -> None:
     sent_s = np.concatenate([0.1 * np.arange(50), 60.0 + 0.1 * np.arange(50)])
-    (link,), _ = links_of(signal_of(sent_s, np.arange(100.0)), np.full(100, NAN))
+    (link,), _ = measure_station_links(signal_of(sent_s, np.arange(100.0)), np.full(100, NAN))
     assert (link.n_absences, link.n_sent, link.loss_share) == (1, 100, 0.0)
     assert link.present_s == pytest.approx(9.8)
     assert link.rate_hz == pytest.approx(10.0)
@@ -59,14 +59,14 @@ def test_a_pause_in_which_the_count_may_go_round_is_an_absence() -> None:
 @pytest.mark.parametrize("count", [np.full(60, 7.0), np.full(60, NAN)])
 def test_a_sender_that_does_not_count_has_no_known_loss(count: FloatArray) -> None:
     sent_s = np.delete(0.1 * np.arange(90), np.arange(20, 50))
-    (link,), reception = links_of(signal_of(sent_s, count), np.full(60, 30.0))
+    (link,), reception = measure_station_links(signal_of(sent_s, count), np.full(60, 30.0))
     assert np.isnan(link.loss_share)
     assert (link.n_gaps, link.longest_gap_s) == (1, pytest.approx(3.1))
     assert reception.sent.sum() == 0
 
 
 def test_lost_messages_were_sent_between_those_that_arrived() -> None:
-    (_,), reception = links_of(
+    (_,), reception = measure_station_links(
         signal_of(np.array([0.0, 0.1, 0.5]), np.array([126.0, 127.0, 3.0])), np.array([0.0, 40.0, 80.0])
     )
     assert reception.edges_m.tolist() == [0.0, 50.0, 100.0]
@@ -78,13 +78,15 @@ def test_clocks_that_disagree_tell_no_latency() -> None:
     sent_s, count = 0.1 * np.arange(20), np.arange(20.0)
     nowhere = np.full(20, NAN)
     for latency_s, known in ((0.05, True), (-0.095, False), (0.0, False)):
-        (link,), _ = links_of(signal_of(sent_s, count, latency_s), nowhere)
+        (link,), _ = measure_station_links(signal_of(sent_s, count, latency_s), nowhere)
         assert np.isfinite(link.latency_median_s) == known
         assert link.age[0].tolist() == pytest.approx([0.05, 0.15] if known else [0.0, 0.1])
 
 
 def test_stations_are_told_apart() -> None:
-    links, _ = links_of(signal_of(0.05 * np.arange(200), np.arange(200) // 2 % 128.0, n_stations=2), np.full(200, NAN))
+    links, _ = measure_station_links(
+        signal_of(0.05 * np.arange(200), np.arange(200) // 2 % 128.0, n_stations=2), np.full(200, NAN)
+    )
     assert [(link.station, link.n_sent, link.n_received) for link in links] == [("0", 100, 100), ("1", 100, 100)]
 
 
@@ -101,11 +103,11 @@ def test_stations_are_told_apart() -> None:
 def test_the_age_that_is_not_exceeded_for_a_share_of_the_time(
     ages: list[list[float]], share: float, expected: float
 ) -> None:
-    assert age_quantile_s([np.array(ages)], share) == pytest.approx(expected)
+    assert information_age_quantile_s([np.array(ages)], share) == pytest.approx(expected)
 
 
 def test_without_a_second_message_there_is_no_age() -> None:
-    (link,), _ = links_of(signal_of(np.zeros(1), np.zeros(1)), np.zeros(1))
-    assert np.isnan(age_quantile_s([link.age], 0.95))
+    (link,), _ = measure_station_links(signal_of(np.zeros(1), np.zeros(1)), np.zeros(1))
+    assert np.isnan(information_age_quantile_s([link.age], 0.95))
     assert np.isnan(link.loss_share)
     assert link.range_m == 0.0

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from cwcli.errors import UsageError
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import Signal
-from cwcli.signals.mapping import parse_mappings, with_files
+from cwcli.signals.mapping import merge_mapping_options, parse_field_mappings
 from cwcli.signals.quality import Quality
 from cwcli.signals.role import Role
 from tests.unit.signals.signal_columns import T0_NS, columns_of, stamp_fields
 
 
 def built(role: Role, text: str, fields: dict, **more) -> tuple[Signal, Quality]:
-    return build(role, columns_of("my_msgs/msg/Status", fields, **more), mapping=parse_mappings(role, text)[0])
+    return build_signal(
+        role, columns_of("my_msgs/msg/Status", fields, **more), mapping=parse_field_mappings(role, text)[0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -58,13 +60,13 @@ def test_scale_offset_unit_and_sign(text: str, expected_mps: float) -> None:
 )
 def test_what_is_no_mapping_is_refused(text: str) -> None:
     with pytest.raises(UsageError):
-        parse_mappings(Role.EGO_SPEED, text)
+        parse_field_mappings(Role.EGO_SPEED, text)
 
 
 @pytest.mark.parametrize("option", ["ego_speed", "ego_speed=/s", "remote=/s:v", "speed=/s:v"])
 def test_option_that_maps_nothing_is_refused(option: str) -> None:
     with pytest.raises(UsageError):
-        with_files([option], [])
+        merge_mapping_options([option], [])
 
 
 def test_compass_heading_becomes_one_from_east() -> None:
@@ -113,7 +115,7 @@ def test_imu_takes_six() -> None:
     np.testing.assert_allclose(signal.accel_mps2[0], 9.80665 * np.array([1.0, 2.0, 3.0]))
     np.testing.assert_allclose(signal.gyro_radps[0], np.radians([4.0, 5.0, -6.0]))
     with pytest.raises(UsageError):
-        parse_mappings(Role.IMU, "/i:ax,ay,az")
+        parse_field_mappings(Role.IMU, "/i:ax,ay,az")
 
 
 def test_absurd_values_are_counted() -> None:

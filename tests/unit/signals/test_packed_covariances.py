@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.signals.packed_covariances import PackedCovariances, variances
-from cwcli.signals.precision import plane_to_digits, to_digits, to_step
+from cwcli.signals.packed_covariances import PackedCovariances, variances_of_states
+from cwcli.signals.precision import round_plane_covariance, round_to_binary_digits, round_to_binary_step
 
 
 def definite(n: int, k: int, *, least: float, seed: int = 0) -> np.ndarray:
@@ -20,14 +20,14 @@ def definite(n: int, k: int, *, least: float, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("least", [1.0, 1e-2, 1e-5, 1e-8])
 def test_packed_covariance_is_positive_definite_whatever_it_was(least: float) -> None:
-    dense = PackedCovariances.of(definite(3000, 8, least=least)).dense()
+    dense = PackedCovariances.from_dense(definite(3000, 8, least=least)).to_dense()
     np.linalg.cholesky(dense)  # raises where one is not
     assert np.array_equal(dense, np.swapaxes(dense, 1, 2))
 
 
 def test_packed_covariance_keeps_sigmas_to_nine_digits_and_correlations_to_a_thousandth() -> None:
     given = definite(3000, 8, least=0.3)
-    packed = PackedCovariances.of(given)
+    packed = PackedCovariances.from_dense(given)
     sigma = np.sqrt(np.einsum("nii->ni", given))
     correlation = given / sigma[:, :, None] / sigma[:, None, :]
     np.testing.assert_allclose(packed.sigma, sigma, rtol=2.0**-9)
@@ -40,14 +40,14 @@ def test_step_of_correlations_is_small_beside_the_least_eigenvalue(least: float)
     """Of two states with correlation r it is 1 - r, which rounding changes by half a step."""
     correlation = 1.0 - least * np.linspace(0.8, 1.0, 50)
     given = np.stack([np.ones(50), correlation, correlation, np.ones(50)], axis=1).reshape(-1, 2, 2)
-    rounded = PackedCovariances.of(given)[:, 0, 1]
+    rounded = PackedCovariances.from_dense(given)[:, 0, 1]
     np.testing.assert_allclose(1.0 - rounded, 1.0 - correlation, rtol=2.0**-6)
     assert np.abs(rounded - correlation).max() > least * 2.0**-9  # finer steps would spend bits on noise
 
 
 def test_packed_covariances_are_read_like_an_array() -> None:
-    packed = PackedCovariances.of(definite(40, 8, least=0.1))
-    dense = packed.dense()
+    packed = PackedCovariances.from_dense(definite(40, 8, least=0.1))
+    dense = packed.to_dense()
     rows = np.array([3, 1, 39])
     assert packed.shape == dense.shape and len(packed) == 40
     for key in (
@@ -55,8 +55,8 @@ def test_packed_covariances_are_read_like_an_array() -> None:
         np.s_[:, :2, :2], np.s_[7, 1, 1],
     ):  # fmt: skip
         np.testing.assert_allclose(packed[key], dense[key], rtol=1e-15)
-    np.testing.assert_allclose(variances(packed, [4, 5]), dense[:, [4, 5], [4, 5]], rtol=1e-15)
-    np.testing.assert_allclose(variances(dense, [4, 5]), dense[:, [4, 5], [4, 5]])
+    np.testing.assert_allclose(variances_of_states(packed, [4, 5]), dense[:, [4, 5], [4, 5]], rtol=1e-15)
+    np.testing.assert_allclose(variances_of_states(dense, [4, 5]), dense[:, [4, 5], [4, 5]])
     assert np.array_equal(np.asarray(packed), dense)
 
 
@@ -64,19 +64,19 @@ def test_covariance_that_is_not_positive_definite_is_packed_as_nan() -> None:
     given = np.tile(np.eye(3), (4, 1, 1))
     given[1, 0, 1] = given[1, 1, 0] = 1.5
     given[2, 2, 2] = -1.0
-    assert np.isnan(PackedCovariances.of(given).sigma).any(axis=1).tolist() == [False, True, True, False]
+    assert np.isnan(PackedCovariances.from_dense(given).sigma).any(axis=1).tolist() == [False, True, True, False]
 
 
 def test_numbers_are_rounded_to_steps_and_digits() -> None:
-    assert to_step(np.array([0.3, -0.3, 1e300, np.nan]), 2).tolist()[:3] == [0.25, -0.25, 1e300]
-    assert to_digits(np.array([0.0, 100.0, -3.3e-5]), 3).tolist() == [0.0, 96.0, -(2.0**-15)]
+    assert round_to_binary_step(np.array([0.3, -0.3, 1e300, np.nan]), 2).tolist()[:3] == [0.25, -0.25, 1e300]
+    assert round_to_binary_digits(np.array([0.0, 100.0, -3.3e-5]), 3).tolist() == [0.0, 96.0, -(2.0**-15)]
 
 
 def test_rounded_plane_covariance_stays_one_and_is_no_smaller() -> None:
     rng = np.random.default_rng(1)
     sigma, correlation = rng.lognormal(size=(2000, 2)), np.tanh(3.0 * rng.normal(size=2000))
     given = np.stack([sigma[:, 0] ** 2, correlation * sigma.prod(axis=1), sigma[:, 1] ** 2], axis=1)
-    rounded = plane_to_digits(given, 6)
+    rounded = round_plane_covariance(given, 6)
     xx, xy, yy = rounded.T
     assert (xx * yy > xy**2).all() and (rounded[:, ::2] >= given[:, ::2]).all()
     np.testing.assert_allclose(rounded[:, ::2], given[:, ::2], rtol=2.0**-5)

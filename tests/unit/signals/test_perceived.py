@@ -9,9 +9,9 @@ import pytest
 
 from cwcli.logs.read.reader import Log
 from cwcli.signals import cpm, sdsm
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.perceived import shifted
+from cwcli.signals.perceived import shift_wgs84_positions
 from cwcli.signals.role import Role
 from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, stamp_of
@@ -30,7 +30,7 @@ def test_objects_without_a_number_are_no_road_user(encoding: str, tmp_path: Path
         del told["object_id"]
     log_path = write_log(tmp_path / "log.mcap", SCHEMA, encoding, "/cpm", messages)
     with Log.open(log_path) as log:
-        signal, quality = build(Role.REMOTE, log.columns("/cpm", fields=cpm.ros_fields()))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.ros_fields()))
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("1201:7",)
     assert len(signal.stamp_ns) == 2
@@ -47,7 +47,7 @@ def test_no_two_objects_become_one_where_a_number_is_no_object_id(number: float,
     told["object_id"]["value"] = number
     messages[1]["header"]["station_id"]["value"] = 2.0**32
     with Log.open(write_log(tmp_path / "log.mcap", SCHEMA, "json", "/cpm", messages)) as log:
-        signal, quality = build(Role.REMOTE, log.columns("/cpm", fields=cpm.ros_fields()))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/cpm", fields=cpm.ros_fields()))
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("1201:7",)
     assert len(signal.stamp_ns) == 1
@@ -65,7 +65,7 @@ def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, t
     common["measurement_time"]["measurement_time_offset"] = delta_s
     common["speed"]["speed"] = 1e9
     with Log.open(write_log(tmp_path / "log.mcap", schema, "cdr", "/sdsm", messages)) as log:
-        signal, quality = build(Role.REMOTE, log.columns("/sdsm", fields=sdsm.ros_fields()))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/sdsm", fields=sdsm.ros_fields()))
     assert isinstance(signal, RemoteSignal)
     np.testing.assert_allclose(signal.stamp_ns[1] - signal.log_time_ns[1], -DELAY_NS, atol=1_000_000)  # the message's
     np.testing.assert_equal(signal.speed_mps, [10.0, np.nan])
@@ -75,6 +75,6 @@ def test_units_outside_the_range_of_their_element_are_left_out(delta_s: float, t
 
 
 def test_an_object_beyond_the_antimeridian_is_on_the_other_side() -> None:
-    latitude, longitude = shifted(*(np.array([value]) for value in (0.0, 179.999, 1000.0, 0.0)))
+    latitude, longitude = shift_wgs84_positions(*(np.array([value]) for value in (0.0, 179.999, 1000.0, 0.0)))
     assert latitude[0] == 0.0
     np.testing.assert_allclose(longitude, 179.999 + np.rad2deg(1000.0 / 6_378_137.0) - 360.0, atol=1e-9)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals import cpm, etsi, j2735, sdsm
-from cwcli.signals.v2x_elements import Element, decode
+from cwcli.signals.v2x_elements import Element, decode_element
 
 DOCS = Path(__file__).parents[3] / "docs" / "v2x.md"
 
@@ -56,14 +56,14 @@ def test_docs_yaw_rate_confidence_is_the_code_s_table() -> None:
     section = DOCS.read_text(encoding="utf-8").split("YawRateConfidence is an enumeration:", 1)[1]
     documented = dict(re.findall(r"^\| (\d) \| ([^|]+?) \|$", section, flags=re.MULTILINE))
     bounds = {int(code): float(text) for code, text in documented.items() if re.match(r"[\d.]+$", text)}
-    assert bounds == etsi.YAW_RATE_CONFIDENCE_DEGPS
+    assert bounds == etsi.YAW_RATE_95_DEGPS_BY_CODE
     assert documented["7"] == "out of range"
     assert documented["8"] == "unavailable"
 
 
 def test_docs_confidences_of_an_sdsm_are_the_code_s() -> None:
     text = DOCS.read_text(encoding="utf-8")
-    for name, bounds in sdsm.CONFIDENCES.values():
+    for name, bounds in sdsm.CONFIDENCE_BOUNDS_BY_QUANTITY.values():
         found = re.search(rf"^\| {name} \| ([\d., ]+) \S+ \|$", text, flags=re.MULTILINE)
         assert found is not None, name
         assert tuple(map(float, found[1].split(","))) == bounds
@@ -162,7 +162,7 @@ STANDARDS = {"j2735": j2735.ELEMENTS, "etsi": etsi.ELEMENTS, "cpm": cpm.ELEMENTS
 @pytest.mark.parametrize(("standard", "quantity", "code", "expected"), BY_HAND)
 def test_decode_by_hand(standard: str, quantity: str, code: int, expected: float | None) -> None:
     element = STANDARDS[standard][quantity]
-    value = decode(element, np.array([float(code)]))[0]
+    value = decode_element(element, np.array([float(code)]))[0]
     if expected is None:
         assert np.isnan(value)
     else:
@@ -177,8 +177,8 @@ def test_decode_is_nan_for_every_special_code_and_outside_the_range(standard: st
     element = STANDARDS[standard][quantity]
     outside = (element.low - 1, element.high + 1, 2_147_483_647, np.nan)
     raw = np.array([*element.unavailable, *element.out_of_range, *outside], dtype=np.float64)
-    assert np.isnan(decode(element, raw)).all()
-    assert np.isfinite(decode(element, np.array([element.low, element.high], dtype=np.float64))).all()
+    assert np.isnan(decode_element(element, raw)).all()
+    assert np.isfinite(decode_element(element, np.array([element.low, element.high], dtype=np.float64))).all()
 
 
 def test_by_hand_table_covers_every_element_and_every_special_code() -> None:

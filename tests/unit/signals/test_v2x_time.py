@@ -9,10 +9,10 @@ import pytest
 
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_time import (
-    DISAGREES,
-    NO_TIME,
+    CLOCK_DISAGREES_REASON,
+    NO_TIME_REASON,
     its_ms_from_unix_ns,
-    or_log_time,
+    message_time_or_log_time,
     stamp_from_dsecond,
     stamp_from_generation_delta_time,
 )
@@ -84,6 +84,6 @@ def test_or_log_time_counts_what_it_does_not_believe() -> None:
     log_ns = np.array([10_000, 20_000, 30_000, 40_000], dtype=np.int64) * MS
     ledger = RowLedger(columns_of("X", {"a": [1.0] * 4}, log_time_ns=log_ns), "remote")
     stamp_ns = log_ns + np.array([-100, -5001, 5001, 0]) * MS
-    settled = or_log_time(ledger, stamp_ns, np.array([True, True, True, False]))
+    settled = message_time_or_log_time(ledger, stamp_ns, np.array([True, True, True, False]))
     assert settled.tolist() == [log_ns[0] - 100 * MS, log_ns[1], log_ns[2], log_ns[3]]
-    assert ledger.quality.repaired == {NO_TIME: 1, DISAGREES: 2}
+    assert ledger.quality.repaired == {NO_TIME_REASON: 1, CLOCK_DISAGREES_REASON: 2}

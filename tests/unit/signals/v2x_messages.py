@@ -8,7 +8,7 @@ import numpy as np
 
 from cwcli.signals.columns import Columns, Ragged
 from cwcli.signals.etsi import EN_PATHS, TS_PATHS
-from cwcli.signals.j2735 import CARMA_PRESENCE, JSON_ODE, JSON_RAW, ROS
+from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
 from tests.unit.signals.radio import packing
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
@@ -87,25 +87,25 @@ def message(schema: str, paths: dict[str, str], values: dict[str, Any], encoding
 
 
 def json_bsm(changes: dict[str, Any] | None = None, prefix: str = "", schema: str = "BasicSafetyMessage") -> Columns:
-    paths = {name: prefix + leaf for name, leaf in JSON_RAW.items()}
+    paths = {name: prefix + leaf for name, leaf in JSON_RAW_PATHS.items()}
     return message(schema, paths, RAW_BSM | (changes or {}), "json")
 
 
 def ode_bsm(changes: dict[str, Any] | None = None, source: str = "RV") -> Columns:
-    paths = {name: f"payload.data.{leaf}" for name, leaf in JSON_ODE.items()}
+    paths = {name: f"payload.data.{leaf}" for name, leaf in JSON_ODE_PATHS.items()}
     return message("OdeBsmData", paths, ODE_BSM | (changes or {}), "json", **{"metadata.bsmSource": [source]})
 
 
 def ros_bsm(changes: dict[str, Any] | None = None) -> Columns:
-    return message("j2735_v2x_msgs/msg/BSM", ROS, ROS_BSM | (changes or {}), "cdr")
+    return message("j2735_v2x_msgs/msg/BSM", ROS_PATHS, ROS_BSM | (changes or {}), "cdr")
 
 
 def carma_bsm(changes: dict[str, Any] | None = None, absent: tuple[str, ...] = ()) -> Columns:
     flags: dict[str, int] = {}
-    for name, (path, bit) in CARMA_PRESENCE.items():
+    for name, (path, bit) in CARMA_PRESENCE_BITS.items():
         flags[path] = flags.get(path, 0) | (0 if name in absent else bit)
     more = {path: [flag] for path, flag in flags.items()}
-    return message("carma_v2x_msgs/msg/BSM", ROS, CARMA_BSM | (changes or {}), "cdr", **more)
+    return message("carma_v2x_msgs/msg/BSM", ROS_PATHS, CARMA_BSM | (changes or {}), "cdr", **more)
 
 
 def cam(changes: dict[str, Any] | None = None, *, is_ts: bool = False) -> Columns:
@@ -115,7 +115,7 @@ def cam(changes: dict[str, Any] | None = None, *, is_ts: bool = False) -> Column
 
 def packed_bsm(k: int = 0) -> bytes:
     """The BSM in a MessageFrame, `k` tenths of a second later."""
-    codes = {JSON_RAW[name]: value for name, value in RAW_BSM.items()}
+    codes = {JSON_RAW_PATHS[name]: value for name, value in RAW_BSM.items()}
     codes |= {"coreData.id": 0x2A3C603C, "coreData.transmission": 2}
     codes["coreData.secMark"] += 100 * k
     return packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))

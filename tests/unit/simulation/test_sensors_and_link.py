@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from cwcli.simulation.drive import SimulatedDrive, simulate
+from cwcli.simulation.drive import SimulatedDrive, simulate_scenario
 from cwcli.simulation.scenario import load_scenario
 
 NS = 1_000_000_000
@@ -22,11 +22,11 @@ NO_NOISE = (
 
 
 def drive(name: str, *overrides: str, seed: int = 1) -> SimulatedDrive:
-    return simulate(load_scenario(name, overrides), seed)
+    return simulate_scenario(load_scenario(name, overrides), seed)
 
 
 def truth_at(made: SimulatedDrive, stamp_ns: np.ndarray, vehicle: str = "host") -> np.ndarray:
-    return made.scenario.vehicles[vehicle].motion.at((stamp_ns - made.scenario.start_ns) / NS)
+    return made.scenario.vehicles[vehicle].motion.states_at((stamp_ns - made.scenario.start_ns) / NS)
 
 
 def test_noise_free_sensors_report_the_truth() -> None:
@@ -129,7 +129,7 @@ def test_another_sensor_another_vehicle_or_a_loss_changes_no_other_draw() -> Non
     document_without["sensors"] = {"gnss": {}}
     from cwcli.simulation.scenario import parse_scenario
 
-    alone = simulate(parse_scenario(document_without, name="alone"), 1)
+    alone = simulate_scenario(parse_scenario(document_without, name="alone"), 1)
     np.testing.assert_array_equal(alone.sensors["gnss"].values, plain.sensors["gnss"].values)
     np.testing.assert_array_equal(alone.v2x["lead"].state, plain.v2x["lead"].state)
 
@@ -148,17 +148,17 @@ def test_seed_decides_the_draws_and_not_the_truth() -> None:
     np.testing.assert_array_equal(one.sensors["gnss"].values, again.sensors["gnss"].values)
     np.testing.assert_array_equal(one.v2x["lead"].state, again.v2x["lead"].state)
     assert not np.any(one.sensors["gnss"].values == two.sensors["gnss"].values)
-    np.testing.assert_array_equal(one.truth["lead"], two.truth["lead"])
+    np.testing.assert_array_equal(one.true_states_by_vehicle["lead"], two.true_states_by_vehicle["lead"])
 
 
 def test_truth_grid_is_one_millisecond_and_holds_every_vehicle() -> None:
     made = drive("rear-end")
-    assert set(made.truth) == {"host", "lead"}
-    assert made.truth["lead"].shape == (10001, 8)
+    assert set(made.true_states_by_vehicle) == {"host", "lead"}
+    assert made.true_states_by_vehicle["lead"].shape == (10001, 8)
     assert np.all(np.diff(made.truth_stamp_ns) == 1_000_000)
     # Until 1.2 s both drive 20 m/s; at 3.45 s the lead has lost 1 m/s^2 * (2.25 - 0.25) s = 2 m/s (ramp of 0.5 s).
-    assert made.truth["lead"][1200, :3] == pytest.approx([44.0, 0.0, 20.0])
-    assert made.truth["lead"][3450, 2] == pytest.approx(18.0, abs=1e-9)
+    assert made.true_states_by_vehicle["lead"][1200, :3] == pytest.approx([44.0, 0.0, 20.0])
+    assert made.true_states_by_vehicle["lead"][3450, 2] == pytest.approx(18.0, abs=1e-9)
 
 
 def test_v2x_noise_is_the_estimated_column_of_table_1() -> None:
@@ -210,8 +210,8 @@ def test_pitch_rate_is_the_pitch_s_slope_but_for_turning_on_a_slope() -> None:
     """d pitch / dt = pitch rate - yaw rate * roll: a car that turns on a slope pitches without a pitch rate."""
     made = load_scenario("city", HILLY)
     time_s = np.arange(0.0, 200.0, 1e-3)
-    state = made.vehicles["host"].motion.at(time_s)
-    pitch, roll, rate = made.vehicles["host"].attitude.at(time_s, state).T
+    state = made.vehicles["host"].motion.states_at(time_s)
+    pitch, roll, rate = made.vehicles["host"].attitude.pitch_roll_and_pitch_rate_at(time_s, state).T
     smooth = np.abs(np.gradient(state[:, 6])) < 0.05  # not where the jerk steps
     smooth[[0, -1]] = False
     difference = np.gradient(pitch, time_s) - (rate - state[:, 5] * roll)
@@ -223,7 +223,7 @@ def test_slope_has_the_sigma_that_is_asked_for() -> None:
     rng = np.random.default_rng(0)
     state = np.zeros((20_000, 8))
     state[:, :2], state[:, 3] = rng.uniform(-2e4, 2e4, (20_000, 2)), rng.uniform(-np.pi, np.pi, 20_000)
-    tilt = attitude.at(np.zeros(len(state)), state)
+    tilt = attitude.pitch_roll_and_pitch_rate_at(np.zeros(len(state)), state)
     np.testing.assert_allclose(np.degrees(tilt[:, :2].std(axis=0)), 3.0, rtol=0.05)
 
 
@@ -233,8 +233,8 @@ def test_gravity_through_pitch_shows_on_the_forward_axis_and_the_lever_arm_on_th
 
     def true(sensor: str) -> tuple[np.ndarray, np.ndarray]:
         time_s = (made.sensors[sensor].stamp_ns - made.scenario.start_ns) / NS
-        state = host.motion.at(time_s)
-        return state, host.attitude.at(time_s, state)
+        state = host.motion.states_at(time_s)
+        return state, host.attitude.pitch_roll_and_pitch_rate_at(time_s, state)
 
     state, tilt = true("imu")
     imu = made.sensors["imu"].values

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import fresnel
 
 from cwcli.errors import UsageError
-from cwcli.simulation.profile import read_profile
+from cwcli.simulation.profile import read_motion_profile
 from cwcli.simulation.scenario import load_scenario
-from cwcli.simulation.truth import TrueMotion, check_possible, closest_approach, first_time_below
+from cwcli.simulation.truth import TrueMotion, check_motion_is_drivable, closest_approach, first_time_nearer_than_s
 
 ATOL_M = 1e-6
 ATOL_RAD = 1e-9
@@ -25,12 +25,14 @@ def motion(
     end_s: float = 60,
     heading_rad: float = 0,
 ) -> TrueMotion:
-    profile = read_profile(longitudinal, lateral, speed_mps=speed_mps, end_s=end_s, path="host", source="drive.toml")
+    profile = read_motion_profile(
+        longitudinal, lateral, speed_mps=speed_mps, end_s=end_s, path="host", source="drive.toml"
+    )
     return TrueMotion(profile, x_m=0.0, y_m=0.0, heading_rad=heading_rad)
 
 
 def at(made: TrueMotion, *time_s: float) -> np.ndarray:
-    return made.at(np.array(time_s))
+    return made.states_at(np.array(time_s))
 
 
 def test_constant_speed_north() -> None:
@@ -83,9 +85,9 @@ def test_rates_are_the_derivatives_of_the_states() -> None:
     made = load_scenario("city").vehicles["host"].motion
     rng = np.random.default_rng(5)
     time_s, step_s = rng.uniform(1, 239, 400), 1e-4
-    early, late = made.at(time_s - step_s), made.at(time_s + step_s)
+    early, late = made.states_at(time_s - step_s), made.states_at(time_s + step_s)
     slope = (late - early) / (2 * step_s)
-    state = made.at(time_s)
+    state = made.states_at(time_s)
     np.testing.assert_allclose(slope[:, X], state[:, SPEED] * np.cos(state[:, HEADING]), atol=1e-5)
     np.testing.assert_allclose(slope[:, Y], state[:, SPEED] * np.sin(state[:, HEADING]), atol=1e-5)
     np.testing.assert_allclose(slope[:, HEADING], state[:, YAW_RATE], atol=1e-5)
@@ -99,7 +101,7 @@ def test_city_track_against_an_independent_integrator() -> None:
     made = load_scenario("city").vehicles["host"].motion
 
     def rate(time_s: float, _state: np.ndarray) -> list[float]:
-        s = made.at(np.array([time_s]))[0]
+        s = made.states_at(np.array([time_s]))[0]
         return [s[SPEED] * np.cos(s[HEADING]), s[SPEED] * np.sin(s[HEADING])]
 
     end_s = 45.0
@@ -119,9 +121,11 @@ def test_friction_limit_counts_both_directions_together() -> None:
         speed_mps=20,
         end_s=5,
     )
-    check_possible(made, end_s=5, friction=0.6, turning_radius_m=5, path="vehicles.host", source="drive.toml")
+    check_motion_is_drivable(made, end_s=5, friction=0.6, turning_radius_m=5, path="vehicles.host", source="drive.toml")
     with pytest.raises(UsageError) as error:
-        check_possible(made, end_s=5, friction=0.55, turning_radius_m=5, path="vehicles.host", source="drive.toml")
+        check_motion_is_drivable(
+            made, end_s=5, friction=0.55, turning_radius_m=5, path="vehicles.host", source="drive.toml"
+        )
     assert str(error.value).startswith("drive.toml: vehicles.host needs 5.6")
     assert "permitted: 0 to 5.39 m/s^2 (friction 0.55 * g" in str(error.value)
 
@@ -129,15 +133,15 @@ def test_friction_limit_counts_both_directions_together() -> None:
 def test_turning_on_the_spot_is_refused() -> None:
     made = motion(lateral=[{"from_s": 0, "yaw_rate_dps": 10}], speed_mps=0, end_s=5)
     with pytest.raises(UsageError, match=r"host turns at .* permitted: a radius of 5 m or more"):
-        check_possible(made, end_s=5, friction=0.9, turning_radius_m=5, path="host", source="drive.toml")
+        check_motion_is_drivable(made, end_s=5, friction=0.9, turning_radius_m=5, path="host", source="drive.toml")
 
 
 def test_closest_approach_of_two_crossing_cars_by_hand() -> None:
     # East at 10 m/s from the origin, north at 10 m/s from (30, -38): relative way along (-1, 1) / sqrt(2).
     east = motion(speed_mps=10, end_s=8)
-    profile = read_profile(None, None, speed_mps=10, end_s=8, path="b", source="drive.toml")
+    profile = read_motion_profile(None, None, speed_mps=10, end_s=8, path="b", source="drive.toml")
     north = TrueMotion(profile, x_m=30.0, y_m=-38.0, heading_rad=np.pi / 2)
     time_s, distance_m = closest_approach(east, north, 8)
     assert time_s == pytest.approx(3.4, abs=1e-3)
     assert distance_m == pytest.approx(8 / np.sqrt(2), abs=1e-5)
-    assert np.isnan(first_time_below(east, north, 8, 5.0))
+    assert np.isnan(first_time_nearer_than_s(east, north, 8, 5.0))

@@ -11,9 +11,9 @@ import numpy as np
 from cwcli.dynamics.vehicle import Vehicle, load_vehicle
 from cwcli.logs.write.writer import LogWriter
 from cwcli.signals.columns import FloatArray, Int64Array, OutputChannel, OutputField, Strings
-from cwcli.simulate.cdr import DEFINITIONS, imu_messages, velocity_reports
-from cwcli.simulation.lane_camera import CameraNoise, SensedDrive, sense_lane, true_preview
-from cwcli.simulation.lane_drive import Road, Runs, Truth, drive_lane
+from cwcli.simulate.cdr import ROS_MESSAGE_DEFINITIONS, encode_imu_messages, encode_velocity_reports
+from cwcli.simulation.lane_camera import LaneSensorNoise, SensedDrive, simulate_lane_sensors, true_lane_at_preview
+from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.sensors import SensorData
 
 CAR = load_vehicle()
@@ -28,7 +28,7 @@ DELAY_NS = 20_000_000
 class LaneDrive:
     """One run: truth at 100 Hz, and what was sensed."""
 
-    truth: Truth
+    truth: LaneDriveTruth
     sensed: SensedDrive
     road: Road
     car: Vehicle
@@ -40,15 +40,15 @@ def drive(
     speed_mps: float = 25.0,
     drift_mps: float = 0.0,
     road: Road = BENDS,
-    noise: CameraNoise | None = None,
+    noise: LaneSensorNoise | None = None,
     seed: int = 3,
     car: Vehicle = CAR,
 ) -> LaneDrive:
     """One car; a drift begins after 3 s."""
     begins = 3.0 if drift_mps else np.inf
-    runs = Runs(np.array([speed_mps]), np.array([drift_mps]), np.array([begins]), 0.0, seconds)
-    truth = drive_lane(road, car, runs, seed=seed)
-    return LaneDrive(truth, sense_lane(truth, 0, road, car, noise=noise, seed=seed), road, car)
+    runs = LaneRuns(np.array([speed_mps]), np.array([drift_mps]), np.array([begins]), 0.0, seconds)
+    truth = simulate_lane_runs(road, car, runs, seed=seed)
+    return LaneDrive(truth, simulate_lane_sensors(truth, 0, road, car, noise=noise, seed=seed), road, car)
 
 
 def write_lane_log(
@@ -76,14 +76,14 @@ def write_lane_log(
             stamp_ns = START_NS + sensed.speed.stamp_ns[keep] + clock_offset_ns
             values = speed_factor * sensed.speed.values[keep, None]
             data = SensorData("speed", stamp_ns, stamp_ns + 1_000_000, values, np.array([0.05]), 0)
-            _write(log, SPEED, "autoware_vehicle_msgs/msg/VelocityReport", data, velocity_reports(data))
+            _write(log, SPEED, "autoware_vehicle_msgs/msg/VelocityReport", data, encode_velocity_reports(data))
         if IMU not in without:
             stamp_ns = START_NS + sensed.yaw_rate.stamp_ns
             zero = np.zeros(len(stamp_ns))
             turned = gyro_sign * sensed.yaw_rate.values
             values = np.column_stack([zero, zero, zero + 9.81, zero, zero, turned])
             data = SensorData("imu", stamp_ns, stamp_ns + 1_000_000, values, np.full(6, 0.0017), 0)
-            _write(log, IMU, "sensor_msgs/msg/Imu", data, imu_messages(data))
+            _write(log, IMU, "sensor_msgs/msg/Imu", data, encode_imu_messages(data))
         if STEERING not in without:
             rows = slice(None, None, 2)
             stamp_ns = START_NS + np.round(truth.time_s[rows] * 1e9).astype(np.int64)
@@ -126,7 +126,7 @@ def truth_channels(driven: LaneDrive) -> tuple[OutputChannel, OutputChannel]:
     """The true lateral motion, and the true track with the direction of motion as its heading."""
     truth, index = driven.truth, driven.sensed.index
     stamp_ns = START_NS + driven.sensed.stamp_ns
-    preview = true_preview(truth, 0, index, driven.road, driven.car)
+    preview = true_lane_at_preview(truth, 0, index, driven.road, driven.car)
     at = {name: getattr(truth, name)[index, 0] for name in ("lateral_speed_mps", "yaw_rate_radps", "steer_rad")}
     lateral = OutputChannel(
         TRUTH,
@@ -170,5 +170,5 @@ def _state_fields(driven: LaneDrive, stamp_ns: Int64Array, index: Int64Array | N
 
 
 def _write(log: LogWriter, topic: str, schema: str, data: SensorData, messages: list[bytes]) -> None:
-    schema_id = log.add_schema(schema, "ros2msg", DEFINITIONS[schema].encode())
+    schema_id = log.add_schema(schema, "ros2msg", ROS_MESSAGE_DEFINITIONS[schema].encode())
     log.write_messages(log.add_channel(topic, "cdr", schema_id), data.log_time_ns, messages)

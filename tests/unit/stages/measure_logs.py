@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE
-from cwcli.channels.vehicle_state import VehicleStates, write_states
+from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
 from cwcli.logs.read.reader import Log
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import N_STATES
@@ -35,7 +35,7 @@ def states(
         width_m=np.full(n * len(ids), size_m[1]),
         flags=np.zeros(n * len(ids), np.uint8),
     )
-    return made.rows(order)
+    return made.select_rows(order)
 
 
 def straight(x_m: float, y_m: float, speed_mps: float, heading_rad: float, time_s: np.ndarray) -> np.ndarray:
@@ -64,9 +64,9 @@ def ring(n_cars: int, time_s: np.ndarray, seed: int = 0) -> list[np.ndarray]:
 
 def state_log(path: Path, ego: VehicleStates, others: VehicleStates | None) -> Log:
     """A log with these states in memory."""
-    channels = [write_states(EGO_STATE, ego, None)]
+    channels = [write_vehicle_states(EGO_STATE, ego, None)]
     if others is not None:
-        channels.append(write_states(REMOTE_STATE, others, None))
+        channels.append(write_vehicle_states(REMOTE_STATE, others, None))
     return log_of(path, channels)
 
 

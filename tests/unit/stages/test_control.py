@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cwcli.channels.vehicle_state import read_states
+from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.control.encounter import POLICIES, ReplaySpan
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.estimation.config import EstimatorConfig
@@ -36,8 +36,8 @@ def rear_end() -> tuple[Log, StageResult]:
 
 def rows(result: StageResult) -> dict[str, dict[str, object]]:
     """Policy -> its row; there must be one warning."""
-    found = {str(row["policy"]): row for row in result.tables["control"].records()}
-    assert len(result.tables["control"].records()) == len(found) == len(POLICIES)
+    found = {str(row["policy"]): row for row in result.tables["control"].rows_as_dicts()}
+    assert len(result.tables["control"].rows_as_dicts()) == len(found) == len(POLICIES)
     return found
 
 
@@ -62,12 +62,12 @@ def test_warning_is_the_papers(rear_end: tuple[Log, StageResult]) -> None:
 
 def test_channels_hold_the_recording_until_the_warning(rear_end: tuple[Log, StageResult]) -> None:
     log, result = rear_end
-    recorded = read_states(log.columns("/cwcli/ego/state"))
+    recorded = read_vehicle_states(log.columns("/cwcli/ego/state"))
     warning_ns = int(rows(result)["fuzzy"]["warning_stamp_ns"])
     after = log.with_channels(result.channels)
     speed = {}
     for policy in POLICIES:
-        states = read_states(after.columns(f"/cwcli/control/{policy}/state"))
+        states = read_vehicle_states(after.columns(f"/cwcli/control/{policy}/state"))
         assert set(states.ids.values) == {"ego"}
         assert np.all(np.diff(states.stamp_ns) > 0)
         before = states.stamp_ns < warning_ns
@@ -93,7 +93,7 @@ def test_map_position_of_the_replay_is_that_of_the_states(rear_end: tuple[Log, S
 
 
 def test_series_and_table_agree(rear_end: tuple[Log, StageResult]) -> None:
-    found, series = rows(rear_end[1]), rear_end[1].tables["control_series"].records()
+    found, series = rows(rear_end[1]), rear_end[1].tables["control_series"].rows_as_dicts()
     for policy in POLICIES:
         own = [row for row in series if row["policy"] == policy and row["since_warning_s"] >= 0.0]
         least = min(float(row["distance_m"]) for row in own)
@@ -113,7 +113,7 @@ def test_without_a_warning_nothing_is_braked(rear_end: tuple[Log, StageResult]) 
     result = control(log, ControlConfig(predictor="cj-cya", rule="song2016", end_ns=log.start_ns + 2 * NS))
     assert result.channels == ()
     assert any("no warning arises" in note for note in result.summary.notes)
-    assert [len(table.records()) for table in result.tables.values()] == [0, 0]
+    assert [len(table.rows_as_dicts()) for table in result.tables.values()] == [0, 0]
     assert "min_distance_m" in result.tables["control"].columns
 
 
@@ -150,6 +150,6 @@ def test_settings_out_of_range(settings: dict[str, Any]) -> None:
 
 
 def test_rule_goes_with_the_predictor() -> None:
-    assert ControlConfig().warnings.rule == "cwcli"
-    assert ControlConfig(predictor="cj-cya").warnings.rule == "song2016"
-    assert ControlConfig(predictor="cj-cya", rule="ttc").warnings.rule == "ttc"
+    assert ControlConfig().warning_config.rule == "cwcli"
+    assert ControlConfig(predictor="cj-cya").warning_config.rule == "song2016"
+    assert ControlConfig(predictor="cj-cya", rule="ttc").warning_config.rule == "ttc"

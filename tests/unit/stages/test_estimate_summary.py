@@ -10,8 +10,8 @@ import pytest
 from cwcli.estimation import Kind, Latency, LatencyStatus, SourceReport
 from cwcli.estimation.imu import ImuMounting
 from cwcli.estimation.parameter import Parameter, ParameterStatus, SlowError
-from cwcli.estimation.summary import TrackSummary, estimate_tables, source_record
-from cwcli.stages.summaries.estimate import sections
+from cwcli.estimation.summary import TrackSummary, build_estimate_table, format_source_diagnostics_json
+from cwcli.stages.summaries.estimate import estimate_tables
 
 NAN = math.nan
 FLAGGED = {"starting": 2, "after_reset": 0, "bridged": 1}
@@ -33,7 +33,7 @@ def tracks() -> dict[str, TrackSummary]:
 
 
 def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSummary]) -> None:
-    table = next(section for section in sections(tracks) if section.key == "sources")
+    table = next(section for section in estimate_tables(tracks) if section.key == "sources")
     rows = {str(row[0]): dict(zip(table.columns, row, strict=True)) for row in table.rows}
     for source, (latency, text, _) in CASES.items():
         assert rows[source]["latency [ms]"] == text
@@ -42,7 +42,7 @@ def test_table_of_sources_tells_value_sigma_and_status(tracks: dict[str, TrackSu
 
 
 def test_table_of_metrics_holds_what_was_applied_beside_what_was_found(tracks: dict[str, TrackSummary]) -> None:
-    table = estimate_tables(tracks)["estimate"].columns
+    table = build_estimate_table(tracks)["estimate"].columns
     cells = zip(table["source"], table["metric"], table["value"], strict=True)
     values = {(str(source), str(metric)): float(value) for source, metric, value in cells}
     for source, (latency, _, applied_s) in CASES.items():
@@ -52,7 +52,7 @@ def test_table_of_metrics_holds_what_was_applied_beside_what_was_found(tracks: d
 
 
 def test_record_holds_what_was_applied_and_why(tracks: dict[str, TrackSummary]) -> None:
-    record = {entry["source"]: entry for entry in json.loads(source_record(tracks))}
+    record = {entry["source"]: entry for entry in json.loads(format_source_diagnostics_json(tracks))}
     for source, (latency, _, applied_s) in CASES.items():
         assert record[source]["latency_s"] == applied_s
         assert record[source]["latency_status"] == latency.status.value
@@ -85,7 +85,7 @@ def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
         ),
         SourceReport("/imu", Kind.YAW_RATE),
     )
-    found = sections({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})
+    found = estimate_tables({"ego": TrackSummary(10, 1.0, 5.0, 0.1, FLAGGED, reports, ())})
     table = next(section for section in found if section.key == "parameters")
     assert table.rows == (
         ("/gps", "position", "stamps err by", "0.0205 +- 0.00059", "s", "used"),
@@ -98,4 +98,4 @@ def test_table_of_parameters_has_a_line_for_each_that_was_looked_for() -> None:
 
 
 def test_tables_have_no_parameters_where_none_was_looked_for(tracks: dict[str, TrackSummary]) -> None:
-    assert [section.key for section in sections(tracks)] == ["sources", "noise", "vehicles"]
+    assert [section.key for section in estimate_tables(tracks)] == ["sources", "noise", "vehicles"]

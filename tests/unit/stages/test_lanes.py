@@ -16,9 +16,9 @@ from mcap_protobuf.decoder import DecoderFactory
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.errors import DataError, InputError, MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
-from cwcli.signals.clocks import LOG_TIME_APART
+from cwcli.signals.clocks import STRAY_LOG_TIME_REASON
 from cwcli.signals.columns import Ragged, StreamedChannel
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.vision.camera import Mounting
@@ -39,7 +39,7 @@ def written(path: Path, config: LanesConfig, target: Path) -> dict[str, list[obj
     """Topic -> messages of the annotated log, as the official reader decodes them."""
     with Log.open(path) as log:
         result = lanes(log, config)
-        annotate(log, result.channels, {"cwcli.run.lanes": result.metadata}, target)
+        annotate_log(log, result.channels, {"cwcli.run.lanes": result.metadata}, target)
     messages: dict[str, list[object]] = {}
     with target.open("rb") as file:
         for _, channel, message, decoded in make_reader(
@@ -278,7 +278,7 @@ def test_a_video_frame_of_no_log_time_is_left_out_but_those_after_it_are_made_fr
             message.timestamp.FromNanoseconds(time_ns)
             writer.write_message("/camera/video", message, 1 if k == 0 else time_ns, time_ns)
     count = run(path, LanesConfig(render="/camera/drawn")).summary.inputs[0]
-    assert (count.read, count.used, count.rejected) == (12, 11, {LOG_TIME_APART: 1})
+    assert (count.read, count.used, count.rejected) == (12, 11, {STRAY_LOG_TIME_REASON: 1})
     frames = written(path, LanesConfig(render="/camera/drawn"), tmp_path / "out.mcap")["/camera/drawn"]
     assert [time_ns for time_ns, _ in frames] == [START_NS + k * STEP_NS for k in range(1, 12)]
 
@@ -309,7 +309,7 @@ def test_rendered_rows_may_be_asked_for_again(tmp_path: Path) -> None:
         assert isinstance(channel, StreamedChannel)
 
         def files(start: int, stop: int) -> list[bytes]:
-            data = channel.rows(start, stop)["data"]
+            data = channel.make_rows(start, stop)["data"]
             assert isinstance(data, Ragged)
             return [bytes(data.values[a:b]) for a, b in pairwise(data.offsets.tolist())]
 

@@ -15,9 +15,9 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from scipy.spatial.transform import Rotation
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals.transforms import Transform, body_from_frame, camera_pose
-from cwcli.simulate.road_log import CAMERA_FRAME, plan, road_config, write_road
-from cwcli.stages.inputs.camera import mounting_source
+from cwcli.signals.transforms import Transform, camera_pose_from_matrix, find_body_from_frame
+from cwcli.simulate.road_log import CAMERA_FRAME_ID, parse_road_log_config, plan_configured_drive, write_road_log
+from cwcli.stages.inputs.camera import find_mounting
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.mounting import MountingChoice
 
@@ -155,7 +155,7 @@ LOGS = {
 @pytest.mark.parametrize("frame_id", ["camera_optical_frame", "camera_link", "/camera_link"])
 def test_mounting_from_transforms(make: Any, frame_id: str, tmp_path: Path) -> None:
     with Log.open(make(tmp_path / "tf.mcap")) as log:
-        found = mounting_source(log, frame_id, MountingChoice())
+        found = find_mounting(log, frame_id, MountingChoice())
     for name in ("height_m", "pitch_rad", "yaw_rad", "roll_rad", "lateral_offset_m"):
         assert getattr(found.mounting, name) == pytest.approx(getattr(MOUNTED, name), abs=ATOL), name
     assert found.is_pitch_known
@@ -166,7 +166,9 @@ def test_mounting_from_transforms(make: Any, frame_id: str, tmp_path: Path) -> N
 def test_the_angles_are_those_of_the_camera_model() -> None:
     # body_from_optical of the camera model is the rotation of the optical frame in the body.
     camera = Camera(320, 240, 800.0, 800.0, 159.5, 119.5, mounting=MOUNTED)
-    pose = camera_pose(np.block([[camera.body_from_optical(), np.array([[0.0], [0.3], [1.45]])], [np.eye(4)[3:]]]))
+    pose = camera_pose_from_matrix(
+        np.block([[camera.body_from_optical_rotation(), np.array([[0.0], [0.3], [1.45]])], [np.eye(4)[3:]]])
+    )
     assert pose is not None
     assert (pose.pitch_rad, pose.yaw_rad, pose.roll_rad) == pytest.approx((0.05, -0.02, 0.01), abs=ATOL)
 
@@ -174,10 +176,10 @@ def test_the_angles_are_those_of_the_camera_model() -> None:
 def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
     # Written by cwcli: 1.65 m high, atan(1.65 / 33.5) nose down, straight ahead.
     path = tmp_path / "road.mcap"
-    config = road_config("clear", 1, ("duration_s=0.2", "size=64x48"))
-    write_road(plan(config), config, path)
+    config = parse_road_log_config("clear", 1, ("duration_s=0.2", "size=64x48"))
+    write_road_log(plan_configured_drive(config), config, path)
     with Log.open(path) as log:
-        found = mounting_source(log, CAMERA_FRAME, MountingChoice())
+        found = find_mounting(log, CAMERA_FRAME_ID, MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.65)
     assert found.mounting.pitch_rad == pytest.approx(math.atan(1.65 / 33.5), abs=1e-9)
     assert (found.mounting.yaw_rad, found.mounting.roll_rad) == pytest.approx((0.0, 0.0), abs=1e-9)
@@ -186,10 +188,10 @@ def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
 
 def test_option_before_transform_before_default(tmp_path: Path) -> None:
     with Log.open(ros2_log(tmp_path / "tf.mcap", [("/tf_static", TREE)])) as log:
-        found = mounting_source(log, "camera_link", MountingChoice(pitch_rad=0.2))
-        whole = mounting_source(log, "camera_link", Mounting(height_m=2.0))
-        unknown = mounting_source(log, "elsewhere", MountingChoice(height_m=2.0))
-        nothing = mounting_source(log, "elsewhere", MountingChoice())
+        found = find_mounting(log, "camera_link", MountingChoice(pitch_rad=0.2))
+        whole = find_mounting(log, "camera_link", Mounting(height_m=2.0))
+        unknown = find_mounting(log, "elsewhere", MountingChoice(height_m=2.0))
+        nothing = find_mounting(log, "elsewhere", MountingChoice())
     assert found.mounting.pitch_rad == 0.2
     assert found.mounting.height_m == pytest.approx(1.45)
     assert "--camera-pitch counts before the transform" in found.notes
@@ -217,7 +219,7 @@ def test_option_before_transform_before_default(tmp_path: Path) -> None:
 )
 def test_transforms_that_are_not_used(edges: tuple[Transform, ...], says: str, tmp_path: Path) -> None:
     with Log.open(ros2_log(tmp_path / "tf.mcap", [("/tf_static", edges)])) as log:
-        found = mounting_source(log, "cam", MountingChoice())
+        found = find_mounting(log, "cam", MountingChoice())
     assert says in found.notes[0]
     assert found.mounting == Mounting()
 
@@ -226,7 +228,7 @@ def test_base_footprint_below_base_link_counts() -> None:
     # Some cars publish base_link -> base_footprint.
     edges = (edge("base_link", "base_footprint", (0.0, 0.0, -0.3)), edge("base_link", "cam", (1.0, 0.0, 1.0)))
     tree = {each.child: each for each in edges}
-    found = body_from_frame(tree, "cam")
+    found = find_body_from_frame(tree, "cam")
     assert found is not None
     assert found[0] == "base_footprint"
     assert found[1][2, 3] == pytest.approx(1.3)
@@ -237,7 +239,7 @@ def test_unreadable_transforms_are_counted(tmp_path: Path) -> None:
     huge["transforms"][0]["transform"]["translation"]["x"] = 10**400  # a whole number that no float can hold
     documents = [{"transforms": 3}, {"nothing": 1}, huge, ros_message(TREE)]
     with Log.open(json_log(tmp_path / "tf.mcap", "tf2_msgs/msg/TFMessage", documents)) as log:
-        found = mounting_source(log, "camera_link", MountingChoice())
+        found = find_mounting(log, "camera_link", MountingChoice())
     assert found.mounting.height_m == pytest.approx(1.45)
     (count,) = found.counts
     assert (count.read, count.used, dict(count.rejected)) == (4, 1, {"not a transform": 3})

@@ -17,20 +17,20 @@ from cwcli.channels.lens import Lenses
 from cwcli.channels.published import LANE_LINES, LANES
 from cwcli.evaluation.evaluate_log import evaluate_log
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
 from cwcli.prediction.paths import Paths
-from cwcli.registry import Registry, plugin_entry
+from cwcli.registry import Registry, accept_dataclass_of
 from cwcli.report.drive import read_drive
-from cwcli.report.frames import thumbnails
+from cwcli.report.frames import make_thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.predict_lane import path_overlay
+from cwcli.stages.predict_lane import draw_paths_into_images
 from cwcli.vision.method import Method
 from cwcli.vision.methods import METHODS
-from cwcli.vision.overlay import LEFT_RGB
-from cwcli.vision.rectify import camera_points, lowest_row_px
+from cwcli.vision.overlay import LEFT_BOUNDARY_RGB
+from cwcli.vision.rectify import lowest_visible_row_px, map_rectified_to_camera_px
 from tests.unit.vision.fake_frames import encoded
 from tests.unit.vision.lane_logs import START_NS, STEP_NS, write_log
 from tests.unit.vision.lens_frames import HEIGHT_PX, LENSES, WIDTH_PX, Lens, drive_through
@@ -71,7 +71,7 @@ class Seen:
 def through(name: str, folder: Path) -> Seen:
     lens = LENSES[name]
     drive = drive_through(lens, seed=SEED, n_frames=N_FRAMES)
-    frames = [encoded(lens.seen(drive.frame(k).grey)) for k in range(N_FRAMES)]
+    frames = [encoded(lens.seen(drive.render_frame_at(k).grey)) for k in range(N_FRAMES)]
     path = write_log(folder / "lens.mcap", frames, calibrations=[("/camera/calibration", lens.calibration())])
     log = Log.open(path)
     made = lanes(log, LanesConfig(mounting=lens.mounting))
@@ -97,7 +97,7 @@ def off_the_truth(seen: Seen, row: int, lines: list[np.ndarray]) -> np.ndarray:
     """Columns between drawn points and the true boundaries, in the camera's pixels."""
     errors = []
     for side, points in zip(("left", "right"), lines, strict=True):
-        true = seen.lens.line(seen.drive.truth(row), side)
+        true = seen.lens.line(seen.drive.lane_truth_at(row), side)
         true = true[np.argsort(true[:, 1])]
         beside = points[(points[:, 1] >= true[0, 1]) & (points[:, 1] <= true[-1, 1])]
         assert len(beside) > len(points) / 2
@@ -109,8 +109,8 @@ def test_numbers_on_the_road_are_those_of_the_renderer(seen: Seen) -> None:
     fields = seen.result.channels[0].fields
     lateral, heading, curvature, pitch = [], [], [], []
     for row in range(N_FRAMES):
-        truth = seen.drive.truth(row)
-        _, direction_rad, bend_1pm = truth.at_preview(PREVIEW_M)
+        truth = seen.drive.lane_truth_at(row)
+        _, direction_rad, bend_1pm = truth.lane_centre_at_preview(PREVIEW_M)
         for side in ("left", "right"):
             place, slope, bend = (
                 fields[f"{side}.{name}"][row] for name in ("lateral_m", "slope", "ground_curvature_1pm")
@@ -136,9 +136,11 @@ def test_annotations_are_in_the_cameras_own_pixels(seen: Seen) -> None:
 
 def test_lens_is_told_with_the_lanes_and_read_back(seen: Seen, tmp_path: Path) -> None:
     with Log.open(seen.path) as log:
-        annotate(log, seen.result.channels, {}, tmp_path / "out.mcap")
+        annotate_log(log, seen.result.channels, {}, tmp_path / "out.mcap")
     with Log.open(tmp_path / "out.mcap") as log:
-        from_file, in_memory = (Lenses(each.columns(LANES.topic)).camera(3) for each in (log, seen.log))
+        from_file, in_memory = (
+            Lenses(each.columns(LANES.topic)).camera_before_rectification(3) for each in (log, seen.log)
+        )
     assert from_file == in_memory
     if seen.lens.model != "equidistant" and not any(seen.lens.coefficients):  # a roll alone: searched as it is
         assert from_file is None
@@ -163,11 +165,11 @@ def test_lens_that_no_log_of_ours_has_is_survived() -> None:
             "/cwcli/lanes", "", "protobuf", np.arange(4), np.arange(4), np.arange(4, dtype=np.uint32), fields
         )
         lenses = Lenses(columns)
-        assert [lenses.camera(row) is None for row in range(4)] == [True, True, False, False]
-        lens = lenses.camera(2)
+        assert [lenses.camera_before_rectification(row) is None for row in range(4)] == [True, True, False, False]
+        lens = lenses.camera_before_rectification(2)
         assert lens is not None
-        assert camera_points(np.array([[300.0, 300.0], [0.0, 359.0]]), lens).shape == (2, 2)
-        assert 359.0 <= lowest_row_px(lens) <= 540.0
+        assert map_rectified_to_camera_px(np.array([[300.0, 300.0], [0.0, 359.0]]), lens).shape == (2, 2)
+        assert 359.0 <= lowest_visible_row_px(lens) <= 540.0
 
 
 def test_labels_in_the_cameras_pixels_fit(bent: Seen, tmp_path: Path) -> None:
@@ -179,7 +181,7 @@ def test_labels_in_the_cameras_pixels_fit(bent: Seen, tmp_path: Path) -> None:
         channel = writer.register_channel("/truth/lanes", "json", writer.register_schema("Any", "jsonschema", b"{}"))
         for row in range(N_FRAMES):
             stamp_ns = START_NS + row * STEP_NS
-            lines = [bent.lens.line(bent.drive.truth(row), side) for side in ("left", "right")]
+            lines = [bent.lens.line(bent.drive.lane_truth_at(row), side) for side in ("left", "right")]
             lines = [line[np.argsort(line[:, 1])] for line in lines]
             columns = [np.interp(rows_px, line[:, 1], line[:, 0], left=-2, right=-2) for line in lines]
             label = {"h_samples": rows_px.tolist(), "lanes": [np.rint(each).tolist() for each in columns]}
@@ -188,7 +190,7 @@ def test_labels_in_the_cameras_pixels_fit(bent: Seen, tmp_path: Path) -> None:
         writer.finish()
     with Log.open(tmp_path / "labels.mcap") as labels:
         table = evaluate_log(labels.with_channels(bent.result.channels))
-    values = {row["metric"]: row["value"] for row in table.records()}
+    values = {row["metric"]: row["value"] for row in table.rows_as_dicts()}
     assert values["lanes.truth_accuracy"] > 0.97
     assert values["lanes.truth_false_share"] == values["lanes.truth_missed_share"] == 0.0
 
@@ -198,20 +200,20 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     time_s = np.linspace(0.0, 2.0, 21)
     zero = np.zeros((N_FRAMES, 21))
     paths = Paths(time_s, zero + 10.0 * time_s, zero, zero, zero + 10.0, np.zeros((N_FRAMES, 21, 3)))
-    channels, _ = path_overlay(
+    channels, _ = draw_paths_into_images(
         bent.log, paths, stamp_ns=times, log_time_ns=times, width_m=1.6, render="/camera/painted"
     )
-    data = channels[1].rows(3, 4)["data"]
+    data = channels[1].make_rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)
     drive = read_drive(bent.log)
-    pictures, _ = thumbnails(bent.log, drive, [int(times[3])])
+    pictures, _ = make_thumbnails(bent.log, drive, [int(times[3])])
     small = pictures[int(times[3])]
     file = base64.b64decode(small.data_uri.partition(",")[2])
     thumbnail = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
-    true = bent.lens.line(bent.drive.truth(3), "left")
+    true = bent.lens.line(bent.drive.lane_truth_at(3), "left")
     for image, tolerance_px in ((painted, 6.0), (thumbnail, 4.0)):
         scale = image.shape[1] / WIDTH_PX
-        blue_green_red = 255.0 * np.array(LEFT_RGB[::-1])
+        blue_green_red = 255.0 * np.array(LEFT_BOUNDARY_RGB[::-1])
         v, u = np.nonzero(np.abs(image - blue_green_red).sum(axis=-1) < 110)
         order = np.argsort(true[:, 1])
         at = np.interp((v + 0.5) / scale - 0.5, true[order, 1], true[order, 0], left=np.nan, right=np.nan)
@@ -229,13 +231,13 @@ def test_camera_without_distortion_and_roll_gives_the_same_bytes(
     def written(target: Path) -> bytes:
         with Log.open(made.path) as log:
             result = lanes(log, LanesConfig(mounting=made.lens.mounting))
-            annotate(log, result.channels, {}, target)
+            annotate_log(log, result.channels, {}, target)
         return target.read_bytes()
 
     with_choice = written(tmp_path / "a.mcap")
     unrectified = replace(METHODS["cwcli"], is_rectified=False)
     monkeypatch.setattr(
-        "cwcli.vision.methods.METHODS", Registry("", "", {"cwcli": unrectified}, plugin_entry(Method, {}))
+        "cwcli.vision.methods.METHODS", Registry("", "", {"cwcli": unrectified}, accept_dataclass_of(Method, {}))
     )
     assert written(tmp_path / "b.mcap") == with_choice
     assert LANE_LINES.topic.encode() in with_choice

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.measures import measured
+from cwcli.channels.measures import published_measure_names
 from cwcli.channels.published import EGO_ONLINE, EGO_STATE, REMOTE_ONLINE, REMOTE_STATE
-from cwcli.channels.vehicle_state import write_states
+from cwcli.channels.vehicle_state import write_vehicle_states
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.write.schemas import schema_folder
 from cwcli.measures import MEASURES
@@ -29,7 +29,7 @@ def follower(tmp_path: Path, **settings: object) -> StageResult:
 
 
 def extremes(result: StageResult, encounter: int = 0) -> dict[str, dict[str, float]]:
-    rows = result.tables["extremes"].records()
+    rows = result.tables["extremes"].rows_as_dicts()
     return {row["measure"]: row for row in rows if row["encounter"] == encounter}
 
 
@@ -91,7 +91,7 @@ def test_one_that_comes_near_twice_has_two_encounters(tmp_path: Path) -> None:
     track[:, 1] = away
     log = state_log(tmp_path / "log.mcap", ego, states(["car"], [track], time_s))
     result = measure(log, MeasureConfig(measures=("gap",)))
-    assert [row["encounter"] for row in result.tables["extremes"].records()] == [0, 1, 2]
+    assert [row["encounter"] for row in result.tables["extremes"].rows_as_dicts()] == [0, 1, 2]
     (section,) = result.summary.sections
     spans = sorted((row[1], row[2]) for row in section.rows)
     assert spans == [pytest.approx((0.0, 12.0), abs=0.11), pytest.approx((28.0, 39.9), abs=0.11)]
@@ -102,12 +102,12 @@ def test_a_crash_is_driven_again(tmp_path: Path) -> None:
     ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, time_s)], time_s)
     stands = states(["car"], [straight(164.5, 0.0, 0.0, 0.0, time_s)], time_s)
     result = measure(state_log(tmp_path / "log.mcap", ego, stands), MeasureConfig())
-    rows = {row["driver"]: row for row in result.tables["preventability"].records()}
+    rows = {row["driver"]: row for row in result.tables["preventability"].rows_as_dicts()}
     assert (rows["RSS"]["conflict_stamp_ns"] - ego.stamp_ns[0]) / 1e9 == pytest.approx(8.0)
     assert rows["RSS"]["avoided"]
     assert not rows["careful human"]["avoided"]
     assert [section.key for section in result.summary.sections] == ["encounters", "preventability"]
-    assert not follower(tmp_path).tables["preventability"].records()
+    assert not follower(tmp_path).tables["preventability"].rows_as_dicts()
 
 
 def test_online_states_are_measured_where_they_are_asked_for(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_online_states_are_measured_where_they_are_asked_for(tmp_path: Path) -> 
     ego = states(["ego"], [straight(0.0, 0.0, 20.0, 0.0, TIME_S)], TIME_S)
     far, near = (states(["car"], [straight(x_m, 0.0, 10.0, 0.0, TIME_S)], TIME_S) for x_m in (80.0, 70.0))
     made = ((EGO_STATE, ego), (REMOTE_STATE, far), (EGO_ONLINE, ego), (REMOTE_ONLINE, near))
-    log = log_of(tmp_path / "log.mcap", [write_states(channel, each, None) for channel, each in made])
+    log = log_of(tmp_path / "log.mcap", [write_vehicle_states(channel, each, None) for channel, each in made])
     for which, gap_m in (("hindsight", 75.5), ("online", 65.5)):
         result = measure(log, MeasureConfig(states=which))  # type: ignore[arg-type]
         assert result.tables["measures"].columns["gap_m"][0] == pytest.approx(gap_m)
@@ -127,7 +127,7 @@ def test_nobody_near_is_said(tmp_path: Path) -> None:
     result = measure(state_log(tmp_path / "log.mcap", ego, far), MeasureConfig())
     assert "vehicles that never came within 200 m, and are not measured: 1" in result.summary.notes
     assert len(result.channels[0]) == 0
-    assert not result.tables["extremes"].records()
+    assert not result.tables["extremes"].rows_as_dicts()
 
 
 def test_without_others_it_is_an_error(tmp_path: Path) -> None:
@@ -150,7 +150,7 @@ def test_five_hundred_vehicles_of_which_few_are_near(tmp_path: Path) -> None:
     tracks = [straight(40.0 * k - 400.0, 3.5, 10.0, 0.0, time_s) for k in range(500)]
     ego = states(["ego"], [straight(0.0, 0.0, 10.0, 0.0, time_s)], time_s)
     result = measure(state_log(tmp_path / "log.mcap", ego, states(ids, tracks, time_s)), MeasureConfig())
-    near = {row["other_id"] for row in result.tables["extremes"].records()}
+    near = {row["other_id"] for row in result.tables["extremes"].rows_as_dicts()}
     assert near == {f"car {k}" for k in range(6, 15)}  # 160 to 0 m behind, and as far ahead: 4.9 m to 199 m along
     assert any("not measured: 491" in note for note in result.summary.notes)
 
@@ -165,10 +165,10 @@ def test_odd_tracks_make_gaps_and_no_false_values(odd: str, tmp_path: Path) -> N
     kept = np.ones(len(TIME_S), dtype=bool)
     if odd == "time jump":
         kept = (TIME_S < 2.0) | (TIME_S > 4.0)
-        other = other.rows(np.flatnonzero(kept))
+        other = other.select_rows(np.flatnonzero(kept))
     elif odd == "appears and goes":
         kept = (TIME_S > 1.0) & (TIME_S < 5.0)
-        other = other.rows(np.flatnonzero(kept))
+        other = other.select_rows(np.flatnonzero(kept))
     elif odd == "no number":
         state = other.state.copy()
         state[10:40] = np.nan
@@ -179,7 +179,7 @@ def test_odd_tracks_make_gaps_and_no_false_values(odd: str, tmp_path: Path) -> N
         other = states(["car"], [straight(80.0, 0.0, 0.0, 1.0, TIME_S)], TIME_S)
     else:
         kept = TIME_S[3] == TIME_S
-        other = other.rows(np.array([3]))
+        other = other.select_rows(np.array([3]))
     result = measure(state_log(tmp_path / "log.mcap", ego, other), MeasureConfig())
     series = result.tables["measures"].columns
     seconds = (np.asarray(series["stamp_ns"]) - ego.stamp_ns[0]) / 1e9
@@ -210,5 +210,5 @@ def test_blocks_are_the_whole(tmp_path: Path) -> None:
 def test_the_message_has_the_fields_that_are_written() -> None:
     text = (schema_folder() / "cwcli" / "v1" / "measures.proto").read_text(encoding="utf-8")
     fields = [line.split()[1] for line in text.splitlines() if line.strip().startswith("double ")]
-    assert tuple(fields) == measured()
-    assert set(fields) == {each.column for each in MEASURES.values() if each.is_series and not each.is_dear}
+    assert tuple(fields) == published_measure_names()
+    assert set(fields) == {each.column for each in MEASURES.values() if each.is_series and not each.is_expensive}

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from cwcli.channels.binding import EVERY_ROLE, bind
+from cwcli.channels.binding import EVERY_ROLE, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, StageCall
 from cwcli.pipeline.execute import run_stages
-from cwcli.pipeline.missing import SignalsFor
-from cwcli.pipeline.needs import readiness
+from cwcli.pipeline.missing import SignalCheck
+from cwcli.pipeline.needs import stage_readiness
 from cwcli.stages import STAGES
 from tests.unit.stages.lateral_logs import IMU, SPEED, STEERING, drive, ego_state_channel, write_lane_log
 
@@ -24,7 +24,7 @@ DRIVE = drive(seconds=4.0)
 
 def call(name: str) -> StageCall:
     """The stage as its command runs it without options."""
-    return StageCall(STAGES[name], STAGES[name].configuration())
+    return StageCall(STAGES[name], STAGES[name].configuration_class())
 
 
 @contextmanager
@@ -57,26 +57,26 @@ KINDS = ("straight", "intersection", "estimated", "predicted", "lanes", "lanes-a
 def test_a_stage_misses_a_signal_exactly_where_the_registry_says_so(kind: str, tmp_path: Path) -> None:
     runs: dict[str, bool] = {}
     with log_of(kind, tmp_path) as log:
-        bound = bind(log.channels, {}, required=(), optional=EVERY_ROLE).by_role
+        bound = bind_roles(log.channels, {}, required=(), optional=EVERY_ROLE).by_role
         for name in STAGES:
             try:
                 call(name)(log, Selection())
                 runs[name] = True
             except MissingSignalError:
                 runs[name] = False
-    assert runs == {entry.stage.name: entry.is_ready for entry in readiness(set(bound), STAGES)}
+    assert runs == {entry.stage.name: entry.is_ready for entry in stage_readiness(set(bound), STAGES)}
 
 
 def test_run_observes_with_the_speed_of_the_ego_state(tmp_path: Path) -> None:
     calls = {"observe": call("observe")}
     with log_of("lanes-and-state", tmp_path) as log:
-        outcome, _ = run_stages(log, calls, Selection(), missing=SignalsFor(STAGES), lenient=True)
+        outcome, _ = run_stages(log, calls, Selection(), missing=SignalCheck(STAGES), lenient=True)
     assert [result.stage for result in outcome.results] == ["observe"]
 
 
 def test_run_says_that_nothing_tells_the_speed(tmp_path: Path) -> None:
     with log_of("lanes-alone", tmp_path) as log:
-        lack = SignalsFor(STAGES)("observe", log, Selection())
+        lack = SignalCheck(STAGES)("observe", log, Selection())
     assert lack is not None
     assert lack.reason == "no channel holds the ego speed"
 
@@ -87,6 +87,6 @@ def test_run_says_that_nothing_tells_the_speed(tmp_path: Path) -> None:
 def test_run_names_the_stages_that_do_without_a_position(stage: str, ways: str, tmp_path: Path) -> None:
     """The file of this log holds lanes and sensors; what `observe` made is in memory."""
     with log_of("observed", tmp_path) as log:
-        lack = SignalsFor(STAGES)(stage, log, Selection())
+        lack = SignalCheck(STAGES)(stage, log, Selection())
     assert lack is not None
     assert lack.reason == f"no channel holds the ego state (another way: --stage {ways})"

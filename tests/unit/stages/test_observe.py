@@ -11,20 +11,20 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from cwcli.channels.lateral_state import read_observed
+from cwcli.channels.lateral_state import read_observed_drive
 from cwcli.channels.published import OBSERVER
 from cwcli.dynamics.config import ObserverConfig
-from cwcli.dynamics.observer import observe as observe_lateral
-from cwcli.dynamics.samples import Samples, for_small_angles
+from cwcli.dynamics.observer import observe_lateral_motion as observe_lateral
+from cwcli.dynamics.samples import ScalarSamples, linearise_lanes
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import run_stage
-from cwcli.pipeline.records import PREFIX, VEHICLE, vehicle_of
+from cwcli.pipeline.records import RUN_RECORD_PREFIX, VEHICLE_KEY, vehicle_from_log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import OutputChannel
-from cwcli.simulation.lane_camera import CameraNoise
+from cwcli.simulation.lane_camera import LaneSensorNoise
 from cwcli.stages import STAGES
 from cwcli.stages.observe import ObserveConfig
 from tests.unit.stages.lateral_logs import (
@@ -55,18 +55,18 @@ def run(path: Path, config: ObserveConfig = ALL, *more: OutputChannel) -> StageR
 
 
 def errors(result: StageResult) -> dict[str, dict[str, float]]:
-    return {row["state"]: row for row in result.tables["observer_errors"].records()}
+    return {row["state"]: row for row in result.tables["observer_errors"].rows_as_dicts()}
 
 
 def statuses(result: StageResult) -> list[str]:
-    return [row["status"] for row in result.tables["observer"].records()]
+    return [row["status"] for row in result.tables["observer"].rows_as_dicts()]
 
 
 def test_the_stage_is_the_observer_on_the_logs_signals(whole: Path) -> None:
     sensed = DRIVE.sensed
-    speed = Samples(sensed.speed.stamp_ns, sensed.speed.values.round(6).astype(np.float32).astype(np.float64))
-    gyro = Samples(sensed.yaw_rate.stamp_ns, sensed.yaw_rate.values.round(9), 0.0017)
-    direct = observe_lateral(for_small_angles(sensed.lanes), speed, load_vehicle(), yaw_rate=gyro)
+    speed = ScalarSamples(sensed.speed.stamp_ns, sensed.speed.values.round(6).astype(np.float32).astype(np.float64))
+    gyro = ScalarSamples(sensed.yaw_rate.stamp_ns, sensed.yaw_rate.values.round(9), 0.0017)
+    direct = observe_lateral(linearise_lanes(sensed.lanes), speed, load_vehicle(), yaw_rate=gyro)
     table = run(whole, ObserveConfig(vehicle=load_vehicle(), use_steer=False)).tables["observer"].columns
     np.testing.assert_allclose(table["yaw_rate_radps"], direct.state[:, 1], atol=1e-9)
     np.testing.assert_allclose(table["lateral_speed_mps"], direct.state[:, 0], atol=1e-9)
@@ -95,7 +95,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
     target = tmp_path / "observed.mcap"
     with Log.open(whole) as log:
         result = run_stage(STAGES["observe"], log, ALL)
-        annotate(log, result.channels, {"cwcli.run.observe": result.metadata}, target)
+        annotate_log(log, result.channels, {"cwcli.run.observe": result.metadata}, target)
     with target.open("rb") as file:
         found = [
             (message.log_time, decoded)
@@ -103,7 +103,7 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
                 file, validate_crcs=True, decoder_factories=[DecoderFactory()]
             ).iter_decoded_messages(topics=[OBSERVER.topic])
         ]
-    rows = result.tables["observer"].records()
+    rows = result.tables["observer"].rows_as_dicts()
     assert len(found) == len(rows) == 121
     for (log_time_ns, message), row in zip(found, rows, strict=True):
         assert message.stamp_ns == row["stamp_ns"]
@@ -114,8 +114,8 @@ def test_messages_are_what_the_official_decoder_reads(whole: Path, tmp_path: Pat
         assert message.Status.Name(message.status) == f"STATUS_{row['status'].upper()}"
         assert (message.preview_distance_m, message.mass_kg) == (33.5, 1215.0)
     with Log.open(target) as log:
-        back = read_observed(log.columns(OBSERVER.topic)).track
-        car, notes = vehicle_of(log)
+        back = read_observed_drive(log.columns(OBSERVER.topic)).track
+        car, notes = vehicle_from_log(log)
     np.testing.assert_array_equal(back.state[:, 1], [row["yaw_rate_radps"] for row in rows])
     assert (car, notes) == (load_vehicle(), ())
 
@@ -127,13 +127,13 @@ def test_a_preview_distance_that_is_none_is_the_papers(tmp_path: Path, told_m: f
     fields = dict(channel.fields)
     fields["preview_distance_m"] = np.where(np.arange(len(channel)) == 60, told_m, fields["preview_distance_m"])
     with Log.open(tmp_path / "lanes.mcap") as log:
-        back = read_observed(log.with_channels([replace(channel, fields=fields)]).columns(OBSERVER.topic))
+        back = read_observed_drive(log.with_channels([replace(channel, fields=fields)]).columns(OBSERVER.topic))
     np.testing.assert_array_equal(back.track.preview_m, np.full(121, 33.5))
 
 
 def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: Path) -> None:
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
-        car, notes = vehicle_of(log)
+        car, notes = vehicle_from_log(log)
     assert car == load_vehicle()
     assert "does not tell the car" in notes[0]
 
@@ -141,9 +141,9 @@ def test_a_log_without_the_record_assumes_the_shipped_car_and_says_so(tmp_path: 
 @pytest.mark.parametrize("entry", ["[" * 100_000, "{", "[]", '{"name": 3}'])
 def test_a_damaged_record_of_the_car_is_an_error(tmp_path: Path, entry: str) -> None:
     with Log.open(write_lane_log(tmp_path / "lanes.mcap", DRIVE)) as log:
-        damaged = log.with_channels([], {f"{PREFIX}observe": {VEHICLE: entry}})
+        damaged = log.with_channels([], {f"{RUN_RECORD_PREFIX}observe": {VEHICLE_KEY: entry}})
         with pytest.raises(DataError, match="the car in the record"):
-            vehicle_of(damaged)
+            vehicle_from_log(damaged)
 
 
 def test_the_speed_may_come_from_the_ego_state(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_a_gap_of_the_speed_has_no_state_and_the_observer_begins_anew(tmp_path: 
 
 
 def test_boundaries_missing_for_seconds_are_coasted_then_lost_then_found_again(tmp_path: Path) -> None:
-    driven = drive(noise=CameraNoise(blind_s=((4.0, 9.0),)))
+    driven = drive(noise=LaneSensorNoise(blind_s=((4.0, 9.0),)))
     path = write_lane_log(tmp_path / "l.mcap", driven)
     without_gyro = statuses(run(path, CAMERA_ONLY))
     assert without_gyro[40:59] == ["predicted"] * 19
@@ -198,7 +198,7 @@ def test_boundaries_missing_for_seconds_are_coasted_then_lost_then_found_again(t
 
 
 def test_no_boundary_at_all_leaves_no_state_and_says_so(tmp_path: Path) -> None:
-    path = write_lane_log(tmp_path / "l.mcap", drive(noise=CameraNoise(blind_s=((-1.0, 99.0),))))
+    path = write_lane_log(tmp_path / "l.mcap", drive(noise=LaneSensorNoise(blind_s=((-1.0, 99.0),))))
     result = run(path)
     assert set(statuses(result)) == {"lost"}
     assert "no frame has a state" in result.summary.notes
@@ -305,10 +305,10 @@ def test_a_lane_that_turns_back_before_the_preview_point(tmp_path: Path) -> None
     channel = replace(channel, fields=fields)
     ours = run(path, ALL, channel)
     assert not ours.summary.inputs[0].set_aside
-    rows = ours.tables["observer"].records()
+    rows = ours.tables["observer"].rows_as_dicts()
     assert {row["status"] for row in rows[61:80]} <= {"observed", "rejected", "started"}
     with Log.open(path) as log:
-        back = read_observed(log.with_channels([channel, *ours.channels]).columns(OBSERVER.topic))
+        back = read_observed_drive(log.with_channels([channel, *ours.channels]).columns(OBSERVER.topic))
     assert back.track.preview_m[70] == pytest.approx(0.4 * 23.0)  # where the lane has turned by a sine of 0.4
     papers = run(path, ObserveConfig(vehicle=load_vehicle(), observer=ObserverConfig("zhang2011")), channel)
     assert papers.summary.inputs[0].set_aside == {"the lane turns back before the preview point": 20}

@@ -14,13 +14,13 @@ from mcap_protobuf.decoder import DecoderFactory
 from cwcli.channels.published import OBSERVER_PATH_LINES
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.prediction.paths import Paths
-from cwcli.simulate.road_log import plan, road_config, write_road
+from cwcli.simulate.road_log import parse_road_log_config, plan_configured_drive, write_road_log
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.stages.lanes import LanesConfig, lanes
 from cwcli.stages.observe import ObserveConfig, observe
-from cwcli.stages.predict_lane import PredictLaneConfig, path_overlay, predict_lane
+from cwcli.stages.predict_lane import PredictLaneConfig, draw_paths_into_images, predict_lane
 from cwcli.vision.camera import Mounting
 from cwcli.vision.path_overlay import PATH_RGB
 
@@ -35,8 +35,8 @@ MOUNTING = Mounting(height_m=SEEN.height_m, pitch_rad=SEEN.pitch_rad)
 def log(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Log]:
     """A rendered drive with its lanes, in memory."""
     path = tmp_path_factory.mktemp("overlay") / "road.mcap"
-    config = road_config(None, 3, SETTINGS)
-    write_road(plan(config), config, path)
+    config = parse_road_log_config(None, 3, SETTINGS)
+    write_road_log(plan_configured_drive(config), config, path)
     with Log.open(path) as source:
         made = lanes(source, LanesConfig(method="zhang2011", mounting=MOUNTING))
         yield source.with_channels(made.channels, {"cwcli.run.lanes": made.metadata})
@@ -70,9 +70,11 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     n = len(stamp_ns)
     paths = straight(n)
     paths.y_m[4] = np.nan
-    channels, notes = path_overlay(log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, render=RENDERED)
+    channels, notes = draw_paths_into_images(
+        log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, render=RENDERED
+    )
     assert notes == ()
-    annotate(log, channels, {}, tmp_path / "out.mcap")
+    annotate_log(log, channels, {}, tmp_path / "out.mcap")
     messages = decoded(tmp_path / "out.mcap")
     drawn = messages[OBSERVER_PATH_LINES.topic]
     assert [time for time, _ in drawn] == log_time_ns.tolist()
@@ -82,7 +84,9 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     assert band.fill_color.a > 0.0 and band.timestamp.ToNanoseconds() == stamp_ns[7]
     u, v = np.array([(point.x, point.y) for point in centre.points]).T
     np.testing.assert_allclose(u, SEEN.cx, atol=1e-6)
-    np.testing.assert_allclose(v[-1], SEEN.project(np.array([40.0]), np.zeros(1), np.zeros(1))[1][0], atol=1e-6)
+    np.testing.assert_allclose(
+        v[-1], SEEN.project_to_image_px(np.array([40.0]), np.zeros(1), np.zeros(1))[1][0], atol=1e-6
+    )
     assert left.points[0].x < SEEN.cx
     frames = messages[RENDERED]
     assert len(frames) == n
@@ -113,7 +117,9 @@ def test_paths_without_a_frame_are_left_out_and_counted(log: Log) -> None:
     stamp_ns, log_time_ns = stamps(log)
     moved = stamp_ns.copy()
     moved[-2:] += 1
-    channels, notes = path_overlay(log, straight(len(moved)), stamp_ns=moved, log_time_ns=log_time_ns, width_m=1.6)
+    channels, notes = draw_paths_into_images(
+        log, straight(len(moved)), stamp_ns=moved, log_time_ns=log_time_ns, width_m=1.6
+    )
     assert len(channels[0]) == len(moved) - 2
     assert "2 of" in notes[0]
 
@@ -122,8 +128,8 @@ def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:
     stamp_ns, log_time_ns = stamps(log)
     given = {"stamp_ns": stamp_ns, "log_time_ns": log_time_ns, "width_m": 1.6}
     with pytest.raises(UsageError, match="own topic"):
-        path_overlay(log, straight(len(stamp_ns)), **given, render="/camera/image")
+        draw_paths_into_images(log, straight(len(stamp_ns)), **given, render="/camera/image")
     with pytest.raises(UsageError, match=r"the topic of cwcli\.v1\.PredictedPath"):
-        path_overlay(log, straight(len(stamp_ns)), **given, render="/cwcli/observer/path")
+        draw_paths_into_images(log, straight(len(stamp_ns)), **given, render="/cwcli/observer/path")
     with Log.open(log.name) as bare, pytest.raises(MissingSignalError, match="/cwcli/lanes"):
-        path_overlay(bare, straight(len(stamp_ns)), **given)
+        draw_paths_into_images(bare, straight(len(stamp_ns)), **given)

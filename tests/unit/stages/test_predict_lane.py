@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cwcli.channels.predicted_path import PredictedPaths, read_paths
+from cwcli.channels.predicted_path import PredictedPaths, read_predicted_paths
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import MissingSignalError, UsageError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
 from cwcli.pipeline.result import StageResult
-from cwcli.prediction.lateral import body_of
+from cwcli.prediction.lateral import transform_paths_to_body
 from cwcli.signals.columns import Columns, OutputChannel
-from cwcli.simulation.lane_camera import CameraNoise
+from cwcli.simulation.lane_camera import LaneSensorNoise
 from cwcli.stages import STAGES
 from cwcli.stages.observe import ObserveConfig, observe
 from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
@@ -43,11 +43,11 @@ def run(
         whole = observed(log.with_channels(more) if more else log)
         result = run_stage(STAGES["predict-lane"], whole, config)
         columns = whole.with_channels(result.channels).columns(TOPIC)
-    return result, read_paths(columns), columns
+    return result, read_predicted_paths(columns), columns
 
 
 def errors(result: StageResult, model: str, horizon_s: float = 2.0) -> dict[str, float]:
-    rows = result.tables["observer_prediction"].records()
+    rows = result.tables["observer_prediction"].rows_as_dicts()
     return next(row for row in rows if row["model"] == model and row["horizon_s"] == horizon_s)
 
 
@@ -83,7 +83,7 @@ def test_in_odom_without_an_ego_state_and_the_same_way(lanes: Path) -> None:
     first = (predicted.paths.x_m[0, 0], predicted.paths.y_m[0, 0], predicted.paths.heading_rad[0, 0])
     assert first == (0.0, 0.0, 0.0)
     _, in_map, _ = run(lanes, TWO_SECONDS, ego_state_channel(DRIVE))
-    one, other = body_of(predicted.paths), body_of(in_map.paths)
+    one, other = transform_paths_to_body(predicted.paths), transform_paths_to_body(in_map.paths)
     np.testing.assert_allclose(one.x_m, other.x_m, atol=1e-6)
     np.testing.assert_allclose(one.y_m, other.y_m, atol=1e-6)
     np.testing.assert_allclose(one.position_covariance_m2, other.position_covariance_m2, atol=1e-9)
@@ -117,7 +117,9 @@ def test_the_papers_path_keeps_speed_and_yaw_rate(lanes: Path) -> None:
 
 
 def test_frames_without_a_state_have_no_path_and_are_counted(tmp_path: Path) -> None:
-    path = write_lane_log(tmp_path / "l.mcap", drive(noise=CameraNoise(blind_s=((4.0, 9.0),))), without=("/imu/data",))
+    path = write_lane_log(
+        tmp_path / "l.mcap", drive(noise=LaneSensorNoise(blind_s=((4.0, 9.0),))), without=("/imu/data",)
+    )
     result, predicted, _ = run(path)
     (count,) = result.summary.inputs
     assert count.read == 121
@@ -133,7 +135,7 @@ def test_without_an_observer_channel_it_names_the_command(lanes: Path) -> None:
 
 
 def test_no_state_at_all_is_an_error(tmp_path: Path) -> None:
-    blind = drive(seconds=3.0, noise=CameraNoise(blind_s=((-1.0, 9.0),)))
+    blind = drive(seconds=3.0, noise=LaneSensorNoise(blind_s=((-1.0, 9.0),)))
     with pytest.raises(MissingSignalError, match="no frame of the observer has a state"):
         run(write_lane_log(tmp_path / "l.mcap", blind))
 

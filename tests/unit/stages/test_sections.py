@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cwcli.cli.main import run
+from cwcli.cli.main import run_command_line
 
 SAMPLES = sorted((Path(__file__).parents[3] / "sample_logs").glob("*.mcap"))
 
@@ -21,7 +21,7 @@ def keys(value: Any) -> set[str]:
 
 @pytest.mark.parametrize("log", SAMPLES, ids=lambda path: path.stem)
 def test_the_json_has_no_empty_key(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(["run", str(log), "--json", "--quiet"]) == 0
+    assert run_command_line(["run", str(log), "--json", "--quiet"]) == 0
     found = keys(json.loads(capsys.readouterr().out))
     assert "nis_per_dof" in found
     assert "" not in found

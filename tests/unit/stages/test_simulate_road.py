@@ -13,16 +13,16 @@ from mcap_protobuf.decoder import DecoderFactory as ProtobufDecoder
 from mcap_ros2.decoder import DecoderFactory as Ros2Decoder
 
 from cwcli.errors import UsageError
-from cwcli.simulate.road_log import RoadConfig, plan, road_config, write_road
+from cwcli.simulate.road_log import RoadLogConfig, parse_road_log_config, plan_configured_drive, write_road_log
 from cwcli.simulation.road.drive import RoadDriveConfig
 
-CONFIG = RoadConfig(RoadDriveConfig(weather="overcast", seed=3, duration_s=1.0, rate_hz=10.0), format="png")
+CONFIG = RoadLogConfig(RoadDriveConfig(weather="overcast", seed=3, duration_s=1.0, rate_hz=10.0), format="png")
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("road") / "road.mcap"
-    write_road(plan(CONFIG), CONFIG, path)
+    write_road_log(plan_configured_drive(CONFIG), CONFIG, path)
     return path
 
 
@@ -35,24 +35,24 @@ def messages(path: Path, topic: str) -> list[object]:
 
 
 def test_frames_are_those_of_the_drive(log: Path) -> None:
-    drive = plan(CONFIG)
+    drive = plan_configured_drive(CONFIG)
     images = messages(log, "/camera/image")
     assert len(images) == 11
     for index in (0, 10):
         grey = cv2.imdecode(np.frombuffer(images[index].data, np.uint8), cv2.IMREAD_UNCHANGED)
-        assert np.array_equal(grey, drive.frame(index).grey)
+        assert np.array_equal(grey, drive.render_frame_at(index).grey)
         assert images[index].format == "png"
 
 
 def test_same_configuration_same_bytes(log: Path, tmp_path: Path) -> None:
-    write_road(plan(CONFIG), CONFIG, tmp_path / "again.mcap")
+    write_road_log(plan_configured_drive(CONFIG), CONFIG, tmp_path / "again.mcap")
     assert (tmp_path / "again.mcap").read_bytes() == log.read_bytes()
 
 
 def test_lanes_are_tusimples_form_and_exact(log: Path) -> None:
-    drive = plan(CONFIG)
+    drive = plan_configured_drive(CONFIG)
     found = messages(log, "/truth/lanes")
-    truth = drive.truth(5)
+    truth = drive.lane_truth_at(5)
     message = found[5]
     rows = np.array(message["h_samples"])
     for lane, u, visible in zip(
@@ -68,19 +68,19 @@ def test_lanes_are_tusimples_form_and_exact(log: Path) -> None:
 
 
 def test_boundaries_have_the_papers_signs(log: Path) -> None:
-    drive = plan(CONFIG)
+    drive = plan_configured_drive(CONFIG)
     message = messages(log, "/truth/boundaries")[5]
-    y_m, direction, curvature = drive.truth(5).at_preview(33.5)
+    y_m, direction, curvature = drive.lane_truth_at(5).lane_centre_at_preview(33.5)
     made = (message.lateral_deviation_m, message.heading_deviation_rad, message.curvature_1pm)
     assert made == pytest.approx((-y_m, -direction, -curvature))
     rows = np.arange(140, 200)
     left = message.left
     fitted = (left.a * (240 - rows) + left.b) * (240 - rows) + left.c - 1
-    np.testing.assert_allclose(fitted, drive.truth(5).left_u_px[rows], atol=3.0)
+    np.testing.assert_allclose(fitted, drive.lane_truth_at(5).left_u_px[rows], atol=3.0)
 
 
 def test_calibration_and_mounting_put_the_truth_where_the_image_has_it(log: Path) -> None:
-    drive = plan(CONFIG)
+    drive = plan_configured_drive(CONFIG)
     calibration, transform = messages(log, "/camera/calibration")[0], messages(log, "/tf")[0]
     q = transform.rotation
     x, y, z, w = q.x, q.y, q.z, q.w
@@ -93,7 +93,7 @@ def test_calibration_and_mounting_put_the_truth_where_the_image_has_it(log: Path
     )
     point = np.array([20.0, 1.5, 0.0]) - [0.0, 0.0, transform.translation.z]
     u, v, depth = np.array(calibration.K).reshape(3, 3) @ (body_from_optical.T @ point)
-    expected = drive.camera.project(np.array([20.0]), np.array([1.5]), np.array([0.0]))
+    expected = drive.camera.project_to_image_px(np.array([20.0]), np.array([1.5]), np.array([0.0]))
     assert (u / depth, v / depth) == pytest.approx((expected[0][0], expected[1][0]))
 
 
@@ -108,7 +108,9 @@ def test_motion_channels_measure_the_truth(log: Path) -> None:
 
 
 def test_config_of_the_command_line() -> None:
-    config = road_config("rain", 3, ("size=640x480", "camera=wide", "duration_s=2.5", "road=complex", "format=png"))
+    config = parse_road_log_config(
+        "rain", 3, ("size=640x480", "camera=wide", "duration_s=2.5", "road=complex", "format=png")
+    )
     assert (config.size, config.camera, config.format) == ((640, 480), "wide", "png")
     assert config.drive == RoadDriveConfig(weather="rain", road="complex", seed=3, duration_s=2.5)
 
@@ -127,4 +129,4 @@ def test_config_of_the_command_line() -> None:
 )
 def test_wrong_settings_are_refused(override: str, message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        road_config(None, None, (override,))
+        parse_road_log_config(None, None, (override,))

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.channels.target import read_targets, write_targets
+from cwcli.channels.target import read_targets_as_states, write_target_channels
 from cwcli.errors import DataError, MissingSignalError, UsageError
-from cwcli.evaluation.target_truth import scores_of
-from cwcli.pipeline.records import map_of
+from cwcli.evaluation.target_truth import score_tracks_against_truth
+from cwcli.pipeline.records import map_from_record
 from cwcli.signals.canonical import DetectionSignal, TargetTruthSignal
-from cwcli.signals.columns import Columns, Strings, constant_strings
+from cwcli.signals.columns import Columns, Strings, repeat_string
 from cwcli.signals.geodesy import LocalMap
 from cwcli.stages.track import TrackConfig
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.from_signals import SensorSetting, check_carriers, detections_of, sensor_models
-from cwcli.tracking.tracker import track_many, track_one, track_targets
+from cwcli.tracking.from_signals import SensorSetting, build_sensor_models, detections_from_signal, require_common_frame
+from cwcli.tracking.tracker import track_many_targets, track_one_target, track_targets
 
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 100_000_000
@@ -35,7 +35,7 @@ def signal(kind, rows, *, offsets=None, frame="radar", log_time_ns=None, source=
         kind=kind,
         stamp_ns=stamp_ns,
         log_time_ns=stamp_ns + 5_000_000 if log_time_ns is None else np.asarray(log_time_ns),
-        frame=constant_strings(frame, n),
+        frame=repeat_string(frame, n),
         offsets=offsets.astype(np.int64),
         values=rows,
         covariance=np.full((len(rows), width, width), NAN) if covariance is None else covariance,
@@ -44,7 +44,7 @@ def signal(kind, rows, *, offsets=None, frame="radar", log_time_ns=None, source=
 
 def test_detections_come_in_the_order_of_arrival_with_their_scans():
     late = [T0_NS + 3, T0_NS + 9, T0_NS + 5]
-    data = detections_of(
+    data = detections_from_signal(
         signal("position", [[0, 0], [1, 1], [2, 2]], offsets=[0, 1, 2, 3], log_time_ns=late), SensorSetting()
     )
     np.testing.assert_array_equal(data.values[:, 0], [0.0, 2.0, 1.0])
@@ -53,13 +53,13 @@ def test_detections_come_in_the_order_of_arrival_with_their_scans():
 
 
 def test_a_radar_s_track_becomes_range_azimuth_and_closing_speed():
-    data = detections_of(signal("radar_track", [[3.0, 4.0, 5.0, 0.0]]), SensorSetting())
+    data = detections_from_signal(signal("radar_track", [[3.0, 4.0, 5.0, 0.0]]), SensorSetting())
     assert data.kind == DetectionKind.RADAR
     np.testing.assert_allclose(data.values, [[5.0, np.arctan2(4, 3), 3.0]])
 
 
 def test_a_range_rate_that_is_positive_for_what_comes_nearer_is_turned():
-    data = detections_of(signal("radar", [[5.0, 0.1, 2.0]]), SensorSetting(is_rate_towards=True))
+    data = detections_from_signal(signal("radar", [[5.0, 0.1, 2.0]]), SensorSetting(is_rate_towards=True))
     np.testing.assert_allclose(data.values, [[5.0, 0.1, -2.0]])
 
 
@@ -67,26 +67,26 @@ def test_the_usual_frame_is_accepted_and_a_map_s_frame_stands_still():
     mixed = signal("position", [[1, 1], [2, 2], [3, 3]])
     mixed = DetectionSignal(**{**mixed.__dict__, "frame": Strings(np.array([1, 0, 1], np.int32), ("other", "lidar"))})
     still = signal("position", [[1, 1]], frame="map", source="/fixed")
-    models, notes = sensor_models([mixed, still], {})
+    models, notes = build_sensor_models([mixed, still], {})
     assert models["/s"].frame_ids == ("lidar",)
     assert (models["/s"].carrier, models["/fixed"].carrier) == ("body", "map")
     assert len(notes) == 1
     assert "mounting is not given" in notes[0]
-    assert sensor_models([mixed], {"/s": SensorSetting(x_m=1.0)})[1] == []
+    assert build_sensor_models([mixed], {"/s": SensorSetting(x_m=1.0)})[1] == []
 
 
 def test_a_setting_for_a_topic_that_is_no_sensor():
     with pytest.raises(UsageError, match="/other"):
-        sensor_models([signal("position", [[1, 1]])], {"/other": SensorSetting()})
+        build_sensor_models([signal("position", [[1, 1]])], {"/other": SensorSetting()})
 
 
 def test_sensors_in_the_map_and_on_the_car_need_the_ego():
     models = {"/a": SensorModel(carrier="map"), "/b": SensorModel()}
     with pytest.raises(MissingSignalError, match="ego state"):
-        check_carriers(models, has_ego=False, where="log")
-    assert check_carriers(models, has_ego=True, where="log")
-    assert check_carriers({"/a": models["/a"]}, has_ego=False, where="log")
-    assert not check_carriers({"/b": models["/b"]}, has_ego=False, where="log")
+        require_common_frame(models, has_ego=False, where="log")
+    assert require_common_frame(models, has_ego=True, where="log")
+    assert require_common_frame({"/a": models["/a"]}, has_ego=False, where="log")
+    assert not require_common_frame({"/b": models["/b"]}, has_ego=False, where="log")
 
 
 def lidar(xy, stamps=None):
@@ -127,9 +127,9 @@ def test_auto_takes_many_where_scans_alternate_between_two_targets():
 def made(in_map=True):
     xy = np.column_stack([np.arange(40) * 0.5, np.zeros(40)])
     data = lidar(xy)
-    result = track_one([data], {}, PLAIN)
+    result = track_one_target([data], {}, PLAIN)
     known = data.scan_stamp_ns, data.scan_stamp_ns + 5_000_000
-    return result, write_targets(result, in_map=in_map, known_ns=known)[0]
+    return result, write_target_channels(result, in_map=in_map, known_ns=known)[0]
 
 
 def read_back(channel):
@@ -140,7 +140,7 @@ def read_back(channel):
 
 def test_targets_come_back_as_vehicle_states():
     result, channel = made()
-    states = read_targets(read_back(channel))
+    states = read_targets_as_states(read_back(channel))
     (track,) = result.tracks
     np.testing.assert_array_equal(states.stamp_ns, track.stamp_ns)
     np.testing.assert_array_equal(states.log_time_ns, track.stamp_ns + 5_000_000)
@@ -155,23 +155,25 @@ def test_of_two_rows_of_a_target_at_one_time_the_last_is_taken():
     columns = read_back(channel)
     stamp_ns = np.array(columns.fields["stamp_ns"])
     stamp_ns[1] = stamp_ns[0]
-    states = read_targets(Columns(**{**columns.__dict__, "fields": {**columns.fields, "stamp_ns": stamp_ns}}))
+    states = read_targets_as_states(Columns(**{**columns.__dict__, "fields": {**columns.fields, "stamp_ns": stamp_ns}}))
     assert len(states) == 39
     assert states.state[0, 0] == columns.fields["x_m"][1]
 
 
 def test_targets_in_the_car_s_frame_are_no_vehicle_states():
     with pytest.raises(DataError, match="car's own frame"):
-        read_targets(read_back(made(in_map=False)[1]))
+        read_targets_as_states(read_back(made(in_map=False)[1]))
 
 
 def test_many_targets_keep_their_rows_in_log_time_order():
     xy = np.repeat(np.column_stack([np.arange(30) * 0.5, np.zeros(30)]), 2, axis=0)
     xy[1::2, 1] = 30.0
     data = lidar(xy, T0_NS + STEP_NS * np.repeat(np.arange(30), 2))
-    result = track_many([data], {}, PLAIN)
+    result = track_many_targets([data], {}, PLAIN)
     delay = np.where(np.arange(30) == 10, 250_000_000, 5_000_000)  # one scan came late
-    targets, scene = write_targets(result, in_map=True, known_ns=(data.scan_stamp_ns, data.scan_stamp_ns + delay))
+    targets, scene = write_target_channels(
+        result, in_map=True, known_ns=(data.scan_stamp_ns, data.scan_stamp_ns + delay)
+    )
     assert (np.diff(targets.log_time_ns) >= 0).all()
     assert (np.diff(scene.log_time_ns) > 0).all()
     assert len(targets) == sum(len(track) for track in result.tracks)
@@ -181,7 +183,7 @@ def truth_of(result, **more):
     (track,) = result.tracks
     n = len(track)
     fields = {
-        "source": "/truth/target", "frame_id": "map", "id": constant_strings("1", n), "stamp_ns": track.stamp_ns,
+        "source": "/truth/target", "frame_id": "map", "id": repeat_string("1", n), "stamp_ns": track.stamp_ns,
         "log_time_ns": track.stamp_ns, "x_m": track.state[:, 0] + 3.0, "y_m": track.state[:, 1] - 4.0,
         "vx_mps": np.full(n, NAN), "vy_mps": np.full(n, NAN),
     }  # fmt: skip
@@ -192,7 +194,7 @@ def test_errors_against_the_truth_by_hand_and_velocities_from_positions():
     result, _ = made()
     moments = result.tracks[0].stamp_ns
     truth = truth_of(result, x_m=np.arange(40) * 0.5 + 3.0, y_m=np.full(40, -2.0))
-    errors, notes = scores_of(truth, result, moments, in_map=True, local_map=None)
+    errors, notes = score_tracks_against_truth(truth, result, moments, in_map=True, local_map=None)
     (target,) = errors.scores.targets
     assert target.rmse[:2] == pytest.approx((3.0, 2.0), abs=0.05)
     assert np.abs(target.rmse[2:]).max() < 5.0
@@ -202,19 +204,21 @@ def test_errors_against_the_truth_by_hand_and_velocities_from_positions():
 
 def test_a_truth_in_another_frame_is_not_compared():
     result, _ = made(in_map=False)
-    errors, notes = scores_of(truth_of(result), result, result.tracks[0].stamp_ns, in_map=False, local_map=None)
+    errors, notes = score_tracks_against_truth(
+        truth_of(result), result, result.tracks[0].stamp_ns, in_map=False, local_map=None
+    )
     assert errors is None
     assert "not compared" in notes[0]
 
 
 def test_a_truth_on_the_globe_is_brought_into_the_map_of_the_ego():
     result, _ = made()
-    local_map = map_of({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
+    local_map = map_from_record({"map_origin_latitude_deg": "48.0", "map_origin_longitude_deg": "11.0",
                         "map_origin_altitude_m": "500.0"})  # fmt: skip
     assert isinstance(local_map, LocalMap)
     (track,) = result.tracks
     lat, lon, _ = local_map.wgs84_from_map(track.state[:, 0] + 1.0, track.state[:, 1], np.zeros(len(track)))
     truth = truth_of(result, latitude_deg=lat, longitude_deg=lon)  # its x, y count from elsewhere
-    errors, _ = scores_of(truth, result, track.stamp_ns, in_map=True, local_map=local_map)
+    errors, _ = score_tracks_against_truth(truth, result, track.stamp_ns, in_map=True, local_map=local_map)
     assert errors.scores.targets[0].rmse[:2] == pytest.approx((1.0, 0.0), abs=1e-3)
-    assert map_of({}) is None
+    assert map_from_record({}) is None

@@ -12,10 +12,10 @@ import pytest
 from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.errors import UsageError
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate
+from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.result import StageResult
 from cwcli.signals.columns import Strings
-from cwcli.simulation.lane_camera import CameraNoise
+from cwcli.simulation.lane_camera import LaneSensorNoise
 from cwcli.simulation.lane_drive import Road
 from cwcli.stages.estimate import EstimateConfig, estimate
 from cwcli.stages.observe import ObserveConfig, observe
@@ -23,7 +23,7 @@ from cwcli.stages.predict import PredictConfig, predict
 from cwcli.stages.predict_lane import PredictLaneConfig, predict_lane
 from cwcli.stages.warn import WarnConfig, warn
 from cwcli.stages.warn_lane import WarnLaneConfig, warn_lane
-from cwcli.warning.lane_departure import LaneDepartureConfig, earliest_line_m
+from cwcli.warning.lane_departure import LaneDepartureConfig, earliest_warning_line_m
 from tests.unit.stages.lateral_logs import START_NS, LaneDrive, drive, lanes_channel, write_lane_log
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
@@ -52,7 +52,7 @@ def intersection(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with Log.open(SAMPLES / "intersection.mcap") as log:
         states = estimate(log, EstimateConfig())
         paths = predict(log.with_channels(states.channels), PredictConfig())
-        annotate(log, [*states.channels, *paths.channels], {}, target)
+        annotate_log(log, [*states.channels, *paths.channels], {}, target)
     return target
 
 
@@ -65,12 +65,12 @@ def drifting() -> LaneDrive:
 def test_a_drift_is_warned_of_between_isos_lines(tmp_path: Path, rate_mps: float) -> None:
     driven = drive(seconds=14.0, drift_mps=rate_mps, road=Road())
     result = run(write_lane_log(tmp_path / "l.mcap", driven))
-    event = result.tables["lane_departures"].records()[0]
+    event = result.tables["lane_departures"].rows_as_dicts()[0]
     assert event["side"] == ("left" if rate_mps > 0.0 else "right")
     at = (event["raised_stamp_ns"] - START_NS) // 10_000_000
     gap_m = (driven.truth.left_gap_m if rate_mps > 0.0 else driven.truth.right_gap_m)[at, 0]
     approach = np.array([abs(driven.truth.approach_mps[at, 0])])
-    assert -0.3 <= gap_m <= float(earliest_line_m(approach)[0])
+    assert -0.3 <= gap_m <= float(earliest_warning_line_m(approach)[0])
 
 
 def test_channel_and_log_tell_raised_held_and_cleared(tmp_path: Path, drifting: LaneDrive) -> None:
@@ -105,7 +105,7 @@ def test_below_the_least_speed_nothing_is_raised(tmp_path: Path, drifting: LaneD
 
 
 def test_where_a_boundary_is_not_found_that_side_is_silent(tmp_path: Path) -> None:
-    blind = drive(seconds=14.0, drift_mps=0.5, road=Road(), noise=CameraNoise(blind_s=((3.5, 99.0),)))
+    blind = drive(seconds=14.0, drift_mps=0.5, road=Road(), noise=LaneSensorNoise(blind_s=((3.5, 99.0),)))
     result = run(write_lane_log(tmp_path / "l.mcap", blind))
     assert len(result.tables["lane_departures"]) == 0
     assert counts(result)["left not found"] == 106  # frames from 3.5 to 14 s
@@ -121,7 +121,7 @@ def test_boundaries_that_bend_as_no_road_does_are_none_and_counted(tmp_path: Pat
         warnings.simplefilter("error")
         result = warn_lane(predicted(log.with_channels([told])), WarnLaneConfig())
     assert (counts(result)["left not found"], counts(result)["right not found"]) == (30, 30)
-    assert [event["side"] for event in result.tables["lane_departures"].records()] == ["left"]
+    assert [event["side"] for event in result.tables["lane_departures"].rows_as_dicts()] == ["left"]
 
 
 def test_frames_without_a_path_are_counted_and_not_judged(tmp_path: Path, drifting: LaneDrive) -> None:
@@ -135,7 +135,7 @@ def test_frames_without_a_path_are_counted_and_not_judged(tmp_path: Path, drifti
 def test_a_longer_time_to_line_crossing_holds_the_warning_as_long(tmp_path: Path, drifting: LaneDrive) -> None:
     path = write_lane_log(tmp_path / "l.mcap", drifting)
     early, usual = (run(path, WarnLaneConfig(LaneDepartureConfig(warn_s=warn_s))) for warn_s in (1.9, 0.7))
-    raised = [result.tables["lane_departures"].records()[0]["raised_stamp_ns"] for result in (early, usual)]
+    raised = [result.tables["lane_departures"].rows_as_dicts()[0]["raised_stamp_ns"] for result in (early, usual)]
     assert raised[0] < raised[1]
 
 
@@ -149,8 +149,8 @@ def test_warnings_of_an_earlier_stage_of_the_run_stay_in_the_channel(intersectio
         both = warn_lane(predicted(log.with_channels(collisions.channels)), WarnLaneConfig())
     n_before = len(collisions.tables["events"])
     assert n_before > 0
-    ids = [row["event_id"] for row in both.tables["lane_departures"].records()]
-    assert ids == [n_before + row["event_id"] for row in alone.tables["lane_departures"].records()]
+    ids = [row["event_id"] for row in both.tables["lane_departures"].rows_as_dicts()]
+    assert ids == [n_before + row["event_id"] for row in alone.tables["lane_departures"].rows_as_dicts()]
     for together, one, other in zip(both.channels, collisions.channels, alone.channels, strict=True):
         assert together.topic == one.topic == other.topic
         assert len(together) == len(one) + len(other)
@@ -163,9 +163,9 @@ def test_several_collision_rules_number_their_events_on(intersection: Path) -> N
         both = warn(log, WarnConfig(rules=("cwcli", "ttc")))
     n_one, n_other = len(one.tables["events"]), len(other.tables["events"])
     assert n_one > 0 and n_other > 0
-    assert both.tables["events"].records() == one.tables["events"].records()
-    ids = [row["event_id"] for row in both.tables["events_ttc"].records()]
-    assert ids == [n_one + row["event_id"] for row in other.tables["events"].records()]
+    assert both.tables["events"].rows_as_dicts() == one.tables["events"].rows_as_dicts()
+    ids = [row["event_id"] for row in both.tables["events_ttc"].rows_as_dicts()]
+    assert ids == [n_one + row["event_id"] for row in other.tables["events"].rows_as_dicts()]
     assert len(both.channels[0]) == len(one.channels[0]) + len(other.channels[0])
     assert (np.diff(both.channels[0].log_time_ns) >= 0).all()
     assert set(np.asarray(both.channels[0].fields["event_id"]).tolist()) == set(range(1, n_one + n_other + 1))

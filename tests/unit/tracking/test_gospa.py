@@ -3,7 +3,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from cwcli.tracking.gospa import TargetMoments, gospa, score
+from cwcli.tracking.gospa import TargetMoments, compute_gospa, score_tracks
 
 
 def by_all_permutations(truth, tracks, cutoff_m, p):
@@ -27,7 +27,7 @@ def test_gospa_equals_the_definition(n_truth, n_tracks, p):
     rng = np.random.default_rng(10 * n_truth + n_tracks)
     for _ in range(5):
         truth, tracks = rng.uniform(0, 8, (n_truth, 2)), rng.uniform(0, 8, (n_tracks, 2))
-        result = gospa(truth, tracks, cutoff_m=3.0, p=p)
+        result = compute_gospa(truth, tracks, cutoff_m=3.0, p=p)
         assert result.distance == pytest.approx(by_all_permutations(truth, tracks, 3.0, p))
         assert result.localisation + result.missed + result.false == pytest.approx(result.distance**p)
 
@@ -36,7 +36,7 @@ def test_parts_by_hand():
     # one pair 3 m apart, one target missed, two tracks false; c = 5, p = 2: 9 + 12.5 + 25 = 46.5
     truth = np.array([[0.0, 0.0], [100.0, 0.0]])
     tracks = np.array([[0.0, 3.0], [50.0, 0.0], [60.0, 0.0]])
-    result = gospa(truth, tracks, cutoff_m=5.0)
+    result = compute_gospa(truth, tracks, cutoff_m=5.0)
     assert (result.localisation, result.missed, result.false) == (9.0, 12.5, 25.0)
     assert (result.n_missed, result.n_false) == (1, 2)
     assert result.distance == pytest.approx(46.5**0.5)
@@ -53,7 +53,7 @@ def two_walkers(ids):
 
 def test_id_switches_and_errors_of_each_target():
     truth, tracks = two_walkers([[7, 8], [7, 8], [8, 7], [8, 7]])
-    scores = score(truth, tracks)
+    scores = score_tracks(truth, tracks)
     assert scores.id_switches == 2
     assert [t.id_switches for t in scores.targets] == [1, 1]
     assert [t.n_tracked for t in scores.targets] == [4, 4]
@@ -66,7 +66,7 @@ def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
     truth, tracks = two_walkers([[7, 8], [7, 8], [7, 8], [7, 8]])
     keep = np.array([True, True, False, True, True, True, True, True])
     paused = TargetMoments(tracks.stamp_ns[keep], tracks.id[keep], tracks.state[keep])
-    scores = score(truth, paused)
+    scores = score_tracks(truth, paused)
     assert scores.id_switches == 0
     assert scores.n_missed.tolist() == [0, 1, 0, 0]
     assert scores.targets[0].n_tracked == 3
@@ -74,6 +74,6 @@ def test_a_track_that_pauses_and_returns_under_its_id_is_no_switch():
 
 def test_no_tracks_at_all():
     truth, _ = two_walkers([[7, 8]] * 4)
-    scores = score(truth, TargetMoments.of([]))
+    scores = score_tracks(truth, TargetMoments.from_tracks([]))
     np.testing.assert_allclose(scores.distance, 5.0)
     assert np.isnan(scores.targets[0].position_rmse_m)

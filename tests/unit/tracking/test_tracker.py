@@ -7,11 +7,11 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, crossing_targets
+from cwcli.simulation.dual_sensor import DualSensorScene, SensorNoise, simulate_crossing_targets
 from cwcli.tracking.config import FilterConfig, TrackerConfig
 from cwcli.tracking.detections import DetectionKind, Detections, EgoStates, SensorModel
-from cwcli.tracking.gospa import TargetMoments, score
-from cwcli.tracking.tracker import track_many, track_one
+from cwcli.tracking.gospa import TargetMoments, score_tracks
+from cwcli.tracking.tracker import track_many_targets, track_one_target
 from tests.work import count_calls
 
 S = 1_000_000_000
@@ -34,7 +34,7 @@ def walker(k, x0=0.0, y0=0.0, vx=1.0):
 
 def test_two_targets_get_two_ids_that_last():
     scans = [[walker(k), walker(k, y0=10.0, vx=-1.0)] for k in range(50)]
-    result = track_many([lidar(scans)], SENSOR, CV)
+    result = track_many_targets([lidar(scans)], SENSOR, CV)
     assert [t.id for t in result.tracks] == [1, 2]
     assert [len(t) for t in result.tracks] == [50, 50]
     for track, (y, vx) in zip(result.tracks, sorted([(0.0, 1.0), (10.0, -1.0)], key=lambda p: p[0]), strict=True):
@@ -45,7 +45,7 @@ def test_two_targets_get_two_ids_that_last():
 
 def test_a_target_that_is_missed_a_few_times_keeps_its_id_and_is_coasted():
     scans = [[walker(k)] if k not in (20, 21, 40) else [] for k in range(60)]
-    result = track_many([lidar(scans)], SENSOR, CV)
+    result = track_many_targets([lidar(scans)], SENSOR, CV)
     assert len(result.tracks) == 1
     track = result.tracks[0]
     assert len(track) == 60
@@ -56,7 +56,7 @@ def test_a_target_that_is_missed_a_few_times_keeps_its_id_and_is_coasted():
 
 def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
     scans = [[walker(k)] for k in range(30)] + [[] for _ in range(30)] + [[walker(k)] for k in range(30)]
-    result = track_many([lidar(scans)], SENSOR, CAUSAL)
+    result = track_many_targets([lidar(scans)], SENSOR, CAUSAL)
     assert [t.id for t in result.tracks] == [1, 2]
     assert result.tracks[0].stamp_ns[-1] < 4 * S
     assert result.tracks[1].stamp_ns[0] >= 6 * S
@@ -65,7 +65,7 @@ def test_a_target_that_leaves_dies_and_its_id_is_not_used_again():
 def test_a_track_is_not_revived_after_a_long_pause():
     stamp = np.concatenate([np.arange(30), 1e8 + np.arange(30)]).astype(np.int64) * 100_000_000
     xy = np.array([walker(k) for k in range(60)])
-    result = track_many([Detections("lidar", DetectionKind.POSITION, stamp, xy)], SENSOR, CAUSAL)
+    result = track_many_targets([Detections("lidar", DetectionKind.POSITION, stamp, xy)], SENSOR, CAUSAL)
     assert [t.id for t in result.tracks] == [1, 2]
     assert len(result.tracks[0]) <= 30
 
@@ -73,7 +73,7 @@ def test_a_track_is_not_revived_after_a_long_pause():
 def test_lone_points_are_no_track():
     rng = np.random.default_rng(0)
     scans = [[rng.uniform(-50, 50, 2) for _ in range(5)] for _ in range(100)]
-    result = track_many([lidar(scans)], {"lidar": SensorModel(sigma=(0.1, 0.1), clutter_density=5e-4)}, CAUSAL)
+    result = track_many_targets([lidar(scans)], {"lidar": SensorModel(sigma=(0.1, 0.1), clutter_density=5e-4)}, CAUSAL)
     assert len(result.tracks) <= 1
     assert result.counts["lidar"].rejected["belongs to no confirmed track"] >= 490
 
@@ -82,8 +82,8 @@ def test_a_causal_track_does_not_know_the_future():
     rng = np.random.default_rng(4)
     scans = [[np.add(walker(k), 0.1 * rng.standard_normal(2))] for k in range(60)]
     known = {"lidar": SensorModel(sigma=(0.1, 0.1), clutter_density=1e-3)}
-    full = track_many([lidar(scans)], known, CAUSAL).tracks[0]
-    half = track_many([lidar(scans[:30])], known, CAUSAL).tracks[0]
+    full = track_many_targets([lidar(scans)], known, CAUSAL).tracks[0]
+    half = track_many_targets([lidar(scans[:30])], known, CAUSAL).tracks[0]
     assert full.stamp_ns[0] == full.confirmed_ns == half.confirmed_ns
     np.testing.assert_array_equal(full.stamp_ns[: len(half)], half.stamp_ns)
     np.testing.assert_array_equal(full.state[: len(half)], half.state)
@@ -96,8 +96,8 @@ def test_a_target_out_of_view_is_not_expected_and_does_not_die():
     nothing = Detections("radar", DetectionKind.RADAR, np.zeros(0, np.int64), np.zeros((0, 3)), scan_stamp_ns=stamp)
     narrow = {**SENSOR, "radar": SensorModel(field_of_view_rad=1.0)}
     wide = {**SENSOR, "radar": SensorModel(detection_probability=0.99)}
-    assert len(track_many([lidar(points), nothing], narrow, CAUSAL).tracks) == 1
-    assert len(track_many([lidar(points), nothing], wide, CAUSAL).tracks) == 0
+    assert len(track_many_targets([lidar(points), nothing], narrow, CAUSAL).tracks) == 1
+    assert len(track_many_targets([lidar(points), nothing], wide, CAUSAL).tracks) == 0
 
 
 def test_lidar_and_radar_feed_one_track():
@@ -110,7 +110,7 @@ def test_lidar_and_radar_feed_one_track():
         Detections("lidar", DetectionKind.POSITION, stamp[::2], truth[::2]),
         Detections("radar", DetectionKind.RADAR, stamp[1::2], polar[1::2]),
     ]
-    result = track_many(data, SENSOR, CV)
+    result = track_many_targets(data, SENSOR, CV)
     assert len(result.tracks) == 1
     assert set(result.tracks[0].source.tolist()) == {0, 1}
     np.testing.assert_allclose(result.tracks[0].state[:, :2], truth, atol=0.02)
@@ -123,7 +123,7 @@ def test_tracks_live_in_the_map_when_the_car_moves():
     ego = EgoStates(stamp, x, np.zeros(60), np.zeros(60), np.full(60, 15.0), np.zeros(60))
     seen = np.stack([40.0 - x, np.full(60, 3.0)], axis=1)
     data = Detections("lidar", DetectionKind.POSITION, stamp, seen)
-    result = track_many([data], SENSOR, CV, ego)
+    result = track_many_targets([data], SENSOR, CV, ego)
     assert result.frame == "map"
     assert len(result.tracks) == 1
     np.testing.assert_allclose(result.tracks[0].state[:, :4], np.tile([40.0, 3.0, 0.0, 0.0], (60, 1)), atol=1e-3)
@@ -142,14 +142,14 @@ def measured(scene: DualSensorScene) -> list[Detections]:
 def test_five_crossing_targets_in_clutter(with_radar):
     distance, switches = [], 0
     for seed in range(8):
-        scene = crossing_targets(np.random.default_rng(seed), with_radar=with_radar)
+        scene = simulate_crossing_targets(np.random.default_rng(seed), with_radar=with_radar)
         sensors = {
             "lidar": SensorModel(sigma=(0.3, 0.3)),
             "radar": SensorModel(sigma=(0.3, 0.01, 0.2)),
         }
-        result = track_many(measured(scene)[: 1 + with_radar], sensors, CAUSAL)
+        result = track_many_targets(measured(scene)[: 1 + with_radar], sensors, CAUSAL)
         truth = TargetMoments(scene.truth_stamp_ns, scene.truth_id, scene.truth_state)
-        scores = score(truth, TargetMoments.of(result.tracks))
+        scores = score_tracks(truth, TargetMoments.from_tracks(result.tracks))
         distance.append(scores.distance.mean())
         switches += scores.id_switches
         assert scores.n_false.mean() < 0.05
@@ -158,8 +158,8 @@ def test_five_crossing_targets_in_clutter(with_radar):
 
 
 def test_clutter_density_is_found():
-    scene = crossing_targets(np.random.default_rng(1), noise=SensorNoise(lidar_m=0.3))
-    found = track_many(measured(scene)[:1], {"lidar": SensorModel(sigma=(0.3, 0.3))}, CAUSAL).clutter_density
+    scene = simulate_crossing_targets(np.random.default_rng(1), noise=SensorNoise(lidar_m=0.3))
+    found = track_many_targets(measured(scene)[:1], {"lidar": SensorModel(sigma=(0.3, 0.3))}, CAUSAL).clutter_density
     assert found["lidar"] == pytest.approx(10.0 / 100.0**2, rel=0.3)
 
 
@@ -167,7 +167,7 @@ def test_noise_is_tuned_over_all_targets():
     rng = np.random.default_rng(2)
     scans = [[np.add(walker(k, y0=20.0 * i), 0.05 * rng.standard_normal(2)) for i in range(3)] for k in range(100)]
     config = TrackerConfig(FilterConfig(model="cv", tune=True))
-    result = track_many([lidar(scans)], {"lidar": SensorModel(sigma=(0.3, 0.3))}, config)
+    result = track_many_targets([lidar(scans)], {"lidar": SensorModel(sigma=(0.3, 0.3))}, config)
     assert result.tuned is not None
     assert 0.3 * result.tuned.scale["lidar"][0] == pytest.approx(0.05, rel=0.1)
     assert len(result.tracks) == 3
@@ -181,7 +181,7 @@ def test_ten_thousand_detections_in_one_scan_are_bounded_in_memory_and_work():
     data = lidar(scans)
     tracemalloc.start()
     results = []
-    n_calls = count_calls(lambda: results.append(track_many([data], SENSOR, CAUSAL)))
+    n_calls = count_calls(lambda: results.append(track_many_targets([data], SENSOR, CAUSAL)))
     (result,) = results
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -196,11 +196,11 @@ def test_ten_thousand_detections_in_one_place_do_not_blow_up():
     scans = [[walker(k)] for k in range(20)]
     scans[10] = [(1.0 + 1e-4 * i, 0.0) for i in range(10_000)]
     scans[11] = scans[10]
-    result = track_many([lidar(scans)], SENSOR, CAUSAL)
+    result = track_many_targets([lidar(scans)], SENSOR, CAUSAL)
     assert all(np.isfinite(t.state).all() for t in result.tracks)
 
 
-@pytest.mark.parametrize("run", [track_one, track_many])
+@pytest.mark.parametrize("run", [track_one_target, track_many_targets])
 def test_nothing_and_only_rubbish_give_no_tracks(run):
     assert run([]).tracks == ()
     empty = Detections("lidar", DetectionKind.POSITION, np.zeros(0, np.int64), np.zeros((0, 2)))
@@ -214,7 +214,7 @@ def test_nothing_and_only_rubbish_give_no_tracks(run):
     assert sum(result.counts["radar"].rejected.values()) == 3
 
 
-@pytest.mark.parametrize("run", [track_one, track_many])
+@pytest.mark.parametrize("run", [track_one_target, track_many_targets])
 def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
     good = np.array([walker(k) for k in range(60)])
     stamp = np.arange(60) * S // 10
@@ -229,7 +229,7 @@ def test_rubbish_among_good_detections_is_counted_and_changes_nothing(run):
 def test_one_target_counts_gated_detections():
     good = np.array([walker(k) for k in range(60)])
     good[30] += 30.0
-    result = track_one([Detections("lidar", DetectionKind.POSITION, np.arange(60) * S // 10, good)], SENSOR, CV)
+    result = track_one_target([Detections("lidar", DetectionKind.POSITION, np.arange(60) * S // 10, good)], SENSOR, CV)
     assert result.counts["lidar"].rejected == {"outside the gate": 1}
     assert result.counts["lidar"].used == 59
     assert result.tracks[0].source[30] == -1

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from cwcli.kernels.track import RowStatus
-from cwcli.simulation.dual_sensor import SensorNoise, segment
-from cwcli.tracking.config import FILTERS, MODELS, FilterConfig
+from cwcli.simulation.dual_sensor import SensorNoise, simulate_target_on_path
+from cwcli.tracking.config import IS_UNSCENTED_BY_FILTER, MOTION_MODELS, FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.prepare import prepare
-from cwcli.tracking.single import log_likelihood, run_filter
+from cwcli.tracking.prepare import prepare_detections
+from cwcli.tracking.single_target import log_likelihood_of_rows, run_filter
 from tests.unit.tracking import tracking_oracle as oracle
 
 NOISE = SensorNoise(azimuth_rad=0.03)
@@ -20,7 +20,7 @@ N = 80
 
 
 def rows_with_moving_sensor(use_rate=True):
-    scene = segment("weave", N, NOISE, np.random.default_rng(7))
+    scene = simulate_target_on_path("weave", N, NOISE, np.random.default_rng(7))
     sensors = {
         "lidar": SensorModel(sigma=(0.1, 0.2), yaw_rad=0.4, x_m=1.0),
         "radar": SensorModel(
@@ -31,7 +31,7 @@ def rows_with_moving_sensor(use_rate=True):
         Detections("lidar", DetectionKind.POSITION, scene.lidar_stamp_ns, scene.lidar_xy),
         Detections("radar", DetectionKind.RADAR, scene.radar_stamp_ns, scene.radar),
     ]
-    rows = prepare(data, sensors).rows
+    rows = prepare_detections(data, sensors).rows
     origin = rows.origin.copy()
     origin[:, 2:] = 0.3, -0.2
     return replace(rows, origin=origin)
@@ -39,8 +39,8 @@ def rows_with_moving_sensor(use_rate=True):
 
 @pytest.mark.parametrize("use_rate", [True, False])
 @pytest.mark.parametrize("kappa", [0.0, 1.5])
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("model", MOTION_MODELS)
+@pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
 def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
     rows = rows_with_moving_sensor(use_rate)
     config = FilterConfig(
@@ -57,7 +57,7 @@ def test_filter_and_smoother_equal_the_numpy_twin(name, model, kappa, use_rate):
     np.testing.assert_allclose(smoothed.covariance, expected[3], atol=5e-6)
     np.testing.assert_allclose(causal.nis[1:], expected[4][1:], rtol=1e-4, atol=1e-6)
     assert causal.log_likelihood == pytest.approx(expected[5], abs=1e-3)
-    assert log_likelihood(rows, config) == pytest.approx(causal.log_likelihood, abs=1e-9)
+    assert log_likelihood_of_rows(rows, config) == pytest.approx(causal.log_likelihood, abs=1e-9)
 
 
 def test_start_from_lidar_is_the_point_with_an_open_velocity():
@@ -72,7 +72,7 @@ def test_start_from_lidar_is_the_point_with_an_open_velocity():
 def test_start_from_radar_knows_the_speed_along_the_beam():
     # 10 m along 30 deg, receding at 4 m/s from a sensor at rest: the beam direction takes the rate, the rest is open
     data = Detections("r", DetectionKind.RADAR, np.array([0]), np.array([[10.0, np.radians(30.0), 4.0]]))
-    rows = prepare([data], {"r": SensorModel(sigma=(0.2, 0.001, 0.01))}).rows
+    rows = prepare_detections([data], {"r": SensorModel(sigma=(0.2, 0.001, 0.01))}).rows
     out = run_filter(rows, FilterConfig(model="cv", start_speed_mps=10.0))
     along = np.array([np.cos(np.radians(30.0)), 0.5])
     np.testing.assert_allclose(out.state[0, :2], 10.0 * along, atol=1e-12)
@@ -86,7 +86,7 @@ def test_start_from_radar_knows_the_speed_along_the_beam():
     assert across @ position_cov @ across == pytest.approx((10.0 * 0.001) ** 2)
 
 
-@pytest.mark.parametrize("name", FILTERS)
+@pytest.mark.parametrize("name", IS_UNSCENTED_BY_FILTER)
 @pytest.mark.parametrize("first", ["lidar", "radar"])
 def test_a_target_at_the_origin_starts_and_is_followed(name, first):
     """Range 0: the bearing does not exist. The target stands on the sensor, then walks away."""
@@ -105,7 +105,7 @@ def test_a_target_at_the_origin_starts_and_is_followed(name, first):
         Detections("l", DetectionKind.POSITION, stamp[lidar], truth[lidar] + 0.05 * rng.standard_normal((100, 2))),
         Detections("r", DetectionKind.RADAR, stamp[radar], seen),
     ]
-    out = run_filter(prepare(data).rows, FilterConfig(filter=name, smooth=False))
+    out = run_filter(prepare_detections(data).rows, FilterConfig(filter=name, smooth=False))
     assert np.isfinite(out.state).all()
     assert (np.linalg.eigvalsh(out.covariance) > 0.0).all()
     np.testing.assert_allclose(out.state[-1, :4], [truth[-1, 0], 0.0, 1.0, 0.0], atol=0.25)
@@ -121,8 +121,8 @@ def test_a_bearing_across_pi_is_wrapped():
     assert azimuth.min() < -3.0
     r = np.hypot(truth[:, 0], truth[:, 1])
     rate = (truth[:, :2] * truth[:, 2:]).sum(axis=1) / r
-    rows = prepare([Detections("r", DetectionKind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
-    for name in FILTERS:
+    rows = prepare_detections([Detections("r", DetectionKind.RADAR, stamp, np.stack([r, azimuth, rate], axis=1))]).rows
+    for name in IS_UNSCENTED_BY_FILTER:
         out = run_filter(rows, FilterConfig(filter=name, model="cv", smooth=False))
         assert (out.status[1:] == RowStatus.USED).all()
         np.testing.assert_allclose(out.state[-1], truth[-1], atol=0.05)
@@ -134,7 +134,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
     xy = np.stack([np.arange(n) * 0.1, np.zeros(n)], axis=1)
     xy[30] += 20.0
     xy[50:] += 40.0  # another target from here on
-    rows = prepare([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
+    rows = prepare_detections([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(model="cv", noise=0.1, smooth=False, gate_probability=0.999))
     gated = np.flatnonzero(out.status == RowStatus.GATED)
     assert gated[0] == 30
@@ -147,7 +147,7 @@ def test_outliers_are_gated_and_ten_in_a_row_make_a_new_start():
 def test_a_gap_longer_than_is_bridged_makes_a_new_start():
     stamp = np.concatenate([np.arange(10), 100 + np.arange(10)]) * 100_000_000
     xy = np.concatenate([np.zeros((10, 2)), np.full((10, 2), 30.0)])
-    rows = prepare([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
+    rows = prepare_detections([Detections("l", DetectionKind.POSITION, stamp, xy)]).rows
     out = run_filter(rows, FilterConfig(max_gap_s=2.0))
     assert np.flatnonzero(out.status == RowStatus.STARTED).tolist() == [0, 10]
     np.testing.assert_allclose(out.state[:10, :2], 0.0, atol=1e-9)  # nothing is smoothed across the gap
@@ -155,7 +155,7 @@ def test_a_gap_longer_than_is_bridged_makes_a_new_start():
 
 
 def test_no_rows_give_no_states():
-    rows = prepare([]).rows
+    rows = prepare_detections([]).rows
     out = run_filter(rows, FilterConfig())
     assert out.state.shape == (0, 5)
     assert out.log_likelihood == 0.0

@@ -14,7 +14,7 @@ from cwcli.tracking.detections import (
     body_from_paper,
     paper_from_body,
 )
-from cwcli.tracking.prepare import in_order, prepare
+from cwcli.tracking.prepare import in_order_mask, prepare_detections
 
 S = 1_000_000_000
 
@@ -42,7 +42,7 @@ def test_bad_detections_are_counted_by_reason():
         [2e4, 0, 0],
         [5, 7, 0],
     ]
-    count = prepare([radar(values)]).counts["radar"]
+    count = prepare_detections([radar(values)]).counts["radar"]
     assert count.rejected == {"not finite": 2, "negative range": 1, "beyond the sensor's range": 1}
     assert count.repaired == {"impossible range rate, left out": 1}
     assert (count.read, count.used) == (8, 4)
@@ -50,26 +50,28 @@ def test_bad_detections_are_counted_by_reason():
 
 def test_a_wrong_frame_id_is_counted():
     frame = Strings(np.array([0, 1, 0, -1], np.int32), ("lidar_front", "lidar_rear"))
-    prepared = prepare([lidar(np.ones((4, 2)), frame=frame)], {"lidar": SensorModel(frame_ids=("lidar_front",))})
+    prepared = prepare_detections(
+        [lidar(np.ones((4, 2)), frame=frame)], {"lidar": SensorModel(frame_ids=("lidar_front",))}
+    )
     assert prepared.counts["lidar"].rejected == {"wrong frame id": 2}
     assert prepared.rows.index.tolist() == [0, 2]
 
 
 def test_huge_numbers_do_no_harm():
-    count = prepare([lidar([[1e308, 1e308], [-1e308, 0.0], [1.0, 1.0]])]).counts["lidar"]
+    count = prepare_detections([lidar([[1e308, 1e308], [-1e308, 0.0], [1.0, 1.0]])]).counts["lidar"]
     assert count.rejected == {"beyond the sensor's range": 2}
 
 
 def test_a_missing_rate_makes_a_two_value_row():
-    rows = prepare([radar([[5, 0, 1.0], [5, 0, np.nan]])]).rows
+    rows = prepare_detections([radar([[5, 0, 1.0], [5, 0, np.nan]])]).rows
     assert rows.kind.tolist() == [2, 1]
-    rows = prepare([radar([[5, 0, 1.0]])], {"radar": SensorModel(use_range_rate=False)}).rows
+    rows = prepare_detections([radar([[5, 0, 1.0]])], {"radar": SensorModel(use_range_rate=False)}).rows
     assert rows.kind.tolist() == [1]
 
 
 def test_out_of_sequence_detections_are_put_in_order():
     stamp = np.array([0, 1, 3, 2, 4]) * S // 10
-    prepared = prepare([lidar(np.arange(10), stamp)])
+    prepared = prepare_detections([lidar(np.arange(10), stamp)])
     assert prepared.rows.index.tolist() == [0, 1, 3, 2, 4]
     assert prepared.counts["lidar"].repaired == {"arrived out of order, put in order": 1}
     assert prepared.counts["lidar"].used == 5
@@ -91,24 +93,24 @@ def test_out_of_sequence_detections_are_put_in_order():
 )
 def test_time_going_backwards_costs_the_fewest_rows(stamp_s, kept):
     stamp = (np.array(stamp_s, float) * S).astype(np.int64)
-    assert in_order(stamp, 1.0).astype(int).tolist() == kept
+    assert in_order_mask(stamp, 1.0).astype(int).tolist() == kept
 
 
 def test_absurd_stamps_do_not_overflow():
     ends = np.iinfo(np.int64)
     stamp = np.array([ends.max, 0, S, ends.min, 2 * S, 3 * S], np.int64)
-    assert in_order(stamp, 1.0).tolist() == [False, True, True, False, True, True]
+    assert in_order_mask(stamp, 1.0).tolist() == [False, True, True, False, True, True]
 
 
 def test_time_going_backwards_is_counted():
     stamp = np.array([100, 101, 1, 102]) * S
-    count = prepare([lidar(np.ones((4, 2)), stamp)]).counts["lidar"]
+    count = prepare_detections([lidar(np.ones((4, 2)), stamp)]).counts["lidar"]
     assert count.rejected == {"time went backwards or jumped": 1}
 
 
 def test_a_crowded_scan_is_cut_and_counted():
     stamp = np.concatenate([np.zeros(50), [S]]).astype(np.int64)
-    prepared = prepare([lidar(np.ones((51, 2)), stamp)], max_scan=20)
+    prepared = prepare_detections([lidar(np.ones((51, 2)), stamp)], max_scan=20)
     assert prepared.counts["lidar"].rejected == {"more than 20 in one scan": 30}
     assert np.diff(prepared.scans.first).tolist() == [20, 1]
 
@@ -118,30 +120,32 @@ def test_noise_is_the_messages_then_the_models_then_the_default():
     given[1] = np.nan
     given[2] = 0.0
     given[3] = [[1.0, 5.0], [5.0, 1.0]]  # not positive
-    prepared = prepare([lidar(np.ones((4, 2)), covariance=given)], {"lidar": SensorModel(sigma=(0.5, 0.5))})
+    prepared = prepare_detections([lidar(np.ones((4, 2)), covariance=given)], {"lidar": SensorModel(sigma=(0.5, 0.5))})
     np.testing.assert_allclose(prepared.rows.r[:, 0, 0], [4.0, 0.25, 0.25, 0.25])
     assert prepared.counts["lidar"].repaired == {"covariance not positive or absurd, the sensor's noise taken": 1}
-    np.testing.assert_allclose(prepare([lidar([[1, 1]])]).rows.r[0, 0, 0], 0.15**2)
+    np.testing.assert_allclose(prepare_detections([lidar([[1, 1]])]).rows.r[0, 0, 0], 0.15**2)
 
 
 def test_mounting_turns_positions_covariances_and_bearings():
     model = SensorModel(x_m=2.0, y_m=1.0, yaw_rad=np.pi / 2, sigma=(0.1, 0.4))
-    rows = prepare([lidar([[3.0, 0.5]])], {"lidar": model}).rows
+    rows = prepare_detections([lidar([[3.0, 0.5]])], {"lidar": model}).rows
     np.testing.assert_allclose(rows.z[0, :2], [2.0 - 0.5, 1.0 + 3.0])
     np.testing.assert_allclose(rows.r[0, :2, :2], np.diag([0.16, 0.01]), atol=1e-15)
-    rows = prepare([radar([[3.0, 3.0, 0.0]])], {"radar": SensorModel(x_m=2.0, y_m=1.0, yaw_rad=np.pi / 2)}).rows
+    rows = prepare_detections(
+        [radar([[3.0, 3.0, 0.0]])], {"radar": SensorModel(x_m=2.0, y_m=1.0, yaw_rad=np.pi / 2)}
+    ).rows
     assert rows.z[0, 1] == pytest.approx(3.0 + np.pi / 2 - 2 * np.pi)
     np.testing.assert_allclose(rows.origin[0], [2.0, 1.0, 0.0, 0.0])
 
 
 def test_paper_axes_are_x_right_y_forward():
     forward, right = [0.0, 7.0], [3.0, 0.0]
-    rows = prepare([lidar([forward, right])], {"lidar": SensorModel(axes="paper")}).rows
+    rows = prepare_detections([lidar([forward, right])], {"lidar": SensorModel(axes="paper")}).rows
     np.testing.assert_allclose(rows.z[:, :2], [[7.0, 0.0], [0.0, -3.0]], atol=1e-12)
     np.testing.assert_allclose(body_from_paper(np.array([forward, right])), [[7.0, 0.0], [0.0, -3.0]])
     np.testing.assert_allclose(paper_from_body(rows.z[:, :2]), [forward, right], atol=1e-12)
     # eq. 4 counts the azimuth from x, the right: straight ahead is 90 degrees, which is 0 in the body frame
-    rows = prepare([radar([[7.0, np.pi / 2, 0.0]])], {"radar": SensorModel(axes="paper")}).rows
+    rows = prepare_detections([radar([[7.0, np.pi / 2, 0.0]])], {"radar": SensorModel(axes="paper")}).rows
     assert rows.z[0, 1] == pytest.approx(0.0)
 
 
@@ -177,7 +181,9 @@ def test_ego_motion_puts_a_standing_target_at_one_place_of_the_map():
     rate = -(away * sensor_velocity).sum(axis=1) / r
     polar = np.stack([r, np.arctan2(in_sensor[:, 1], in_sensor[:, 0]), rate], axis=1)
     model = SensorModel(x_m=3.0, y_m=0.5, yaw_rad=yaw)
-    rows = prepare([lidar(in_sensor, stamp), radar(polar, stamp)], {"lidar": model, "radar": model}, ego).rows
+    rows = prepare_detections(
+        [lidar(in_sensor, stamp), radar(polar, stamp)], {"lidar": model, "radar": model}, ego
+    ).rows
     is_lidar = rows.kind == 0
     np.testing.assert_allclose(rows.z[is_lidar, :2], np.tile(target, (40, 1)), atol=5e-3)  # linear between ego stamps
     seen = rows.z[~is_lidar]
@@ -191,37 +197,37 @@ def test_ego_motion_puts_a_standing_target_at_one_place_of_the_map():
 def test_detections_without_an_ego_state_are_counted():
     ego = circle(20)  # 0 to 0.95 s
     stamp = np.array([0, S // 2, 5 * S])
-    prepared = prepare([lidar(np.ones((3, 2)), stamp)], None, ego)
+    prepared = prepare_detections([lidar(np.ones((3, 2)), stamp)], None, ego)
     assert prepared.counts["lidar"].rejected == {"no ego state at that time": 1}
     none = EgoStates(*(np.zeros(0, np.int64 if k == 0 else float) for k in range(6)))
-    assert prepare([lidar(np.ones((3, 2)), stamp)], None, none).counts["lidar"].used == 0
+    assert prepare_detections([lidar(np.ones((3, 2)), stamp)], None, none).counts["lidar"].used == 0
 
 
 def test_a_sensor_fixed_in_the_map_is_not_moved_with_the_car():
-    rows = prepare([lidar([[1.0, 2.0]])], {"lidar": SensorModel(carrier="map")}, circle()).rows
+    rows = prepare_detections([lidar([[1.0, 2.0]])], {"lidar": SensorModel(carrier="map")}, circle()).rows
     np.testing.assert_allclose(rows.z[0, :2], [1.0, 2.0])
 
 
 def test_empty_scans_are_kept():
     data = lidar(np.ones((2, 2)), np.array([0, 2 * S]), scan_stamp_ns=np.array([0, S, 2 * S, 3 * S]))
-    scans = prepare([data]).scans
+    scans = prepare_detections([data]).scans
     assert np.diff(scans.first).tolist() == [1, 0, 1, 0]
 
 
 def test_two_entries_for_one_source_and_wrong_shapes_are_refused():
     with pytest.raises(ValueError, match="two entries"):
-        prepare([lidar([[1, 1]]), lidar([[1, 1]])])
+        prepare_detections([lidar([[1, 1]]), lidar([[1, 1]])])
     with pytest.raises(ValueError, match="values"):
         Detections("x", DetectionKind.RADAR, np.zeros(1, np.int64), np.zeros((1, 2)))
     with pytest.raises(ValueError, match="sigma"):
         SensorModel(sigma=(0.1, -1.0))
     with pytest.raises(ValueError, match="sigmas for"):
-        prepare([radar([[1, 1, 1]])], {"radar": SensorModel(sigma=(0.1,))})
+        prepare_detections([radar([[1, 1, 1]])], {"radar": SensorModel(sigma=(0.1,))})
 
 
 def test_nothing_that_was_given_is_changed():
     values, stamp = np.array([[1.0, 2.0], [3.0, 4.0]]), np.array([S, 0])
     kept = values.copy(), stamp.copy()
-    prepare([lidar(values, stamp)], {"lidar": SensorModel(yaw_rad=1.0)})
+    prepare_detections([lidar(values, stamp)], {"lidar": SensorModel(yaw_rad=1.0)})
     np.testing.assert_array_equal(values, kept[0])
     np.testing.assert_array_equal(stamp, kept[1])

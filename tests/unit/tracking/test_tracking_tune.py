@@ -4,9 +4,9 @@ from scipy.optimize import minimize
 
 from cwcli.tracking.config import FilterConfig
 from cwcli.tracking.detections import DetectionKind, Detections, SensorModel
-from cwcli.tracking.prepare import prepare
-from cwcli.tracking.single import consistency, run_filter
-from cwcli.tracking.tune import minimise, rescale, tune
+from cwcli.tracking.prepare import prepare_detections
+from cwcli.tracking.single_target import nis_consistency_by_source, run_filter
+from cwcli.tracking.tune import minimise_by_nelder_mead, scale_sigmas, tune_noise
 
 TRUE = {"noise": 0.8, "lidar": 0.06, "range": 0.5, "azimuth": 0.004, "rate": 0.1}
 
@@ -36,8 +36,8 @@ def constant_velocity_walk(seed, n=1500, dt=0.05):
 @pytest.mark.parametrize("name", ["ukf", "ekf"])
 def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(name):
     start = SensorModel(sigma=(0.9, 0.9)), SensorModel(sigma=(0.3, 0.03, 1.5))
-    rows = prepare(constant_velocity_walk(5), {"lidar": start[0], "radar": start[1]}).rows
-    found = tune([rows], FilterConfig(filter=name, model="cv"))
+    rows = prepare_detections(constant_velocity_walk(5), {"lidar": start[0], "radar": start[1]}).rows
+    found = tune_noise([rows], FilterConfig(filter=name, model="cv"))
     sigma = {
         "noise": found.config.noise,
         "lidar": 0.9 * found.scale["lidar"][0],
@@ -46,25 +46,25 @@ def test_noise_is_found_although_the_defaults_are_wrong_by_up_to_fifteen_times(n
     for key, value in TRUE.items():
         assert sigma[key] == pytest.approx(value, rel=0.12), key
     assert found.log_likelihood > found.log_likelihood_before
-    tuned = rescale(rows, found.scale)
+    tuned = scale_sigmas(rows, found.scale)
     out = run_filter(tuned, found.config, smooth=False)
-    for check in consistency(tuned.sources, tuned.source, out.nis, out.n_values, out.status).values():
-        assert check.is_inside
+    for check in nis_consistency_by_source(tuned.sources, tuned.source, out.nis, out.n_values, out.status).values():
+        assert check.is_within_bounds
 
 
 def test_too_few_rows_are_left_alone():
-    rows = prepare([Detections("l", DetectionKind.POSITION, np.arange(3), np.zeros((3, 2)))]).rows
-    found = tune([rows], FilterConfig())
+    rows = prepare_detections([Detections("l", DetectionKind.POSITION, np.arange(3), np.zeros((3, 2)))]).rows
+    found = tune_noise([rows], FilterConfig())
     assert found.scale == {}
     assert found.n_evaluations == 1
-    assert tune([], FilterConfig()).scale == {}
+    assert tune_noise([], FilterConfig()).scale == {}
 
 
 def test_the_search_finds_what_scipy_finds():
     def valley(x):
         return float(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2 + (x[2] - 0.5) ** 2)
 
-    point, value, calls = minimise(valley, np.array([-1.0, 1.5, 0.0]), tolerance=1e-7)
+    point, value, calls = minimise_by_nelder_mead(valley, np.array([-1.0, 1.5, 0.0]), tolerance=1e-7)
     expected = minimize(valley, [-1.0, 1.5, 0.0], method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-8})
     np.testing.assert_allclose(point, expected.x, atol=1e-3)
     assert value < 1e-5

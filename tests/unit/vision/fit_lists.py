@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cwcli.vision.fit_columns import FitColumns, FitRecorder
+from cwcli.vision.fit_columns import FitCollector, FitColumns
 from cwcli.vision.method import LaneFit
 
 
 def columns_of(fits: list[LaneFit]) -> FitColumns:
     """The given fits as columns."""
-    recorder = FitRecorder()
+    recorder = FitCollector()
     for fit in fits:
-        recorder.append(fit)
-    return recorder.columns()
+        recorder.append_fit(fit)
+    return recorder.to_columns()

@@ -16,7 +16,7 @@ from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import RoadCamera
-from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.vision.camera import Mounting
 
@@ -125,4 +125,4 @@ LENSES = {
 def drive_through(lens: Lens, *, seed: int = 3, n_frames: int = 20, road: str = "good") -> RoadDrive:
     """A drive at 10 Hz, rendered for a lens."""
     config = RoadDriveConfig(road=road, seed=seed, duration_s=(n_frames - 1) / 10.0, rate_hz=10.0)
-    return plan_drive(config, lens.source)
+    return plan_road_drive(config, lens.source)

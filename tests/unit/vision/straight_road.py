@@ -9,7 +9,7 @@ from cwcli.vision.camera import Camera, Mounting
 WIDTH_M = 3.5
 PAINT_M, FAR_M = 0.15, 80.0
 CAMERA = Camera(480, 270, 416.0, 416.0, 239.5, 134.5, mounting=Mounting(height_m=1.4, pitch_rad=0.02))
-HORIZON_PX = float(CAMERA.horizon_v_px())
+HORIZON_PX = float(CAMERA.horizon_row_px())
 
 
 def picture(lines_m: list[float], yaw_rad: float, seed: int) -> np.ndarray:

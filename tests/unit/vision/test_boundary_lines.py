@@ -8,8 +8,8 @@ import pytest
 from cwcli.vision.boundary import NOT_FOUND, Boundary
 from cwcli.vision.boundary_lines import BoundaryLines
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.ground import image_roads, line_tops
-from cwcli.vision.lane_model import parabolas_of_lane
+from cwcli.vision.ground import boundary_end_rows_px, road_curves_in_image
+from cwcli.vision.lane_model import fit_boundary_parabolas
 from cwcli.vision.method import LaneFit
 from tests.unit.vision.fit_lists import columns_of
 
@@ -23,14 +23,16 @@ ATOL_PX = 1e-6
 
 def fit_of(lane: np.ndarray) -> LaneFit:
     """What the default method publishes of a lane."""
-    left, right = (Boundary(*row, 0.0, 1.0, True) for row in parabolas_of_lane(lane, CAMERA).tolist())
+    left, right = (Boundary(*row, 0.0, 1.0, True) for row in fit_boundary_parabolas(lane, CAMERA).tolist())
     return LaneFit(left, right, pitch_rad=float(np.arctan((CAMERA.cy - lane[4]) / CAMERA.fy)))
 
 
 def lines_of(*lanes: np.ndarray) -> BoundaryLines:
     fits = columns_of([fit_of(lane) for lane in lanes])
-    horizon_px = CAMERA.horizon_v_px(fits.pitch_rad)
-    return BoundaryLines(fits.parabolas, image_roads(fits, CAMERA), horizon_px, line_tops(fits, CAMERA, horizon_px))
+    horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
+    return BoundaryLines(
+        fits.parabolas, road_curves_in_image(fits, CAMERA), horizon_px, boundary_end_rows_px(fits, CAMERA, horizon_px)
+    )
 
 
 @pytest.mark.parametrize("bend_px2", BENDS_PX2)
@@ -42,9 +44,11 @@ def test_road_comes_back_from_its_parabola(bend_px2: float) -> None:
     u0, middle, width, _, horizon, _ = lane
     h = rows_px - horizon
     expected = np.stack([u0 + (middle + side * width) * h + bend_px2 / h for side in (-0.5, 0.5)]) + 1.0
-    np.testing.assert_allclose(lines.columns_px(360.0 - rows_px[None], 360.0)[0], expected, rtol=0, atol=ATOL_PX)
+    np.testing.assert_allclose(
+        lines.columns_at_heights_px(360.0 - rows_px[None], 360.0)[0], expected, rtol=0, atol=ATOL_PX
+    )
     parabolas = BoundaryLines(lines.parabolas, lines.roads * np.nan, lines.horizon_px, lines.top_px)
-    off_px = np.abs(parabolas.columns_px(360.0 - rows_px[None], 360.0)[0] - expected).max()
+    off_px = np.abs(parabolas.columns_at_heights_px(360.0 - rows_px[None], 360.0)[0] - expected).max()
     assert (off_px > 5.0) == (bend_px2 != 0.0)  # what the parabola is off far ahead
 
 
@@ -55,7 +59,7 @@ def test_roads_end_with_the_road_at_60_m() -> None:
     assert lines.top_px[0] == pytest.approx(110.8)
     long = Camera(640, 360, 1500.0, 1500.0, 319.5, 179.5, mounting=Mounting(height_m=1.2))
     fits = columns_of([LaneFit(NOT_FOUND, NOT_FOUND, pitch_rad=0.0)])
-    assert line_tops(fits, long, np.array([179.5]))[0] == pytest.approx(179.5 + 1500.0 * 1.2 / 60.0)
+    assert boundary_end_rows_px(fits, long, np.array([179.5]))[0] == pytest.approx(179.5 + 1500.0 * 1.2 / 60.0)
 
 
 @pytest.mark.parametrize(
@@ -69,15 +73,15 @@ def test_where_the_method_finds_no_horizon_lines_end_at_five_eighths_or_below_th
     upright = columns_of(
         [LaneFit(Boundary(0.0, 0.0, 100.0, 1.0, 1.0, True), Boundary(0.0, 0.0, 200.0, 1.0, 1.0, True))]
     )
-    roads = image_roads(upright, CAMERA)
+    roads = road_curves_in_image(upright, CAMERA)
     assert np.isnan(roads).all()
     lines = BoundaryLines(
-        upright.parabolas, roads, np.array([horizon_px]), line_tops(upright, CAMERA, np.array([horizon_px]))
+        upright.parabolas, roads, np.array([horizon_px]), boundary_end_rows_px(upright, CAMERA, np.array([horizon_px]))
     )
     assert lines.top_px[0] == pytest.approx(top_px)
     rows_px = np.arange(360.0)
     expected = np.where(rows_px >= lines.top_px[0], np.array([[100.0], [200.0]]), np.nan)
-    np.testing.assert_allclose(lines.columns_px(360.0 - rows_px[None], 360.0)[0], expected)
+    np.testing.assert_allclose(lines.columns_at_heights_px(360.0 - rows_px[None], 360.0)[0], expected)
 
 
 def test_boundaries_end_where_they_meet_in_whatever_order_the_rows_are() -> None:
@@ -85,14 +89,16 @@ def test_boundaries_end_where_they_meet_in_whatever_order_the_rows_are() -> None
     nothing = np.full((1, 2, 4), np.nan)
     lines = BoundaryLines(fits.parabolas, nothing, np.array([np.nan]), np.array([90.0]))
     y_px = np.array([[60.0, 20.0, 44.0, 42.0]])  # x = y + 10 and x = 100 - y are 4 px apart at 43, and cross at 45
-    assert np.isfinite(lines.columns_px(y_px, 240.0)[0]).tolist() == [[False, True, False, True]] * 2
+    assert np.isfinite(lines.columns_at_heights_px(y_px, 240.0)[0]).tolist() == [[False, True, False, True]] * 2
 
 
 def test_one_boundary_alone_is_a_line() -> None:
     fit = fit_of(LEVEL)
     fits = columns_of([LaneFit(NOT_FOUND, fit.right, pitch_rad=fit.pitch_rad)])
-    horizon_px = CAMERA.horizon_v_px(fits.pitch_rad)
-    lines = BoundaryLines(fits.parabolas, image_roads(fits, CAMERA), horizon_px, line_tops(fits, CAMERA, horizon_px))
-    found = np.isfinite(lines.columns_px(np.linspace(1.0, 240.0, 9)[None], 360.0)[0])
+    horizon_px = CAMERA.horizon_row_px(fits.pitch_rad)
+    lines = BoundaryLines(
+        fits.parabolas, road_curves_in_image(fits, CAMERA), horizon_px, boundary_end_rows_px(fits, CAMERA, horizon_px)
+    )
+    found = np.isfinite(lines.columns_at_heights_px(np.linspace(1.0, 240.0, 9)[None], 360.0)[0])
     assert not found[0].any()
     assert found[1].all()

@@ -10,7 +10,7 @@ import pytest
 
 from cwcli.errors import UsageError
 from cwcli.signals.canonical import CameraInfoSignal
-from cwcli.vision.camera import Camera, Mounting, calibrated_camera, default_camera
+from cwcli.vision.camera import Camera, Mounting, camera_from_calibration, default_camera
 
 ATOL_PX = 1e-6
 ATOL_M = 1e-6
@@ -24,22 +24,22 @@ FISHEYE = (-0.02, 0.004, -0.001, 0.0002)
 def test_level_camera_by_hand() -> None:
     # 1.2 m up, focal length 500: a point 10 m ahead and 2 m to the left lies 100 left of and 60 below the centre.
     camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, mounting=Mounting(height_m=1.2))
-    u, v = camera.image_from_ground(np.array([10.0]), np.array([2.0]))
+    u, v = camera.image_points_from_ground(np.array([10.0]), np.array([2.0]))
     assert (u[0], v[0]) == pytest.approx((220.0, 300.0), abs=ATOL_PX)
-    assert float(camera.horizon_v_px()) == pytest.approx(240.0)
+    assert float(camera.horizon_row_px()) == pytest.approx(240.0)
 
 
 def test_signs_of_the_mounting_by_hand() -> None:
     camera = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, mounting=Mounting(height_m=1.2))
     ahead = (np.array([20.0]), np.array([0.0]))
-    u0, v0 = camera.image_from_ground(*ahead)
-    nose_down = camera.turned(pitch_rad=0.05)
-    assert nose_down.image_from_ground(*ahead)[1][0] < v0[0]  # the road moves up in the image
-    assert float(nose_down.horizon_v_px()) == pytest.approx(240.0 - 500.0 * math.tan(0.05))
-    to_the_left = camera.turned(yaw_rad=0.05)
-    assert to_the_left.image_from_ground(*ahead)[0][0] > u0[0]
+    u0, v0 = camera.image_points_from_ground(*ahead)
+    nose_down = camera.with_pitch_and_yaw(pitch_rad=0.05)
+    assert nose_down.image_points_from_ground(*ahead)[1][0] < v0[0]  # the road moves up in the image
+    assert float(nose_down.horizon_row_px()) == pytest.approx(240.0 - 500.0 * math.tan(0.05))
+    to_the_left = camera.with_pitch_and_yaw(yaw_rad=0.05)
+    assert to_the_left.image_points_from_ground(*ahead)[0][0] > u0[0]
     left_of_centre = Camera(640, 480, 500.0, 500.0, 320.0, 240.0, mounting=Mounting(1.2, lateral_offset_m=0.5))
-    assert left_of_centre.image_from_ground(*ahead)[0][0] == pytest.approx(320.0 + 500.0 * 0.5 / 20.0)
+    assert left_of_centre.image_points_from_ground(*ahead)[0][0] == pytest.approx(320.0 + 500.0 * 0.5 / 20.0)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_signs_of_the_mounting_by_hand() -> None:
 def test_ground_and_image_are_inverse(model: str, coefficients: tuple[float, ...]) -> None:
     mounting = Mounting(1.4, pitch_rad=0.04, yaw_rad=-0.02, roll_rad=0.01, lateral_offset_m=-0.2)
     camera = Camera(1280, 720, 900.0, 905.0, 640.0, 350.0, model, coefficients, mounting)
-    x_m, y_m = camera.ground_from_image(*camera.image_from_ground(X_M, Y_M))
+    x_m, y_m = camera.ground_points_from_image(*camera.image_points_from_ground(X_M, Y_M))
     np.testing.assert_allclose(x_m, X_M, atol=1e-4)
     np.testing.assert_allclose(y_m, Y_M, atol=1e-4)
 
@@ -64,23 +64,25 @@ def test_projection_equals_opencv_with_the_rotation_spelt_out() -> None:
     turn = rename @ undo_pitch @ undo_yaw
     shift = -turn @ np.array([0.0, 0.3, 1.4])
     points = np.column_stack([X_M, Y_M, np.zeros_like(X_M)])
-    expected = cv2.projectPoints(points, cv2.Rodrigues(turn)[0], shift, camera.matrix(), np.array(PLUMB_BOB))[0]
-    np.testing.assert_allclose(np.column_stack(camera.image_from_ground(X_M, Y_M)), expected[:, 0], atol=1e-5)
+    expected = cv2.projectPoints(points, cv2.Rodrigues(turn)[0], shift, camera.intrinsic_matrix(), np.array(PLUMB_BOB))[
+        0
+    ]
+    np.testing.assert_allclose(np.column_stack(camera.image_points_from_ground(X_M, Y_M)), expected[:, 0], atol=1e-5)
 
 
 def test_points_behind_and_above_the_horizon_are_nan() -> None:
     camera = default_camera(640, 480, Mounting())
-    assert np.isnan(camera.image_from_ground(np.array([-5.0]), np.array([0.0]))[0][0])
-    x_m, y_m = camera.ground_from_image(np.array([320.0]), np.array([100.0]))
+    assert np.isnan(camera.image_points_from_ground(np.array([-5.0]), np.array([0.0]))[0][0])
+    x_m, y_m = camera.ground_points_from_image(np.array([320.0]), np.array([100.0]))
     assert np.isnan(x_m[0])
     assert np.isnan(y_m[0])
 
 
 def test_resized_camera_sees_the_same_ground() -> None:
     camera = Camera(1280, 720, 900.0, 905.0, 640.0, 350.0, mounting=Mounting(1.4, pitch_rad=0.04))
-    small = camera.resized(320, 240)
-    u, v = camera.image_from_ground(X_M, Y_M)
-    su, sv = small.image_from_ground(X_M, Y_M)
+    small = camera.with_image_size(320, 240)
+    u, v = camera.image_points_from_ground(X_M, Y_M)
+    su, sv = small.image_points_from_ground(X_M, Y_M)
     np.testing.assert_allclose((su + 0.5) * 4.0, u + 0.5, atol=ATOL_PX)
     np.testing.assert_allclose((sv + 0.5) * 3.0, v + 0.5, atol=ATOL_PX)
 
@@ -88,7 +90,7 @@ def test_resized_camera_sees_the_same_ground() -> None:
 def test_default_camera_has_the_stated_field_of_view() -> None:
     camera = default_camera(1000, 500, Mounting())
     assert camera.is_default
-    edge = camera.rays_from_image(np.array([-0.5, 999.5]), np.array([249.5, 249.5]))
+    edge = camera.viewing_rays_from_image(np.array([-0.5, 999.5]), np.array([249.5, 249.5]))
     np.testing.assert_allclose(np.degrees(np.arctan(edge[:, 0])), [-30.0, 30.0], atol=1e-9)
 
 
@@ -99,13 +101,13 @@ def info(model: str, distortion: tuple[float, ...]) -> CameraInfoSignal:
 
 
 def test_calibration_gives_k_and_distortion_or_p_for_rectified_images() -> None:
-    camera = calibrated_camera(info("plumb_bob", PLUMB_BOB), Mounting(), is_rectified=False)
+    camera = camera_from_calibration(info("plumb_bob", PLUMB_BOB), Mounting(), is_rectified=False)
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (900.0, 905.0, 640.0, 350.0)
     assert camera.distortion == PLUMB_BOB
-    rectified = calibrated_camera(info("plumb_bob", PLUMB_BOB), Mounting(), is_rectified=True)
+    rectified = camera_from_calibration(info("plumb_bob", PLUMB_BOB), Mounting(), is_rectified=True)
     assert (rectified.fx, rectified.cx, rectified.distortion) == (800.0, 630.0, ())
 
 
 def test_unknown_distortion_is_an_error_that_names_it() -> None:
     with pytest.raises(UsageError, match="atan"):
-        calibrated_camera(info("atan", (0.9,)), Mounting(), is_rectified=False)
+        camera_from_calibration(info("atan", (0.9,)), Mounting(), is_rectified=False)

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.vision.depth_images import scaled
+from cwcli.vision.depth_images import scale_to_grey
 from cwcli.vision.frames import decode_frame
-from cwcli.vision.raw_images import RawImageError, raw_colour, raw_grey
+from cwcli.vision.raw_images import RawImageError, decode_raw_as_colour, decode_raw_as_grey
 from tests.unit.vision.fake_frames import FakeFrame, encoded, gradient
 
 WIDTH, HEIGHT = 64, 48
@@ -30,31 +30,31 @@ def test_nv_image_has_its_luminance_and_its_colours(name: str) -> None:
     y, u, v = 81, 90, 240  # red
     chroma = bytes([u, v] if name == "nv12" else [v, u]) * (WIDTH * HEIGHT // 4)
     frame = nv(name, bytes([y]) * (WIDTH * HEIGHT) + chroma)
-    np.testing.assert_array_equal(raw_grey(frame), np.full((HEIGHT, WIDTH), y))
-    np.testing.assert_allclose(raw_colour(frame)[5, 7], [0, 0, 255], atol=2)
+    np.testing.assert_array_equal(decode_raw_as_grey(frame), np.full((HEIGHT, WIDTH), y))
+    np.testing.assert_allclose(decode_raw_as_colour(frame)[5, 7], [0, 0, 255], atol=2)
 
 
 def test_nv_image_without_its_colours_is_a_reason() -> None:
     with pytest.raises(RawImageError, match="fewer bytes"):
-        raw_colour(nv("nv12", bytes(WIDTH * HEIGHT)))
+        decode_raw_as_colour(nv("nv12", bytes(WIDTH * HEIGHT)))
     odd = FakeFrame(bytes(33 * 49 * 2), width=33, height=49, encoding="nv12", step=33)
     with pytest.raises(RawImageError, match="odd number"):
-        raw_colour(odd)
+        decode_raw_as_colour(odd)
 
 
 def test_floats_are_scaled_and_what_is_none_is_black() -> None:
     depth = np.linspace(1.0, 9.0, WIDTH * HEIGHT, dtype=np.float32).reshape(HEIGHT, WIDTH)
     depth[0, 0], depth[1, 1] = np.nan, np.inf
     frame = FakeFrame(depth.tobytes(), width=WIDTH, height=HEIGHT, encoding="32FC1", step=4 * WIDTH)
-    grey = raw_grey(frame)
+    grey = decode_raw_as_grey(frame)
     assert (grey[0, 0], grey[1, 1], grey[0, 1], grey[-1, -1]) == (0, 0, 1, 255)
-    np.testing.assert_array_equal(raw_colour(frame)[:, :, 2], grey)
+    np.testing.assert_array_equal(decode_raw_as_colour(frame)[:, :, 2], grey)
 
 
 @pytest.mark.parametrize("values", [[np.nan, np.nan], [3.0, 3.0], [-np.inf, np.inf]])
 def test_scaling_of_nothing(values: list[float]) -> None:
     expected = 1 if np.isfinite(values).any() else 0
-    np.testing.assert_array_equal(scaled(np.array([values])), [[expected, expected]])
+    np.testing.assert_array_equal(scale_to_grey(np.array([values])), [[expected, expected]])
 
 
 def compressed(name: str, values: np.ndarray, a: float = 0.0, b: float = 0.0) -> FakeFrame:
@@ -67,7 +67,7 @@ def compressed(name: str, values: np.ndarray, a: float = 0.0, b: float = 0.0) ->
 def test_compressed_depth_of_whole_numbers(name: str) -> None:
     values = (np.arange(WIDTH * HEIGHT, dtype=np.uint16) * 20).reshape(HEIGHT, WIDTH)
     decoded = decode_frame(0, compressed(name, values), as_it_is)
-    assert (decoded.rejected, decoded.width_px, decoded.height_px) == ("", WIDTH, HEIGHT)
+    assert (decoded.rejection_reason, decoded.width_px, decoded.height_px) == ("", WIDTH, HEIGHT)
     np.testing.assert_array_equal(decoded.image, values // 256)
     colour = decode_frame(0, compressed(name, values), None).image
     assert colour is not None
@@ -93,7 +93,7 @@ def test_compressed_depth_of_real_numbers_is_turned_back() -> None:
 )
 def test_compressed_depth_that_is_none(name: str, data: bytes, reason: str) -> None:
     frame = FakeFrame(struct.pack("<iff", 0, 0.0, 0.0) + data if data else b"short", format=name)
-    assert reason in decode_frame(0, frame, as_it_is).rejected
+    assert reason in decode_frame(0, frame, as_it_is).rejection_reason
 
 
 @pytest.mark.parametrize(

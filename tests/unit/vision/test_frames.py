@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.vision.frames import MAX_PIXELS, decode_frame, decode_frames
+from cwcli.vision.frames import MAX_IMAGE_PIXELS, decode_frame, decode_frames
 from cwcli.vision.image_header import read_image_header
-from cwcli.vision.raw_images import BAYER, raw_colour, raw_grey
+from cwcli.vision.raw_images import BAYER_ENCODINGS, decode_raw_as_colour, decode_raw_as_grey
 from tests.unit.vision.fake_frames import FakeFrame, encoded, gradient, png_header
 from tests.unit.vision.h264_pcm import key_picture, parameters
 from tests.unit.vision.video_clips import H265
@@ -134,15 +134,17 @@ def test_packed_raw_images(padding: int) -> None:
     }
     for encoding, array in cases.items():
         frame = raw(encoding, array, padding=padding)
-        np.testing.assert_allclose(raw_grey(frame), grey, atol=ATOL_GREY, err_msg=encoding)
-        np.testing.assert_array_equal(raw_colour(frame), image, err_msg=encoding)
+        np.testing.assert_allclose(decode_raw_as_grey(frame), grey, atol=ATOL_GREY, err_msg=encoding)
+        np.testing.assert_array_equal(decode_raw_as_colour(frame), image, err_msg=encoding)
     for encoding, array in {"mono8": grey, "8UC1": grey, "mono16": grey.astype("<u2") * 256 + 17}.items():
         frame = raw(encoding, array, padding=padding)
-        np.testing.assert_array_equal(raw_grey(frame), grey, err_msg=encoding)
-        np.testing.assert_array_equal(raw_colour(frame), np.repeat(grey[:, :, None], 3, axis=2), err_msg=encoding)
+        np.testing.assert_array_equal(decode_raw_as_grey(frame), grey, err_msg=encoding)
+        np.testing.assert_array_equal(
+            decode_raw_as_colour(frame), np.repeat(grey[:, :, None], 3, axis=2), err_msg=encoding
+        )
 
 
-@pytest.mark.parametrize("encoding", sorted(BAYER))
+@pytest.mark.parametrize("encoding", sorted(BAYER_ENCODINGS))
 def test_bayer_images_give_the_colours_of_a_uniform_image(encoding: str) -> None:
     blue_green_red = (40, 120, 220)
     mosaic = np.zeros((48, 64), np.uint8)
@@ -150,9 +152,11 @@ def test_bayer_images_give_the_colours_of_a_uniform_image(encoding: str) -> None
     for k, letter in enumerate(order):
         mosaic[k // 2 :: 2, k % 2 :: 2] = blue_green_red["bgr".index(letter)]
     frame = raw(encoding, mosaic)
-    np.testing.assert_allclose(raw_colour(frame)[4:-4, 4:-4], np.broadcast_to(blue_green_red, (40, 56, 3)), atol=1)
+    np.testing.assert_allclose(
+        decode_raw_as_colour(frame)[4:-4, 4:-4], np.broadcast_to(blue_green_red, (40, 56, 3)), atol=1
+    )
     grey = 0.114 * 40 + 0.587 * 120 + 0.299 * 220
-    np.testing.assert_allclose(raw_grey(frame)[4:-4, 4:-4], grey, atol=1.5)
+    np.testing.assert_allclose(decode_raw_as_grey(frame)[4:-4, 4:-4], grey, atol=1.5)
 
 
 @pytest.mark.parametrize(("encoding", "place"), [("yuyv", 0), ("yuv422_yuy2", 0), ("uyvy", 1), ("yuv422", 1)])
@@ -161,8 +165,8 @@ def test_yuv422_images(encoding: str, place: int) -> None:
     array = np.full((48, 64, 2), 128, np.uint8)  # without colour
     array[:, :, place] = luminance
     frame = raw(encoding, array)
-    np.testing.assert_array_equal(raw_grey(frame), luminance)
-    colour = raw_colour(frame)
+    np.testing.assert_array_equal(decode_raw_as_grey(frame), luminance)
+    colour = decode_raw_as_colour(frame)
     assert (np.ptp(colour.astype(int), axis=2) <= 1).all()
 
 
@@ -173,7 +177,7 @@ def test_damage_is_a_reason_not_an_error() -> None:
         "cut short": FakeFrame(jpeg[: len(jpeg) // 2]),
         "damaged": FakeFrame(png[:40] + b"\x00" * 100 + png[140:]),
         "smaller than 32 x 32 pixels": FakeFrame(encoded(gradient(1, 1))),
-        f"more than {MAX_PIXELS // 1_000_000} megapixels": FakeFrame(png_header(10_000, 10_000)),
+        f"more than {MAX_IMAGE_PIXELS // 1_000_000} megapixels": FakeFrame(png_header(10_000, 10_000)),
         "one side more than 10 times as long as the other": FakeFrame(encoded(gradient(2000, 32))),
         "the encoding 64fc1 is not supported": FakeFrame(b"\x00" * 40_000, width=100, height=100, encoding="64FC1"),
         "fewer bytes than width, height and encoding need": FakeFrame(
@@ -186,7 +190,7 @@ def test_damage_is_a_reason_not_an_error() -> None:
     for reason, frame in cases.items():
         decoded = decode_frame(0, frame, same_size)
         assert decoded.image is None
-        assert decoded.rejected == reason
+        assert decoded.rejection_reason == reason
 
 
 @pytest.mark.parametrize("encoding", ["yuyv", "uyvy", "bayer_rggb8", "rgb8", "mono16"])
@@ -226,9 +230,11 @@ def test_stamp_that_is_no_time_gives_way_to_the_log_time(stamp_ns: int | None) -
 @pytest.mark.parametrize("log_time_ns", [-1, 2**63, 2**64 - 1])
 def test_log_time_that_is_no_time_is_a_reason(log_time_ns: int) -> None:
     frame = FakeFrame(encoded(gradient()), log_time_ns=log_time_ns)
-    assert decode_frame(0, frame, same_size).rejected == "log time before 1970 or after 2261"
+    assert decode_frame(0, frame, same_size).rejection_reason == "log time before 1970 or after 2261"
     key = FakeFrame(parameters(4, 3) + key_picture(4, 3, 99), format="h264", log_time_ns=log_time_ns)
-    assert [each.rejected for each in decode_frames([key], size_of=same_size)] == ["log time before 1970 or after 2261"]
+    assert [each.rejection_reason for each in decode_frames([key], size_of=same_size)] == [
+        "log time before 1970 or after 2261"
+    ]
 
 
 def test_frames_come_in_order_with_what_was_prepared() -> None:
@@ -246,7 +252,7 @@ def test_video_is_decoded_in_order_among_other_frames() -> None:
     data = [FakeFrame(b"\x00\x00\x00\x01\x09\x10", format="h264"), *(FakeFrame(clip, format="h265") for clip in H265)]
     decoded = list(decode_frames([*data, FakeFrame(still), *data[1:]], size_of=lambda w, h: (48, 32)))
     assert [each.index for each in decoded] == list(range(14))
-    assert decoded[0].rejected == "no picture comes out of the video"
+    assert decoded[0].rejection_reason == "no picture comes out of the video"
     means = [float(each.image.mean()) for each in decoded[1:] if each.image is not None]
     assert np.allclose(means, [0, 40, 80, 120, 160, 200, 200, 0, 40, 80, 120, 160, 200], atol=3)
     assert {each.image.shape for each in decoded[1:7] if each.image is not None} == {(32, 48)}
@@ -261,4 +267,4 @@ def test_video_comes_in_colour_at_full_size() -> None:
 def test_video_of_unusable_pictures_tells_why() -> None:
     tiny = parameters(1, 1) + key_picture(1, 1, 100)
     [decoded] = decode_frames([FakeFrame(tiny, format="h264")], size_of=same_size)
-    assert decoded.rejected == "smaller than 32 x 32 pixels"
+    assert decoded.rejection_reason == "smaller than 32 x 32 pixels"

@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 
-from cwcli.vision.ordered_threads import in_order
+from cwcli.vision.ordered_threads import run_jobs_in_order
 
 
 def test_only_a_few_jobs_wait() -> None:
@@ -21,7 +21,7 @@ def test_only_a_few_jobs_wait() -> None:
         time.sleep(0.001 * (5 - k % 5))
         return k
 
-    results = in_order((partial(job, k) for k in range(100)), 2)
+    results = run_jobs_in_order((partial(job, k) for k in range(100)), 2)
     assert [next(results) for _ in range(10)] == list(range(10))
     assert len(started) <= 10 + 2 * 3 + 1
     results.close()
@@ -38,7 +38,7 @@ def test_the_calling_thread_works_where_it_would_wait() -> None:
         return threading.current_thread().name
 
     # the one other thread is busy with the first job, which ends when the second has been done
-    results = list(in_order([first, second], 2))
+    results = list(run_jobs_in_order([first, second], 2))
     assert results == ["in time", threading.current_thread().name]
 
 
@@ -49,7 +49,7 @@ def test_an_error_comes_when_its_result_is_due(n_threads: int) -> None:
             raise ValueError("five")
         return k
 
-    results = in_order((partial(job, k) for k in range(20)), n_threads)
+    results = run_jobs_in_order((partial(job, k) for k in range(20)), n_threads)
     assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
     with pytest.raises(ValueError, match="five"):
         next(results)

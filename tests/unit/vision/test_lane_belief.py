@@ -8,12 +8,19 @@ import cv2
 import numpy as np
 import pytest
 
-from cwcli.signals.arcs import Pinhole
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.sets import frame
+from cwcli.signals.lane_geometry import Pinhole
+from cwcli.simulation.road.sets import render_set_frame
+from cwcli.vision.boundary_probability import (
+    LAPSE_PROBABILITY,
+    LOG_ODDS_COEFFICIENTS,
+    boundary_paint_shares,
+    boundary_probabilities,
+    probability_features,
+    road_clutter_share,
+)
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.lane_belief import COEFFICIENTS, LAPSE, boundary_probabilities, crowd, features, supports
-from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
 from tests.studies.lane_reliability import drawn
@@ -24,34 +31,36 @@ LANE = np.array([159.5, 0.0, 1.0, 0.0, 80.0, 0.0])
 """Straight ahead, its boundaries h / 2 to each side."""
 
 
-def evidence(sharp: FloatArray) -> Evidence:
+def evidence(sharp: FloatArray) -> StripeEvidence:
     table = np.ascontiguousarray(sharp, np.float32)
     rows = np.arange(100, 100 + len(table), dtype=np.int32)
-    return Evidence(rows, table, table, table, 80.0, 7.0, Pinhole(159.5, 300.0, 1.0))
+    return StripeEvidence(rows, table, table, table, 80.0, 7.0, Pinhole(159.5, 300.0, 1.0))
 
 
 def test_crowd_by_hand() -> None:
     table = np.zeros((90, 320))
-    assert crowd(evidence(table), LANE) == 0.0
-    assert crowd(evidence(table + 0.3), LANE) == 1.0
+    assert road_clutter_share(evidence(table), LANE) == 0.0
+    assert road_clutter_share(evidence(table + 0.3), LANE) == 1.0
     table[:, :160] = 0.2  # all that lies left of the middle
-    assert crowd(evidence(table), LANE) == pytest.approx(0.5, abs=0.02)
+    assert road_clutter_share(evidence(table), LANE) == pytest.approx(0.5, abs=0.02)
     painted = np.zeros((90, 320))
     h = np.arange(20.0, 110.0)
     for place in (-1.5, -0.5, 0.5, 1.5):  # boundaries are no crowd
         u = np.round(159.5 + place * h).astype(int)
         painted[np.flatnonzero((u >= 0) & (u < 320)), u[(u >= 0) & (u < 320)]] = 1.0
-    assert crowd(evidence(painted), LANE) < 0.02
+    assert road_clutter_share(evidence(painted), LANE) < 0.02
 
 
 def test_probability_by_hand() -> None:
     table = np.zeros((90, 320))
     table[:, :160] = 0.2
     seen = evidence(table)
-    own = math.sqrt(supports(seen, LANE)[0])
-    by_hand = COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(crowd(seen, LANE))]
-    assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx((1.0 - LAPSE) / (1.0 + math.exp(-by_hand)))
-    np.testing.assert_array_equal(features(seen, LANE, -1e30)[:, 2], math.log(0.02))
+    own = math.sqrt(boundary_paint_shares(seen, LANE)[0])
+    by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, own, math.log(0.4 + 0.02), math.sqrt(road_clutter_share(seen, LANE))]
+    assert boundary_probabilities(seen, LANE, 0.4)[0] == pytest.approx(
+        (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand))
+    )
+    np.testing.assert_array_equal(probability_features(seen, LANE, -1e30)[:, 2], math.log(0.02))
 
 
 def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
@@ -59,19 +68,19 @@ def test_of_a_carried_boundary_its_own_paint_alone_tells() -> None:
     table = np.zeros((90, 320))
     table[:, :160] = 0.2
     seen = evidence(table)
-    assert supports(seen, LANE)[1] == 0.0
-    by_hand = COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(crowd(seen, LANE))]
+    assert boundary_paint_shares(seen, LANE)[1] == 0.0
+    by_hand = LOG_ODDS_COEFFICIENTS @ [1.0, 0.0, math.log(0.02), math.sqrt(road_clutter_share(seen, LANE))]
     told = boundary_probabilities(seen, LANE, 0.4, 1)
     assert told[0] == boundary_probabilities(seen, LANE, 0.4)[0]
-    assert told[1] == pytest.approx((1.0 - LAPSE) / (1.0 + math.exp(-by_hand)))
-    own = supports(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
+    assert told[1] == pytest.approx((1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-by_hand)))
+    own = boundary_paint_shares(seen, LANE)[0]  # of a lane both of whose boundaries are like this one
     assert boundary_probabilities(seen, LANE, 9.0, 0)[0] == boundary_probabilities(seen, LANE, 2.0 * own)[0]
 
 
 def test_what_looks_like_stripes_everywhere_is_no_boundary() -> None:
-    assert COEFFICIENTS[1] > 0.0
-    assert COEFFICIENTS[2] > 0.0
-    assert COEFFICIENTS[3] < 0.0
+    assert LOG_ODDS_COEFFICIENTS[1] > 0.0
+    assert LOG_ODDS_COEFFICIENTS[2] > 0.0
+    assert LOG_ODDS_COEFFICIENTS[3] < 0.0
 
 
 @pytest.mark.parametrize("camera", [mounted(), default_camera(320, 240, Mounting())])
@@ -99,6 +108,6 @@ def test_roads_without_paint_have_hardly_a_boundary() -> None:
 
 def test_painted_roads_have_both() -> None:
     for index in range(10):
-        fit = LaneTracker().step(LaneFrame(frame("complex", index, seed=6).grey, mounted(), 0, 0))
+        fit = LaneTracker().step(LaneFrame(render_set_frame("complex", index, seed=6).grey, mounted(), 0, 0))
         assert fit.left.found
         assert fit.right.found

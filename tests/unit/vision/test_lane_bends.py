@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.road.camera import paper_camera
-from cwcli.simulation.road.geometry import RoadAhead, clothoid
-from cwcli.simulation.road.render import render
-from cwcli.simulation.road.sets import SETS, draw_scene
-from cwcli.vision.ground import lane_geometry
+from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.render import render_frame
+from cwcli.simulation.road.sets import FRAME_SETS, draw_scene
+from cwcli.vision.ground import compute_lane_geometry
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFrame
 from tests.unit.vision.fit_lists import columns_of
@@ -25,9 +25,9 @@ def test_curvature_of_a_bend(curvature_1pm: float) -> None:
     found_1pm = []
     for k in range(N_FRAMES):
         rng = np.random.default_rng(k)
-        scene = draw_scene(SETS["good"], "clear", rng)
-        road = RoadAhead(clothoid(curvature_1pm, 0.0), offset_m=0.0, heading_rad=0.0, vertical_1pm=0.0)
-        frame = render(scene, paper_camera(), road, rng)
+        scene = draw_scene(FRAME_SETS["good"], "clear", rng)
+        road = RoadAhead(clothoid_curvature_1pm(curvature_1pm, 0.0), offset_m=0.0, heading_rad=0.0, vertical_1pm=0.0)
+        frame = render_frame(scene, paper_camera(), road, rng)
         fit = LaneTracker().step(LaneFrame(frame.grey, mounted(), stamp_ns=0, number=0))
-        found_1pm.append(-lane_geometry(columns_of([fit]), mounted(), preview_m=PREVIEW_M).curvature_1pm[0])
+        found_1pm.append(-compute_lane_geometry(columns_of([fit]), mounted(), preview_m=PREVIEW_M).curvature_1pm[0])
     assert np.median(found_1pm) == pytest.approx(curvature_1pm, rel=MEDIAN_SHARE)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from cwcli.simulation.road.camera import paper_camera, wide_camera
-from cwcli.simulation.road.sets import frame
+from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_covariance as module
-from cwcli.vision.ground import GeometrySigmas, lane_geometry
-from cwcli.vision.lane_covariance import SCALE, fit_covariance, lane_covariance
-from cwcli.vision.lane_detect import Evidence, acquire
-from cwcli.vision.lane_model import BEND, parabolas_of_lane, pitch_of, prior_of
+from cwcli.vision.ground import GeometrySigmas, compute_lane_geometry
+from cwcli.vision.lane_covariance import COVARIANCE_SCALE, measure_lane_covariance, propagate_covariance_to_fit
+from cwcli.vision.lane_detect import StripeEvidence, search_first_frame
+from cwcli.vision.lane_model import BEND, first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
 from cwcli.vision.lane_tracker import LaneTracker
 from cwcli.vision.method import LaneFit, LaneFrame
 from tests.studies.lane_nees import errors
@@ -23,9 +23,11 @@ from tests.unit.vision.lane_scene import mounted
 SIGMA = np.array([2.0, 0.01, 0.02, 20.0, 0.8])
 
 
-def found(index: int = 0) -> tuple[np.ndarray, Evidence]:
+def found(index: int = 0) -> tuple[np.ndarray, StripeEvidence]:
     """The best lane of a rendered frame, and its evidence."""
-    lanes, _, evidence = acquire(frame("good", index).grey, mounted(), prior_of(mounted()))
+    lanes, _, evidence = search_first_frame(
+        render_set_frame("good", index).grey, mounted(), first_frame_prior(mounted())
+    )
     return lanes[0], evidence
 
 
@@ -36,25 +38,25 @@ def test_the_covariance_of_a_known_objective(monkeypatch: pytest.MonkeyPatch) ->
     root = np.eye(5) + 0.3 * rng.normal(size=(5, 5))
     information = (root / SIGMA[:, None]) @ (root / SIGMA[:, None]).T
 
-    def judged(_: Evidence, lanes: np.ndarray, table: np.ndarray) -> np.ndarray:
+    def judged(_: StripeEvidence, lanes: np.ndarray, table: np.ndarray) -> np.ndarray:
         off = (lanes - lane)[:, :5]
         return 1.0 - 1e-3 * np.einsum("ni,ij,nj->n", off, information, off)
 
     monkeypatch.setattr(module, "judged", judged)
-    monkeypatch.setattr(module, "BEND_RATE_1PM2", 0.0)
-    monkeypatch.setattr(module, "MOST", 1e6)
-    made = lane_covariance(evidence, lane, prior_of(mounted()).table, mounted())
-    np.testing.assert_allclose(made, SCALE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9)
+    monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
+    monkeypatch.setattr(module, "MAX_SIGMA_STEPS", 1e6)
+    made = measure_lane_covariance(evidence, lane, first_frame_prior(mounted()).table, mounted())
+    np.testing.assert_allclose(made, COVARIANCE_SCALE / 2e-3 * np.linalg.inv(information), rtol=1e-6, atol=1e-9)
 
 
 def test_what_is_hidden_is_less_exact(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "BEND_RATE_1PM2", 0.0)
+    monkeypatch.setattr(module, "CURVATURE_CHANGE_SIGMA_1PM2", 0.0)
     lane, evidence = found()
-    table = prior_of(mounted()).table
-    whole = lane_covariance(evidence, lane, table, mounted())
+    table = first_frame_prior(mounted()).table
+    whole = measure_lane_covariance(evidence, lane, table, mounted())
     sharp, broad = evidence.sharp.copy(), evidence.broad.copy()
     sharp[: len(sharp) // 2] = broad[: len(sharp) // 2] = 0.0  # nothing far away
-    hidden = lane_covariance(replace(evidence, sharp=sharp, broad=broad), lane, table, mounted())
+    hidden = measure_lane_covariance(replace(evidence, sharp=sharp, broad=broad), lane, table, mounted())
     assert hidden[BEND, BEND] > 2.0 * whole[BEND, BEND]
     for made in (whole, hidden):
         np.testing.assert_allclose(made, made.T, rtol=1e-9)
@@ -69,14 +71,16 @@ def test_propagation_against_samples() -> None:
     own[0, 3] = own[3, 0] = -0.5 * np.sqrt(own[0, 0] * own[3, 3])
     drawn = np.tile(lane, (4000, 1))
     drawn[:, :5] += np.random.default_rng(2).multivariate_normal(np.zeros(5), own, 4000)
-    published = np.array([[*parabolas_of_lane(each, camera).ravel(), pitch_of(each, camera)] for each in drawn])
-    made = fit_covariance(lane, own, camera)
+    published = np.array(
+        [[*fit_boundary_parabolas(each, camera).ravel(), pitch_from_horizon_rad(each, camera)] for each in drawn]
+    )
+    made = propagate_covariance_to_fit(lane, own, camera)
     np.testing.assert_allclose(np.sqrt(np.diagonal(made)), published.std(axis=0), rtol=0.08)
     correlation = np.corrcoef(published.T)
     sigma = np.sqrt(np.diagonal(made))
     np.testing.assert_allclose(made / np.outer(sigma, sigma), correlation, atol=0.08)
 
-    fit = LaneTracker().step(LaneFrame(frame("good", 1).grey, camera, 0, 0))
+    fit = LaneTracker().step(LaneFrame(render_set_frame("good", 1).grey, camera, 0, 0))
     exact = GeometrySigmas(pitch_rad=0.0, yaw_rad=0.0, height_m=0.0)
 
     def fit_of(numbers: np.ndarray) -> LaneFit:
@@ -86,8 +90,10 @@ def test_propagation_against_samples() -> None:
         ]
         return LaneFit(sides[0], sides[1], pitch_rad=float(numbers[6]), covariance=made)
 
-    at = lane_geometry(columns_of([fit_of(each) for each in published[:1500]]), camera, preview_m=20.0, sigmas=exact)
-    told = lane_geometry(columns_of([fit_of(published.mean(axis=0))]), camera, preview_m=20.0, sigmas=exact)
+    at = compute_lane_geometry(
+        columns_of([fit_of(each) for each in published[:1500]]), camera, preview_m=20.0, sigmas=exact
+    )
+    told = compute_lane_geometry(columns_of([fit_of(published.mean(axis=0))]), camera, preview_m=20.0, sigmas=exact)
     for name in ("lateral_deviation", "heading_deviation", "curvature"):
         unit = {"lateral_deviation": "m", "heading_deviation": "rad", "curvature": "1pm"}[name]
         spread = float(np.std(getattr(at, f"{name}_{unit}")))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_mean import POINTS, SCALE, mean_lane
+from cwcli.vision.lane_mean import NORMAL_POINTS, OBJECTIVE_SCALE, weighted_mean_lane
 from cwcli.vision.lane_model import BEND, HIGH, LOW, MIDDLE, WIDTH
 
 SIZE = (640, 360)
@@ -19,17 +19,17 @@ NARROW = np.array([2.0, 0.02, 0.03, 60.0, 1.0, 1.0])
 
 def peak(centre: FloatArray, sigmas: FloatArray, lanes: FloatArray) -> FloatArray:
     """A normal distribution's logarithm, as objective."""
-    return np.asarray(-0.5 * SCALE * (((lanes - centre) / sigmas) ** 2).sum(axis=1))
+    return np.asarray(-0.5 * OBJECTIVE_SCALE * (((lanes - centre) / sigmas) ** 2).sum(axis=1))
 
 
 def test_points_fill_a_normal_distribution() -> None:
-    np.testing.assert_allclose(POINTS.mean(axis=0), 0.0, atol=0.03)
-    np.testing.assert_allclose(np.cov(POINTS.T), np.eye(5), atol=0.1)
+    np.testing.assert_allclose(NORMAL_POINTS.mean(axis=0), 0.0, atol=0.03)
+    np.testing.assert_allclose(np.cov(NORMAL_POINTS.T), np.eye(5), atol=0.1)
 
 
 def test_peak_beside_the_start() -> None:
     centre = LANE + 0.5 * NARROW * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 0.0])
-    found = mean_lane(lambda lanes: peak(centre, NARROW, lanes), LANE, TABLE, SIZE)
+    found = weighted_mean_lane(lambda lanes: peak(centre, NARROW, lanes), LANE, TABLE, SIZE)
     assert (np.abs(found - centre) < 0.15 * NARROW).all()
 
 
@@ -42,13 +42,13 @@ def test_plateau_has_its_middle() -> None:
 
     start = LANE.copy()
     start[WIDTH] = 2.31
-    found = mean_lane(objective, start, TABLE, SIZE)
+    found = weighted_mean_lane(objective, start, TABLE, SIZE)
     assert found[WIDTH] == pytest.approx(2.4, abs=0.02)
     assert found[MIDDLE] == pytest.approx(LANE[MIDDLE], abs=0.2 * NARROW[MIDDLE])
 
 
 def test_lanes_beyond_the_bounds_move_nothing() -> None:
-    found = mean_lane(lambda lanes: np.full(len(lanes), -1e30), LANE, TABLE, SIZE)
+    found = weighted_mean_lane(lambda lanes: np.full(len(lanes), -1e30), LANE, TABLE, SIZE)
     np.testing.assert_allclose(found, LANE, rtol=1e-12)
 
 
@@ -56,6 +56,6 @@ def test_mean_lies_within_the_bounds() -> None:
     # The objective knows no bounds and likes a width beyond them.
     beyond = LANE.copy()
     beyond[WIDTH], beyond[BEND] = TABLE[WIDTH, HIGH] + 0.2, TABLE[BEND, LOW] - 100.0
-    found = mean_lane(lambda lanes: peak(beyond, NARROW, lanes), beyond, TABLE, SIZE)
+    found = weighted_mean_lane(lambda lanes: peak(beyond, NARROW, lanes), beyond, TABLE, SIZE)
     assert found[WIDTH] == TABLE[WIDTH, HIGH]
     assert found[BEND] == TABLE[BEND, LOW]

@@ -8,12 +8,18 @@ import pytest
 
 from cwcli.kernels import lane_ridge, lane_stripes
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.road.sets import frame
+from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_detect
+from cwcli.vision.boundary_probability import boundary_paint_shares
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.lane_belief import supports
-from cwcli.vision.lane_detect import PRIOR_WEIGHT, Evidence, acquire, evidence_of, judged
-from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, SPIRAL, LanePrior, prior_of
+from cwcli.vision.lane_detect import (
+    PRIOR_WEIGHT,
+    StripeEvidence,
+    lane_objectives,
+    measure_stripe_evidence,
+    search_first_frame,
+)
+from cwcli.vision.lane_model import BEND, HIGH, HORIZON, LOW, MEAN, SIGMA, SPIRAL, LanePrior, first_frame_prior
 from tests.unit.vision import naive_ridge
 from tests.unit.vision.lane_scene import mounted
 
@@ -64,7 +70,7 @@ SCORING: lane_ridge.Scoring = {"prior_weight": 0.0, "beside": 0.5, "half": 3.0, 
 
 
 def test_evidence_equals_the_plain_twin() -> None:
-    grey = np.ascontiguousarray(frame("complex", 3).grey[:, 60:180])
+    grey = np.ascontiguousarray(render_set_frame("complex", 3).grey[:, 60:180])
     rows = np.array([90, 120, 239], np.int32)
     made = stripes(grey, rows, 80.3, joint_weight=0.2, reaches=(2, 5))
     bright = naive_ridge.ridges(grey, rows, 80.3, STRIPE)
@@ -107,16 +113,16 @@ def test_joint_by_hand() -> None:
 
 
 def test_objective_equals_the_plain_twin() -> None:
-    grey, camera = frame("good", 2).grey, mounted()
-    prior = prior_of(camera)
-    lanes, _, evidence = acquire(grey, camera, prior)
+    grey, camera = render_set_frame("good", 2).grey, mounted()
+    prior = first_frame_prior(camera)
+    lanes, _, evidence = search_first_frame(grey, camera, prior)
     lanes = np.vstack([lanes, lanes[0] + np.array([3.0, 0.02, 0.05, 30.0, 1.0, 0.0])])
     prior.table[[BEND, SPIRAL], LOW:] = (-9e3, 9e3), (-1e6, 1e6)
     tight = [lanes[0] + np.array([-9.0, 0.02, 0.05, bend, 1.0, 0.0]) for bend in (-7e3, -2e3, 700.0, 4e3)]
     spiral = [lanes[0] + np.array([-9.0, 0.02, 0.05, -2e3, 1.0, change]) for change in (100.0, -3e4, 8e4, 4e5)]
     lanes = np.vstack([lanes, tight, spiral])  # curves that leave the image, or turn back in it
-    segment = len(evidence.rows) // lane_detect.N_SEGMENTS
-    for lane, value in zip(lanes, judged(evidence, lanes, prior.table), strict=True):
+    segment = len(evidence.rows) // lane_detect.N_ROW_SEGMENTS
+    for lane, value in zip(lanes, lane_objectives(evidence, lanes, prior.table), strict=True):
         plain = naive_ridge.objective(
             evidence.sharp,
             evidence.broad,
@@ -124,9 +130,9 @@ def test_objective_equals_the_plain_twin() -> None:
             lane,
             prior.table,
             weight=PRIOR_WEIGHT,
-            min_h=evidence.min_h,
-            beside=lane_detect.BESIDE,
-            half=lane_detect.HALF * segment,
+            min_h=evidence.min_depth_px,
+            beside=lane_detect.NEIGHBOUR_WEIGHT,
+            half=lane_detect.HALF_EVIDENCE_SHARE * segment,
             segment=segment,
             pinhole=evidence.pinhole[:2],
         )
@@ -155,22 +161,22 @@ def test_scan_counts_stretches_of_the_rows_that_it_is_told(segment: int) -> None
 
 
 def test_supports_equal_the_plain_twin() -> None:
-    grey, camera = frame("complex", 2).grey, mounted()
-    lanes, _, evidence = acquire(grey, camera, prior_of(camera))
+    grey, camera = render_set_frame("complex", 2).grey, mounted()
+    lanes, _, evidence = search_first_frame(grey, camera, first_frame_prior(camera))
     aside = lanes[0] + np.array([0.0, 1.5, 0.0, 0.0, 0.0, 0.0])  # one boundary leaves the image
-    segment = len(evidence.rows) // lane_detect.N_SEGMENTS
+    segment = len(evidence.rows) // lane_detect.N_ROW_SEGMENTS
     tight = [lanes[0] + np.array([0.0, 0.0, 0.0, bend, 0.0, 1e4]) for bend in (-6e3, 2e3)]
     for lane in (*lanes, aside, *tight):
         plain = naive_ridge.supports(
             evidence.sharp,
             evidence.rows,
             lane,
-            min_h=evidence.min_h,
-            half=lane_detect.HALF * segment,
+            min_h=evidence.min_depth_px,
+            half=lane_detect.HALF_EVIDENCE_SHARE * segment,
             segment=segment,
             pinhole=evidence.pinhole[:2],
         )
-        assert supports(evidence, lane) == pytest.approx(plain, abs=1e-6)
+        assert boundary_paint_shares(evidence, lane) == pytest.approx(plain, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -192,25 +198,27 @@ def test_parabolas_are_those_of_least_squares(lane: tuple[float, ...]) -> None:
 
 def test_outside_the_prior_nothing_counts() -> None:
     camera = mounted()
-    prior = prior_of(camera)
-    evidence = evidence_of(frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, prior.pinhole)
+    prior = first_frame_prior(camera)
+    evidence = measure_stripe_evidence(
+        render_set_frame("good", 2).grey, np.arange(100, 238, dtype=np.int32), 80.0, prior.pinhole
+    )
     lane = prior.table[:, MEAN].copy()
     lane[2] = prior.table[2, HIGH] + 0.1
-    assert judged(evidence, lane[None], prior.table)[0] == -1e30
+    assert lane_objectives(evidence, lane[None], prior.table)[0] == -1e30
 
 
 @pytest.mark.parametrize("index", [0, 5, 11])
 def test_deterministic_and_genetic_search_reach_the_same_objective(index: int) -> None:
     """Both within 1 % of each other, though the genetic one may judge 65,000 candidates."""
-    grey, camera = frame("good", index, seed=4).grey, mounted()
-    prior = prior_of(camera)
-    _, values, evidence = acquire(grey, camera, prior)
+    grey, camera = render_set_frame("good", index, seed=4).grey, mounted()
+    prior = first_frame_prior(camera)
+    _, values, evidence = search_first_frame(grey, camera, prior)
     genetic = genetic_best(evidence, prior, np.random.default_rng(index))
     assert values[0] >= 0.99 * genetic
     assert genetic >= 0.99 * values[0]
 
 
-def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator) -> float:
+def genetic_best(evidence: StripeEvidence, prior: LanePrior, rng: np.random.Generator) -> float:
     """A plain real-coded genetic search: tournament, blend crossover, shrinking mutation, elitism; three restarts."""
     table = prior.table
     low = np.maximum(table[:, LOW], table[:, MEAN] - 3 * table[:, SIGMA])
@@ -219,7 +227,7 @@ def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator)
     for _ in range(3):
         people: FloatArray = rng.uniform(low, high, (240, 6))
         for generation in range(90):
-            fitness = judged(evidence, people, prior.table)
+            fitness = lane_objectives(evidence, people, prior.table)
             order = np.argsort(-fitness)
             elite = people[order[:6]]
             rivals = rng.integers(0, len(people), (2, 2, len(people)))
@@ -229,15 +237,15 @@ def genetic_best(evidence: Evidence, prior: LanePrior, rng: np.random.Generator)
             step = (high - low) * 0.15 * 0.94**generation
             children += rng.normal(size=people.shape) * step * (rng.random(people.shape) < 0.3)
             people = np.vstack([elite, np.clip(children[: len(people) - 6], low, high)])
-        best = max(best, float(judged(evidence, people, prior.table).max()))
+        best = max(best, float(lane_objectives(evidence, people, prior.table).max()))
     return best
 
 
 def test_a_mounting_that_is_given_fixes_the_horizon() -> None:
-    known = prior_of(mounted())
-    assert known.is_mounted
+    known = first_frame_prior(mounted())
+    assert known.is_mounting_known
     assert known.table[HORIZON, SIGMA] < 4.0
     camera = mounted()
-    unknown = prior_of(Camera(320, 240, camera.fx, camera.fy, camera.cx, camera.cy, mounting=Mounting()))
-    assert not unknown.is_mounted
+    unknown = first_frame_prior(Camera(320, 240, camera.fx, camera.fy, camera.cx, camera.cy, mounting=Mounting()))
+    assert not unknown.is_mounting_known
     assert unknown.table[HORIZON, SIGMA] > 20.0

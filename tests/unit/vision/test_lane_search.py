@@ -7,8 +7,8 @@ import pytest
 
 from cwcli.kernels import lane_search
 from cwcli.vision.boundary import Boundary
-from cwcli.vision.objective import block_responses, objective
-from cwcli.vision.zhang2011 import FIRST, SECOND, THIRD, search_boundary
+from cwcli.vision.objective import compute_block_responses, parabola_objectives
+from cwcli.vision.zhang2011 import FIRST_PHASE, LATER_PHASE, SECOND_PHASE, search_boundary
 from tests.unit.vision import naive_search as naive
 from tests.unit.vision.scenes import LEFT, RIGHT, road_image
 
@@ -41,7 +41,7 @@ def test_twin_draws_the_numbers_of_the_pcg_reference_demo() -> None:
 @pytest.mark.parametrize("with_centre", [True, False])
 @pytest.mark.parametrize("seed", [0, 1, 2**64 - 1])
 def test_search_equals_its_twin_bit_for_bit(is_left: bool, with_centre: bool, seed: int) -> None:
-    responses = block_responses(road_image(LEFT, RIGHT))
+    responses = compute_block_responses(road_image(LEFT, RIGHT))
     response = responses.left if is_left else responses.right
     centre, reach = np.array(LEFT if is_left else RIGHT), np.array([0.003, 0.6, 60.0])
     genetic: lane_search.Genetic = {**GENETIC, "with_centre": with_centre}
@@ -51,7 +51,7 @@ def test_search_equals_its_twin_bit_for_bit(is_left: bool, with_centre: bool, se
 
 
 def test_search_of_a_black_image_draws_uniformly_and_equals_its_twin() -> None:
-    response = block_responses(np.zeros((240, 320), np.uint8)).left
+    response = compute_block_responses(np.zeros((240, 320), np.uint8)).left
     low, high = np.array([-0.005, 0.3, -100.0]), np.array([0.005, 2.3, 150.0])
     genetic: lane_search.Genetic = {
         **GENETIC,
@@ -67,7 +67,7 @@ def test_search_of_a_black_image_draws_uniformly_and_equals_its_twin() -> None:
 
 
 def test_search_refuses_a_chromosome_that_does_not_fit() -> None:
-    response = block_responses(np.zeros((240, 320), np.uint8)).left
+    response = compute_block_responses(np.zeros((240, 320), np.uint8)).left
     genetic: lane_search.Genetic = {**GENETIC, "bits": (12, 12, 12)}
     with pytest.raises(ValueError, match="36 bits"):
         lane_search.search(response, np.zeros(3), np.ones(3), genetic, is_left=True, seed_state=0, seed_stream=0)
@@ -86,7 +86,7 @@ def test_more_blocks_than_the_kernel_has_room_for_are_refused() -> None:
 @pytest.mark.parametrize("is_left", [True, False])
 def test_objective_equals_its_twin(is_left: bool) -> None:
     rng = np.random.default_rng(4)
-    responses = block_responses(rng.integers(0, 256, (240, 320)).astype(np.uint8))
+    responses = compute_block_responses(rng.integers(0, 256, (240, 320)).astype(np.uint8))
     response = responses.left if is_left else responses.right
     sign = 1.0 if is_left else -1.0
     n = 200
@@ -95,7 +95,7 @@ def test_objective_equals_its_twin(is_left: bool) -> None:
     )
     parabolas[0] = (0.0, sign * 0.5, -500.0)
     parabolas[1] = (0.0, sign * 2.0, 10.0)
-    value, n_blocks = objective(response, parabolas, is_left=is_left)
+    value, n_blocks = parabola_objectives(response, parabolas, is_left=is_left)
     for k in range(n):
         expected, count = naive.judge(response, parabolas[k], is_left=is_left)
         assert n_blocks[k] == count
@@ -104,21 +104,21 @@ def test_objective_equals_its_twin(is_left: bool) -> None:
 
 def test_previous_result_is_the_first_individual_of_later_phases() -> None:
     # With one generation and no luck the result is at least as good as the previous one.
-    responses = block_responses(road_image(LEFT, RIGHT))
-    for phase in (SECOND, THIRD):
+    responses = compute_block_responses(road_image(LEFT, RIGHT))
+    for phase in (SECOND_PHASE, LATER_PHASE):
         for seed in range(20):
             previous = Boundary(-0.0007, 0.71, 25.0, 0.0, 1.0, True)
-            value, _ = objective(responses.left, np.array([[-0.0007, 0.71, 25.0]]), is_left=True)
+            value, _ = parabola_objectives(responses.left, np.array([[-0.0007, 0.71, 25.0]]), is_left=True)
             made = search_boundary(responses.left, phase, previous, is_left=True, seed=seed, stream=0)
             assert made.score >= value[0]
 
 
 def test_same_seed_gives_the_same_result_and_another_one_another() -> None:
-    responses = block_responses(road_image(LEFT, RIGHT))
+    responses = compute_block_responses(road_image(LEFT, RIGHT))
 
     def found(seed: int, stream: int) -> tuple[float, float, float]:
         made = search_boundary(
-            responses.left, FIRST, Boundary(0, 0, 0, 0, 0, False), is_left=True, seed=seed, stream=stream
+            responses.left, FIRST_PHASE, Boundary(0, 0, 0, 0, 0, False), is_left=True, seed=seed, stream=stream
         )
         return made.a, made.b, made.c
 

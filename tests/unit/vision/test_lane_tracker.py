@@ -10,16 +10,24 @@ import numpy as np
 import pytest
 
 from cwcli.metrics.lane_scores import VISUAL_SHARE
-from cwcli.reproduction.zhang2011.rendered import told_camera
+from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera, wide_camera
-from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
-from cwcli.simulation.road.sets import frame
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
+from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision import lane_tracker
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.ground import lane_geometry
-from cwcli.vision.lane_covariance import fit_covariance
-from cwcli.vision.lane_following import bent, beside, crossed, narrowed, opened, predicted, turned
+from cwcli.vision.ground import compute_lane_geometry
+from cwcli.vision.lane_covariance import propagate_covariance_to_fit
+from cwcli.vision.lane_following import (
+    curvature_candidates,
+    following_prior,
+    lane_change_direction,
+    narrow_prior_table,
+    predict_lane,
+    prior_with_driven_curvature,
+    shift_to_adjacent_lane,
+)
 from cwcli.vision.lane_model import (
     BEND,
     HIGH,
@@ -29,17 +37,17 @@ from cwcli.vision.lane_model import (
     SIGMA,
     SPIRAL,
     WIDTH,
-    coincide,
-    columns_of_lane,
-    parabolas_of_lane,
-    pinhole_of,
-    pitch_of,
-    prior_of,
+    boundary_columns_in_rows_px,
+    first_frame_prior,
+    fit_boundary_parabolas,
+    is_same_lane_in_image,
+    pinhole_of_camera,
+    pitch_from_horizon_rad,
 )
-from cwcli.vision.lane_tracker import Hypothesis, LaneTracker, add_merged, search_size
+from cwcli.vision.lane_tracker import LaneHypothesis, LaneTracker, add_or_merge_hypothesis, search_size
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
-from cwcli.vision.vanishing import vanishing_point
+from cwcli.vision.vanishing import find_vanishing_point
 from tests.studies.lane_drives import places_m, planned, watched
 from tests.unit.vision.fit_lists import columns_of
 from tests.unit.vision.lane_scene import mounted, score
@@ -61,7 +69,7 @@ def test_rendered_frames_alone(name: str, n: int, least: int) -> None:
     """The whole sets: docs/lanes.md."""
     right = 0
     for index in range(n):
-        made = frame(name, index)
+        made = render_set_frame(name, index)
         right += score(alone(made.grey, mounted()), made.truth).is_correct
     assert right >= least
 
@@ -69,17 +77,17 @@ def test_rendered_frames_alone(name: str, n: int, least: int) -> None:
 def test_without_calibration_or_mounting() -> None:
     right = 0
     for index in range(15):
-        made = frame("good", index, seed=7)
+        made = render_set_frame("good", index, seed=7)
         fit = alone(made.grey, default_camera(320, 240, Mounting()))
         right += score(fit, made.truth).is_correct
-        horizon_px = default_camera(320, 240, Mounting()).horizon_v_px(np.array(fit.pitch_rad))
+        horizon_px = default_camera(320, 240, Mounting()).horizon_row_px(np.array(fit.pitch_rad))
         truth_px = made.truth.camera.cy - made.truth.camera.fy * math.tan(made.truth.camera.pitch_rad)
         assert horizon_px == pytest.approx(truth_px, abs=6.0)
     assert right >= 14
 
 
 def test_the_same_fits_on_every_run() -> None:
-    made = [frame("complex", index).grey for index in range(4)]
+    made = [render_set_frame("complex", index).grey for index in range(4)]
 
     def fits() -> list[LaneFit]:
         search = LaneTracker()
@@ -90,17 +98,17 @@ def test_the_same_fits_on_every_run() -> None:
 
 def test_a_drive_is_followed_with_and_without_motion() -> None:
     config = RoadDriveConfig(weather="rain", road="complex", seed=5, duration_s=2.0, rate_hz=10.0)
-    drive = plan_drive(config, paper_camera())
+    drive = plan_road_drive(config, paper_camera())
     for speed_mps in (25.0, math.nan):
         search = LaneTracker()
         fits = []
         for index in range(len(drive)):
-            made = drive.frame(index)
+            made = drive.render_frame_at(index)
             fit = search.step(LaneFrame(made.grey, mounted(), index * STEP_NS, index, speed_mps, 0.0 * speed_mps))
             fits.append(fit)
             assert score(fit, made.truth).is_correct
-        width_m = lane_geometry(columns_of(fits), mounted(), preview_m=33.5).lane_width_m
-        np.testing.assert_allclose(width_m, drive.truth(0).lane_width_m, rtol=0.05)
+        width_m = compute_lane_geometry(columns_of(fits), mounted(), preview_m=33.5).lane_width_m
+        np.testing.assert_allclose(width_m, drive.lane_truth_at(0).lane_width_m, rtol=0.05)
 
 
 @pytest.mark.parametrize("size", [(32, 32), (320, 240), (640, 32), (33, 400)])
@@ -126,7 +134,7 @@ def test_sensor_noise_on_a_plain_road_is_no_lane(grey: int) -> None:
 
 
 def test_a_lane_comes_after_darkness() -> None:
-    search, made = LaneTracker(), frame("good", 1)
+    search, made = LaneTracker(), render_set_frame("good", 1)
     for index in range(20):
         assert not search.step(LaneFrame(np.zeros((240, 320), np.uint8), mounted(), index * STEP_NS, index)).left.found
     seen = [search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k)) for k in range(20, 40)]
@@ -137,32 +145,32 @@ def test_parabolas_of_a_straight_lane_are_its_lines() -> None:
     camera = mounted()
     lane = np.array([150.0, 0.1, 2.2, 0.0, 80.0, 0.0])
     v = np.array([100.0, 150.0, 230.0])
-    for side, (a, b, c) in enumerate(parabolas_of_lane(lane, camera)):
+    for side, (a, b, c) in enumerate(fit_boundary_parabolas(lane, camera)):
         y = 240.0 - v
         assert a == pytest.approx(0.0, abs=1e-9)
-        columns = columns_of_lane(lane, v, pinhole_of(camera))[side]
+        columns = boundary_columns_in_rows_px(lane, v, pinhole_of_camera(camera))[side]
         np.testing.assert_allclose(a * y**2 + b * y + c - 1.0, columns, atol=1e-6)
-    assert camera.horizon_v_px(np.array(pitch_of(lane, camera))) == pytest.approx(80.0)
+    assert camera.horizon_row_px(np.array(pitch_from_horizon_rad(lane, camera))) == pytest.approx(80.0)
 
 
 def test_prediction_by_hand() -> None:
     camera = mounted()
-    prior = prior_of(camera)
+    prior = first_frame_prior(camera)
     straight = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.0])
     # 0.02 rad/s to the left for 0.1 s: the vanishing point moves 0.002 rad x 800 px to the right.
-    made = predicted(straight, camera, 20.0, 0.02, 0.1, prior)
+    made = predict_lane(straight, camera, 20.0, 0.02, 0.1, prior)
     np.testing.assert_allclose(made - straight, [1.6, 0.0, 0.0, 0.0, 0.0, 0.0], atol=1e-9)
     # The lane points 0.01 rad to the right: after 2 m its middle is 0.02 m farther right, over 1.65 m of height.
     pointed = straight + np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    made = predicted(pointed, camera, 20.0, 0.0, 0.1, prior)
+    made = predict_lane(pointed, camera, 20.0, 0.0, 0.1, prior)
     assert made[1] == pytest.approx(0.02 / 1.65)
     # The camera beyond the left boundary is in the next lane.
     over = straight + np.array([0.0, 1.3, 0.0, 0.0, 0.0, 0.0])
-    assert np.array_equal(predicted(over, camera, math.nan, math.nan, 0.1, prior), over)
-    assert crossed(over) == 1
-    assert crossed(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
-    assert crossed(straight) == 0
-    assert beside(over, 1)[1] == pytest.approx(1.3 - 2.2)
+    assert np.array_equal(predict_lane(over, camera, math.nan, math.nan, 0.1, prior), over)
+    assert lane_change_direction(over) == 1
+    assert lane_change_direction(over * np.array([1.0, -1.0, 1.0, 1.0, 1.0, 1.0])) == -1
+    assert lane_change_direction(straight) == 0
+    assert shift_to_adjacent_lane(over, 1)[1] == pytest.approx(1.3 - 2.2)
 
 
 def test_vanishing_point_of_drawn_lines() -> None:
@@ -171,11 +179,11 @@ def test_vanishing_point_of_drawn_lines() -> None:
     grey = np.full((360, 640), 90, np.uint8)
     for u in (-200, 60, 300, 520, 900):
         cv2.line(grey, (330, 140), (u, 359), 160, 2, cv2.LINE_AA)
-    point = vanishing_point(grey, 320.0)
+    point = find_vanishing_point(grey, 320.0)
     assert point is not None
     assert point.v_px == pytest.approx(140.0, abs=4.0)
     assert point.u_px == pytest.approx(330.0, abs=6.0)
-    assert vanishing_point(np.full((360, 640), 90, np.uint8), 320.0) is None
+    assert find_vanishing_point(np.full((360, 640), 90, np.uint8), 320.0) is None
 
 
 def test_vanishing_point_of_a_faint_picture() -> None:
@@ -185,7 +193,7 @@ def test_vanishing_point_of_a_faint_picture() -> None:
     grey = np.full((360, 640), 90, np.uint8)
     for u in (-200, 60, 300, 520, 900):
         cv2.line(grey, (330, 140), (u, 359), 95, 2, cv2.LINE_AA)
-    point = vanishing_point(grey, 320.0)
+    point = find_vanishing_point(grey, 320.0)
     assert point is not None
     assert point.v_px == pytest.approx(140.0, abs=4.0)
     assert point.u_px == pytest.approx(330.0, abs=6.0)
@@ -199,7 +207,7 @@ def test_search_size_keeps_the_shape() -> None:
 
 
 def test_a_new_camera_starts_anew() -> None:
-    search, made = LaneTracker(), frame("good", 2)
+    search, made = LaneTracker(), render_set_frame("good", 2)
     search.step(LaneFrame(made.grey, mounted(), 0, 0))
     other = replace(mounted(), mounting=Mounting(height_m=1.65, pitch_rad=0.0493))
     assert score(search.step(LaneFrame(made.grey, other, STEP_NS, 1)), made.truth).is_correct
@@ -208,45 +216,45 @@ def test_a_new_camera_starts_anew() -> None:
 def test_prior_of_a_first_frame_does_not_flatten_a_bend_that_is_followed() -> None:
     """The prior says straight on; a lane that bends by three of its sigmas is expected to go on bending."""
     camera = mounted()
-    prior = prior_of(camera)
+    prior = first_frame_prior(camera)
     lane = prior.table[:, MEAN].copy()
     lane[BEND] = 3.0 * prior.table[BEND, SIGMA]
-    assert narrowed(prior, lane, 0.1)[BEND, MEAN] == lane[BEND]
+    assert narrow_prior_table(prior, lane, 0.1)[BEND, MEAN] == lane[BEND]
 
 
 def test_lanes_that_bend_to_different_sides_do_not_coincide() -> None:
     """Both are the best near some place, but the first loses the road far ahead (from a rendered drive)."""
     wrong = np.array([147.5, -0.056, 2.131, 346.0, 80.6, 0.0])
     right = np.array([159.3, -0.071, 2.150, -156.0, 79.4, 0.0])
-    assert not coincide(wrong, right, 320, 240)
-    assert coincide(right, right + np.array([0.5, 0.003, -0.003, 10.0, 0.1, 0.0]), 320, 240)
-    assert not coincide(right, right + np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]), 320, 240)
+    assert not is_same_lane_in_image(wrong, right, 320, 240)
+    assert is_same_lane_in_image(right, right + np.array([0.5, 0.003, -0.003, 10.0, 0.1, 0.0]), 320, 240)
+    assert not is_same_lane_in_image(right, right + np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]), 320, 240)
 
 
 def test_of_two_lanes_on_the_same_pixels_the_first_is_followed_unless_it_is_clearly_worse() -> None:
     """Without the margin a lane would jump to and fro between two that fit alike, which the yaw rate would feel."""
     lane = np.array([159.3, -0.071, 2.150, -156.0, 79.4, 0.0])
     for gain, expected in ((0.02, 0.9), (0.04, 0.94), (-0.5, 0.9)):
-        followed = [Hypothesis(lane, 1.0, 0.9)]
-        add_merged(followed, Hypothesis(lane + 0.001, 0.8, 0.9 + gain), (320, 240))
-        assert [each.last for each in followed] == [pytest.approx(expected)]
+        followed = [LaneHypothesis(lane, 1.0, 0.9)]
+        add_or_merge_hypothesis(followed, LaneHypothesis(lane + 0.001, 0.8, 0.9 + gain), (320, 240))
+        assert [each.last_value for each in followed] == [pytest.approx(expected)]
 
 
 def test_a_spiral_goes_on_by_hand() -> None:
     """0.001 1/m^2 to the right at 10 m/s: in 0.1 s the bend gains 0.001 1/m, and the lane turns by 0.0005 rad."""
     camera = mounted()
     lane = np.array([camera.cx, 0.0, 2.2, 0.0, 80.0, 0.001 * 800.0 * (800.0 * 1.65) ** 2 / 6.0])
-    made = predicted(lane, camera, 10.0, 0.0, 0.1, prior_of(camera))
+    made = predict_lane(lane, camera, 10.0, 0.0, 0.1, first_frame_prior(camera))
     gained = [800.0 * 0.0005, 0.0, 0.0, 0.001 * 800.0 * 800.0 * 1.65 / 2.0, 0.0, 0.0]
     np.testing.assert_allclose(made - lane, gained, atol=1e-9)
 
 
 def test_other_bends_keep_the_near_row() -> None:
     camera = mounted()
-    prior = opened(prior_of(camera), camera, 10.0)
+    prior = following_prior(first_frame_prior(camera), camera, 10.0)
     lane = np.array([camera.cx, 0.1, 2.2, 200.0, 80.0, 900.0])
     wide = np.column_stack([np.zeros((6, 2)), np.full(6, -1e9), np.full(6, 1e9)])
-    others = turned(lane, prior, wide, 240)
+    others = curvature_candidates(lane, prior, wide, 240)
     near_h, step = 0.6 * 160.0, 1e-3
 
     def column(each: np.ndarray, h: float) -> float:
@@ -257,14 +265,14 @@ def test_other_bends_keep_the_near_row() -> None:
         slopes = [(column(each, near_h + step) - column(each, near_h - step)) / (2.0 * step) for each in (lane, other)]
         assert slopes[1] == pytest.approx(slopes[0], abs=1e-6)
     assert np.ptp(others[:, 5]) == pytest.approx(4.0 * prior.table[SPIRAL, SIGMA])
-    kept = turned(lane, prior, narrowed(prior, lane, 0.1, 0.8), 240)
+    kept = curvature_candidates(lane, prior, narrow_prior_table(prior, lane, 0.1, 0.8), 240)
     assert np.ptp(kept[:, MIDDLE]) <= 2.0 * 0.1 / 1.65 + 1e-9  # and the lane does not jump
 
 
 @pytest.mark.parametrize("with_motion", [True, False])
 def test_a_ramp_is_followed_from_its_beginning_to_its_end(with_motion: bool) -> None:
     """Radius 23 m, with spirals of 25 m: both boundaries where they are, to 0.2 m at 8 m, in every frame."""
-    seen = watched(drive := planned("ramp", 200, 16.0), drive.frames(), with_motion=with_motion)
+    seen = watched(drive := planned("ramp", 200, 16.0), drive.iter_rendered_frames(), with_motion=with_motion)
     found, true = places_m(seen)
     assert np.abs(found - true).max() < 0.2
     assert (np.nan_to_num(seen.share, nan=1.0) >= VISUAL_SHARE).mean() > 0.99
@@ -273,22 +281,24 @@ def test_a_ramp_is_followed_from_its_beginning_to_its_end(with_motion: bool) -> 
 def test_a_followed_lane_may_not_jump() -> None:
     """In 0.1 s at 0.8 m/s and 0.02 m beside: 0.1 m over 1.65 m of height."""
     camera = mounted()
-    prior = opened(prior_of(camera), camera, 25.0)
+    prior = following_prior(first_frame_prior(camera), camera, 25.0)
     lane = np.array([camera.cx, 0.1, 2.2, 0.0, 80.0, 0.0])
-    table = narrowed(prior, lane, 0.1, 0.8)
+    table = narrow_prior_table(prior, lane, 0.1, 0.8)
     assert table[MIDDLE, [LOW, HIGH]] == pytest.approx([0.1 - 0.1 / 1.65, 0.1 + 0.1 / 1.65])
 
 
 def test_a_ramp_is_looked_for_where_the_car_turns() -> None:
     camera = mounted()
-    prior = bent(prior_of(camera), camera, 10.0, 0.4)  # to the left, K = -0.04 1/m to the right
+    prior = prior_with_driven_curvature(
+        first_frame_prior(camera), camera, 10.0, 0.4
+    )  # to the left, K = -0.04 1/m to the right
     assert prior.table[BEND, MEAN] == pytest.approx(-0.04 * 800.0 * 800.0 * 1.65 / 2.0)
     assert prior.table[BEND, LOW] < prior.table[BEND, MEAN]
-    assert bent(prior_of(camera), camera, 10.0, math.nan).table[BEND, MEAN] == 0.0
+    assert prior_with_driven_curvature(first_frame_prior(camera), camera, 10.0, math.nan).table[BEND, MEAN] == 0.0
 
 
 def test_a_lane_is_held_through_frames_that_do_not_show_it_and_then_lost() -> None:
-    search, made = LaneTracker(), frame("good", 2)
+    search, made = LaneTracker(), render_set_frame("good", 2)
     dark = np.full((240, 320), 60, np.uint8)
     fits = [search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k)) for k in range(10)]
     assert all(fit.state is LaneState.FOUND for fit in fits)
@@ -301,7 +311,7 @@ def test_a_lane_is_held_through_frames_that_do_not_show_it_and_then_lost() -> No
 
 
 def test_a_lane_that_comes_back_after_it_was_lost_is_found_anew() -> None:
-    search, made = LaneTracker(), frame("good", 2)
+    search, made = LaneTracker(), render_set_frame("good", 2)
     dark = np.full((240, 320), 60, np.uint8)
     for k in range(10):
         search.step(LaneFrame(made.grey, mounted(), k * STEP_NS, k))
@@ -316,20 +326,20 @@ def test_a_lane_that_comes_back_after_it_was_lost_is_found_anew() -> None:
 
 def test_a_lane_change_is_told_once_and_its_lines_stay_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
     config = RoadDriveConfig(seed=3, duration_s=14.0, rate_hz=10.0, lane_changes_per_min=5.0)
-    drive = plan_drive(config, wide_camera(320, 180))
-    camera = told_camera(drive.camera)
+    drive = plan_road_drive(config, wide_camera(320, 180))
+    camera = camera_with_pitch_error(drive.camera)
     search, changes, measured = LaneTracker(), [], [False] * len(drive)
 
     def measure(*arguments: Any) -> FloatArray:
         measured[index] = True
-        return fit_covariance(*arguments)
+        return propagate_covariance_to_fit(*arguments)
 
     monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
     for index in range(len(drive)):
-        made = drive.frame(index)
+        made = drive.render_frame_at(index)
         fit = search.step(LaneFrame(made.grey, camera, index * STEP_NS, index, 25.0))
         changes.append(fit.lane_change)
-    lanes = [round(drive.truth(index).lane_m) for index in range(len(drive))]
+    lanes = [round(drive.lane_truth_at(index).lane_m) for index in range(len(drive))]
     crossings = np.flatnonzero(np.diff(lanes)) + 1
     told = np.flatnonzero(changes)
     assert len(crossings) == 1
@@ -341,12 +351,12 @@ def test_a_lane_change_is_told_once_and_its_lines_stay_in_place(monkeypatch: pyt
 
 
 def test_a_lane_that_takes_anothers_place_has_its_own_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
-    search, made = LaneTracker(), frame("good", 2)
+    search, made = LaneTracker(), render_set_frame("good", 2)
     measured: list[FloatArray] = []
 
     def measure(lane: FloatArray, *arguments: Any) -> FloatArray:
         measured.append(lane)
-        return fit_covariance(lane, *arguments)
+        return propagate_covariance_to_fit(lane, *arguments)
 
     monkeypatch.setattr(lane_tracker, "fit_covariance", measure)
     for k in range(3):

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from cwcli.errors import InputError, UsageError
-from cwcli.simulation.road.sets import frame
+from cwcli.simulation.road.sets import render_set_frame
 from cwcli.vision.method import LaneFrame
-from cwcli.vision.methods import METHODS, check_method, chosen_method
-from cwcli.vision.onnx_model import LaneNet, described, input_shape
+from cwcli.vision.methods import METHODS, check_method_and_model, load_method
+from cwcli.vision.onnx_model import LaneNet, read_net_description, read_onnx_input_shape
 from tests.unit.vision.lane_scene import mounted, score
 from tests.unit.vision.onnx_file import convolution
 
@@ -61,10 +61,10 @@ def anchor_net(folder: Path, text: str = ANCHORS) -> Path:
 
 def test_map_of_a_segmentation_is_the_convolution_by_hand(tmp_path: Path) -> None:
     net = LaneNet(ridge_net(tmp_path))
-    assert net.shape.search_size() == (320, 240)  # 150 rows below the 37.5 % that are cut off
+    assert net.description.search_size() == (320, 240)  # 150 rows below the 37.5 % that are cut off
     grey = np.full((240, 320), 51, np.uint8)
     grey[:, 157:164] = 153  # seven columns
-    made = net.lane_map(grey)
+    made = net.compute_marking_map(grey)
     # On the stripe: 40 (153 - 51) / 255 = 16, less 6; beside it 0, less 6.
     assert made[200, 160] == pytest.approx(1.0 / (1.0 + math.exp(-10.0)), abs=1e-5)
     assert made[200, 60] == pytest.approx(1.0 / (1.0 + math.exp(6.0)), abs=1e-5)
@@ -72,11 +72,11 @@ def test_map_of_a_segmentation_is_the_convolution_by_hand(tmp_path: Path) -> Non
 
 
 def test_lanes_are_found_on_the_map_of_a_net(tmp_path: Path) -> None:
-    method = chosen_method("onnx", str(ridge_net(tmp_path)))
+    method = load_method("onnx", str(ridge_net(tmp_path)))
     assert method.search_size(1280, 960) == (320, 240)
     right = []
     for index in range(6):
-        made = frame("good", index)
+        made = render_set_frame("good", index)
         fit = method.make(0).step(LaneFrame(made.grey, mounted(), 0, 0))
         assert math.isnan(fit.left.probability)
         right.append(score(fit, made.truth).is_correct)
@@ -85,7 +85,7 @@ def test_lanes_are_found_on_the_map_of_a_net(tmp_path: Path) -> None:
 
 def test_columns_of_row_anchors_become_stripes(tmp_path: Path) -> None:
     net = LaneNet(anchor_net(tmp_path))
-    made = net.lane_map(np.zeros((40, 80), np.uint8))
+    made = net.compute_marking_map(np.zeros((40, 80), np.uint8))
     # Cell 3 of ten in 80 columns: 24 to 32, the middle between columns 27 and 28; anchors in rows 9 to 39.
     assert made[20].argmax() in (27, 28)
     assert made[20, 27] == pytest.approx(math.exp(-0.5 * 0.25**2), abs=1e-3)
@@ -112,7 +112,7 @@ def test_columns_of_row_anchors_become_stripes(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_told(tmp_path: Path, change: tuple[str, str], told: str) -> None:
     path = ridge_net(tmp_path, RIDGES.replace(*change))
     with pytest.raises((InputError, UsageError), match=told):
-        LaneNet(path).lane_map(np.zeros((240, 320), np.uint8))
+        LaneNet(path).compute_marking_map(np.zeros((240, 320), np.uint8))
 
 
 def test_channels_that_the_net_has_not_are_told(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_channels_that_the_net_has_not_are_told(tmp_path: Path) -> None:
         .replace("std = 1.0", "std = [1, 1, 1]")
     )
     with pytest.raises(InputError, match=r"expects 1 x 1 x 150 x 320, but ridges\.toml describes 1 x 3 x 150 x 320"):
-        LaneNet(ridge_net(tmp_path, text)).lane_map(np.zeros((240, 320), np.uint8))
+        LaneNet(ridge_net(tmp_path, text)).compute_marking_map(np.zeros((240, 320), np.uint8))
 
 
 def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
 def test_whole_numbers_where_onnx_has_messages_say_no_shape(tmp_path: Path) -> None:
     number_as_graph, number_as_weights, number_as_input = b"\x38\x05", b"\x3a\x02\x28\x05", b"\x3a\x02\x58\x05"
     for content in (number_as_graph, number_as_weights, number_as_input):
-        assert input_shape(content) == ()
+        assert read_onnx_input_shape(content) == ()
     path = ridge_net(tmp_path)
     path.write_bytes(number_as_graph)
     with pytest.raises(InputError, match="can't load the net"):
@@ -149,13 +149,13 @@ def test_a_file_that_is_no_net_and_axes_that_are_none_are_told(tmp_path: Path) -
         LaneNet(path)
     anchors = anchor_net(tmp_path, ANCHORS.replace('"lane"]', '"line"]'))
     with pytest.raises(UsageError, match="axes is"):
-        described(anchors.with_suffix(".toml"))
+        read_net_description(anchors.with_suffix(".toml"))
 
 
 def test_model_and_method_belong_together() -> None:
     with pytest.raises(UsageError, match="--method onnx needs a net"):
-        check_method("onnx", None)
+        check_method_and_model("onnx", None)
     with pytest.raises(UsageError, match="takes no --model"):
-        check_method("cwcli", "net.onnx")
+        check_method_and_model("cwcli", "net.onnx")
     with pytest.raises(UsageError, match="needs a net"):
         METHODS["onnx"].make(0)

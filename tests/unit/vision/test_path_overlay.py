@@ -8,11 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from cwcli.simulation.road.camera import wide_camera
-from cwcli.simulation.road.geometry import RoadAhead, clothoid
-from cwcli.simulation.road.render import render
+from cwcli.simulation.road.geometry import RoadAhead, clothoid_curvature_1pm
+from cwcli.simulation.road.render import render_frame
 from cwcli.simulation.road.scene import Marking, RoadScene
 from cwcli.vision.camera import Camera, Mounting
-from cwcli.vision.path_overlay import LINES, N_POINTS, Z_90, BodyPath, ground_near_m, paint_path, path_lines
+from cwcli.vision.path_overlay import (
+    CENTRAL_90_PERCENT_SIGMAS,
+    N_PATH_POINTS,
+    PATH_LINE_NAMES,
+    BodyPath,
+    draw_path,
+    nearest_visible_ground_m,
+    project_path_into_image,
+)
 
 MOUNTING = Mounting(height_m=1.4, pitch_rad=0.03)
 CAMERA = Camera(640, 480, 600.0, 600.0, 319.5, 239.5, mounting=MOUNTING)
@@ -30,9 +38,9 @@ def arc(curvature_1pm: float, length_m: float = 50.0, sigma_m: float = 0.0) -> B
 
 
 def test_path_straight_ahead_is_the_column_of_the_principal_point_up_to_its_end() -> None:
-    lines = path_lines(arc(0.0), CAMERA, width_m=1.8)
-    u, v = lines.line("centre").T
-    assert len(u) == N_POINTS
+    lines = project_path_into_image(arc(0.0), CAMERA, width_m=1.8)
+    u, v = lines.line_points_in_image("centre").T
+    assert len(u) == N_PATH_POINTS
     np.testing.assert_allclose(u, 319.5, atol=ATOL_PX)
     assert (np.diff(v) < 0.0).all()
     # By hand: a point x ahead is 1.4 m below the camera; the ray falls by atan(1.4 / x), of which 0.03 is the pitch.
@@ -44,56 +52,60 @@ def test_path_straight_ahead_is_the_column_of_the_principal_point_up_to_its_end(
 def test_lines_lie_on_the_path_and_beside_it_on_the_ground() -> None:
     """Back through the camera's other direction: half a car, and 1.645 sigma, from a circle of radius 200 m."""
     camera = replace(CAMERA, mounting=replace(MOUNTING, yaw_rad=0.02, roll_rad=0.01, lateral_offset_m=0.2))
-    lines = path_lines(arc(1 / 200.0, sigma_m=0.5), camera, width_m=1.8, camera_forward_m=0.7)
-    for name, beside_m in zip(LINES, (0.0, 0.9, -0.9, Z_90 * 0.5, -Z_90 * 0.5), strict=True):
-        x, y = camera.ground_from_image(*lines.line(name).T)
+    lines = project_path_into_image(arc(1 / 200.0, sigma_m=0.5), camera, width_m=1.8, camera_forward_m=0.7)
+    for name, beside_m in zip(
+        PATH_LINE_NAMES,
+        (0.0, 0.9, -0.9, CENTRAL_90_PERCENT_SIGMAS * 0.5, -CENTRAL_90_PERCENT_SIGMAS * 0.5),
+        strict=True,
+    ):
+        x, y = camera.ground_points_from_image(*lines.line_points_in_image(name).T)
         np.testing.assert_allclose(200.0 - np.hypot(x + 0.7, y - 200.0), beside_m, atol=1e-3, err_msg=name)
 
 
 def test_distorted_camera_bends_the_line() -> None:
     camera = replace(CAMERA, distortion_model="plumb_bob", distortion=(-0.2, 0.05, 0.0, 0.0, 0.0))
-    lines = path_lines(arc(1 / 150.0), camera, width_m=1.8)
-    x, y = camera.ground_from_image(*lines.line("centre").T)
+    lines = project_path_into_image(arc(1 / 150.0), camera, width_m=1.8)
+    x, y = camera.ground_points_from_image(*lines.line_points_in_image("centre").T)
     np.testing.assert_allclose(np.hypot(x, y - 150.0), 150.0, atol=1e-3)
-    straight = path_lines(arc(1 / 150.0), CAMERA, width_m=1.8)
+    straight = project_path_into_image(arc(1 / 150.0), CAMERA, width_m=1.8)
     assert np.abs(straight.points - lines.points)[0].max() > 1.0
 
 
 def test_path_of_a_standing_car_or_an_unknown_one_draws_nothing() -> None:
     standing = BodyPath(np.zeros(41), np.zeros(41), np.zeros(41), np.zeros((41, 3)))
-    short = arc(0.0, length_m=ground_near_m(CAMERA) - 0.1)
+    short = arc(0.0, length_m=nearest_visible_ground_m(CAMERA) - 0.1)
     unknown = replace(arc(0.0), y_m=np.full(101, np.nan))
     image = np.full((480, 640, 3), 90, np.uint8)
     for path in (standing, short, unknown):
-        lines = path_lines(path, CAMERA, width_m=1.8)
-        assert not lines.is_in.any()
-        assert len(lines.band()) == 0
-        assert (paint_path(image, lines) == 90).all()
+        lines = project_path_into_image(path, CAMERA, width_m=1.8)
+        assert not lines.in_image_mask.any()
+        assert len(lines.band_polygon()) == 0
+        assert (draw_path(image, lines) == 90).all()
 
 
 def test_car_that_slows_to_a_stop_is_drawn_to_where_it_stops() -> None:
     path = arc(0.0)
     stopped = replace(path, x_m=np.minimum(path.x_m, 20.0))
-    _, v = path_lines(stopped, CAMERA, width_m=1.8).line("centre").T
+    _, v = project_path_into_image(stopped, CAMERA, width_m=1.8).line_points_in_image("centre").T
     np.testing.assert_allclose(v[-1], 239.5 + 600.0 * math.tan(math.atan(1.4 / 20.0) - 0.03), atol=ATOL_PX)
 
 
 def test_part_outside_the_image_is_left_out() -> None:
-    lines = path_lines(arc(1 / 30.0, length_m=40.0), CAMERA, width_m=1.8)
-    assert 2 < len(lines.line("centre")) < N_POINTS
-    kept = np.concatenate([lines.line(name) for name in LINES] + [lines.band()])
+    lines = project_path_into_image(arc(1 / 30.0, length_m=40.0), CAMERA, width_m=1.8)
+    assert 2 < len(lines.line_points_in_image("centre")) < N_PATH_POINTS
+    kept = np.concatenate([lines.line_points_in_image(name) for name in PATH_LINE_NAMES] + [lines.band_polygon()])
     assert (kept >= -0.5).all() and (kept <= (639.5, 479.5)).all()
 
 
 def test_painting_changes_pixels_on_the_path_only() -> None:
     image = np.full((480, 640, 3), 90, np.uint8)
-    lines = path_lines(arc(0.0, sigma_m=0.3), CAMERA, width_m=1.8)
-    drawn = paint_path(image, lines)
+    lines = project_path_into_image(arc(0.0, sigma_m=0.3), CAMERA, width_m=1.8)
+    drawn = draw_path(image, lines)
     assert (image == 90).all()
     rows, columns = np.nonzero((drawn != 90).any(axis=2))
-    x, y = CAMERA.ground_from_image(columns.astype(float), rows.astype(float))
+    x, y = CAMERA.ground_points_from_image(columns.astype(float), rows.astype(float))
     assert np.nanmax(np.abs(y[x < 40.0])) < 0.9 + 0.25
-    at_band = drawn[450, round(float(CAMERA.image_from_ground(np.array([4.0]), np.array([0.3]))[0][0]))]
+    at_band = drawn[450, round(float(CAMERA.image_points_from_ground(np.array([4.0]), np.array([0.3]))[0][0]))]
     assert 90 < at_band[0] < 255, "the band is filled lightly"
 
 
@@ -104,12 +116,14 @@ def test_corridor_as_wide_as_the_lane_lies_on_the_rendered_markings() -> None:
     scene = RoadScene(
         "clear", width_m, Marking(width_m / 2), Marking(-width_m / 2), texture=0.0, tracks=0.0, cracks=0.0
     )
-    grey = render(scene, seen, RoadAhead(clothoid(curvature), 0.0, 0.0), np.random.default_rng(1)).grey.astype(float)
+    grey = render_frame(
+        scene, seen, RoadAhead(clothoid_curvature_1pm(curvature), 0.0, 0.0), np.random.default_rng(1)
+    ).grey.astype(float)
     mounting = Mounting(height_m=seen.height_m, pitch_rad=seen.pitch_rad)
     camera = Camera(640, 360, seen.fx, seen.fy, seen.cx, seen.cy, mounting=mounting)
-    lines = path_lines(arc(curvature, length_m=40.0), camera, width_m=width_m)
+    lines = project_path_into_image(arc(curvature, length_m=40.0), camera, width_m=width_m)
     for name in ("left", "right"):
-        u, v = lines.line(name).T
+        u, v = lines.line_points_in_image(name).T
         order = np.argsort(v)
         for row in range(200, 300, 10):
             at = float(np.interp(row, v[order], u[order]))

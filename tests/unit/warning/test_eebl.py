@@ -84,14 +84,14 @@ def on_arc(track: VehicleTrack, radius_m: float, yaw_rate_radps: float) -> Vehic
 
 
 def test_ahead_is_along_the_arc_that_the_host_drives_on() -> None:
-    from cwcli.prediction.rollout import rollout
+    from cwcli.prediction.rollout import roll_out_paths
 
     radius = 200.0
     tracks = []
     for track in (host(20.0), lead(x_m=100.0, speed_mps=20.0)):
         bent = on_arc(track, radius, 20.0 / radius)
         covariance = np.tile(np.eye(8) * 1e-4, (len(bent.stamp_ns), 1, 1))
-        paths = rollout("ca", bent.state, covariance, horizon_s=3.5, step_s=0.1)
+        paths = roll_out_paths("ca", bent.state, covariance, horizon_s=3.5, step_s=0.1)
         tracks.append(replace(bent, paths=paths))
     own, other = tracks
     # 100 m on, an arc of 200 m has left the straight line by 24 m

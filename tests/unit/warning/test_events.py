@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from cwcli.warning.events import Span, find_events
+from cwcli.warning.events import EventSpan, find_events
 from tests.unit.warning.vehicles import stamps
 
 STEP_S = 0.1
 
 
-def spans(armed: str, held: str | None = None, *, persistence_s: float = 0.0, hold_off_s: float = 0.3) -> list[Span]:
+def spans(
+    armed: str, held: str | None = None, *, persistence_s: float = 0.0, hold_off_s: float = 0.3
+) -> list[EventSpan]:
     """Events of masks written as strings, one character per 0.1 s; the log goes on for a second more."""
     up = np.array([c == "x" for c in armed])
     keep = up if held is None else np.array([c == "x" for c in held])
@@ -19,19 +21,19 @@ def spans(armed: str, held: str | None = None, *, persistence_s: float = 0.0, ho
 
 
 def test_one_stretch_is_one_event() -> None:
-    assert spans("..xxxx....") == [Span(2, 5, 8)]
+    assert spans("..xxxx....") == [EventSpan(2, 5, 8)]
 
 
 def test_a_break_shorter_than_the_hold_off_does_not_split_it() -> None:
-    assert spans("..xx..xx......") == [Span(2, 7, 10)]
+    assert spans("..xx..xx......") == [EventSpan(2, 7, 10)]
 
 
 def test_a_longer_break_does() -> None:
-    assert spans("..xx....xx......") == [Span(2, 3, 6), Span(8, 9, 12)]
+    assert spans("..xx....xx......") == [EventSpan(2, 3, 6), EventSpan(8, 9, 12)]
 
 
 def test_the_weaker_condition_keeps_it_up() -> None:
-    assert spans("..x.........x...", "..xxxxxxxxxxx...") == [Span(2, 12, 15)]
+    assert spans("..x.........x...", "..xxxxxxxxxxx...") == [EventSpan(2, 12, 15)]
 
 
 def test_the_weaker_condition_alone_raises_nothing() -> None:
@@ -39,13 +41,13 @@ def test_the_weaker_condition_alone_raises_nothing() -> None:
 
 
 def test_persistence_waits_and_forgets_after_a_break() -> None:
-    assert spans(".xx.xxxx........", persistence_s=0.2) == [Span(6, 7, 10)]
+    assert spans(".xx.xxxx........", persistence_s=0.2) == [EventSpan(6, 7, 10)]
 
 
 def test_an_event_at_the_end_of_the_log_stays_open() -> None:
     clock = stamps(np.arange(5) * STEP_S)
     up = np.array([False, False, False, True, True])
-    assert find_events(clock, up, up, up, clock_ns=clock, persistence_s=0.0, hold_off_s=0.3) == [Span(3, 4, None)]
+    assert find_events(clock, up, up, up, clock_ns=clock, persistence_s=0.0, hold_off_s=0.3) == [EventSpan(3, 4, None)]
 
 
 def test_a_gap_in_the_data_longer_than_the_hold_off_ends_it() -> None:
@@ -53,7 +55,7 @@ def test_a_gap_in_the_data_longer_than_the_hold_off_ends_it() -> None:
     rows = np.array([0, 1, 2, 10, 11])
     up = np.ones(5, dtype=bool)
     found = find_events(clock[rows], up, up, up, clock_ns=clock, persistence_s=0.0, hold_off_s=0.3)
-    assert found == [Span(0, 2, 5), Span(3, 4, 14)]
+    assert found == [EventSpan(0, 2, 5), EventSpan(3, 4, 14)]
 
 
 def test_at_once_needs_no_persistence() -> None:
@@ -62,7 +64,7 @@ def test_at_once_needs_no_persistence() -> None:
     once = none.copy()
     once[4] = True
     found = find_events(clock[:10], none, none, none, at_once=once, clock_ns=clock, persistence_s=0.5, hold_off_s=0.3)
-    assert found == [Span(4, 4, 7)]
+    assert found == [EventSpan(4, 4, 7)]
 
 
 def test_no_evaluations_give_no_events() -> None:

@@ -6,10 +6,10 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
 from cwcli.warning.lane_departure import (
-    Boundaries,
+    LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
-    earliest_line_m,
+    earliest_warning_line_m,
     evaluate_lane_departure,
 )
 
@@ -37,7 +37,7 @@ def evaluate(offset_m, rate_mps, *, speed=V, found=(True, True), curvature=0.0, 
         side[~np.broadcast_to(is_found, n)] = np.nan
         sides.append(side)
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
-    boundaries = Boundaries(*sides)
+    boundaries = LaneBoundaries(*sides)
     return evaluate_lane_departure(
         stamp_ns, stamp_ns + 5, paths, boundaries, speed, config, width_m=WIDTH_M, front_axle_m=1e-9
     )
@@ -49,13 +49,15 @@ def drift(rate_mps: float, n: int = 120) -> np.ndarray:
 
 def test_isos_earliest_lines() -> None:
     # 0.75 m up to 0.5 m/s, 1.5 s V up to 1 m/s, then 1.5 m.
-    np.testing.assert_allclose(earliest_line_m(np.array([0.1, 0.5, 0.8, 1.0, 2.0])), [0.75, 0.75, 1.2, 1.5, 1.5])
+    np.testing.assert_allclose(
+        earliest_warning_line_m(np.array([0.1, 0.5, 0.8, 1.0, 2.0])), [0.75, 0.75, 1.2, 1.5, 1.5]
+    )
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_time_to_line_crossing_by_hand(side: float) -> None:
     # Tyre 0.9 m from the boundary in the middle; at 0.6 m offset 0.3 m remain: 0.6 s at 0.5 m/s.
-    series = evaluate([0.6 * side], 0.5 * side).series.records()[0]
+    series = evaluate([0.6 * side], 0.5 * side).series.rows_as_dicts()[0]
     name = "left" if side > 0 else "right"
     assert series[f"{name}_gap_m"] == pytest.approx(0.3)
     assert series[f"{name}_departure_rate_mps"] == pytest.approx(0.5)
@@ -72,7 +74,7 @@ def test_a_bend_that_is_followed_is_no_departure() -> None:
 
 @pytest.mark.parametrize("rate_mps", [0.1, 0.3, 0.5, 0.8, -0.1, -0.8])
 def test_a_drift_is_warned_once_inside_isos_zone(rate_mps: float) -> None:
-    events = evaluate(drift(rate_mps), rate_mps).events.records()
+    events = evaluate(drift(rate_mps), rate_mps).events.rows_as_dicts()
     assert [event["side"] for event in events] == ["left" if rate_mps > 0 else "right"]
     assert -0.3 <= events[0]["gap_m"] <= events[0]["earliest_line_m"]
     assert events[0]["time_to_line_crossing_s"] == pytest.approx(0.6, abs=0.11)
@@ -105,7 +107,7 @@ def test_boundaries_lost_for_seconds_end_the_warning() -> None:
     found = np.ones(120, dtype=bool)
     found[16:50] = False
     result = evaluate(drift(0.5), 0.5, found=(found, True))
-    raised = [event["raised_stamp_ns"] for event in result.events.records()]
+    raised = [event["raised_stamp_ns"] for event in result.events.rows_as_dicts()]
     assert len(raised) == 2
     assert raised[1] >= 5_000_000_000
 
@@ -121,18 +123,18 @@ def test_slow_cars_are_not_warned() -> None:
 def test_a_raised_warning_survives_a_little_slowing_down() -> None:
     speed = np.full(60, 17.2)
     speed[16:] = 16.5
-    held = evaluate(drift(0.5, 60), 0.5, speed=speed).events.records()
+    held = evaluate(drift(0.5, 60), 0.5, speed=speed).events.rows_as_dicts()
     assert len(held) == 1
     assert held[0]["last_held_stamp_ns"] == 5_900_000_000
     speed[16:] = 15.0
-    assert evaluate(drift(0.5, 60), 0.5, speed=speed).events.records()[0]["last_held_stamp_ns"] < 1_700_000_000
+    assert evaluate(drift(0.5, 60), 0.5, speed=speed).events.rows_as_dicts()[0]["last_held_stamp_ns"] < 1_700_000_000
 
 
 def test_boundaries_that_cross_are_not_believed() -> None:
     stamp_ns = np.arange(5, dtype=np.int64) * 100_000_000
     zeros = np.zeros((5, len(T)))
     paths = Paths(T, zeros + V * T, zeros, zeros, zeros + V, np.zeros((5, len(T), 3)))
-    swapped = Boundaries(np.tile([-1.8, 0, 0], (5, 1)), np.tile([1.8, 0, 0], (5, 1)))
+    swapped = LaneBoundaries(np.tile([-1.8, 0, 0], (5, 1)), np.tile([1.8, 0, 0], (5, 1)))
     result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, swapped, np.full(5, V))
     assert len(result.events) == 0
     assert result.counts["implausible_width"] == 5

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from cwcli.prediction.paths import Paths
-from cwcli.warning.lane_departure import Boundaries, LaneDepartureConfig, evaluate_lane_departure
-from cwcli.warning.lane_gap import first_crossing, last_told, line_at
+from cwcli.warning.lane_departure import LaneBoundaries, LaneDepartureConfig, evaluate_lane_departure
+from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
 
 RADIUS_M, HALF_LANE_M = 23.0, 1.8
 
@@ -17,24 +17,24 @@ RADIUS_M, HALF_LANE_M = 23.0, 1.8
 def test_a_boundary_is_a_circle_ahead_and_is_told_a_little_behind_the_camera() -> None:
     # 50 m to the left through (0, 1): y = 51 - sqrt(50^2 - x^2), and its direction there is asin(x / 50)
     line = np.array([[1.0, 0.0, 0.02]])
-    y_m, direction_rad = line_at(line, np.array([[-1.0, 0.0, 30.0, 60.0]]), np.zeros(1))
+    y_m, direction_rad = boundary_at_distances(line, np.array([[-1.0, 0.0, 30.0, 60.0]]), np.zeros(1))
     np.testing.assert_allclose(y_m[0], [1.01, 1.0, 11.0, math.nan])
     np.testing.assert_allclose(direction_rad[0], [-math.atan(0.02), 0.0, math.asin(0.6), math.nan])
 
 
 def test_the_last_gap_is_the_last_that_is_known() -> None:
     gap_m = np.array([[0.9, 0.8, math.nan], [0.9, 0.8, 0.7], [math.nan, math.nan, math.nan]])
-    np.testing.assert_allclose(last_told(gap_m), [0.8, 0.7, math.nan])
+    np.testing.assert_allclose(last_known_gap_m(gap_m), [0.8, 0.7, math.nan])
 
 
 def test_the_crossing_is_between_points() -> None:
     gap_m = np.array([[0.3, 0.1, -0.1], [0.3, 0.2, math.nan], [-0.1, 0.0, 0.1], [math.nan, 0.1, -0.1]])
-    np.testing.assert_allclose(first_crossing(np.array([0.0, 1.0, 2.0]), gap_m), [1.5, math.inf, 0.0, math.nan])
+    np.testing.assert_allclose(first_crossing_time_s(np.array([0.0, 1.0, 2.0]), gap_m), [1.5, math.inf, 0.0, math.nan])
 
 
 def test_a_gap_that_is_not_known_hides_no_crossing_behind_it() -> None:
     gap_m = np.array([[1.0, math.nan, -1.0, -2.0], [1.0, 0.5, -0.5, math.nan]])
-    np.testing.assert_allclose(first_crossing(np.array([0.0, 1.0, 2.0, 3.0]), gap_m), [2.0, 1.5])
+    np.testing.assert_allclose(first_crossing_time_s(np.array([0.0, 1.0, 2.0, 3.0]), gap_m), [2.0, 1.5])
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -62,11 +62,11 @@ def test_a_ramp_that_is_kept_is_silent_and_one_that_is_left_is_not(side: float, 
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
     speed_mps, rule = np.full(n, 10.0), LaneDepartureConfig(min_speed_mps=5.0)
     result = evaluate_lane_departure(
-        stamp_ns, stamp_ns, paths, Boundaries(left, right), speed_mps, rule, width_m=1.8, front_axle_m=1e-9
+        stamp_ns, stamp_ns, paths, LaneBoundaries(left, right), speed_mps, rule, width_m=1.8, front_axle_m=1e-9
     )
     outer = "right" if side > 0.0 else "left"
-    first = result.series.records()[0]
+    first = result.series.rows_as_dicts()[0]
     # the tyre is 0.9 m inside at first: 1.8 s at 0.5 m/s
     expected_s = 0.9 / outwards_mps if outwards_mps else math.inf
     assert first[f"{outer}_time_to_line_crossing_s"] == pytest.approx(expected_s, abs=0.1)
-    assert [event["side"] for event in result.events.records()] == ([outer] if outwards_mps else [])
+    assert [event["side"] for event in result.events.rows_as_dicts()] == ([outer] if outwards_mps else [])

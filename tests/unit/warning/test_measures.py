@@ -7,10 +7,10 @@ import pytest
 from scipy import stats
 
 from cwcli.prediction.paths import Paths
-from cwcli.signals.normal import normal_cdf
-from cwcli.warning.align import read_paths
+from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.warning.collision import PathPairs
-from cwcli.warning.measures import Measures, measure, with_probabilities
+from cwcli.warning.measures import Measures, add_contact_probabilities, measure_paths
+from cwcli.warning.remote_alignment import interpolate_paths
 from tests.unit.warning.vehicles import straight
 
 TIME_S = np.arange(51) * 0.05
@@ -19,9 +19,9 @@ CAR = (4.5, 1.8)
 
 def between(host_paths: Paths, other_paths: Paths) -> Measures:
     row, zero = np.array([0]), np.array([0.0])
-    measured = measure(
-        read_paths(host_paths, row, zero, TIME_S),
-        read_paths(other_paths, row, zero, TIME_S),
+    measured = measure_paths(
+        interpolate_paths(host_paths, row, zero, TIME_S),
+        interpolate_paths(other_paths, row, zero, TIME_S),
         TIME_S,
         horizon_s=2.5,
         radius_m=2.5,
@@ -29,7 +29,7 @@ def between(host_paths: Paths, other_paths: Paths) -> Measures:
         other_size=CAR,
     )
     pairs = PathPairs(host_paths, other_paths, row, row, zero, CAR, CAR)
-    return with_probabilities(measured, pairs, TIME_S, horizon_s=2.5, threshold=0.0, deceleration_mps2=2.0)
+    return add_contact_probabilities(measured, pairs, TIME_S, horizon_s=2.5, threshold=0.0, deceleration_mps2=2.0)
 
 
 def at(sigma_m: float = 0.01, **values: float) -> Paths:

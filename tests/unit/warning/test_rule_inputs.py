@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from cwcli.measures import MEASURES
-from cwcli.warning.evaluate import _times
+from cwcli.warning.evaluate import _evaluation_times_s
 from cwcli.warning.measures import Measures
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
-from cwcli.warning.rule_inputs import problem_of
+from cwcli.warning.rule_inputs import problem_with_measure_names
 from cwcli.warning.rules.base import Decision, Rule
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import seconds, straight
@@ -32,7 +32,7 @@ HARD = Rule(summary="needs hard braking", persistence_s=0.0, decide=hard, measur
 
 def found(host: VehicleTrack, other: VehicleTrack, rule: Rule = HARD, window_rows: int = 512) -> PairEvaluation:
     config = WarningConfig()
-    time_s = _times(host, config, rule)
+    time_s = _evaluation_times_s(host, config, rule)
     return evaluate_pairs(host, [other], rule, config, time_s, window_rows=window_rows)[0]
 
 
@@ -101,4 +101,4 @@ def test_nothing_that_came_later_counts() -> None:
     ],
 )
 def test_what_a_rule_may_ask_for(names: object, said: str) -> None:
-    assert problem_of(names) == said
+    assert problem_with_measure_names(names) == said

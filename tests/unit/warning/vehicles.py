@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.evaluation.scored_warnings import ScoredWarnings, score
+from cwcli.evaluation.scored_warnings import ScoredWarnings, score_warnings
 from cwcli.measures.pair import ActualTrack
-from cwcli.prediction.rollout import rollout
+from cwcli.prediction.rollout import roll_out_paths
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
@@ -33,7 +33,7 @@ def evaluate(
     actual: Mapping[str, ActualTrack] | None = None,
 ) -> ScoredWarnings:
     """The warnings, and what really happened."""
-    return score(find_warnings(host, others, config), actual=actual)
+    return score_warnings(find_warnings(host, others, config), actual=actual)
 
 
 def straight(
@@ -67,7 +67,7 @@ def straight(
         stamp_ns=stamps(time),
         log_time_ns=stamps(time + delay_s),
         state=state,
-        paths=rollout(model, state, covariance, horizon_s=horizon_s),
+        paths=roll_out_paths(model, state, covariance, horizon_s=horizon_s),
         length_m=length_m,
         width_m=width_m,
     )

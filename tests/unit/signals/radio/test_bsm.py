@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.signals.bsm_flags import HARD_BRAKING_FLAG
+from cwcli.signals.bsm_flags import HARD_BRAKING_BIT
 from cwcli.signals.radio import bsm
-from cwcli.signals.radio.messages import FAULTS, MISSING, Decoded, Octets, decode
+from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.vectors import BSM_ODE, CORE_ODE, CRUMBS_ODE, PREDICTION_ODE
 
@@ -22,13 +22,13 @@ def octets_of(messages: list[bytes]) -> Octets:
     return Octets(np.frombuffer(b"".join(messages), np.uint8), starts, ends)
 
 
-def core_of(decoded: Decoded, row: int) -> dict[str, int]:
-    return {name: int(decoded.codes(name)[row]) for name in packing.CORE}
+def core_of(decoded: DecodedMessages, row: int) -> dict[str, int]:
+    return {name: int(decoded.component_codes(name)[row]) for name in packing.CORE}
 
 
-def crumbs_of(decoded: Decoded, row: int) -> list[tuple[int, ...]]:
-    mine = decoded.rows[bsm.CRUMBS] == row
-    columns = [decoded.codes(f"{bsm.CRUMBS}.{name}")[mine].tolist() for name in CRUMB_NAMES]
+def crumbs_of(decoded: DecodedMessages, row: int) -> list[tuple[int, ...]]:
+    mine = decoded.rows[bsm.PATH_HISTORY_CRUMBS_PATH] == row
+    columns = [decoded.component_codes(f"{bsm.PATH_HISTORY_CRUMBS_PATH}.{name}")[mine].tolist() for name in CRUMB_NAMES]
     return list(zip(*columns, strict=True))
 
 
@@ -37,17 +37,24 @@ def check_random(n: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = [packing.random_bsm(rng) for _ in range(n)]
     octets = octets_of([packing.bsm(each) for each in values])
-    core, history = decode(bsm.core_program(), octets), decode(bsm.history_program(), octets)
+    core, history = (
+        decode_messages(bsm.compile_core_program(), octets),
+        decode_messages(bsm.compile_path_history_program(), octets),
+    )
     assert not core.status.any()
     assert not history.status.any()
-    radius, confidence = (core.codes(f"{bsm.PREDICTION}.{name}") for name in ("radiusOfCurve", "confidence"))
-    first = np.searchsorted(history.rows[bsm.CRUMBS], np.arange(n + 1))
-    crumbs = np.stack([history.codes(f"{bsm.CRUMBS}.{name}") for name in CRUMB_NAMES], axis=1)
+    radius, confidence = (
+        core.component_codes(f"{bsm.PATH_PREDICTION_PATH}.{name}") for name in ("radiusOfCurve", "confidence")
+    )
+    first = np.searchsorted(history.rows[bsm.PATH_HISTORY_CRUMBS_PATH], np.arange(n + 1))
+    crumbs = np.stack(
+        [history.component_codes(f"{bsm.PATH_HISTORY_CRUMBS_PATH}.{name}") for name in CRUMB_NAMES], axis=1
+    )
     for row, value in enumerate(values):
         assert core_of(core, row) == {name: value[name] for name in packing.CORE}
         safety = value.get("safety", {})
-        assert core.codes(bsm.EVENTS)[row] == safety.get("events", MISSING)
-        assert (radius[row], confidence[row]) == safety.get("prediction", (MISSING, MISSING))
+        assert core.component_codes(bsm.EVENTS_PATH)[row] == safety.get("events", MISSING_CODE)
+        assert (radius[row], confidence[row]) == safety.get("prediction", (MISSING_CODE, MISSING_CODE))
         expected = [[crumb[name] for name in CRUMB_NAMES] for crumb in value.get("all_crumbs", [])]
         assert crumbs[first[row] : first[row + 1]].tolist() == expected
 
@@ -57,22 +64,22 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     values = [packing.random_bsm(rng) for _ in range(500)]
     messages = [mutated(rng, packing.bsm(values[int(rng.integers(len(values)))])) for _ in range(n)]
-    decoded = decode(bsm.core_program(), octets_of(messages))
-    history = decode(bsm.history_program(), octets_of(messages))
+    decoded = decode_messages(bsm.compile_core_program(), octets_of(messages))
+    history = decode_messages(bsm.compile_path_history_program(), octets_of(messages))
     assert (decoded.status == history.status).all()
     for row, message in enumerate(messages):
         core = core_of(decoded, row)
         if decoded.status[row]:
-            assert set(core.values()) == {MISSING}
+            assert set(core.values()) == {MISSING_CODE}
             continue
         bits = "".join(f"{each:08b}" for each in message)
         assert packing.core_bits(core) == bits[3 : 3 + packing.N_CORE_BITS]
         for name, (offset, _, high) in packing.CORE.items():
             assert -offset <= core[name] <= high
-    counts = np.bincount(decoded.status, minlength=max(FAULTS) + 1)
+    counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
     assert counts.sum() == n
-    assert not set(np.flatnonzero(counts)) - {0, *FAULTS}
-    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in FAULTS.items()}
+    assert not set(np.flatnonzero(counts)) - {0, *DECODE_FAULT_TEXTS}
+    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 
 
 def mutated(rng: np.random.Generator, message: bytes) -> bytes:
@@ -94,13 +101,16 @@ def mutated(rng: np.random.Generator, message: bytes) -> bytes:
 
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
     octets = octets_of([BSM_ODE[4:]])  # 00 14: BSM; 80 b8: 184 octets
-    core, history = decode(bsm.core_program(), octets), decode(bsm.history_program(), octets)
+    core, history = (
+        decode_messages(bsm.compile_core_program(), octets),
+        decode_messages(bsm.compile_path_history_program(), octets),
+    )
     assert core_of(core, 0) == CORE_ODE
     assert crumbs_of(history, 0) == CRUMBS_ODE
-    assert [int(core.codes(f"{bsm.PREDICTION}.{name}")[0]) for name in ("radiusOfCurve", "confidence")] == [
-        *PREDICTION_ODE
-    ]
-    assert core.codes(bsm.EVENTS)[0] == MISSING
+    assert [
+        int(core.component_codes(f"{bsm.PATH_PREDICTION_PATH}.{name}")[0]) for name in ("radiusOfCurve", "confidence")
+    ] == [*PREDICTION_ODE]
+    assert core.component_codes(bsm.EVENTS_PATH)[0] == MISSING_CODE
 
 
 def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
@@ -115,26 +125,26 @@ def test_broken_messages_are_decoded_or_counted() -> None:
 
 
 def test_hard_braking_is_the_eighth_flag() -> None:
-    assert HARD_BRAKING_FLAG == 0b0000000100000
+    assert HARD_BRAKING_BIT == 0b0000000100000
 
 
 @pytest.mark.parametrize("n_octets", range(37))
 def test_a_cut_message_is_truncated(n_octets: int) -> None:
     whole = packing.bsm(dict.fromkeys(packing.CORE, 0))
     assert len(whole) == 37
-    decoded = decode(bsm.core_program(), octets_of([whole, whole[:n_octets], whole]))
-    assert [FAULTS.get(int(code), "") for code in decoded.status] == ["", "truncated message", ""]
+    decoded = decode_messages(bsm.compile_core_program(), octets_of([whole, whole[:n_octets], whole]))
+    assert [DECODE_FAULT_TEXTS.get(int(code), "") for code in decoded.status] == ["", "truncated message", ""]
 
 
 @pytest.mark.parametrize(("name", "code"), [("coreData.heading", 28_801), ("coreData.brakes.brakeBoost", 3)])
 def test_a_code_beyond_the_type_is_no_value(name: str, code: int) -> None:
     message = packing.bsm(dict.fromkeys(packing.CORE, 0) | {name: code})
-    decoded = decode(bsm.core_program(), octets_of([message]))
-    assert FAULTS[int(decoded.status[0])] == "code outside its range"
+    decoded = decode_messages(bsm.compile_core_program(), octets_of([message]))
+    assert DECODE_FAULT_TEXTS[int(decoded.status[0])] == "code outside its range"
 
 
 def test_an_open_type_that_is_longer_than_its_contents_is_told() -> None:
     contents = packing.safety_bits({"prediction": (5, 6)}) + "0" * 16
     message = packing.bsm(dict.fromkeys(packing.CORE, 0) | {"part_two": [(0, contents)]})
-    decoded = decode(bsm.core_program(), octets_of([message]))
-    assert FAULTS[int(decoded.status[0])] == "length disagrees with the contents"
+    decoded = decode_messages(bsm.compile_core_program(), octets_of([message]))
+    assert DECODE_FAULT_TEXTS[int(decoded.status[0])] == "length disagrees with the contents"

@@ -9,10 +9,10 @@ import asn1tools
 import numpy as np
 import pytest
 
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.radio import cpm
-from cwcli.signals.radio.messages import FAULTS, MISSING, decode
+from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.v2x_messages import radio
@@ -232,22 +232,22 @@ def code_of(made: Any, path: str) -> int:
             made = made[1] if made[0] == name else {}
             continue
         made = made.get(name, {}) if isinstance(made, dict) else {}
-    return MISSING if made in ({}, ()) else int(made)
+    return MISSING_CODE if made in ({}, ()) else int(made)
 
 
 def check_random(n: int, seed: int) -> None:
     """Every component of any message is what the independent encoder packed."""
     rng = np.random.default_rng(seed)
     made = [any_cpm(rng) for _ in range(n)]
-    decoded = decode(cpm.program(), octets_of([packed(each) for each in made]))
+    decoded = decode_messages(cpm.compile_cpm_program(), octets_of([packed(each) for each in made]))
     assert not decoded.status.any()
-    for path in cpm.SENDER_PATHS.values():
-        assert decoded.codes(path).tolist() == [code_of(each, path) for each in made], path
+    for path in cpm.SENDER_COMPONENT_PATHS.values():
+        assert decoded.component_codes(path).tolist() == [code_of(each, path) for each in made], path
     objects = [(row, one) for row, each in enumerate(made) for one in each["objects"]]
-    assert decoded.rows[cpm.OBJECTS].tolist() == [row for row, _ in objects]
-    for path in cpm.OBJECT_PATHS.values():
+    assert decoded.rows[cpm.OBJECTS_PATH].tolist() == [row for row, _ in objects]
+    for path in cpm.OBJECT_COMPONENT_PATHS.values():
         expected = [code_of(one, path) for _, one in objects]
-        assert decoded.codes(f"{cpm.OBJECTS}.{path}").tolist() == expected, path
+        assert decoded.component_codes(f"{cpm.OBJECTS_PATH}.{path}").tolist() == expected, path
 
 
 def check_mutated(n: int, seed: int) -> dict[str, int]:
@@ -255,19 +255,19 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     some = [packed(any_cpm(rng)) for _ in range(50)]
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
-    decoded = decode(cpm.program(), octets_of(broken))
-    assert set(decoded.status.tolist()) <= {0, *FAULTS}
-    east = decoded.codes(f"{cpm.OBJECTS}.{cpm.OBJECT_PATHS['east_m']}")
+    decoded = decode_messages(cpm.compile_cpm_program(), octets_of(broken))
+    assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
+    east = decoded.component_codes(f"{cpm.OBJECTS_PATH}.{cpm.OBJECT_COMPONENT_PATHS['east_m']}")
     assert ((east >= -131_072) & (east <= 131_071)).all()
-    assert not decoded.status[decoded.rows[cpm.OBJECTS]].any()
-    counts = np.bincount(decoded.status, minlength=max(FAULTS) + 1)
-    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in FAULTS.items()}
+    assert not decoded.status[decoded.rows[cpm.OBJECTS_PATH]].any()
+    counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
+    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 
 
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
-    decoded = decode(cpm.program(), octets_of([PUBLISHED]))
+    decoded = decode_messages(cpm.compile_cpm_program(), octets_of([PUBLISHED]))
     assert not decoded.status.any()
-    found = cpm.objects(decoded)
+    found = cpm.cpm_objects_from_decoded(decoded)
     assert {name: int(found[name][0]) for name in PUBLISHED_CODES} == PUBLISHED_CODES
     assert np.isnan(found["speed_mps"]).all()
 
@@ -283,7 +283,9 @@ def test_broken_messages_are_decoded_or_counted() -> None:
 
 
 def test_objects_are_road_users_and_their_message_is_set_aside() -> None:
-    signal, quality = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", BTP + PUBLISHED, BTP + PUBLISHED[:30]))
+    signal, quality = build_signal(
+        Role.REMOTE, radio("udp_msgs/UdpPacket", "data", BTP + PUBLISHED, BTP + PUBLISHED[:30])
+    )
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("1201:7",)
     assert signal.is_perceived is not None
@@ -337,7 +339,7 @@ def test_speed_and_acceleration_are_along_the_heading(
             "angles": {"zAngle": {"value": heading, "confidence": 10}},
         }
     ]
-    signal, _ = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", BTP + packed(made)))
+    signal, _ = build_signal(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", BTP + packed(made)))
     assert isinstance(signal, RemoteSignal)
     np.testing.assert_allclose(signal.speed_mps, [speed_mps], atol=1e-9)
     np.testing.assert_allclose(signal.accel_mps2, [accel_mps2], atol=1e-9)

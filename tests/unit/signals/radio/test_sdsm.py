@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.radio import sdsm
-from cwcli.signals.radio.messages import FAULTS, MISSING, decode
+from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.packing import framed
 from tests.unit.signals.radio.sdsm_packing import any_sdsm
@@ -23,15 +23,15 @@ def check_random(n: int, seed: int) -> None:
     """Every component of any message is what the encoder packed."""
     rng = np.random.default_rng(seed)
     made = [any_sdsm(rng) for _ in range(n)]
-    decoded = decode(sdsm.program(), octets_of([message for *_, message in made]))
+    decoded = decode_messages(sdsm.compile_sdsm_program(), octets_of([message for *_, message in made]))
     assert not decoded.status.any()
-    for path in sdsm.SENDER_PATHS.values():
-        assert decoded.codes(path).tolist() == [values.get(path, MISSING) for values, *_ in made], path
+    for path in sdsm.SENDER_COMPONENT_PATHS.values():
+        assert decoded.component_codes(path).tolist() == [values.get(path, MISSING_CODE) for values, *_ in made], path
     objects = [(row, one) for row, (_, each, _) in enumerate(made) for one in each]
-    assert decoded.rows[sdsm.OBJECTS].tolist() == [row for row, _ in objects]
-    for path in sdsm.OBJECT_PATHS.values():
-        found = decoded.codes(f"{sdsm.OBJECTS}.{path}").tolist()
-        assert found == [one.get(path, MISSING) for _, one in objects], path
+    assert decoded.rows[sdsm.OBJECTS_PATH].tolist() == [row for row, _ in objects]
+    for path in sdsm.OBJECT_COMPONENT_PATHS.values():
+        found = decoded.component_codes(f"{sdsm.OBJECTS_PATH}.{path}").tolist()
+        assert found == [one.get(path, MISSING_CODE) for _, one in objects], path
 
 
 def check_mutated(n: int, seed: int) -> dict[str, int]:
@@ -39,13 +39,13 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     some = [any_sdsm(rng)[2] for _ in range(50)]
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
-    decoded = decode(sdsm.program(), octets_of(broken))
-    assert set(decoded.status.tolist()) <= {0, *FAULTS}
-    offset = decoded.codes(f"{sdsm.OBJECTS}.{sdsm.OBJECT_PATHS['east_m']}")
+    decoded = decode_messages(sdsm.compile_sdsm_program(), octets_of(broken))
+    assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
+    offset = decoded.component_codes(f"{sdsm.OBJECTS_PATH}.{sdsm.OBJECT_COMPONENT_PATHS['east_m']}")
     assert (np.abs(offset) <= 32_767).all()
-    assert not decoded.status[decoded.rows[sdsm.OBJECTS]].any()
-    counts = np.bincount(decoded.status, minlength=max(FAULTS) + 1)
-    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in FAULTS.items()}
+    assert not decoded.status[decoded.rows[sdsm.OBJECTS_PATH]].any()
+    counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
+    return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 
 
 def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
@@ -59,7 +59,7 @@ def test_broken_messages_are_decoded_or_counted() -> None:
 
 
 def test_a_published_message_is_what_its_publisher_encoded() -> None:
-    signal, quality = build(Role.REMOTE, radio("carma_driver_msgs/ByteArray", "content", PUBLISHED))
+    signal, quality = build_signal(Role.REMOTE, radio("carma_driver_msgs/ByteArray", "content", PUBLISHED))
     assert isinstance(signal, RemoteSignal)
     assert signal.station.values == ("010c0c0a:1",)
     # lat 38121212, long -77121212 and 10 cm to the north and to the east
@@ -75,7 +75,7 @@ def test_a_published_message_is_what_its_publisher_encoded() -> None:
 def test_a_message_that_is_cut_is_rejected() -> None:
     rng = np.random.default_rng(14)
     *_, message = any_sdsm(rng)
-    _, quality = build(
+    _, quality = build_signal(
         Role.REMOTE, radio("carma_driver_msgs/ByteArray", "content", framed(message[:-3], message_id=41))
     )
     assert quality.rejected == {"truncated message": 1}

@@ -6,10 +6,10 @@ import asn1tools
 import numpy as np
 import pytest
 
-from cwcli.signals.build import build
+from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
 from cwcli.signals.radio import vam
-from cwcli.signals.radio.messages import MISSING, decode
+from cwcli.signals.radio.messages import MISSING_CODE, decode_messages
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import octets_of
 from tests.unit.signals.v2x_messages import radio
@@ -62,14 +62,14 @@ def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
         made = any_vam(rng)
         packed.append(codec.encode("VAM", made))
         expected.append(made)
-    decoded = decode(vam.program(), octets_of(packed))
+    decoded = decode_messages(vam.compile_vam_program(), octets_of(packed))
     assert not decoded.status.any()
     for row, made in enumerate(expected):
-        for path in vam.PATHS.values():
+        for path in vam.VAM_COMPONENT_PATHS.values():
             value = made
             for name in path.split("."):
                 value = value.get(name, {}) if isinstance(value, dict) else value
-            assert decoded.codes(path)[row] == (MISSING if value == {} else value), path
+            assert decoded.component_codes(path)[row] == (MISSING_CODE if value == {} else value), path
 
 
 def test_the_smallest_message_has_269_bits() -> None:
@@ -80,7 +80,7 @@ def test_the_smallest_message_has_269_bits() -> None:
     made["vam"]["vamParameters"].pop("low", None)
     packed = asn1tools.compile_string(TYPE, "uper").encode("VAM", made)
     assert len(packed) == 34
-    decoded = decode(vam.program(), octets_of([packed, packed[:-1]]))
+    decoded = decode_messages(vam.compile_vam_program(), octets_of([packed, packed[:-1]]))
     assert decoded.status.tolist()[0] == 0
     assert decoded.status.tolist()[1] != 0
 
@@ -104,7 +104,7 @@ def test_who_walks_is_a_remote_road_user() -> None:
     }
     made["header"]["stationId"] = 77
     packed = asn1tools.compile_string(TYPE, "uper").encode("VAM", made)
-    signal, quality = build(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xe2\x00\x00" + packed))
+    signal, quality = build_signal(Role.REMOTE, radio("udp_msgs/UdpPacket", "data", b"\x07\xe2\x00\x00" + packed))
     assert isinstance(signal, RemoteSignal)
     assert quality.used == 1
     assert signal.station.values == ("77",)

@@ -10,21 +10,26 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
-from cwcli.simulation.road.defects import CHANGE_S, LaneChangingDriver, change_times, ramp_curvature
-from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_drive
+from cwcli.simulation.road.defects import (
+    LANE_CHANGE_DURATION_S,
+    LaneChangingDriver,
+    draw_lane_change_times_s,
+    draw_ramp_curvature_1pm,
+)
+from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 
 CAMERA = wide_camera(320, 180)
 BASE = RoadDriveConfig(seed=3, duration_s=20.0, rate_hz=10.0)
 
 
 def drive(**changes: float | str) -> RoadDrive:
-    return plan_drive(replace(BASE, **changes), CAMERA)  # type: ignore[arg-type]
+    return plan_road_drive(replace(BASE, **changes), CAMERA)  # type: ignore[arg-type]
 
 
 def test_a_ramp_by_hand() -> None:
     """10 m/s: straight for 60 m, 25 m of clothoid, 50 m of 0.4 rad/s / 10 m/s = 0.04 1/m, 25 m of clothoid."""
     stations = np.array([0.0, 60.0, 72.5, 85.0, 135.0, 147.5, 160.0])
-    made = ramp_curvature(stations, 0.4, 10.0, np.random.default_rng(0))
+    made = draw_ramp_curvature_1pm(stations, 0.4, 10.0, np.random.default_rng(0))
     np.testing.assert_allclose(np.abs(made), [0.0, 0.0, 0.02, 0.04, 0.04, 0.02, 0.0], atol=1e-12)
 
 
@@ -36,14 +41,17 @@ def test_the_car_goes_round_a_ramp_in_its_lane() -> None:
 
 
 def test_a_lane_change_leads_to_the_next_lane_and_back() -> None:
-    driver = LaneChangingDriver(wander_m=(0.0,), wander_s=(1.0,), wander_rad=(0.0,), change_s=(5.0, 20.0))
-    wishes = [driver.wish_m(time_s) for time_s in (5.0, 5.0 + CHANGE_S / 2, 15.0, 20.0 + CHANGE_S)]
+    driver = LaneChangingDriver(wander_m=(0.0,), wander_s=(1.0,), wander_rad=(0.0,), lane_change_start_s=(5.0, 20.0))
+    wishes = [
+        driver.wanted_offset_m(time_s)
+        for time_s in (5.0, 5.0 + LANE_CHANGE_DURATION_S / 2, 15.0, 20.0 + LANE_CHANGE_DURATION_S)
+    ]
     assert wishes == pytest.approx([0.0, 1.8, 3.6, 0.0])
 
 
 def test_the_truth_is_that_of_the_lane_in_which_the_camera_is() -> None:
     made = drive(lane_changes_per_min=4.0)
-    truths = [made.truth(index) for index in range(len(made))]
+    truths = [made.lane_truth_at(index) for index in range(len(made))]
     width_m = made.scene.lane_width_m
     lanes = [round(truth.lane_m / width_m) for truth in truths]
     assert lanes[0] == 0
@@ -59,9 +67,11 @@ def test_the_truth_is_that_of_the_lane_in_which_the_camera_is() -> None:
 def test_paint_lies_on_the_truth_of_the_next_lane() -> None:
     made = drive(lane_changes_per_min=4.0)
     index = next(
-        i for i in range(len(made)) if made.truth(i).lane_m > 0.0 and abs(made.truth(i).lateral_offset_m) < 0.3
+        i
+        for i in range(len(made))
+        if made.lane_truth_at(i).lane_m > 0.0 and abs(made.lane_truth_at(i).lateral_offset_m) < 0.3
     )
-    frame = made.frame(index)
+    frame = made.render_frame_at(index)
     rows = np.arange(120, 170)
     u = frame.truth.left_u_px[rows]  # beyond the second lane: a solid line
     inside = (u > 6) & (u < 313)
@@ -77,16 +87,16 @@ def test_paint_lies_on_the_truth_of_the_next_lane() -> None:
 )
 def test_each_defect_changes_the_pictures_and_no_other_drive(change: dict[str, float | str]) -> None:
     plain, made = drive(), drive(**change)
-    assert not all(np.array_equal(plain.frame(i).grey, made.frame(i).grey) for i in (0, 20, 40))
+    assert not all(np.array_equal(plain.render_frame_at(i).grey, made.render_frame_at(i).grey) for i in (0, 20, 40))
     again = drive(**change)
-    assert np.array_equal(again.frame(20).grey, made.frame(20).grey)
+    assert np.array_equal(again.render_frame_at(20).grey, made.render_frame_at(20).grey)
 
 
 def test_change_times_are_apart() -> None:
-    times = change_times(4.0, 60.0, np.random.default_rng(1))
+    times = draw_lane_change_times_s(4.0, 60.0, np.random.default_rng(1))
     assert len(times) == 4
-    assert np.diff(times).min() >= CHANGE_S
-    assert change_times(0.0, 60.0, np.random.default_rng(1)) == ()
+    assert np.diff(times).min() >= LANE_CHANGE_DURATION_S
+    assert draw_lane_change_times_s(0.0, 60.0, np.random.default_rng(1)) == ()
 
 
 @pytest.mark.parametrize(

@@ -19,23 +19,23 @@ from cwcli.simulation.road.car import (
     YAW_RATE,
     X,
     Y,
-    drive_along,
-    understeer_s2pm2,
+    simulate_drive_along_lane,
+    understeer_factor_s2pm2,
 )
-from cwcli.simulation.road.drive import RoadDriveConfig, plan_drive
+from cwcli.simulation.road.drive import RoadDriveConfig, plan_road_drive
 
 CAR = load_vehicle()
 STILL = SwayingDriver(wander_m=(), wander_s=(), wander_rad=())
 
 
 def test_understeer_is_the_papers() -> None:
-    assert understeer_s2pm2(CAR) == pytest.approx(0.000843, abs=5e-7)
+    assert understeer_factor_s2pm2(CAR) == pytest.approx(0.000843, abs=5e-7)
 
 
 def test_steady_bend_settles_at_the_papers_steady_state() -> None:
     # Radius 250 m at 20 m/s: gamma = v / R; v_y and steer from eq. 11 (corrected) with both rates zero.
     v, kappa = 20.0, 1 / 250
-    _, states = drive_along(lambda s: kappa, lambda t: v, STILL, 20.0, CAR)
+    _, states = simulate_drive_along_lane(lambda s: kappa, lambda t: v, STILL, 20.0, CAR)
     end = states[-1]
     gamma = v * kappa
     a = np.array([[-120000 / v, 60000.0], [60000 * 0.16 / v, 54000.0]])
@@ -48,7 +48,7 @@ def test_steady_bend_settles_at_the_papers_steady_state() -> None:
 
 
 def test_straight_road_without_sway_stays_straight() -> None:
-    time_s, states = drive_along(lambda s: 0.0, lambda t: 25.0, STILL, 3.0, CAR)
+    time_s, states = simulate_drive_along_lane(lambda s: 0.0, lambda t: 25.0, STILL, 3.0, CAR)
     np.testing.assert_allclose(states[:, STATION], 25.0 * time_s, atol=1e-9)
     np.testing.assert_allclose(states[:, [OFFSET, HEADING, YAW_RATE]], 0.0, atol=1e-12)
 
@@ -56,7 +56,7 @@ def test_straight_road_without_sway_stays_straight() -> None:
 def test_map_track_and_lane_coordinates_tell_the_same_drive() -> None:
     # On a circle of the lane: the distance to the circle's centre gives the offset, the angle the station.
     kappa = 1 / 400
-    _, states = drive_along(lambda s: kappa, lambda t: 22.0, SwayingDriver(), 12.0, CAR)
+    _, states = simulate_drive_along_lane(lambda s: kappa, lambda t: 22.0, SwayingDriver(), 12.0, CAR)
     first = states[0]
     bearing = first[BEARING] - first[HEADING]  # of the lane at the start
     normal = np.array([-np.sin(bearing), np.cos(bearing)])
@@ -69,8 +69,8 @@ def test_map_track_and_lane_coordinates_tell_the_same_drive() -> None:
 
 def test_preview_deviation_follows_the_papers_kinematics() -> None:
     # eq. 20 for quantities that are positive to the left: dy/dt = v e - v_y - gamma D, de/dt = v K - gamma.
-    drive = plan_drive(RoadDriveConfig(seed=2, duration_s=4.0, rate_hz=50.0), paper_camera())
-    preview = np.array([drive.truth(i).at_preview(33.5) for i in range(len(drive))])
+    drive = plan_road_drive(RoadDriveConfig(seed=2, duration_s=4.0, rate_hz=50.0), paper_camera())
+    preview = np.array([drive.lane_truth_at(i).lane_centre_at_preview(33.5) for i in range(len(drive))])
     states = drive.states_at(drive.time_s)
     y_left, direction, curvature = preview.T
     v = 25.0
@@ -86,17 +86,17 @@ def test_preview_deviation_follows_the_papers_kinematics() -> None:
 
 def test_drive_is_repeatable_and_frames_are_independent() -> None:
     config = RoadDriveConfig(weather="rain", seed=3, duration_s=1.0)
-    one, two = (plan_drive(config, paper_camera()) for _ in range(2))
+    one, two = (plan_road_drive(config, paper_camera()) for _ in range(2))
     assert len(one) == 21
-    two.frame(4)
-    assert np.array_equal(one.frame(9).grey, two.frame(9).grey)
-    assert np.array_equal(one.truth(9).left_visible, one.frame(9).truth.left_visible)
-    assert one.frame(0).truth.condition == "rain"
+    two.render_frame_at(4)
+    assert np.array_equal(one.render_frame_at(9).grey, two.render_frame_at(9).grey)
+    assert np.array_equal(one.lane_truth_at(9).left_visible, one.render_frame_at(9).truth.left_visible)
+    assert one.render_frame_at(0).truth.condition == "rain"
 
 
 def test_lane_keeping_stays_in_the_lane() -> None:
     for seed in (1, 2, 3):
-        drive = plan_drive(RoadDriveConfig(road="complex", seed=seed, duration_s=20.0), paper_camera())
+        drive = plan_road_drive(RoadDriveConfig(road="complex", seed=seed, duration_s=20.0), paper_camera())
         assert np.abs(drive.fine_states[:, OFFSET]).max() < 0.6
 
 
@@ -113,4 +113,4 @@ def test_lane_keeping_stays_in_the_lane() -> None:
 )
 def test_impossible_drives_are_refused(config: RoadDriveConfig, message: str) -> None:
     with pytest.raises(UsageError, match=message):
-        plan_drive(config, paper_camera())
+        plan_road_drive(config, paper_camera())

@@ -10,15 +10,15 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray, Int64Array
 
-MAX_CANDIDATES = 32
+MAX_CANDIDATES_PER_TRACK = 32
 """Number of best detections of each track that are considered; it bounds the memory. Chosen by hand."""
 MAX_PAIRS_OF_GROUP = 2000
 """A group with more detections than this keeps about this many pairs; it bounds the memory. Chosen by hand."""
-_NO_PAIR = 1.0e9
+_FORBIDDEN_PAIR_COST = 1.0e9
 """Cost of a forbidden pair in the assignment: larger than any sum of gains."""
 
 
-def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+def solve_assignment(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     """Find the pairs (row, column) that maximise the summed gain; pairs without a positive gain are left out.
 
     Args:
@@ -36,7 +36,7 @@ def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
         return np.array([k // n]), np.array([k % n])
     useful = gain > 0.0
     # One spare column a row and one spare row a column, at cost 0, make it square: leaving out is always possible.
-    cost = np.full((m + n, m + n), _NO_PAIR)
+    cost = np.full((m + n, m + n), _FORBIDDEN_PAIR_COST)
     cost[:m, :n][useful] = -gain[useful]
     cost[np.arange(m), n + np.arange(m)] = 0.0
     cost[m + np.arange(n), np.arange(n)] = 0.0
@@ -48,7 +48,7 @@ def solve(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
     return rows[good], columns[rows][good]
 
 
-def _best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
+def _keep_best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
     """Set the gain to -inf in all but the k best columns of each row."""
     if gain.shape[1] <= k:
         return gain
@@ -58,7 +58,7 @@ def _best_of_each_row(gain: FloatArray, k: int) -> FloatArray:
     return out
 
 
-def _groups(useful: np.ndarray) -> list[Int64Array]:
+def _group_rows_by_shared_columns(useful: np.ndarray) -> list[Int64Array]:
     """Group rows that share useful columns (m, n), directly or through others."""
     m = useful.shape[0]
     label = np.arange(m)
@@ -72,8 +72,8 @@ def _groups(useful: np.ndarray) -> list[Int64Array]:
     return [np.flatnonzero(label == k) for k in np.unique(label)]
 
 
-def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
-    """Find the pairs of `solve` group by group, with at most the `MAX_CANDIDATES` best pairs of each row.
+def assign_in_groups(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
+    """Find the pairs of `solve` group by group, with at most the `MAX_CANDIDATES_PER_TRACK` best pairs of each row.
 
     Args:
         gain: Shape (tracks, detections): log-likelihood ratio of the pair against leaving both alone.
@@ -82,20 +82,20 @@ def assign(gain: FloatArray) -> tuple[Int64Array, Int64Array]:
         rows = np.flatnonzero((gain > 0.0).any(axis=1))
     if not len(rows):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    small = _best_of_each_row(gain[rows], MAX_CANDIDATES)
+    small = _keep_best_of_each_row(gain[rows], MAX_CANDIDATES_PER_TRACK)
     columns = np.flatnonzero((small > 0.0).any(axis=0))
     small = small[:, columns]
     useful = small > 0.0
     alone = (useful.sum(axis=1) == 1) & (useful[:, useful.sum(axis=0) == 1].any(axis=1))
     a, b = [rows[alone]], [columns[np.argmax(useful[alone], axis=1)]] if alone.any() else [np.zeros(0, np.int64)]
     rest = np.flatnonzero(~alone)
-    for group in _groups(useful[rest]) if len(rest) else []:
+    for group in _group_rows_by_shared_columns(useful[rest]) if len(rest) else []:
         members = rest[group]
         mine = np.flatnonzero(useful[members].any(axis=0))
         if len(mine) > MAX_PAIRS_OF_GROUP:
-            small[members] = _best_of_each_row(small[members], max(2, MAX_PAIRS_OF_GROUP // len(members)))
+            small[members] = _keep_best_of_each_row(small[members], max(2, MAX_PAIRS_OF_GROUP // len(members)))
             mine = np.flatnonzero((small[members] > 0.0).any(axis=0))
-        i, j = solve(small[np.ix_(members, mine)])
+        i, j = solve_assignment(small[np.ix_(members, mine)])
         a.append(rows[members[i]])
         b.append(columns[mine[j]])
     return np.concatenate(a), np.concatenate(b)

@@ -7,7 +7,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray
 
 # Chebyshev fit of erfc, relative error below 1.2e-7 everywhere: Press et al., Numerical Recipes, 2nd ed., 6.2 (erfcc).
-_COEFFICIENTS = (
+_ERFC_COEFFICIENTS = (
     -1.26551223,
     1.00002368,
     0.37409196,
@@ -28,7 +28,7 @@ def normal_cdf(z: FloatArray) -> FloatArray:
     magnitude = np.abs(z) / np.sqrt(2.0)
     t = 1.0 / (1.0 + 0.5 * magnitude)
     exponent = np.zeros_like(t)
-    for coefficient in reversed(_COEFFICIENTS):
+    for coefficient in reversed(_ERFC_COEFFICIENTS):
         exponent = exponent * t + coefficient
     with np.errstate(under="ignore"):
         upper_tail = 0.5 * t * np.exp(-(magnitude**2) + exponent)

@@ -7,31 +7,31 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.prediction.calibrate import beginning, calibrated, outcomes
+from cwcli.prediction.calibrate import actual_positions_at_knots, initial_log_scale, scale_covariance_by_outcomes
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
-    ELLIPSE_50,
-    ELLIPSE_90,
+    ELLIPSE_50_SQUARED_RADIUS,
+    ELLIPSE_90_SQUARED_RADIUS,
     HorizonErrors,
     actual_positions,
     horizon_errors,
-    needed_points,
-    tiled,
+    indices_of_needed_points,
+    repeat_for_path_sets,
 )
-from cwcli.prediction.paths import stacked
-from cwcli.prediction.rollout import Discretisation, rollout, time_grid
-from cwcli.prediction.scales import knots_s
+from cwcli.prediction.paths import stack_paths
+from cwcli.prediction.rollout import Discretisation, path_time_grid_s, roll_out_paths
+from cwcli.prediction.scales import scale_knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
-BASELINE = "cv"
+BASELINE_MODEL = "cv"
 """The model that the others are compared with: constant velocity."""
-PATHS_AT_ONCE = 2048
+PATHS_PER_BATCH = 2048
 """Number of paths in a batch: models of a short track are judged together, as each call costs more than its paths.
 Chosen by hand."""
 
 
-def compare_models(
+def compare_models_at_horizons(
     models: Sequence[str],
     state: FloatArray,
     covariance: FloatArray | None,
@@ -45,7 +45,7 @@ def compare_models(
     discretisation: Discretisation = "exact",
     prior: DriverPrior | None = None,
     calibrate: bool = True,
-    acted: FloatArray | None = None,
+    acting_s: FloatArray | None = None,
     begin: FloatArray | None = None,
 ) -> dict[str, HorizonErrors]:
     """Compute `horizon_errors` of each model from the same starts; constant velocity always comes first.
@@ -53,21 +53,21 @@ def compare_models(
     The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
     exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
     `acted`, `begin`: the measured gains of the starts and the scales with which their ellipses begin, for a model that
-    learns (`record.measured_acted`, `calibrate.stream_beginnings`); None: no record, the fleet's.
+    learns (`record.measure_acting_time_s`, `calibrate.initial_log_scale_of_each_row`); None: no record, the fleet's.
     """
     errors: dict[str, HorizonErrors] = {}
     actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
-    time_s = time_grid(max(horizons_s), step_s)
-    outcome = outcomes(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
-    points = needed_points(time_s, [*horizons_s, *knots_s(float(time_s[-1]))])
-    names = list(dict.fromkeys([BASELINE, *models]))
+    time_s = path_time_grid_s(max(horizons_s), step_s)
+    outcome = actual_positions_at_knots(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
+    points = indices_of_needed_points(time_s, [*horizons_s, *scale_knots_s(float(time_s[-1]))])
+    names = list(dict.fromkeys([BASELINE_MODEL, *models]))
     n = len(state)
-    at_once = max(PATHS_AT_ONCE // max(n, 1), 1)
+    at_once = max(PATHS_PER_BATCH // max(n, 1), 1)
     for first in range(0, len(names), at_once):
         some = names[first : first + at_once]
-        paths = stacked(
+        paths = stack_paths(
             [
-                rollout(
+                roll_out_paths(
                     name,
                     state,
                     covariance,
@@ -76,31 +76,33 @@ def compare_models(
                     discretisation=discretisation if name not in MODELS or MODELS[name].in_paper else "exact",
                     prior=prior,
                     points=points,
-                    acted=acted,
+                    acting_s=acting_s,
                 )
                 for name in some
             ]
         )
         if calibrate:
-            begins = [_begin(name, float(time_s[-1]), n, begin) for name in some]
-            paths = calibrated(paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins))
+            begins = [_initial_log_scales(name, float(time_s[-1]), n, begin) for name in some]
+            paths = scale_covariance_by_outcomes(
+                paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins)
+            )
         starts_ns = np.tile(start_stamp_ns, len(some))
         together = horizon_errors(
-            paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, tiled(actual, len(some))
+            paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, repeat_for_path_sets(actual, len(some))
         )
         for k, name in enumerate(some):
-            errors[name] = together.rows(slice(k * n, (k + 1) * n))
+            errors[name] = together.select_starts(slice(k * n, (k + 1) * n))
     return errors
 
 
-def _begin(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:
+def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:
     """The log scales with which a model's ellipses begin: the learned ones, or its own for all n starts, (n, k, 2)."""
     if learned is not None and MODELS[model].learns:
         return learned
-    return np.tile(beginning(model, horizon_s), (n, 1, 1))
+    return np.tile(initial_log_scale(model, horizon_s), (n, 1, 1))
 
 
-def horizon_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray | Int64Array | list[str]]:
+def horizon_error_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray | Int64Array | list[str]]:
     """One row per model and horizon.
 
     Columns: model, horizon_s, n (starts whose outcome is known), mean_m, median_m, rms_m, p95_m, max_m of the
@@ -110,9 +112,9 @@ def horizon_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray |
     Raises:
         ValueError: The constant-velocity row is missing.
     """
-    if BASELINE not in errors:
+    if BASELINE_MODEL not in errors:
         raise ValueError("the constant-velocity model is missing from the comparison")
-    baseline = errors[BASELINE]
+    baseline = errors[BASELINE_MODEL]
     n_horizons = len(baseline.horizon_s)
     rows: dict[tuple[str, int], list[float]] = {}
     for column in range(n_horizons):
@@ -120,17 +122,19 @@ def horizon_table(errors: Mapping[str, HorizonErrors]) -> dict[str, FloatArray |
         for name, error in errors.items():
             by_starts.setdefault(error.is_known[:, column].tobytes(), []).append(name)
         for names in by_starts.values():
-            for name, row in zip(names, _rows([errors[name] for name in names], baseline, column), strict=True):
+            for name, row in zip(
+                names, _table_rows_at_horizon([errors[name] for name in names], baseline, column), strict=True
+            ):
                 rows[name, column] = row
     order = [(name, column) for name in errors for column in range(n_horizons)]
     table: dict[str, FloatArray | Int64Array | list[str]] = {"model": [name for name, _ in order]}
-    for index, key in enumerate(_COLUMNS):
+    for index, key in enumerate(_TABLE_COLUMNS):
         values = np.array([rows[each][index] for each in order], dtype=np.float64)
         table[key] = values.astype(np.int64) if key == "n" else values
     return table
 
 
-_COLUMNS = (
+_TABLE_COLUMNS = (
     "horizon_s",
     "n",
     "mean_m",
@@ -146,59 +150,62 @@ _COLUMNS = (
     "inside_90",
     "change_percent",
 )
-"""Names of the columns of `horizon_table` after the model, in order."""
+"""Names of the columns of `horizon_error_table` after the model, in order."""
 
 
-def _rows(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int) -> list[list[float]]:
+def _table_rows_at_horizon(errors: Sequence[HorizonErrors], baseline: HorizonErrors, column: int) -> list[list[float]]:
     """The table's rows at one horizon for models whose outcomes are known for the same starts."""
     known = errors[0].is_known[:, column]
     n = np.count_nonzero(known)
     horizon_s = float(errors[0].horizon_s[column])
     if n == 0:
-        return [[horizon_s, 0.0, *([np.nan] * (len(_COLUMNS) - 2))] for _ in errors]
+        return [[horizon_s, 0.0, *([np.nan] * (len(_TABLE_COLUMNS) - 2))] for _ in errors]
     distance = np.stack([error.distance_m[known, column] for error in errors])
     along = np.stack([error.along_m[known, column] for error in errors])
     cross = np.stack([error.cross_m[known, column] for error in errors])
     squared = np.stack([error.mahalanobis2[known, column] for error in errors])
     has_ellipse = np.isfinite(squared)
     core = np.stack([error.core_mahalanobis2[known, column] for error in errors])
-    inside_50, inside_90 = has_ellipse & (core <= ELLIPSE_50), has_ellipse & (squared <= ELLIPSE_90)
+    inside_50, inside_90 = (
+        has_ellipse & (core <= ELLIPSE_50_SQUARED_RADIUS),
+        has_ellipse & (squared <= ELLIPSE_90_SQUARED_RADIUS),
+    )
     base = baseline.distance_m[known & baseline.is_known[:, column], column]
-    base_mean = float(_mean(base[None])[0]) if len(base) else np.nan
-    mean = _mean(distance)
+    base_mean = float(_mean_of_each_row(base[None])[0]) if len(base) else np.nan
+    mean = _mean_of_each_row(distance)
     ordered = np.sort(distance, axis=1)
     measures = [
         np.full(len(errors), horizon_s),
         np.full(len(errors), float(n)),
         mean,
-        _quantile(ordered, 0.5),
-        np.sqrt(_mean(distance**2)),
-        _quantile(ordered, 0.95),
+        _quantile_of_sorted_rows(ordered, 0.5),
+        np.sqrt(_mean_of_each_row(distance**2)),
+        _quantile_of_sorted_rows(ordered, 0.95),
         ordered[:, -1],
-        _mean(along),
-        np.sqrt(_mean(along**2)),
-        _mean(cross),
-        np.sqrt(_mean(cross**2)),
-        _share(inside_50, has_ellipse),
-        _share(inside_90, has_ellipse),
+        _mean_of_each_row(along),
+        np.sqrt(_mean_of_each_row(along**2)),
+        _mean_of_each_row(cross),
+        np.sqrt(_mean_of_each_row(cross**2)),
+        _share_inside_ellipse(inside_50, has_ellipse),
+        _share_inside_ellipse(inside_90, has_ellipse),
         100.0 * (mean / base_mean - 1.0) if base_mean > 0.0 else np.full(len(errors), np.nan),
     ]
     rows: list[list[float]] = np.column_stack(measures).tolist()
     return rows
 
 
-def _mean(values: FloatArray) -> FloatArray:
+def _mean_of_each_row(values: FloatArray) -> FloatArray:
     """The mean of each row: `values.mean(axis=1)` at a quarter of its cost for short rows."""
     return np.asarray(np.add.reduce(values, axis=1) / values.shape[1])
 
 
-def _share(inside: npt.NDArray[np.bool_], has_ellipse: npt.NDArray[np.bool_]) -> FloatArray:
+def _share_inside_ellipse(inside: npt.NDArray[np.bool_], has_ellipse: npt.NDArray[np.bool_]) -> FloatArray:
     """Share of a model's outcomes with an ellipse that lie inside it; NaN if there is none."""
     n = np.count_nonzero(has_ellipse, axis=1)
     return np.asarray(np.where(n, np.count_nonzero(inside, axis=1) / np.maximum(n, 1), np.nan))
 
 
-def _quantile(ordered: FloatArray, share: float) -> FloatArray:
+def _quantile_of_sorted_rows(ordered: FloatArray, share: float) -> FloatArray:
     """A quantile of each row of sorted, finite values: `np.quantile` at a tenth of its cost."""
     position = share * (ordered.shape[1] - 1)
     below = int(position)

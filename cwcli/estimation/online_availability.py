@@ -10,32 +10,32 @@ import numpy.typing as npt
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import Kind, Measurements
-from cwcli.estimation.prepare import epoch_ns, seconds
+from cwcli.estimation.prepare import earliest_stamp_ns, seconds_since_epoch
 from cwcli.estimation.result import SourceReport
 from cwcli.signals.columns import Int64Array
 from cwcli.signals.units import NS_PER_S
 
-SLACK_NS = 1_000
+STAMP_ROUNDING_SLACK_NS = 1_000
 """A state may use a row that is later than it by at most this, ns, because the filter computes in float seconds."""
-NEVER_NS = np.iinfo(np.int64).max
+NEVER_AVAILABLE_NS = np.iinfo(np.int64).max
 """Time of what is never available, ns."""
-LONG_AGO_NS = np.iinfo(np.int64).min
+ALWAYS_AVAILABLE_NS = np.iinfo(np.int64).min
 """Time of what is available from the beginning, ns."""
-LATE_S = 1.0
+MAX_UNREPORTED_DELAY_S = 1.0
 """Delay of a state from which a note reports it, s; chosen by hand."""
-THIS_LOG, MESSAGES = "this log", "messages and defaults"
+PARAMETERS_FROM_LOG, PARAMETERS_FROM_MESSAGES = "this log", "messages and defaults"
 """Names of the two origins of parameters other than a calibration, as the output shows them."""
 
 
-def parameters_of(config: EstimatorConfig) -> str:
+def parameter_origin_text(config: EstimatorConfig) -> str:
     """Return where noise, latencies and sensor errors of the ego's online states come from, as text."""
     if config.calibration is not None:
         return f"calibration {config.calibration.name}"
-    return MESSAGES if config.is_blind_online else THIS_LOG
+    return PARAMETERS_FROM_MESSAGES if config.takes_no_online_parameter_from_log else PARAMETERS_FROM_LOG
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class OnlineAvailability:
     """Delays of the online states of a channel.
 
     Attributes:
@@ -51,42 +51,43 @@ class Knowledge:
     log_time_ns: Int64Array
 
     @property
-    def n(self) -> int:
+    def n_states(self) -> int:
         """Number of states."""
         return len(self.stamp_ns)
 
-    def after_s(self) -> tuple[float, ...]:
+    def delay_quantiles_s(self) -> tuple[float, ...]:
         """Return median, 95 % quantile and maximum of the delay from stamp to availability, s; NaN without states."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
-        return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n else (np.nan,) * 3
+        return tuple(np.quantile(after_s, [0.5, 0.95, 1.0]).tolist()) if self.n_states else (np.nan,) * 3
 
     @property
-    def notes(self) -> list[str]:
+    def late_state_notes(self) -> list[str]:
         """Note on states that are available more than `LATE_S` after their stamps; empty if there are none."""
         after_s = (self.log_time_ns - self.stamp_ns) / NS_PER_S
-        late = after_s > LATE_S
+        late = after_s > MAX_UNREPORTED_DELAY_S
         if not late.any():
             return []
         advice = "; if the stamps are wrong, use --clock log" if late.mean() > 0.5 else ""
         return [
-            f"{self.topic}: {int(late.sum())} of {self.n} states are available more than {LATE_S:g} s after their "
+            f"{self.topic}: {int(late.sum())} of {self.n_states} states are available more than "
+            f"{MAX_UNREPORTED_DELAY_S:g} s after their "
             f"stamps (up to {after_s.max():.1f} s), and so are paths and warnings{advice}"
         ]
 
 
-def known_ns(
+def states_available_at_ns(
     measurements: Sequence[Measurements],
     sources: Sequence[SourceReport],
     stamp_ns: Int64Array,
     *,
     max_pause_s: float,
-    slack_ns: int = SLACK_NS,
+    slack_ns: int = STAMP_ROUNDING_SLACK_NS,
 ) -> Int64Array:
     """Return when each state of the filter was available: when the last measurement that it uses had been received.
 
     A state at time s uses all rows measured by s (corrected for latency). It exists only after a row at or after s has
-    been received and its stretch has a position (see `from_signals.output_grid`, `near_positions`). Later rows of the
-    log change neither the state nor this time.
+    been received and its stretch has a position (see `from_signals.ego_output_stamps_ns`,
+    `drop_stretches_without_position`). Later rows of the log change neither the state nor this time.
 
     Args:
         measurements: Measurements of one vehicle, positions first; each in stamp order.
@@ -98,25 +99,25 @@ def known_ns(
     Returns:
         Shape (m,), non-decreasing, on the log's clock.
     """
-    known = np.full(len(stamp_ns), LONG_AGO_NS)
-    reached = np.full(len(stamp_ns), NEVER_NS)
-    positions, epoch = measurements[0], epoch_ns(measurements)
+    known = np.full(len(stamp_ns), ALWAYS_AVAILABLE_NS)
+    reached = np.full(len(stamp_ns), NEVER_AVAILABLE_NS)
+    positions, epoch = measurements[0], earliest_stamp_ns(measurements)
     for m in measurements:
         if not len(m):
             continue
-        used_ns = m.stamp_ns - _late_ns(m, sources, epoch)
+        used_ns = m.stamp_ns - _applied_latency_ns(m, sources, epoch)
         order = np.argsort(used_ns, kind="stable")
         newest = np.searchsorted(used_ns[order], stamp_ns + slack_ns, side="right")
-        known = np.maximum(known, np.append(LONG_AGO_NS, np.maximum.accumulate(m.received_ns[order]))[newest])
+        known = np.maximum(known, np.append(ALWAYS_AVAILABLE_NS, np.maximum.accumulate(m.received_ns[order]))[newest])
         # A source counts for the end of the states once a position has come that is not older than its first row.
-        there_ns = positions.received_ns[positions.stamp_ns >= m.stamp_ns[0]].min(initial=NEVER_NS)
+        there_ns = positions.received_ns[positions.stamp_ns >= m.stamp_ns[0]].min(initial=NEVER_AVAILABLE_NS)
         first = np.minimum.accumulate(np.maximum(m.received_ns, there_ns)[::-1])[::-1]
-        reached = np.minimum(reached, np.append(first, NEVER_NS)[np.searchsorted(m.stamp_ns, stamp_ns)])
-    placed = _placed_ns(measurements, stamp_ns, round(max_pause_s * NS_PER_S))
+        reached = np.minimum(reached, np.append(first, NEVER_AVAILABLE_NS)[np.searchsorted(m.stamp_ns, stamp_ns)])
+    placed = _first_position_received_ns(measurements, stamp_ns, round(max_pause_s * NS_PER_S))
     return np.maximum.accumulate(np.maximum(np.maximum(known, reached), placed))
 
 
-def in_time(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.bool_]:
+def not_overtaken_message_mask(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.bool_]:
     """Return a mask (n,) of the messages that arrived before every newer message."""
     order = np.lexsort((stamp_ns, log_time_ns))
     newest_ns = np.maximum.accumulate(stamp_ns[order])
@@ -125,11 +126,13 @@ def in_time(stamp_ns: Int64Array, log_time_ns: Int64Array) -> npt.NDArray[np.boo
     return fresh
 
 
-def _placed_ns(measurements: Sequence[Measurements], stamp_ns: Int64Array, max_pause_ns: int) -> Int64Array:
+def _first_position_received_ns(
+    measurements: Sequence[Measurements], stamp_ns: Int64Array, max_pause_ns: int
+) -> Int64Array:
     """Return when the first position of each state's stretch was received, (m,)."""
     measured_ns = np.unique(np.concatenate([m.stamp_ns for m in measurements]))
     begins = np.append(measured_ns[0], measured_ns[1:][np.diff(measured_ns) > max_pause_ns])
-    first_ns = np.full(len(begins), NEVER_NS)
+    first_ns = np.full(len(begins), NEVER_AVAILABLE_NS)
     for m in measurements:
         if m.kind is Kind.POSITION:
             stretch = np.maximum(np.searchsorted(begins, m.stamp_ns, side="right") - 1, 0)
@@ -137,9 +140,9 @@ def _placed_ns(measurements: Sequence[Measurements], stamp_ns: Int64Array, max_p
     return np.asarray(first_ns[np.maximum(np.searchsorted(begins, stamp_ns, side="right") - 1, 0)])
 
 
-def _late_ns(m: Measurements, sources: Sequence[SourceReport], epoch: int) -> Int64Array:
+def _applied_latency_ns(m: Measurements, sources: Sequence[SourceReport], epoch: int) -> Int64Array:
     """Return the latency (ns) that was subtracted from the stamps, (n,); for an IMU the larger of its two latencies."""
-    time_s = seconds(m.stamp_ns, epoch)
+    time_s = seconds_since_epoch(m.stamp_ns, epoch)
     own = [s.latency for s in sources if s.source == m.source and m.kind in (s.kind, Kind.IMU)]
-    late_s = [latency.applied_s + latency.drifted_s(time_s) for latency in own]
+    late_s = [latency.applied_s + latency.drift_correction_s(time_s) for latency in own]
     return np.asarray(np.rint(np.max(late_s or [np.zeros(len(m))], axis=0) * NS_PER_S), np.int64)

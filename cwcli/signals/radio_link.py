@@ -16,16 +16,16 @@ from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.quality import BoolArray
 from cwcli.signals.units import NS_PER_S
 
-COUNT_MODULUS = 128
+MESSAGE_COUNT_MODULUS = 128
 """The number of values of a sender's message count (SAE J2735, msgCnt)."""
 MIN_GAP_S = 1.0
 """The shortest pause that counts as a gap, in seconds. Chosen by hand; not fitted."""
-GAP_PERIODS = 5.0
+MIN_GAP_PERIODS = 5.0
 """The shortest pause that counts as a gap, in sending periods. Chosen by hand; not fitted."""
-CLOCK_STEP_S = 0.002
+MAX_NEGATIVE_LATENCY_S = 0.002
 """The time by which a median latency may be negative, in seconds: two steps of the message clock. Below, the clocks
 disagree."""
-BIN_M = 50.0
+DISTANCE_BIN_M = 50.0
 """The width of a bin of distance, in metres; chosen by hand."""
 
 
@@ -66,7 +66,7 @@ class StationLink:
 
 
 @dataclass(frozen=True)
-class Reception:
+class ReceptionByDistance:
     """The reception by distance, over all stations that count their messages.
 
     Attributes:
@@ -79,7 +79,9 @@ class Reception:
     sent: Int64Array
 
 
-def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[StationLink], Reception]:
+def measure_station_links(
+    signal: RemoteSignal, distance_m: FloatArray
+) -> tuple[list[StationLink], ReceptionByDistance]:
     """Measure the radio link from each station.
 
     Args:
@@ -96,15 +98,15 @@ def links_of(signal: RemoteSignal, distance_m: FloatArray) -> tuple[list[Station
             continue
         order = rows[np.argsort(signal.stamp_ns[rows], kind="stable")]
         sent_s = (signal.stamp_ns[order] - signal.stamp_ns[order[0]]) / NS_PER_S
-        n_lost, is_absence, period_s = _losses(sent_s, signal.message_count[order])
-        links.append(_link(station, signal, order, n_lost, is_absence, period_s, distance_m))
+        n_lost, is_absence, period_s = _count_lost_messages(sent_s, signal.message_count[order])
+        links.append(_measure_station_link(station, signal, order, n_lost, is_absence, period_s, distance_m))
         if np.isfinite(n_lost).any():
             received.append(distance_m[order])
-            lost.append(_places_of_lost(distance_m[order], np.nan_to_num(n_lost)))
-    return links, _reception(np.concatenate(received), np.concatenate(lost))
+            lost.append(_distances_of_lost_messages_m(distance_m[order], np.nan_to_num(n_lost)))
+    return links, _reception_by_distance(np.concatenate(received), np.concatenate(lost))
 
 
-def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
+def information_age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
     """Return the information age (s) that the newest message stays below for a share of the time.
 
     Args:
@@ -125,7 +127,7 @@ def age_quantile_s(ages: Sequence[FloatArray], share: float) -> float:
     return float(np.interp(share * below_s[-1], below_s, at))
 
 
-def _losses(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
+def _count_lost_messages(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArray, float]:
     """Count the messages lost between each two received ones, find absences, and measure the sending period.
 
     Args:
@@ -136,20 +138,20 @@ def _losses(sent_s: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArra
         Shape (n - 1,): NaN where the sender does not count (a count that never changes is none), 0 in an absence; shape
         (n - 1,); the period in s, NaN of a single message.
     """
-    pause_s, steps = np.diff(sent_s), np.diff(count) % COUNT_MODULUS
+    pause_s, steps = np.diff(sent_s), np.diff(count) % MESSAGE_COUNT_MODULUS
     if not len(pause_s):
         return np.full(0, np.nan), np.zeros(0, np.bool_), float("nan")
     if np.isnan(steps).any() or not steps.any():
         period_s = float(np.median(pause_s))
-        return np.full(len(steps), np.nan), pause_s >= COUNT_MODULUS * period_s, period_s
+        return np.full(len(steps), np.nan), pause_s >= MESSAGE_COUNT_MODULUS * period_s, period_s
     period_s = float(np.median((pause_s / np.maximum(steps, 1))[steps > 0]))
-    is_absence: BoolArray = pause_s >= (COUNT_MODULUS - 0.5) * period_s
-    is_repeat = (steps == 0) & (pause_s < 0.5 * COUNT_MODULUS * period_s)
-    n_lost = np.where(is_absence | is_repeat, 0.0, (steps - 1) % COUNT_MODULUS)
+    is_absence: BoolArray = pause_s >= (MESSAGE_COUNT_MODULUS - 0.5) * period_s
+    is_repeat = (steps == 0) & (pause_s < 0.5 * MESSAGE_COUNT_MODULUS * period_s)
+    n_lost = np.where(is_absence | is_repeat, 0.0, (steps - 1) % MESSAGE_COUNT_MODULUS)
     return n_lost, is_absence, period_s
 
 
-def _link(
+def _measure_station_link(
     station: str,
     signal: RemoteSignal,
     order: Int64Array,
@@ -159,7 +161,7 @@ def _link(
     distance_m: FloatArray,
 ) -> StationLink:
     latency_s = (signal.log_time_ns[order] - signal.stamp_ns[order]) / NS_PER_S
-    has_clock = bool(latency_s.any()) and float(np.median(latency_s)) >= -CLOCK_STEP_S
+    has_clock = bool(latency_s.any()) and float(np.median(latency_s)) >= -MAX_NEGATIVE_LATENCY_S
     heard_ns = np.sort(signal.log_time_ns[order])
     pause_s = np.diff(heard_ns) / NS_PER_S
     present = ~is_absence
@@ -169,7 +171,7 @@ def _link(
     counted = np.isfinite(n_lost).all() and len(n_lost) > 0
     n_sent = len(order) + float(n_lost.sum()) if counted else float("nan")
     n_steps = (n_sent if counted else len(order)) - 1 - np.count_nonzero(is_absence)
-    is_gap = present & (pause_s > max(MIN_GAP_S, GAP_PERIODS * period_s))
+    is_gap = present & (pause_s > max(MIN_GAP_S, MIN_GAP_PERIODS * period_s))
     known_m = distance_m[order][np.isfinite(distance_m[order])]
     nothing = float("nan")
     return StationLink(
@@ -188,7 +190,7 @@ def _link(
     )
 
 
-def _places_of_lost(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
+def _distances_of_lost_messages_m(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
     """Return the distances (m) at which lost messages were sent, spaced evenly between their received neighbours."""
     n = n_lost.astype(np.int64)
     gap = np.repeat(np.arange(len(n)), n)
@@ -197,9 +199,9 @@ def _places_of_lost(distance_m: FloatArray, n_lost: FloatArray) -> FloatArray:
     return distance_m[gap] * (1.0 - part) + distance_m[gap + 1] * part
 
 
-def _reception(received_m: FloatArray, lost_m: FloatArray) -> Reception:
+def _reception_by_distance(received_m: FloatArray, lost_m: FloatArray) -> ReceptionByDistance:
     received_m, lost_m = received_m[np.isfinite(received_m)], lost_m[np.isfinite(lost_m)]
     farthest_m = max([0.0, *received_m, *lost_m]) if len(received_m) else 0.0
-    edges_m = BIN_M * np.arange(int(farthest_m // BIN_M) + 2, dtype=np.float64)
+    edges_m = DISTANCE_BIN_M * np.arange(int(farthest_m // DISTANCE_BIN_M) + 2, dtype=np.float64)
     received = np.histogram(received_m, edges_m)[0]
-    return Reception(edges_m, received, received + np.histogram(lost_m, edges_m)[0])
+    return ReceptionByDistance(edges_m, received, received + np.histogram(lost_m, edges_m)[0])

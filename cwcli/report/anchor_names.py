@@ -6,11 +6,12 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterable
 
-DIGITS = 4
+MIN_NAME_DIGITS = 4
+"""The least number of hexadecimal digits in an anchor's name. Chosen by hand; not fitted."""
 
 
-def marks(log: str, kind: str, what: Iterable[tuple[str, ...]]) -> list[str]:
-    """One name each: `warning-3f2a`.
+def stable_anchor_names(log: str, kind: str, distinguishing_keys: Iterable[tuple[str, ...]]) -> list[str]:
+    """Return a name such as `warning-3f2a` for each item that a rerun keeps.
 
     It is made of the log's name, of whom and by which rule, and of how many such came before it in the log: not of
     times, which another version or option moves by some milliseconds. Names that agree by chance get more digits.
@@ -22,12 +23,12 @@ def marks(log: str, kind: str, what: Iterable[tuple[str, ...]]) -> list[str]:
     """
     before: Counter[tuple[str, ...]] = Counter()
     digests = []
-    for key in what:
+    for key in distinguishing_keys:
         text = "\0".join((log, kind, *key, str(before[key])))
         before[key] += 1
         digests.append(hashlib.blake2s(text.encode("utf-8", "surrogateescape")).hexdigest())
     short: dict[str, None] = {}  # in their order
     for digest in digests:
-        length = next(n for n in range(DIGITS, len(digest) + 1) if digest[:n] not in short)
+        length = next(n for n in range(MIN_NAME_DIGITS, len(digest) + 1) if digest[:n] not in short)
         short[digest[:length]] = None
     return [f"{kind}-{name}" for name in short]

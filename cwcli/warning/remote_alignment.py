@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.types import PathArrays, Use, VehicleTrack
+from cwcli.warning.types import PathArrays, RemoteStateUse, VehicleTrack
 
 
 @dataclass(frozen=True)
-class Pairing:
+class StatePairing:
     """The usable evaluations of one pair.
 
     Attributes:
@@ -31,11 +31,13 @@ class Pairing:
     host_row: npt.NDArray[np.intp]
     other_row: npt.NDArray[np.intp]
     age_s: FloatArray
-    n_unheard: int
+    n_without_message: int
     n_stale: int
 
 
-def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float) -> Pairing:
+def pair_with_newest_state(
+    host: VehicleTrack, other: VehicleTrack, use: RemoteStateUse, max_age_s: float
+) -> StatePairing:
     """Pair every host stamp with the newest remote state that may be used.
 
     With "received" neither its log time nor its stamp is after the host's; with "stamp" its stamp is not.
@@ -53,33 +55,35 @@ def pair_up(host: VehicleTrack, other: VehicleTrack, use: Use, max_age_s: float)
     age_ns[heard] = host.stamp_ns[heard] - other.stamp_ns[newest[heard]]
     fresh = heard & (age_ns <= round(max_age_s * NS_PER_S))
     rows = np.flatnonzero(fresh)
-    return Pairing(
+    return StatePairing(
         host_row=rows,
         other_row=newest[rows],
         age_s=age_ns[rows] / NS_PER_S,
-        n_unheard=int(n - heard.sum()),
+        n_without_message=int(n - heard.sum()),
         n_stale=int(heard.sum() - fresh.sum()),
     )
 
 
 @dataclass(frozen=True)
-class Points:
+class PathPoints:
     """Points of m paths at q times, (m, q); `beyond` (m,) is true where a time is after the path's end."""
 
     x_m: FloatArray
     y_m: FloatArray
     heading_rad: FloatArray
     speed_mps: FloatArray
-    beyond: npt.NDArray[np.bool_]
+    is_beyond_end: npt.NDArray[np.bool_]
 
-    def rows(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> Points:
+    def select_rows_and_times(self, rows: npt.NDArray[np.intp], columns: npt.NDArray[np.intp]) -> PathPoints:
         """The points of some rows at some of the times."""
         flat = rows[:, None] * self.x_m.shape[1] + columns
         x, y, heading, speed = (values.take(flat) for values in (self.x_m, self.y_m, self.heading_rad, self.speed_mps))
-        return Points(x, y, heading, speed, self.beyond[rows])
+        return PathPoints(x, y, heading, speed, self.is_beyond_end[rows])
 
 
-def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray) -> Points:
+def interpolate_paths(
+    paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
+) -> PathPoints:
     """Interpolate the paths `rows` (m,) linearly at the times `offset_s[i] + time_s[j]`.
 
     `time_s` may be (q,) or (m, q). After its end a path goes straight on at its last speed and heading.
@@ -107,10 +111,10 @@ def read_paths(paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArr
     if beyond.any():
         x += past_s * speed * np.cos(heading)
         y += past_s * speed * np.sin(heading)
-    return Points(x, y, heading, speed, beyond)
+    return PathPoints(x, y, heading, speed, beyond)
 
 
-def read_covariances(
+def interpolate_covariances(
     paths: PathArrays, rows: npt.NDArray[np.intp], offset_s: FloatArray, time_s: FloatArray
 ) -> FloatArray:
     """Interpolate the position covariances of the paths `rows` (m,) at the times `offset_s[i] + time_s[j]`, (m, q, 3).

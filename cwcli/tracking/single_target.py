@@ -9,16 +9,16 @@ import numpy.typing as npt
 
 from cwcli.kernels import track as kernel
 from cwcli.kernels.track import RowStatus
-from cwcli.metrics.chi_square import mean_bounds
+from cwcli.metrics.chi_square import chi_square_mean_bounds
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.tracking.config import FilterConfig
-from cwcli.tracking.prepare import Rows
+from cwcli.tracking.prepare import DetectionRows
 
 Int8Array = npt.NDArray[np.int8]
 
 
 @dataclass(frozen=True)
-class Consistency:
+class NisConsistency:
     """Mean NIS of one source: whether its innovations fit the filter's own covariance.
 
     Attributes:
@@ -36,7 +36,7 @@ class Consistency:
     high: float
 
     @property
-    def is_inside(self) -> bool:
+    def is_within_bounds(self) -> bool:
         """True when the mean lies inside its bounds."""
         return self.low <= self.nis_mean <= self.high
 
@@ -64,7 +64,7 @@ class FilterOutput:
     log_likelihood: float
 
 
-def _elapsed_s(stamp_ns: Int64Array) -> FloatArray:
+def _time_steps_s(stamp_ns: Int64Array) -> FloatArray:
     """Time since the row before, s, (n,); 0 at the first row."""
     out = np.zeros(len(stamp_ns))
     np.subtract(stamp_ns[1:], stamp_ns[:-1], out=out[1:], casting="unsafe")
@@ -73,30 +73,32 @@ def _elapsed_s(stamp_ns: Int64Array) -> FloatArray:
     return out
 
 
-def run_filter(rows: Rows, config: FilterConfig, *, smooth: bool | None = None) -> FilterOutput:
+def run_filter(rows: DetectionRows, config: FilterConfig, *, smooth: bool | None = None) -> FilterOutput:
     """Filter rows that all belong to one target, and smooth them when `smooth` (default: `config.smooth`).
 
     The state at a row is after its update; with `smooth=False` it uses nothing later than the row.
     """
     smooth = config.smooth if smooth is None else smooth
-    out = kernel.run(config.kernel_filter(), _elapsed_s(rows.stamp_ns), rows.for_kernel(), smooth=smooth)
+    out = kernel.run(config.build_kernel_filter(), _time_steps_s(rows.stamp_ns), rows.to_kernel_rows(), smooth=smooth)
     return FilterOutput(
         out.state, out.covariance, out.innovation, out.nis, out.n_values, out.status, out.log_likelihood
     )
 
 
-def log_likelihood(rows: Rows, config: FilterConfig) -> float:
+def log_likelihood_of_rows(rows: DetectionRows, config: FilterConfig) -> float:
     """Log-likelihood of the rows under the filter, without keeping the states. No gate: every row counts."""
-    return kernel.log_likelihood(config.kernel_filter(gated=False), _elapsed_s(rows.stamp_ns), rows.for_kernel())
+    return kernel.log_likelihood(
+        config.build_kernel_filter(gated=False), _time_steps_s(rows.stamp_ns), rows.to_kernel_rows()
+    )
 
 
-def consistency(
+def nis_consistency_by_source(
     sources: tuple[str, ...],
     source: Int64Array,
     nis: FloatArray,
     n_values: Int8Array,
     status: Int8Array,
-) -> dict[str, Consistency]:
+) -> dict[str, NisConsistency]:
     """The mean NIS of each source with its 95 % bounds (Bar-Shalom et al., Estimation with Applications, 5.4.2).
 
     Args:
@@ -109,8 +111,8 @@ def consistency(
         mine = (source == k) & np.isfinite(nis)
         n = int(mine.sum())
         dof = float(n_values[mine].mean()) if n else np.nan
-        low, high = mean_bounds(dof, n)
-        out[name] = Consistency(
+        low, high = chi_square_mean_bounds(dof, n)
+        out[name] = NisConsistency(
             n_used=int((mine & (status == RowStatus.USED)).sum()),
             n_gated=int((mine & (status != RowStatus.USED)).sum()),
             nis_mean=float(nis[mine].mean()) if n else np.nan,

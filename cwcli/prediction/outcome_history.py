@@ -2,8 +2,8 @@
 
 Constant velocity takes a car v h along its heading. Acceleration a and yaw rate w add a h^2/2 along it and, as an
 angle of the chord, w h/2 across, if they go on and if they are right. How much of that followed is a linear
-regression, by each axis and knot of `fleet.KNOTS_S`: y = x' g, x the displacement that each part of the derivative
-promises (`parts_of`), y what happened. With outcomes weighted by q its ridge estimate is
+regression, by each axis and knot of `fleet.HORIZON_KNOTS_S`: y = x' g, x the displacement that each part of the
+derivative promises (`parts_of`), y what happened. With outcomes weighted by q its ridge estimate is
 
     g = (sum q x x' + N e^2 I)^-1 (sum q x y + N e^2 g0),    q = (dt / h) / (1 + min(|y - x' g_fleet|, |y|) / e),
 
@@ -28,22 +28,22 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import record as kernel
-from cwcli.prediction.fleet import KNOTS_S, FleetPrior, acted_s, fleet_prior
+from cwcli.prediction.fleet import HORIZON_KNOTS_S, FleetPrior, acting_time_s, load_fleet_prior
 from cwcli.prediction.outcome import actual_positions
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.packed_covariances import Covariances, variances
+from cwcli.signals.packed_covariances import Covariances, variances_of_states
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED, YAW_RATE
 
-CLEAR_SIGMAS = 5.0
+CLEARNESS_SIGMAS = 5.0
 """A derivative of this many stated sigmas is half clear. Chosen: filters on real drives are too sure by up to 3."""
-CLEAR_POWER = 8
+CLEARNESS_POWER = 8
 """Exponent p of the clearness 1 / (1 + (5 sigma / d)^p): how sharp its edge is. Chosen by hand; not fitted."""
-LOOK_BACK_SHARE = 0.5
+LOOK_BACK_SHARE_OF_HORIZON = 0.5
 """A derivative is lasting by its mean over this share of the horizon before now. Chosen by hand; not fitted."""
 MIN_LOOK_BACK_S = 0.3
 """The look back is at least this long, s. Chosen by hand; not fitted."""
-MIN_TRACK_S = 0.15
+MIN_LOOK_BACK_DATA_S = 0.15
 """A derivative with less history than this, s, has no lasting part. Chosen by hand; not fitted."""
 MAX_GAP_S = 0.5
 """Outcomes are not interpolated across longer gaps, s, and a row stands for no more time. Chosen by hand."""
@@ -51,7 +51,7 @@ MIN_CHORD_M = 1.0
 """The angle of a shorter chord counts as 0, as it is mostly noise. Chosen by hand; not fitted."""
 MAX_CHORD_ANGLE_RAD = 2.0
 """A chord at a larger angle to the heading is no outcome of an arc. Chosen by hand; not fitted."""
-PRIOR_OUTCOMES = np.array([4.0, 1.0, 1.0])
+PRIOR_WEIGHT_OUTCOMES = np.array([4.0, 1.0, 1.0])
 """Weight of the prior in independent outcomes for the parts unclear, lasting and new (docs/prediction.md)."""
 NEVER_NS = np.iinfo(np.int64).max
 """The time of an outcome that never becomes known."""
@@ -60,7 +60,7 @@ Rows = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
-class Track:
+class StateHistory:
     """States of vehicles in the order in which they became known; states overtaken by a newer one are left out.
 
     Attributes:
@@ -78,11 +78,11 @@ class Track:
     clear: FloatArray
     first: tuple[int, ...] = (0,)
 
-    def vehicles(self) -> list[slice]:
+    def row_slices_of_vehicles(self) -> list[slice]:
         """The rows of each vehicle."""
         return [slice(a, b) for a, b in pairwise((*self.first, len(self.rows)))]
 
-    def index(self) -> Rows:
+    def vehicle_indices(self) -> Rows:
         """Which vehicle each row is of, from 0, shape (n,)."""
         return np.repeat(np.arange(len(self.first)), np.diff((*self.first, len(self.rows))))
 
@@ -93,12 +93,12 @@ class Track:
         return step_s
 
 
-def joined(tracks: Sequence[Track]) -> Track:
+def concatenate_histories(tracks: Sequence[StateHistory]) -> StateHistory:
     """Concatenate the histories of several vehicles."""
     if len(tracks) == 1:
         return tracks[0]
     starts = accumulate((len(track.rows) for track in tracks[:-1]), initial=0)
-    return Track(
+    return StateHistory(
         np.concatenate([track.rows for track in tracks]),
         np.concatenate([track.stamp_ns for track in tracks]),
         np.concatenate([track.known_ns for track in tracks]),
@@ -108,27 +108,27 @@ def joined(tracks: Sequence[Track]) -> Track:
     )
 
 
-def clearness(state: FloatArray, covariance: Covariances | None) -> FloatArray:
+def derivative_clearness(state: FloatArray, covariance: Covariances | None) -> FloatArray:
     """How clearly acceleration and yaw rate exceed their stated noise, 0 to 1, shape (n, 2)."""
     if covariance is None:
         return np.ones((len(state), 2))
     columns = [ACCEL, YAW_RATE]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        noise = CLEAR_SIGMAS**2 * np.maximum(variances(covariance, columns), 0.0)
-        power = (noise / state[:, columns] ** 2) ** (CLEAR_POWER // 2)
+        noise = CLEARNESS_SIGMAS**2 * np.maximum(variances_of_states(covariance, columns), 0.0)
+        power = (noise / state[:, columns] ** 2) ** (CLEARNESS_POWER // 2)
         return np.asarray(np.nan_to_num(1.0 / (1.0 + power), nan=1.0))
 
 
-def known_tracks(
+def state_histories_by_vehicle(
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
     log_time_ns: Int64Array,
     state: FloatArray,
     covariance: Covariances | None,
-) -> list[Track]:
+) -> list[StateHistory]:
     """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
-    clear = clearness(state, covariance)
+    clear = derivative_clearness(state, covariance)
     tracks = []
     for one in np.unique(vehicle):
         rows = np.flatnonzero((vehicle == one) & is_finite)
@@ -136,23 +136,23 @@ def known_tracks(
         newest = np.maximum.accumulate(stamp_ns[rows])
         rows = rows[np.concatenate([[True], stamp_ns[rows][1:] > newest[:-1]])[: len(rows)]]
         if len(rows):
-            tracks.append(Track(rows, stamp_ns[rows], log_time_ns[rows], state[rows], clear[rows]))
+            tracks.append(StateHistory(rows, stamp_ns[rows], log_time_ns[rows], state[rows], clear[rows]))
     return tracks
 
 
-def parts_of(track: Track) -> FloatArray:
+def derivative_parts(track: StateHistory) -> FloatArray:
     """Divide acceleration and yaw rate into `fleet.PARTS`, by knot, shape (n, 2, k, 3): shares that add up to 1.
 
     Unclear is what may be noise. Lasting is what is clear and was as large on average over the last h/2, for a horizon
     h: what lasts that long has mostly lasted some time. New is the rest: a manoeuvre that has just begun.
     """
-    begins = np.array(track.first, dtype=np.intp)[track.index()]
+    begins = np.array(track.first, dtype=np.intp)[track.vehicle_indices()]
     age_s = (track.stamp_ns - track.stamp_ns[begins]) / NS_PER_S
-    heading = np.concatenate([np.unwrap(track.state[rows, HEADING]) for rows in track.vehicles()])
-    look_back_s = np.maximum(LOOK_BACK_SHARE * KNOTS_S, MIN_LOOK_BACK_S)
+    heading = np.concatenate([np.unwrap(track.state[rows, HEADING]) for rows in track.row_slices_of_vehicles()])
+    look_back_s = np.maximum(LOOK_BACK_SHARE_OF_HORIZON * HORIZON_KNOTS_S, MIN_LOOK_BACK_S)
     change, passed_s = kernel.changes(age_s, np.stack([track.state[:, SPEED], heading]), begins, look_back_s)
     promised = track.state[:, [ACCEL, YAW_RATE], None] * passed_s[:, None, :]
-    is_told = (passed_s >= MIN_TRACK_S)[:, None, :] & (promised != 0.0)
+    is_told = (passed_s >= MIN_LOOK_BACK_DATA_S)[:, None, :] & (promised != 0.0)
     clear = track.clear[:, :, None]
     out = np.empty((*promised.shape, 3))
     out[..., 0] = 1.0 - clear
@@ -161,7 +161,7 @@ def parts_of(track: Track) -> FloatArray:
     return out
 
 
-def promised_m(state: FloatArray) -> FloatArray:
+def promised_displacement_m(state: FloatArray) -> FloatArray:
     """Displacement (m) that acceleration and yaw rate would add to constant velocity by each knot, shape (n, 2, k).
 
     A car that stops stays there.
@@ -169,20 +169,22 @@ def promised_m(state: FloatArray) -> FloatArray:
     speed, accel = state[:, SPEED, None], state[:, ACCEL, None]
     brakes = speed * accel < 0.0
     stop_s = np.where(brakes, np.abs(speed) / np.where(brakes, np.abs(accel), 1.0), np.inf)
-    acts_s = np.minimum(KNOTS_S, stop_s)
-    along = accel * acts_s**2 / 2.0 - np.where(brakes, speed, 0.0) * (KNOTS_S - acts_s)
-    across = np.abs(speed) * state[:, YAW_RATE, None] * KNOTS_S**2 / 2.0
+    acts_s = np.minimum(HORIZON_KNOTS_S, stop_s)
+    along = accel * acts_s**2 / 2.0 - np.where(brakes, speed, 0.0) * (HORIZON_KNOTS_S - acts_s)
+    across = np.abs(speed) * state[:, YAW_RATE, None] * HORIZON_KNOTS_S**2 / 2.0
     return np.stack([along, across], axis=1)
 
 
-def followed_m(track: Track) -> FloatArray:
+def actual_displacement_m(track: StateHistory) -> FloatArray:
     """Displacement (m) that was in fact added to constant velocity by each knot, shape (n, 2, k); NaN if not known.
 
     Along it is the arc's length beyond v h; across it is the angle of the arc's chord times |v| h.
     """
     outcome = [
-        actual_positions(track.stamp_ns[rows], track.stamp_ns[rows], track.state[rows, :2], KNOTS_S.tolist(), MAX_GAP_S)
-        for rows in track.vehicles()
+        actual_positions(
+            track.stamp_ns[rows], track.stamp_ns[rows], track.state[rows, :2], HORIZON_KNOTS_S.tolist(), MAX_GAP_S
+        )
+        for rows in track.row_slices_of_vehicles()
     ]
     found, is_known = (np.concatenate(each) for each in zip(*outcome, strict=True))
     moved = found - track.state[:, None, :2]
@@ -193,28 +195,28 @@ def followed_m(track: Track) -> FloatArray:
     chord = np.hypot(ahead, left)
     angle = np.where(chord > MIN_CHORD_M, np.arctan2(left, ahead), 0.0)
     arc = np.where(chord > MIN_CHORD_M, chord / np.sinc(angle / np.pi), ahead)
-    straight_m = np.abs(speed) * KNOTS_S
+    straight_m = np.abs(speed) * HORIZON_KNOTS_S
     out = np.stack([forward * (arc - straight_m), angle * straight_m], axis=1)
     is_arc = is_known & (np.abs(angle) < MAX_CHORD_ANGLE_RAD)
     return np.where(is_arc[:, None, :], out, np.nan)
 
 
-def known_with(track: Track, knots_s: FloatArray = KNOTS_S) -> Rows:
+def rows_of_known_outcomes(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Rows:
     """The row with which each start's outcome at each knot became known, shape (n, k); never: n."""
     at_ns = track.stamp_ns[:, None] + np.rint(knots_s * NS_PER_S).astype(np.int64)
     out = np.empty(at_ns.shape, dtype=np.intp)
-    for rows in track.vehicles():
+    for rows in track.row_slices_of_vehicles():
         after = rows.start + np.searchsorted(track.stamp_ns[rows], at_ns[rows])
         out[rows] = np.where(after < rows.stop, after, len(track.rows))
     return out
 
 
-def known_at_ns(track: Track, knots_s: FloatArray = KNOTS_S) -> Int64Array:
+def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KNOTS_S) -> Int64Array:
     """When each start's outcome at each knot became known, shape (n, k); never: `NEVER_NS`."""
-    return np.append(track.known_ns, NEVER_NS)[known_with(track, knots_s)]
+    return np.append(track.known_ns, NEVER_NS)[rows_of_known_outcomes(track, knots_s)]
 
 
-def measured_acted(
+def measure_acting_time_s(
     vehicle: npt.NDArray[np.integer],
     stamp_ns: Int64Array,
     log_time_ns: Int64Array | None,
@@ -222,7 +224,8 @@ def measured_acted(
     covariance: Covariances | None,
     prior: FleetPrior | None = None,
 ) -> FloatArray:
-    """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see `fleet.acted_s`.
+    """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see
+    `fleet.acting_time_s`.
 
     Args:
         vehicle: Shape (n,): which vehicle a row is of.
@@ -230,23 +233,23 @@ def measured_acted(
         state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
         prior: None: the fleet's.
     """
-    chosen = prior or fleet_prior()
+    chosen = prior or load_fleet_prior()
     log_ns = stamp_ns if log_time_ns is None else log_time_ns
-    share = np.einsum("nai,aki->nak", _unrecorded(clearness(state, covariance)), chosen.gain)
-    tracks = known_tracks(vehicle, stamp_ns, log_ns, state, covariance)
+    share = np.einsum("nai,aki->nak", _parts_without_history(derivative_clearness(state, covariance)), chosen.gain)
+    tracks = state_histories_by_vehicle(vehicle, stamp_ns, log_ns, state, covariance)
     if tracks:
-        track = joined(tracks)
-        parts = parts_of(track)
-        share[track.rows] = np.einsum("naki,naki->nak", parts, measured_gains(track, parts, chosen))
-    return acted_s(np.clip(share, 0.0, 1.0))
+        track = concatenate_histories(tracks)
+        parts = derivative_parts(track)
+        share[track.rows] = np.einsum("naki,naki->nak", parts, measure_gains(track, parts, chosen))
+    return acting_time_s(np.clip(share, 0.0, 1.0))
 
 
-def _unrecorded(clear: FloatArray) -> FloatArray:
+def _parts_without_history(clear: FloatArray) -> FloatArray:
     """The parts (n, 2, 3) of states without a history: all that is clear counts as lasting."""
     return np.stack([1.0 - clear, clear, np.zeros_like(clear)], axis=-1)
 
 
-def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatArray:
+def measure_gains(track: StateHistory, parts: FloatArray, prior: FleetPrior) -> FloatArray:
     """Measure the gain of each part, by axis and knot, for each state of each vehicle, (n, 2, k, 3).
 
     Args:
@@ -254,15 +257,15 @@ def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatA
         parts: Shape (n, 2, k, 3): `parts_of` it.
         prior: The gains without any outcome.
     """
-    known_row = known_with(track)
+    known_row = rows_of_known_outcomes(track)
     known_ns = np.append(track.known_ns, NEVER_NS)[known_row]
     return kernel.gains(
         parts,
-        promised_m(track.state),
-        followed_m(track),
+        promised_displacement_m(track.state),
+        actual_displacement_m(track),
         step_s=track.step_s(),
-        knots_s=KNOTS_S,
-        track=track.index(),
+        knots_s=HORIZON_KNOTS_S,
+        track=track.vehicle_indices(),
         known_row=known_row,
         known_ns=known_ns,
         now_ns=track.known_ns,
@@ -270,12 +273,12 @@ def measured_gains(track: Track, parts: FloatArray, prior: FleetPrior) -> FloatA
         by_now=np.argsort(track.known_ns, kind="stable"),
         prior=np.ascontiguousarray(prior.gain),
         error_m=np.ascontiguousarray(prior.error_m),
-        carried=_carried(prior),
-        prior_outcomes=PRIOR_OUTCOMES,
+        carried=_gain_ratios_between_knots(prior),
+        prior_outcomes=PRIOR_WEIGHT_OUTCOMES,
     )
 
 
-def _carried(prior: FleetPrior) -> FloatArray:
+def _gain_ratios_between_knots(prior: FleetPrior) -> FloatArray:
     """Ratio of the fleet's gain at each knot to that at the knot before, (2, k, 3).
 
     The unclear part takes the ratio of the lasting one. NaN at the first knot, and after a gain of 0.

@@ -40,9 +40,9 @@ import numpy as np
 
 from cwcli.signals.columns import FloatArray
 
-TURNED = 0.97
+LINE_END_DIRECTION_SINE = 0.97
 """The sine of the direction (1) at which a drawn line ends, because it turns back there; chosen by hand."""
-LEAST_REST = 0.2
+MIN_INNER_RADIUS_SHARE = 0.2
 """The least radius of a parallel line inside a bend, as a share (1) of the bend's radius; a tighter line is no lane.
 Chosen by hand."""
 
@@ -52,10 +52,10 @@ class Pinhole(NamedTuple):
 
     centre_px: float
     focal_px: float
-    stretch: float
+    focal_length_ratio: float
 
 
-def own_arc(
+def arc_parameters_of_parallel_line(
     far_px: float, near: float, bend_px2: float, spiral_px3: float, pinhole: Pinhole
 ) -> tuple[float, float, float, float]:
     """Return far, near, bend and spiral of the parallel line with this `near`, from those of the line through y = 0.
@@ -68,15 +68,15 @@ def own_arc(
     slope = (far_px - pinhole.centre_px) / pinhole.focal_px
     cosine = (1.0 + slope * slope) ** -0.5
     rate = 2.0 * bend_px2 * cosine**3 / pinhole.focal_px
-    tighter = 1.0 / max(1.0 - rate * near / pinhole.focal_px, LEAST_REST)
-    start = min(max(slope * cosine * tighter, -TURNED), TURNED)
+    tighter = 1.0 / max(1.0 - rate * near / pinhole.focal_px, MIN_INNER_RADIUS_SHARE)
+    start = min(max(slope * cosine * tighter, -LINE_END_DIRECTION_SINE), LINE_END_DIRECTION_SINE)
     own_cosine = (1.0 - start * start) ** 0.5
     bend = rate * tighter * pinhole.focal_px / (2.0 * own_cosine**3)
     spiral = spiral_px3 * (cosine / own_cosine * tighter) ** 3
     return pinhole.centre_px + pinhole.focal_px * start / own_cosine, near, bend, spiral
 
 
-def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
+def image_columns_of_arcs(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: FloatArray) -> FloatArray:
     """Return the image columns (px) of arcs, each given by the polynomial that touches it beside the camera.
 
     Args:
@@ -98,11 +98,13 @@ def arc_columns(roads: FloatArray, h: FloatArray, centre: FloatArray, focal: Flo
         middle = 1.0 - (0.5 * (start + sine)) ** 2
         chord = (start + sine) / (cosine + np.sqrt(1.0 - sine * sine))
         arc = centre + near * h + focal * (chord - more / (6.0 * middle**1.5))
-        arc = np.where(1.0 / h < _turns_back(start, rate, growth), arc, np.nan)
+        arc = np.where(1.0 / h < _smallest_positive_root_at_sine(start, rate, growth), arc, np.nan)
         return np.where(np.isfinite(focal + centre), arc, far + near * h + (bend + spiral / h) / h)
 
 
-def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = TURNED) -> FloatArray:
+def _smallest_positive_root_at_sine(
+    start: FloatArray, rate: FloatArray, growth: FloatArray, sine: float = LINE_END_DIRECTION_SINE
+) -> FloatArray:
     """Return the smallest positive t at which start + rate t + growth t^2 is `sine` or -`sine`, else inf."""
     end = np.where(np.abs(start) < sine, np.inf, 0.0)
     for limit in (-sine, sine):
@@ -113,7 +115,9 @@ def _turns_back(start: FloatArray, rate: FloatArray, growth: FloatArray, sine: f
     return end
 
 
-def arc_places_m(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0) -> FloatArray:
+def lateral_positions_of_arcs_m(
+    arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray | float = 0.0
+) -> FloatArray:
     """Return the lateral positions (m) of arcs on the road, each given by the polynomial that touches it beside the
     camera.
 
@@ -122,60 +126,61 @@ def arc_places_m(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: Flo
             y = y0 + slope x + curvature x^2 / 2 + change x^3 / 6.
         x_m: Distances ahead, of a shape that goes together with (...).
         change_1pm2: Change of curvature per metre ahead, of the parallel line through y = 0; that of the lines is
-            `changes_beside` times as great. Of a shape that goes together with (...).
+            `curvature_change_ratios_to_centre_line` times as great. Of a shape that goes together with (...).
 
     Returns:
         Metres to the side to which y counts; NaN where a line has turned back, and behind the camera.
     """
     y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
-    change = np.broadcast_to(change_1pm2 * changes_beside(arc_coefficients), y0.shape)
+    change = np.broadcast_to(change_1pm2 * curvature_change_ratios_to_centre_line(arc_coefficients), y0.shape)
     roads = np.stack([slope, y0, curvature / 2.0, change / 6.0], axis=-1)
     ahead_m = np.where(x_m > 0.0, x_m, np.nan)
-    places_m = ahead_m * arc_columns(roads, 1.0 / ahead_m, np.array(0.0), np.array(1.0))
+    places_m = ahead_m * image_columns_of_arcs(roads, 1.0 / ahead_m, np.array(0.0), np.array(1.0))
     return np.asarray(np.where(x_m == 0.0, y0, places_m))
 
 
-def changes_beside(arc_coefficients: FloatArray) -> FloatArray:
+def curvature_change_ratios_to_centre_line(arc_coefficients: FloatArray) -> FloatArray:
     """Return the ratios (...) of each line's change of curvature to that of the parallel line through y = 0.
 
-    Both as x^3 / 6 counts them; the other way round than `own_arc`, from K y = K_own y / (1 + K_own y).
+    Both as x^3 / 6 counts them; the other way round than `arc_parameters_of_parallel_line`, from K y = K_own y / (1 +
+    K_own y).
 
     Args:
-        arc_coefficients: Shape (..., 3), as for `arc_places_m`.
+        arc_coefficients: Shape (..., 3), as for `lateral_positions_of_arcs_m`.
     """
     y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    tighter = np.clip(1.0 + curvature * cosine**3 * y0, LEAST_REST, 1.0 / LEAST_REST)
-    start = np.clip(slope * cosine / tighter, -TURNED, TURNED)
+    tighter = np.clip(1.0 + curvature * cosine**3 * y0, MIN_INNER_RADIUS_SHARE, 1.0 / MIN_INNER_RADIUS_SHARE)
+    start = np.clip(slope * cosine / tighter, -LINE_END_DIRECTION_SINE, LINE_END_DIRECTION_SINE)
     return np.asarray((tighter * np.sqrt(1.0 - start * start) / cosine) ** 3)
 
 
-def middle_arc(arc_coefficients: FloatArray) -> FloatArray:
+def middle_line_of_parallel_arcs(arc_coefficients: FloatArray) -> FloatArray:
     """Return the lines (n, 3) in the middle between parallel ones, with the same coefficients.
 
     Args:
-        arc_coefficients: Shape (n, k, 3), as for `arc_places_m`.
+        arc_coefficients: Shape (n, k, 3), as for `lateral_positions_of_arcs_m`.
     """
     y0, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     middle = y0.mean(axis=1)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
     rate = curvature * cosine**3
-    tighter = np.clip(1.0 + rate * (y0 - middle[:, None]), LEAST_REST, 1.0 / LEAST_REST)
-    start = np.clip((slope * cosine / tighter).mean(axis=1), -TURNED, TURNED)
+    tighter = np.clip(1.0 + rate * (y0 - middle[:, None]), MIN_INNER_RADIUS_SHARE, 1.0 / MIN_INNER_RADIUS_SHARE)
+    start = np.clip((slope * cosine / tighter).mean(axis=1), -LINE_END_DIRECTION_SINE, LINE_END_DIRECTION_SINE)
     own_cosine = np.sqrt(1.0 - start * start)
     return np.column_stack([middle, start / own_cosine, (rate / tighter).mean(axis=1) / own_cosine**3])
 
 
-def arc_ahead(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+def arc_geometry_at_distance(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
     """Return y (m), direction (rad) and curvature (1/m) of arcs at a distance ahead, shape (..., 3).
 
     NaN behind the camera, and where an arc has turned back.
 
     Args:
-        arc_coefficients, x_m, change_1pm2: As for `arc_places_m`.
+        arc_coefficients, x_m, change_1pm2: As for `lateral_positions_of_arcs_m`.
     """
-    places_m = arc_places_m(arc_coefficients, x_m, change_1pm2)
-    start, rate, growth = _sines(arc_coefficients, change_1pm2)
+    places_m = lateral_positions_of_arcs_m(arc_coefficients, x_m, change_1pm2)
+    start, rate, growth = _direction_sine_coefficients(arc_coefficients, change_1pm2)
     ahead = rate + 2.0 * growth * x_m
     sine = start + (rate + growth * x_m) * x_m
     with np.errstate(invalid="ignore"):
@@ -183,42 +188,44 @@ def arc_ahead(arc_coefficients: FloatArray, x_m: FloatArray, change_1pm2: FloatA
     return np.where(np.isnan(places_m)[..., None], np.nan, made)
 
 
-def lane_ahead(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
+def lane_centre_geometry_at_distance(lines: FloatArray, x_m: FloatArray, change_1pm2: FloatArray) -> FloatArray:
     """Return y (m), direction (rad) and curvature (1/m) of each lane's centre at a distance ahead, shape (n, 3).
 
     Where one line alone is known, direction and curvature are its own, and y is NaN; so are all three where the lane
     has turned back.
 
     Args:
-        lines: Shape (n, 2, 3), as for `arc_places_m`; NaN for a line that is not known.
-        x_m, change_1pm2: As for `arc_places_m`; shape (n,).
+        lines: Shape (n, 2, 3), as for `lateral_positions_of_arcs_m`; NaN for a line that is not known.
+        x_m, change_1pm2: As for `lateral_positions_of_arcs_m`; shape (n,).
     """
-    made = arc_ahead(lane_middle(lines), x_m, change_1pm2)
+    made = arc_geometry_at_distance(centre_arcs_of_lanes(lines), x_m, change_1pm2)
     made[np.isnan(lines.sum(axis=(1, 2))), 0] = np.nan
     return made
 
 
-def lane_middle(lines: FloatArray) -> FloatArray:
+def centre_arcs_of_lanes(lines: FloatArray) -> FloatArray:
     """Return the line (n, 3) in the middle between both lines of each lane, or the only known one; `lines` as for
-    `lane_ahead`."""
-    centre, only = middle_arc(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
+    `lane_centre_geometry_at_distance`."""
+    centre, only = middle_line_of_parallel_arcs(lines), np.where(np.isnan(lines[:, 0]), lines[:, 1], lines[:, 0])
     return np.where(np.isnan(centre[:, :1]), only, centre)
 
 
-def turned_at_m(arc_coefficients: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
+def distance_to_direction_sine_m(arc_coefficients: FloatArray, sine: float, change_1pm2: FloatArray) -> FloatArray:
     """Return how far ahead (m) the sine of each line's direction first reaches `sine` to either side, (n,), else inf.
 
     Args:
-        arc_coefficients, change_1pm2: As for `arc_places_m`; shapes (n, 3) and (n,).
+        arc_coefficients, change_1pm2: As for `lateral_positions_of_arcs_m`; shapes (n, 3) and (n,).
         sine: Positive, below 1. A line that points farther aside beside the camera has turned at 0.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        return _turns_back(*_sines(arc_coefficients, change_1pm2), sine)
+        return _smallest_positive_root_at_sine(*_direction_sine_coefficients(arc_coefficients, change_1pm2), sine)
 
 
-def _sines(arc_coefficients: FloatArray, change_1pm2: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _direction_sine_coefficients(
+    arc_coefficients: FloatArray, change_1pm2: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return s_0, K and K' / 2 of each line, shape (...) each: its direction's sine is s_0 + K x + K' x^2 / 2."""
     _, slope, curvature = np.moveaxis(arc_coefficients, -1, 0)
     cosine = 1.0 / np.sqrt(1.0 + slope * slope)
-    change = change_1pm2 * changes_beside(arc_coefficients) * cosine**3
+    change = change_1pm2 * curvature_change_ratios_to_centre_line(arc_coefficients) * cosine**3
     return slope * cosine, curvature * cosine**3, 0.5 * change

@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.ros_schemas import is_ros, ros_schema
+from cwcli.logs.write.ros_schemas import is_ros_message_name, ros2msg_schema_text
 from cwcli.signals.columns import OutputField
 
-MESSAGE_ENCODING = "protobuf"
+PROTOBUF_MESSAGE_ENCODING = "protobuf"
 """The message encoding of protobuf channels (MCAP registry)."""
-SCHEMA_ENCODING = "protobuf"
+PROTOBUF_SCHEMA_ENCODING = "protobuf"
 """The schema encoding of protobuf channels (MCAP registry)."""
 ROS_MESSAGE_ENCODING, ROS_SCHEMA_ENCODING = "cdr", "ros2msg"
 """The message and schema encoding of ROS 2 channels (MCAP registry)."""
 
 
 @dataclass(frozen=True)
-class WrittenSchema:
+class OutputSchema:
     """A schema and its encoder.
 
     Attributes:
@@ -36,21 +36,25 @@ class WrittenSchema:
 
 
 @cache
-def written_schema(name: str) -> WrittenSchema:
+def find_output_schema(name: str) -> OutputSchema:
     """Return the schema of a message by its full name: `cwcli.v1.VehicleState`, `nav_msgs/msg/Odometry`.
 
     Raises:
         KeyError: There is no such message.
     """
-    if is_ros(name):
+    if is_ros_message_name(name):
         from cwcli.logs.write.cdr_encoder import encode_cdr
 
-        text = ros_schema(name).encode()
-        return WrittenSchema(name, ROS_SCHEMA_ENCODING, text, ROS_MESSAGE_ENCODING, partial(encode_cdr, name))
-    from cwcli.logs.write.protobuf_encoder import encode_columns
-    from cwcli.logs.write.schemas import message_schema
+        text = ros2msg_schema_text(name).encode()
+        return OutputSchema(name, ROS_SCHEMA_ENCODING, text, ROS_MESSAGE_ENCODING, partial(encode_cdr, name))
+    from cwcli.logs.write.protobuf_encoder import encode_protobuf
+    from cwcli.logs.write.schemas import find_message_schema
 
-    schema = message_schema(name)
-    return WrittenSchema(
-        name, SCHEMA_ENCODING, schema.data, MESSAGE_ENCODING, partial(encode_columns, schema.descriptor)
+    schema = find_message_schema(name)
+    return OutputSchema(
+        name,
+        PROTOBUF_SCHEMA_ENCODING,
+        schema.data,
+        PROTOBUF_MESSAGE_ENCODING,
+        partial(encode_protobuf, schema.descriptor),
     )

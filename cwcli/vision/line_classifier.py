@@ -13,45 +13,45 @@ from typing import TypeVar
 
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.boundary import Boundary, LineColour, LineKind
-from cwcli.vision.lane_detect import Evidence
-from cwcli.vision.line_colour import seen_colours
-from cwcli.vision.line_kind import SeenLine, seen_lines
+from cwcli.vision.lane_detect import StripeEvidence
+from cwcli.vision.line_colour import classify_line_colours
+from cwcli.vision.line_kind import LineKindInFrame, classify_lines_in_frame
 from cwcli.vision.method import LaneFit, LaneFrame
 
-ASKED_S = 0.45
+VOTE_INTERVAL_S = 0.45
 """Least time in seconds between two frames that vote. Chosen by hand: it bounds the time of a frame."""
-MEMORY_S = 1.5
+KIND_VOTE_MEMORY_S = 1.5
 """Time constant in seconds with which votes for a kind fade. Chosen by hand; not fitted."""
-COLOUR_MEMORY_S = 4.0
+COLOUR_VOTE_MEMORY_S = 4.0
 """Time constant in seconds with which votes for a colour fade: frames in colour come once a second. Chosen by hand; not
 fitted."""
-LEAST_VOTES = 0.3
+MIN_VOTE_SUM = 0.3
 """Least sum of votes from which a kind or a colour follows. Chosen by hand; not fitted."""
-CLEAR_SHARE = 0.6
+MIN_WINNER_SHARE = 0.6
 """Share of the votes that the winning kind or colour must have. Chosen by hand; not fitted."""
-DOUBLE_SHARE = 0.4
+MIN_DOUBLE_SHARE = 0.4
 """Share of the votes from which a line counts as double. Chosen by hand; not fitted."""
 
 Name = TypeVar("Name", LineKind, LineColour)
 
 
 @dataclass
-class _Votes:
+class _LineVotes:
     """Votes for the kind and the colour of one boundary."""
 
     kinds: dict[LineKind, float] = field(default_factory=dict)
     doubles: dict[bool, float] = field(default_factory=dict)
     colours: dict[LineColour, float] = field(default_factory=dict)
 
-    def forget(self, dt_s: float) -> None:
+    def fade_votes(self, dt_s: float) -> None:
         """Let the votes so far fade for a time step."""
-        kept_share = math.exp(-dt_s / MEMORY_S)
+        kept_share = math.exp(-dt_s / KIND_VOTE_MEMORY_S)
         self.kinds = {kind: kept_share * votes for kind, votes in self.kinds.items()}
         self.doubles = {is_double: kept_share * votes for is_double, votes in self.doubles.items()}
-        kept_share = math.exp(-dt_s / COLOUR_MEMORY_S)
+        kept_share = math.exp(-dt_s / COLOUR_VOTE_MEMORY_S)
         self.colours = {colour: kept_share * votes for colour, votes in self.colours.items()}
 
-    def add(self, seen: SeenLine, colour: LineColour) -> None:
+    def add_frame_votes(self, seen: LineKindInFrame, colour: LineColour) -> None:
         """Add the votes of a frame."""
         if seen.kind is not LineKind.UNKNOWN:
             self.kinds[seen.kind] = self.kinds.get(seen.kind, 0.0) + 1.0
@@ -60,38 +60,40 @@ class _Votes:
         if colour is not LineColour.UNKNOWN:
             self.colours[colour] = self.colours.get(colour, 0.0) + 1.0
 
-    def kind(self) -> LineKind:
+    def majority_kind(self) -> LineKind:
         """The kind with a clear majority, else `UNKNOWN`."""
         total = sum(self.doubles.values())
-        if total >= LEAST_VOTES and self.doubles.get(True, 0.0) > DOUBLE_SHARE * total:
+        if total >= MIN_VOTE_SUM and self.doubles.get(True, 0.0) > MIN_DOUBLE_SHARE * total:
             return LineKind.DOUBLE
-        return _clearest(self.kinds, LineKind.UNKNOWN)
+        return _majority_value(self.kinds, LineKind.UNKNOWN)
 
-    def colour(self) -> LineColour:
+    def majority_colour(self) -> LineColour:
         """The colour with a clear majority, else `UNKNOWN`."""
-        return _clearest(self.colours, LineColour.UNKNOWN)
+        return _majority_value(self.colours, LineColour.UNKNOWN)
 
 
-def _clearest(votes: dict[Name, float], unknown: Name) -> Name:
+def _majority_value(votes: dict[Name, float], unknown: Name) -> Name:
     """The value with a clear majority of the votes, else `unknown`."""
     total = sum(votes.values())
     best = max(votes, key=votes.__getitem__, default=unknown)
-    return best if total >= LEAST_VOTES and votes[best] > CLEAR_SHARE * total else unknown
+    return best if total >= MIN_VOTE_SUM and votes[best] > MIN_WINNER_SHARE * total else unknown
 
 
-_UNKNOWN = (LineKind.UNKNOWN, LineColour.UNKNOWN)
+_UNKNOWN_KIND_AND_COLOUR = (LineKind.UNKNOWN, LineColour.UNKNOWN)
 """Kind and colour of a boundary without enough votes."""
 
 
-class LineWatch:
+class LineClassifier:
     """Finds the kind and the colour of a followed lane's boundaries by votes of its frames."""
 
     def __init__(self) -> None:
-        self._votes = _Votes(), _Votes()
-        self._names = _UNKNOWN, _UNKNOWN
+        self._votes = _LineVotes(), _LineVotes()
+        self._names = _UNKNOWN_KIND_AND_COLOUR, _UNKNOWN_KIND_AND_COLOUR
         self._asked_ns: int | None = None
 
-    def named(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence | None, lane: FloatArray | None) -> LaneFit:
+    def fit_with_kinds_and_colours(
+        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence | None, lane: FloatArray | None
+    ) -> LaneFit:
         """The fit with the kind and the colour of its boundaries.
 
         Args:
@@ -101,40 +103,50 @@ class LineWatch:
         """
         if fit.lane_change:
             crossed, beyond = self._votes if fit.lane_change > 0 else self._votes[::-1]
-            beyond = _Votes()
+            beyond = _LineVotes()
             self._votes = (beyond, crossed) if fit.lane_change > 0 else (crossed, beyond)
-            self._name()
+            self._update_kinds_and_colours()
         elif fit.steady_s == 0.0 or lane is None:
-            self._votes, self._names, self._asked_ns = (_Votes(), _Votes()), (_UNKNOWN, _UNKNOWN), None
+            self._votes, self._names, self._asked_ns = (
+                (_LineVotes(), _LineVotes()),
+                (_UNKNOWN_KIND_AND_COLOUR, _UNKNOWN_KIND_AND_COLOUR),
+                None,
+            )
         if evidence is None or lane is None or not (fit.left.found or fit.right.found):
             return fit
         since_s = math.inf if self._asked_ns is None else (frame.stamp_ns - self._asked_ns) / 1e9
-        if since_s >= ASKED_S or frame.colour is not None:
+        if since_s >= VOTE_INTERVAL_S or frame.colour is not None:
             self._asked_ns = frame.stamp_ns
-            self._ask(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
+            self._collect_frame_votes(fit, frame, evidence, lane, 0.0 if math.isinf(since_s) else max(since_s, 0.0))
         left, right = self._names
-        return replace(fit, left=_named(fit.left, *left), right=_named(fit.right, *right))
+        return replace(
+            fit,
+            left=_boundary_with_kind_and_colour(fit.left, *left),
+            right=_boundary_with_kind_and_colour(fit.right, *right),
+        )
 
-    def _ask(self, fit: LaneFit, frame: LaneFrame, evidence: Evidence, lane: FloatArray, since_s: float) -> None:
+    def _collect_frame_votes(
+        self, fit: LaneFit, frame: LaneFrame, evidence: StripeEvidence, lane: FloatArray, since_s: float
+    ) -> None:
         """Let a frame vote on both boundaries."""
-        seen = seen_lines(evidence, lane)
+        seen = classify_lines_in_frame(evidence, lane)
         colours = (LineColour.UNKNOWN, LineColour.UNKNOWN)
         if frame.colour is not None:
-            colours = seen_colours(frame.colour, evidence, lane)
+            colours = classify_line_colours(frame.colour, evidence, lane)
         sides = zip((fit.left, fit.right), self._votes, seen, colours, strict=True)
         for side, votes, line, colour in sides:
-            votes.forget(since_s)
+            votes.fade_votes(since_s)
             if side.found:
-                votes.add(line, colour)
-        self._name()
+                votes.add_frame_votes(line, colour)
+        self._update_kinds_and_colours()
 
-    def _name(self) -> None:
+    def _update_kinds_and_colours(self) -> None:
         """Update the kinds and colours of both boundaries from their votes."""
         left, right = self._votes
-        self._names = (left.kind(), left.colour()), (right.kind(), right.colour())
+        self._names = (left.majority_kind(), left.majority_colour()), (right.majority_kind(), right.majority_colour())
 
 
-def _named(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
+def _boundary_with_kind_and_colour(side: Boundary, kind: LineKind, colour: LineColour) -> Boundary:
     """The boundary with a kind and a colour, if it is found."""
     if not side.found:
         return side

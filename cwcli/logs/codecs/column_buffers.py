@@ -38,20 +38,20 @@ class Payloads:
         """Return the total size of the messages in bytes."""
         return int((self.ends - self.starts).sum())
 
-    def rows(self, start: int, stop: int) -> Payloads:
+    def slice_messages(self, start: int, stop: int) -> Payloads:
         """Return messages `start` to `stop`."""
         return Payloads(self.data, self.starts[start:stop], self.ends[start:stop])
 
-    def take(self, rows: npt.NDArray[np.intp]) -> Payloads:
+    def select_messages(self, rows: npt.NDArray[np.intp]) -> Payloads:
         """Return the messages of the given rows."""
         return Payloads(self.data, self.starts[rows], self.ends[rows])
 
-    def message(self, row: int) -> bytes:
+    def message_bytes(self, row: int) -> bytes:
         """Return the bytes of one message."""
         return self.data[self.starts[row] : self.ends[row]].tobytes()
 
 
-class FixedSlot:
+class FixedColumnBuffer:
     """A growing column of numbers; new rows are zero.
 
     Attributes:
@@ -61,22 +61,22 @@ class FixedSlot:
     def __init__(self, dtype: npt.DTypeLike, count: int | None = None) -> None:
         self.array = np.zeros((0,) if count is None else (0, count), dtype)
 
-    def grow(self, capacity: int) -> None:
+    def grow_to_capacity(self, capacity: int) -> None:
         """Allocate memory for `capacity` rows."""
         if len(self.array) < capacity:
             grown = np.zeros((capacity, *self.array.shape[1:]), self.array.dtype)
             grown[: len(self.array)] = self.array
             self.array = grown
 
-    def address(self, first_row: int, n: int) -> int:
+    def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address of row 0."""
-        return _address(self.array)
+        return _memory_address(self.array)
 
-    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: numbers need nothing more."""
 
 
-class StringSlot:
+class StringColumnBuffer:
     """A growing column of strings: the kernel writes spans, which are dictionary-coded after each batch.
 
     Attributes:
@@ -91,50 +91,50 @@ class StringSlot:
         self.values: list[bytes] = []
         self._known: dict[bytes, int] = {}
 
-    def grow(self, capacity: int) -> None:
+    def grow_to_capacity(self, capacity: int) -> None:
         """Allocate memory for `capacity` rows."""
         if len(self.codes) < capacity:
             grown = np.zeros(capacity, np.int32)
             grown[: len(self.codes)] = self.codes
             self.codes = grown
 
-    def address(self, first_row: int, n: int) -> int:
+    def row_zero_address(self, first_row: int, n: int) -> int:
         """Return the memory address that row 0 would have if the spans covered all rows, not only the batch."""
         self.spans = np.zeros((n, 2), np.int64)
-        return _address(self.spans) - SPAN_BYTES * first_row
+        return _memory_address(self.spans) - SPAN_BYTES * first_row
 
-    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: replace its spans by codes."""
         self.spans[~is_ok, 0] = -1
         n = len(self.spans)
         intern_spans(data, self.spans, self.codes[first_row : first_row + n], self._known, self.values)
 
-    def put(self, row: int, text: bytes) -> None:
+    def set_row(self, row: int, text: bytes) -> None:
         """Set the string of one row."""
         code = self._known.setdefault(text, len(self.values))
         if code == len(self.values):
             self.values.append(text)
         self.codes[row] = code
 
-    def finish(self, rows: Int64Array) -> Strings:
+    def build_strings(self, rows: Int64Array) -> Strings:
         """Return the strings of the given rows. Bytes that are not UTF-8 become escapes."""
         values = tuple(value.decode(errors="backslashreplace") for value in self.values)
-        return first_seen(Strings(self.codes[rows], values).merge_equal())
+        return order_values_by_first_use(Strings(self.codes[rows], values).merge_equal())
 
 
-class SpanSlot(StringSlot):
+class BlobSpanBuffer(StringColumnBuffer):
     """The spans of the current batch alone: the places of the bytes of images."""
 
-    def grow(self, capacity: int) -> None:
+    def grow_to_capacity(self, capacity: int) -> None:
         """Do nothing, because only the current batch is stored."""
 
-    def take(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
+    def finish_batch(self, data: ByteArray, first_row: int, is_ok: BoolArray) -> None:
         """Finish a batch: store the bytes in which the spans lie."""
         self.spans[~is_ok] = 0
         self.data = data
         self.instead: dict[int, bytes] = {}
 
-    def views(self) -> list[bytes | memoryview]:
+    def blobs_of_batch(self) -> list[bytes | memoryview]:
         """Return the field's bytes in each message of the batch."""
         whole = self.data.data
         return [
@@ -143,7 +143,7 @@ class SpanSlot(StringSlot):
         ]
 
 
-class RaggedSlot:
+class RaggedColumnBuffer:
     """A growing column of sequences.
 
     Attributes:
@@ -158,12 +158,12 @@ class RaggedSlot:
         self._values: list[NumericArray] = []
         self._counts: list[Int64Array] = []
 
-    def begin(self, n: int, n_bytes: int) -> None:
+    def begin_batch(self, n: int, n_bytes: int) -> None:
         """Begin a batch of n messages: allocate `n_bytes`, which cost nothing until they are written."""
         self.cursors = np.zeros(n, np.int64)
         self.buffer = np.empty(n_bytes + 64, np.uint8)
 
-    def end(self, instead: Mapping[int, NumericArray] | None = None) -> None:
+    def finish_batch(self, instead: Mapping[int, NumericArray] | None = None) -> None:
         """Finish a batch: store its elements, with those of `instead` for some rows."""
         counts = np.diff(self.cursors, prepend=0) // self.dtype.itemsize
         used = int(self.cursors[-1]) if len(self.cursors) else 0
@@ -182,24 +182,24 @@ class RaggedSlot:
         self._counts.append(counts)
         self.buffer = np.zeros(0, np.uint8)
 
-    def finish(self) -> Ragged:
+    def build_ragged(self) -> Ragged:
         """Return the sequences of all rows."""
         counts = np.concatenate([np.zeros(1, np.int64), *self._counts])
         return Ragged(np.concatenate([np.zeros(0, self.dtype), *self._values]), np.cumsum(counts))
 
 
-def addresses(slots: Sequence[FixedSlot | StringSlot], first_row: int, n: int) -> Int64Array:
+def row_zero_addresses(slots: Sequence[FixedColumnBuffer | StringColumnBuffer], first_row: int, n: int) -> Int64Array:
     """Return the memory address of each slot's row 0, shape (len(slots),), after all have grown for the batch."""
-    return np.array([slot.address(first_row, n) for slot in slots] or [0], np.int64)
+    return np.array([slot.row_zero_address(first_row, n) for slot in slots] or [0], np.int64)
 
 
-def ragged_addresses(slots: Sequence[RaggedSlot], n: int, n_bytes: int) -> tuple[Int64Array, Int64Array]:
+def begin_ragged_batch(slots: Sequence[RaggedColumnBuffer], n: int, n_bytes: int) -> tuple[Int64Array, Int64Array]:
     """Begin a batch; return the memory addresses of the element buffers and of the cursors, (len(slots),) each."""
     for slot in slots:
-        slot.begin(n, n_bytes)
+        slot.begin_batch(n, n_bytes)
     return (
-        np.array([_address(slot.buffer) for slot in slots], np.int64),
-        np.array([_address(slot.cursors) for slot in slots], np.int64),
+        np.array([_memory_address(slot.buffer) for slot in slots], np.int64),
+        np.array([_memory_address(slot.cursors) for slot in slots], np.int64),
     )
 
 
@@ -208,7 +208,7 @@ def grown_capacity(current: int, needed: int) -> int:
     return current if current >= needed else max(needed, 2 * current)
 
 
-def take_ragged(ragged: Ragged, rows: Int64Array) -> Ragged:
+def select_ragged_rows(ragged: Ragged, rows: Int64Array) -> Ragged:
     """Return the given rows, in the given order."""
     sizes = np.diff(ragged.offsets)[rows]
     offsets = np.zeros(len(rows) + 1, np.int64)
@@ -217,7 +217,7 @@ def take_ragged(ragged: Ragged, rows: Int64Array) -> Ragged:
     return Ragged(ragged.values[np.arange(offsets[-1]) + shift], offsets)
 
 
-def as_matrix(ragged: Ragged) -> Ragged | NumericArray:
+def matrix_if_equal_lengths(ragged: Ragged) -> Ragged | NumericArray:
     """Return an array (n, k) if all rows have the same number k > 0 of elements, else the ragged column."""
     sizes = np.diff(ragged.offsets)
     if not len(sizes) or not sizes[0] or (sizes != sizes[0]).any():
@@ -225,7 +225,7 @@ def as_matrix(ragged: Ragged) -> Ragged | NumericArray:
     return ragged.values.reshape(len(sizes), -1)
 
 
-def first_seen(strings: Strings) -> Strings:
+def order_values_by_first_use(strings: Strings) -> Strings:
     """Return the same strings with the values in order of first use, and no unused value."""
     codes, first = np.unique(strings.codes, return_index=True)
     codes, first = codes[codes >= 0], first[codes >= 0]
@@ -235,7 +235,7 @@ def first_seen(strings: Strings) -> Strings:
     return Strings(new_code[strings.codes], tuple(strings.values[code] for code in codes[order].tolist()))
 
 
-def _address(array: npt.NDArray[np.generic]) -> int:
+def _memory_address(array: npt.NDArray[np.generic]) -> int:
     """Return the memory address of an array."""
     address: int = array.__array_interface__["data"][0]
     return address

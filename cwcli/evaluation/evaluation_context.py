@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from cwcli.channels.vehicle_state import VehicleStates
-from cwcli.evaluation.system.topics import System
+from cwcli.evaluation.system.topics import OtherSystemTopics
 from cwcli.logs.read.reader import Log
-from cwcli.metrics.headline import Headline
+from cwcli.metrics.headline import HeadlineCollector
 from cwcli.metrics.table import Table
 from cwcli.signals.columns import FloatArray, Int64Array
 
-AUTO, NO_TRUTH = "auto", "none"
+TRUTH_AUTO, TRUTH_NONE = "auto", "none"
 """Values of the option `--truth` that name no topic: the only truth channel of the log, and no truth."""
 
 
@@ -35,7 +35,7 @@ class EgoTruth:
 
 
 @dataclass(frozen=True)
-class Ego:
+class EgoStatesAndTruth:
     """States and truth of the ego for later metrics.
 
     Attributes:
@@ -50,7 +50,7 @@ class Ego:
 
 
 @dataclass
-class Subject:
+class EvaluationContext:
     """A log under evaluation, with its options and metrics.
 
     Attributes:
@@ -64,14 +64,14 @@ class Subject:
     """
 
     log: Log
-    truth: str = AUTO
+    truth: str = TRUTH_AUTO
     tables: Mapping[str, Table] = field(default_factory=dict)
-    headline: Headline = field(default_factory=Headline)
-    ego: Ego = Ego()
-    system: System = field(default_factory=System)
+    headline: HeadlineCollector = field(default_factory=HeadlineCollector)
+    ego: EgoStatesAndTruth = EgoStatesAndTruth()
+    system: OtherSystemTopics = field(default_factory=OtherSystemTopics)
     notes: list[str] = field(default_factory=list)
 
     @property
-    def with_truth(self) -> bool:
+    def uses_truth(self) -> bool:
         """Whether truth channels are used."""
-        return self.truth != NO_TRUTH
+        return self.truth != TRUTH_NONE

@@ -26,8 +26,8 @@ class _PlainCoercion:
         """Convert a value to the declared type."""
         if value is None:
             return () if param.multiple or param.nargs == -1 else None
-        plain = _plain(self._annotation, value)
-        if plain is not _NOT_PLAIN and _is_within(plain, self._info.min, self._info.max):
+        plain = _coerce_plain_value(self._annotation, value)
+        if plain is not _NOT_PLAIN and _is_within_bounds(plain, self._info.min, self._info.max):
             return plain
         self._parameter._runtime_param = None
         full = self._parameter.get_runtime_param()
@@ -37,7 +37,7 @@ class _PlainCoercion:
         except typer.BadParameter as error:
             if error.__cause__ is None:  # Typer's own words
                 raise
-            what = f"it must be {_wanted(self._annotation, self._info)}, not {_shown(value)}"
+            what = f"it must be {_expected_value_text(self._annotation, self._info)}, not {_shorten_repr(value)}"
             if get_origin(self._annotation) is Literal:
                 near = names_hint(str(value), map(str, get_args(self._annotation)))
                 what += f" ({near})" if near.endswith("?") else ""
@@ -46,17 +46,23 @@ class _PlainCoercion:
 
 _NOT_PLAIN = object()
 """Marks a value that is left to Typer's conversion."""
-_KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "text", list[str]: "a list of texts"}
+_KIND_TEXT = {
+    int: "a whole number",
+    float: "a number",
+    bool: "true or false",
+    str: "text",
+    list[str]: "a list of texts",
+}
 """Type of a value -> its description in an error."""
-MAX_SHOWN = 60
+MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
 
 
-def _wanted(annotation: Any, info: Any) -> str:
+def _expected_value_text(annotation: Any, info: Any) -> str:
     """Describe the values that an option takes."""
     if get_origin(annotation) is Literal:
         return f"one of {', '.join(map(str, get_args(annotation)))}"
-    words = _KINDS.get(annotation, "another value")
+    words = _KIND_TEXT.get(annotation, "another value")
     if info.min is not None and info.max is not None:
         return f"{words} from {info.min:g} to {info.max:g}"
     if info.min is not None:
@@ -64,12 +70,12 @@ def _wanted(annotation: Any, info: Any) -> str:
     return words if info.max is None else f"{words} of at most {info.max:g}"
 
 
-def _shown(value: Any) -> str:
+def _shorten_repr(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 1]}…"
+    return text if len(text) <= MAX_VALUE_CHARS else f"{text[: MAX_VALUE_CHARS - 1]}…"
 
 
-def _plain(annotation: Any, value: Any) -> Any:
+def _coerce_plain_value(annotation: Any, value: Any) -> Any:
     if annotation is str and isinstance(value, str):
         return value
     if annotation == list[str] and isinstance(value, (list, tuple)):
@@ -77,11 +83,11 @@ def _plain(annotation: Any, value: Any) -> Any:
     if get_origin(annotation) is Literal and value in get_args(annotation):
         return value
     if annotation in (int, float):
-        return _plain_number(annotation, value)
+        return _coerce_plain_number(annotation, value)
     return _NOT_PLAIN
 
 
-def _plain_number(kind: type[int] | type[float], value: Any) -> Any:
+def _coerce_plain_number(kind: type[int] | type[float], value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         return _NOT_PLAIN
     try:
@@ -93,12 +99,12 @@ def _plain_number(kind: type[int] | type[float], value: Any) -> Any:
     return result if kind is float or str(result) == str(value) else _NOT_PLAIN
 
 
-def _is_within(value: Any, least: float | None, most: float | None) -> bool:
+def _is_within_bounds(value: Any, least: float | None, most: float | None) -> bool:
     """Whether a value is within the bounds of its option; Typer reports one that is not."""
     return (least is None or value >= least) and (most is None or value <= most)
 
 
-def skip_coercion(parameters: list[Any]) -> list[Any]:
+def use_plain_coercion(parameters: list[Any]) -> list[Any]:
     """Give each parameter the plain conversion; returns the parameters.
 
     A version of Typer without this hook is left unchanged; only the start takes longer.

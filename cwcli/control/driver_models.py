@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cwcli.measures import fuzzy
-from cwcli.measures.outlines import Size, overlap_margin
+from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -26,20 +26,20 @@ HUMAN_BRAKING_MPS2 = 0.774 * GRAVITY_MPS2
 """Largest deceleration of the careful and competent human, m/s^2; UN Regulation 157, annex 4, appendix 3: 0.774 g."""
 HUMAN_JERK_MPS3 = 12.65
 """Rate at which the human's deceleration grows, m/s^3; UN Regulation 157, annex 4, appendix 3: 0.774 g in 0.6 s."""
-CRITICAL_TTC_S = 2.0
+HUMAN_CRITICAL_TTC_S = 2.0
 """Time to collision below which the human takes a cut-in as dangerous, s; UN Regulation 157, annex 4, appendix 3."""
-R157_BRAKING_MPS2, R157_REACTION_S, R157_LATERAL_M, R157_STEP_S = 6.0, 0.35, 0.5, 0.1
+R157_BRAKING_MPS2, R157_REACTION_S, R157_LATERAL_GAP_M, R157_STEP_S = 6.0, 0.35, 0.5, 0.1
 """Deceleration (m/s^2), reaction time (s), lateral gap (m) at which a vehicle cuts in, and added time step (s) of the
 regulation's own criterion; UN Regulation 157, 5.2.5.2, the last two as in JRC-FSM."""
 RSS_REACTION_S, RSS_ACCEL_MPS2, RSS_BRAKING_MPS2 = 0.75, 3.0, 6.0
 """Reaction time (s), acceleration until then and braking after it (m/s^2) of RSS, along the road; values of the
 reference implementation JRC-FSM."""
-RSS_LATERAL_MPS2, RSS_FLUCTUATION_M = 1.0, 0.3
+RSS_LATERAL_ACCEL_MPS2, RSS_LATERAL_MARGIN_M = 1.0, 0.3
 """Lateral acceleration (m/s^2) and lateral margin (m) of RSS; values of the reference implementation JRC-FSM."""
 
 
 @dataclass(frozen=True)
-class Situation:
+class DrivingSituation:
     """The inputs of a driver model at one moment, (n,) each, along and across the ego's heading.
 
     Attributes:
@@ -61,7 +61,7 @@ class Situation:
     is_behind: BoolArray
 
     @property
-    def closing_mps(self) -> FloatArray:
+    def closing_speed_mps(self) -> FloatArray:
         """The closing speed along the ego's heading, shape (n,); positive while the gap closes."""
         return self.speed_mps - self.other_speed_mps
 
@@ -69,11 +69,11 @@ class Situation:
     def ttc_s(self) -> FloatArray:
         """The absolute value of gap over closing speed, shape (n,), s."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.abs(self.gap_m / self.closing_mps)
+            return np.abs(self.gap_m / self.closing_speed_mps)
 
 
 @dataclass(frozen=True)
-class Driver:
+class DriverModel:
     """A driver model.
 
     Attributes:
@@ -86,78 +86,84 @@ class Driver:
     """
 
     summary: str
-    wants: Callable[[Situation], FloatArray]
+    requested_deceleration_mps2: Callable[[DrivingSituation], FloatArray]
     reaction_s: float
     release_mps2: float = 0.0
     jerk_mps3: float = np.inf
-    gives_up: Callable[[Situation], BoolArray] | None = None
+    is_no_longer_judged: Callable[[DrivingSituation], BoolArray] | None = None
 
 
-def _human(seen: Situation) -> FloatArray:
+def _human_cut_in_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the careful human at a cut-in: full where the other is in the way and nearer than 2 s."""
-    danger = ~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s <= CRITICAL_TTC_S)
+    danger = ~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s <= HUMAN_CRITICAL_TTC_S)
     return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
 
 
-def _human_gives_up(seen: Situation) -> BoolArray:
+def _is_cut_in_early_enough(seen: DrivingSituation) -> BoolArray:
     """Whether a vehicle has cut in with more time left than the human takes as dangerous."""
-    return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > CRITICAL_TTC_S))
+    return np.asarray(~seen.is_behind & (seen.lateral_gap_m <= 0.0) & (seen.ttc_s > HUMAN_CRITICAL_TTC_S))
 
 
-def _human_behind(seen: Situation) -> FloatArray:
+def _human_following_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the careful human behind a vehicle that brakes or stands: full."""
     return np.full(len(seen.gap_m), HUMAN_BRAKING_MPS2)
 
 
-def _regulation(seen: Situation) -> FloatArray:
+def _r157_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the regulation's criterion: full where the time to collision is too short to brake."""
-    bound_s = seen.closing_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
-    danger = ~seen.is_behind & (seen.lateral_gap_m <= R157_LATERAL_M) & (seen.ttc_s <= bound_s)
+    bound_s = seen.closing_speed_mps / (2.0 * R157_BRAKING_MPS2) + R157_REACTION_S + R157_STEP_S
+    danger = ~seen.is_behind & (seen.lateral_gap_m <= R157_LATERAL_GAP_M) & (seen.ttc_s <= bound_s)
     return np.where(danger, R157_BRAKING_MPS2, 0.0)
 
 
-def _rss(seen: Situation) -> FloatArray:
+def _rss_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of RSS: full where the gap along and the gap across are both below their safe values."""
     after = seen.speed_mps + RSS_REACTION_S * RSS_ACCEL_MPS2
     safe_m = seen.speed_mps * RSS_REACTION_S + RSS_ACCEL_MPS2 * RSS_REACTION_S**2 / 2.0
     safe_m = safe_m + (after**2 - seen.other_speed_mps**2) / (2.0 * RSS_BRAKING_MPS2)
     across = np.abs(seen.approach_mps)
-    across_after = across + RSS_LATERAL_MPS2 * RSS_REACTION_S
-    beside_m = (2.0 * across + RSS_LATERAL_MPS2 * RSS_REACTION_S) * RSS_REACTION_S / 2.0
-    beside_m = RSS_FLUCTUATION_M + beside_m + across_after**2 / (2.0 * RSS_LATERAL_MPS2)
+    across_after = across + RSS_LATERAL_ACCEL_MPS2 * RSS_REACTION_S
+    beside_m = (2.0 * across + RSS_LATERAL_ACCEL_MPS2 * RSS_REACTION_S) * RSS_REACTION_S / 2.0
+    beside_m = RSS_LATERAL_MARGIN_M + beside_m + across_after**2 / (2.0 * RSS_LATERAL_ACCEL_MPS2)
     danger = ~seen.is_behind & (seen.gap_m < safe_m) & (seen.lateral_gap_m < beside_m)
     return np.where(danger, HUMAN_BRAKING_MPS2, 0.0)
 
 
-def _fuzzy(seen: Situation) -> FloatArray:
+def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
     """Deceleration of the fuzzy safety model; 0 where the other stays beside the ego until it has passed."""
     beside = seen.lateral_gap_m > 0.0
     with np.errstate(divide="ignore", invalid="ignore"):
         lateral_s = seen.lateral_gap_m / seen.approach_mps
-        passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_mps
+        passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
     goes_by = beside & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
-    now = fuzzy.critical(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
-    ahead = fuzzy.proactive(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
-    hard = fuzzy.HARD_MPS2 - fuzzy.COMFORTABLE_MPS2
-    wanted = np.where(now > 0.0, fuzzy.COMFORTABLE_MPS2 + now * hard, ahead * fuzzy.COMFORTABLE_MPS2)
+    now = fuzzy.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
+    ahead = fuzzy.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
+    hard = fuzzy.HARDEST_BRAKING_MPS2 - fuzzy.COMFORTABLE_BRAKING_MPS2
+    wanted = np.where(now > 0.0, fuzzy.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy.COMFORTABLE_BRAKING_MPS2)
     return np.where(seen.is_behind | goes_by, 0.0, wanted)
 
 
-HUMAN = Driver("careful and competent human", _human, 0.75, 0.4, HUMAN_JERK_MPS3, _human_gives_up)
+HUMAN_AT_CUT_IN = DriverModel(
+    "careful and competent human", _human_cut_in_braking_mps2, 0.75, 0.4, HUMAN_JERK_MPS3, _is_cut_in_early_enough
+)
 """The careful and competent human at a cut-in, with the regulation's reaction time and release of the pedal; UN
 Regulation 157, annex 4, appendix 3."""
-HUMAN_BEHIND = Driver("careful and competent human, behind", _human_behind, 0.75, 0.4, HUMAN_JERK_MPS3)
+HUMAN_FOLLOWING = DriverModel(
+    "careful and competent human, behind", _human_following_braking_mps2, 0.75, 0.4, HUMAN_JERK_MPS3
+)
 """The careful and competent human behind a vehicle that brakes or stands; UN Regulation 157, annex 4, appendix 3."""
-R157 = Driver("driver of UN R157", _regulation, R157_REACTION_S)
+R157_DRIVER = DriverModel("driver of UN R157", _r157_braking_mps2, R157_REACTION_S)
 """The driver of UN Regulation 157, 5.2.5.2."""
-RSS = Driver("RSS", _rss, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
+RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
 """The driver of RSS (Shalev-Shwartz et al. 2017), who brakes as the careful human does."""
-FSM = Driver("fuzzy safety model", _fuzzy, fuzzy.RESPONSE_S, 0.0, HUMAN_JERK_MPS3)
+FUZZY_SAFETY_DRIVER = DriverModel(
+    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
+)
 """The driver of the fuzzy safety model (Mattas et al. 2020), who brakes with the human's jerk."""
 
 
 @dataclass(frozen=True)
-class Poses:
+class CasePoses:
     """One vehicle in every case, (n,) each, map frame: centre, heading, speed along it, speed across it (left)."""
 
     x_m: FloatArray
@@ -168,7 +174,7 @@ class Poses:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class DriverOutcome:
     """The results of all cases, (n,) each.
 
     Attributes:
@@ -186,17 +192,17 @@ class Outcome:
     least_gap_m: FloatArray
 
 
-def drive(
-    driver: Driver,
+def simulate_driver_cases(
+    driver: DriverModel,
     *,
     start_mps: FloatArray,
     ego_at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
-    other_at: Callable[[int], tuple[Poses, BoolArray, Size]],
+    other_at: Callable[[int], tuple[CasePoses, BoolArray, Size]],
     ego_size: Size,
     n_steps: int,
     step_s: float,
     offset_m: FloatArray | None = None,
-) -> Outcome:
+) -> DriverOutcome:
     """Simulate every case with one driver model.
 
     Args:
@@ -218,34 +224,36 @@ def drive(
     for step in range(n_steps):
         own = ego_at(way)
         other, minded, other_size = other_at(step)
-        seen = _seen(own, speed, (speed - before) / step_s, other, ego_size, other_size)
-        if driver.gives_up is not None:
-            over |= minded & driver.gives_up(seen)
-        wanted = np.where(minded, driver.wants(seen), 0.0)
+        seen = _driving_situation(own, speed, (speed - before) / step_s, other, ego_size, other_size)
+        if driver.is_no_longer_judged is not None:
+            over |= minded & driver.is_no_longer_judged(seen)
+        wanted = np.where(minded, driver.requested_deceleration_mps2(seen), 0.0)
         acts, waits = wanted > 0.0, left_s > 0.0
         braked_s = np.where(acts & ~waits & np.isnan(braked_s), step * step_s, braked_s)
         grown = np.minimum(decel + driver.jerk_mps3 * step_s, wanted)
         decel = np.where(acts, np.where(waits, driver.release_mps2, grown), decel)
         left_s = np.where(acts & waits, left_s - step_s, left_s)
-        margin = overlap_margin(other.x_m - own[0], other.y_m - own[1], own[2], other.heading_rad, ego_size, other_size)
+        margin = outline_separation_m(
+            other.x_m - own[0], other.y_m - own[1], own[2], other.heading_rad, ego_size, other_size
+        )
         least = np.where(over, least, np.minimum(least, margin))
         hits = (margin < 0.0) & minded & np.isnan(crash_s) & ~over
         crash_s = np.where(hits, step * step_s, crash_s)
-        impact = np.where(hits, np.hypot(seen.closing_mps, seen.approach_mps), impact)
+        impact = np.where(hits, np.hypot(seen.closing_speed_mps, seen.approach_mps), impact)
         before = speed
         speed = np.where(acts, np.maximum(speed - decel * step_s, 0.0), speed)
         way = way + speed * step_s
-    return Outcome(~np.isnan(crash_s), crash_s, impact, braked_s, least)
+    return DriverOutcome(~np.isnan(crash_s), crash_s, impact, braked_s, least)
 
 
-def _seen(
+def _driving_situation(
     own: tuple[FloatArray, FloatArray, FloatArray],
     speed: FloatArray,
     accel: FloatArray,
-    other: Poses,
+    other: CasePoses,
     ego_size: Size,
     other_size: Size,
-) -> Situation:
+) -> DrivingSituation:
     """Compute a driver's inputs: gaps and speeds of the other along and across the ego's heading."""
     cosine, sine = np.cos(own[2]), np.sin(own[2])
     dx, dy = other.x_m - own[0], other.y_m - own[1]
@@ -256,7 +264,7 @@ def _seen(
     beside = 0.5 * (ego_size[1] + other_size[0] * across + other_size[1] * along)
     velocity_ahead = other.speed_mps * np.cos(turn) - other.across_mps * np.sin(turn)
     velocity_left = other.speed_mps * np.sin(turn) + other.across_mps * np.cos(turn)
-    return Situation(
+    return DrivingSituation(
         gap_m=np.abs(ahead) - reach,
         lateral_gap_m=np.abs(left) - beside,
         reach_m=reach,

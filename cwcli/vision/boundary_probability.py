@@ -20,35 +20,35 @@ import numpy as np
 
 from cwcli.kernels import lane_ridge
 from cwcli.signals.columns import FloatArray
-from cwcli.vision.lane_detect import Evidence
+from cwcli.vision.lane_detect import StripeEvidence
 from cwcli.vision.lane_model import MIDDLE, WIDTH
 
-COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
+LOG_ODDS_COEFFICIENTS = np.array([20.09, 0.22, 7.47, -44.19])
 """Weights of the four features (1, root of support, logarithm of objective, root of clutter) in the log-odds. Fitted on
 rendered frames, noise and 40 labelled frames (tests/studies/lane_reliability.py)."""
-LAPSE = 0.04
+LAPSE_PROBABILITY = 0.04
 """Share of boundaries that are another line although they are seen as well as any. Fitted with the weights above."""
-LEAST_VALUE = 0.02
+OBJECTIVE_OFFSET = 0.02
 """Objective that is added before the logarithm is taken, so that it stays finite. Chosen by hand; not fitted."""
-_OFFSETS = np.linspace(-2.0, 2.0, 81)
+_CANDIDATE_OFFSETS = np.linspace(-2.0, 2.0, 81)
 """Lateral offsets from the lane's middle, in lane widths, of which the clutter offsets are chosen."""
-BESIDE_OFFSETS = np.asarray(_OFFSETS[np.abs(np.abs(_OFFSETS) % 1.0 - 0.5) > 0.1])
+CLUTTER_OFFSETS = np.asarray(_CANDIDATE_OFFSETS[np.abs(np.abs(_CANDIDATE_OFFSETS) % 1.0 - 0.5) > 0.1])
 """Offsets from the lane's middle, in lane widths, at which clutter is measured: none within 0.1 of a boundary of the
 lane or of a neighbouring lane. Chosen by hand; not fitted."""
 
 
-def supports(evidence: Evidence, lane: FloatArray) -> FloatArray:
+def boundary_paint_shares(evidence: StripeEvidence, lane: FloatArray) -> FloatArray:
     """Share of each boundary that shows paint, shape (2,), 0 to 1, counted by stretches of the image's height."""
-    return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring())
+    return lane_ridge.supports(evidence.sharp, evidence.rows, lane, evidence.scoring_settings())
 
 
-def crowd(evidence: Evidence, lane: FloatArray) -> float:
+def road_clutter_share(evidence: StripeEvidence, lane: FloatArray) -> float:
     """Share of the road beside the boundaries, two lanes to each side, that looks like a bright stripe, 0 to 1."""
-    places = lane[MIDDLE] + BESIDE_OFFSETS * lane[WIDTH]
-    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring())
+    places = lane[MIDDLE] + CLUTTER_OFFSETS * lane[WIDTH]
+    return lane_ridge.crowd(evidence.sharp, evidence.rows, lane, places, evidence.scoring_settings())
 
 
-def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
+def probability_features(evidence: StripeEvidence, lane: FloatArray, value: float) -> FloatArray:
     """The features from which the probability of each boundary follows.
 
     Args:
@@ -58,23 +58,23 @@ def features(evidence: Evidence, lane: FloatArray, value: float) -> FloatArray:
     Returns:
         Shape (2, 4): 1, square root of the own support, logarithm of the objective, square root of the crowd.
     """
-    return np.array(_features(evidence, lane, value))
+    return np.array(_probability_feature_rows(evidence, lane, value))
 
 
-def _features(
-    evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
+def _probability_feature_rows(
+    evidence: StripeEvidence, lane: FloatArray, value: float, carried_side: int = -1
 ) -> list[tuple[float, float, float, float]]:
     """The features for each side; the objective that counts for a carried side is at most twice its own support."""
-    by_chance = math.sqrt(crowd(evidence, lane))
+    by_chance = math.sqrt(road_clutter_share(evidence, lane))
     rows = []
-    for side, own in enumerate(supports(evidence, lane).tolist()):
-        counted_value = min(value, 2.0 * own) if side == carried else value
-        rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + LEAST_VALUE), by_chance))
+    for side, own in enumerate(boundary_paint_shares(evidence, lane).tolist()):
+        counted_value = min(value, 2.0 * own) if side == carried_side else value
+        rows.append((1.0, math.sqrt(own), math.log(min(max(counted_value, 0.0), 1.0) + OBJECTIVE_OFFSET), by_chance))
     return rows
 
 
 def boundary_probabilities(
-    evidence: Evidence, lane: FloatArray, value: float, carried: int = -1
+    evidence: StripeEvidence, lane: FloatArray, value: float, carried_side: int = -1
 ) -> tuple[float, float]:
     """Probability of each boundary that it lies where the lane has it.
 
@@ -84,9 +84,9 @@ def boundary_probabilities(
         carried: The boundary whose place follows from the other line (`lane_sides`), if there is one. The lane's
             objective is that of the other line's paint, so for this one at most twice its own support counts.
     """
-    coefficients: list[float] = COEFFICIENTS.tolist()
+    coefficients: list[float] = LOG_ODDS_COEFFICIENTS.tolist()
     left, right = (
-        (1.0 - LAPSE) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
-        for each in _features(evidence, lane, value, carried)
+        (1.0 - LAPSE_PROBABILITY) / (1.0 + math.exp(-min(max(sum(map(mul, each, coefficients)), -30.0), 30.0)))
+        for each in _probability_feature_rows(evidence, lane, value, carried_side)
     )
     return left, right

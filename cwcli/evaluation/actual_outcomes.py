@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from cwcli.channels.binding import bind
+from cwcli.channels.binding import bind_roles
 from cwcli.channels.published import EGO_STATE, REMOTE_STATE, TARGETS
-from cwcli.channels.target import read_targets
-from cwcli.channels.vehicle_state import VehicleStates, read_states
-from cwcli.evaluation.conflicts import RealConflict, real_conflicts
-from cwcli.evaluation.records import rule_of, warn_record
+from cwcli.channels.target import read_targets_as_states
+from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
+from cwcli.evaluation.conflicts import RealConflict, find_real_conflicts
+from cwcli.evaluation.records import find_collision_warning_record, warning_config_from_record
 from cwcli.evaluation.scored_warnings import NS_PER_H
 from cwcli.logs.read.reader import Log
 from cwcli.measures.pair import ActualTrack, Pair
 from cwcli.pipeline.call import Selection
-from cwcli.pipeline.records import configuration_of, run_records, whole
-from cwcli.signals.row_order import tracks_of
-from cwcli.warning.types import WarningConfig, outline_of
+from cwcli.pipeline.records import read_configuration, read_run_records, to_int_or_none
+from cwcli.signals.row_order import iter_track_rows
+from cwcli.warning.types import WarningConfig, median_outline_m
 
 
 @dataclass(frozen=True)
-class Happened:
+class ActualOutcomes:
     """Actual motion of the host and the others.
 
     Attributes:
@@ -47,57 +47,59 @@ class Happened:
         return sum(map(len, self.conflicts.values()))
 
 
-def recorded(log: Log, selection: Selection, role: str) -> VehicleStates | None:
+def read_actual_states(log: Log, selection: Selection, role: str) -> VehicleStates | None:
     """Read the states of vehicles in hindsight in the chosen span; None if the log has none."""
-    topic = bind(log.channels, selection.topics, required=(), optional=(role,), where=log.name).topic(role)
+    topic = bind_roles(
+        log.channels, selection.topics, required=(), optional=(role,), where=log.name
+    ).first_topic_of_role(role)
     if topic is None:
         return None
-    states = (read_targets if role == TARGETS.role else read_states)(log.columns(topic))
-    return states.logged_within(selection.start_ns, selection.end_ns)
+    states = (read_targets_as_states if role == TARGETS.role else read_vehicle_states)(log.columns(topic))
+    return states.select_logged_within(selection.start_ns, selection.end_ns)
 
 
-def recorded_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> dict[str, ActualTrack]:
+def read_actual_tracks(log: Log, selection: Selection, roles: Iterable[str]) -> dict[str, ActualTrack]:
     """Read the track of each vehicle in hindsight."""
     found: dict[str, ActualTrack] = {}
     for role in roles:
-        states = recorded(log, selection, role)
+        states = read_actual_states(log, selection, role)
         if states is not None:
             found |= {
                 vehicle: ActualTrack(states.stamp_ns[rows], states.state[rows])
-                for vehicle, rows in tracks_of(states.ids, states.stamp_ns)
+                for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns)
             }
     return found
 
 
-def what_happened(log: Log) -> Happened | None:
+def find_actual_outcomes(log: Log) -> ActualOutcomes | None:
     """Find pairs and real conflicts from the states of an annotated log; None where states are missing."""
-    record, is_of_targets = warn_record(run_records(log))
-    configuration = configuration_of(record)
+    record, is_of_targets = find_collision_warning_record(read_run_records(log))
+    configuration = read_configuration(record)
     topics = {channel.topic for channel in log.channels}
     if not record:
         is_of_targets = REMOTE_STATE.topic not in topics
     others_topic = TARGETS.topic if is_of_targets else REMOTE_STATE.topic
     if not {EGO_STATE.topic, others_topic} <= topics:
         return None
-    columns = log.load(dict.fromkeys((EGO_STATE.topic, others_topic)))
-    host = read_states(columns[EGO_STATE.topic])
-    others = (read_targets if others_topic == TARGETS.topic else read_states)(columns[others_topic])
-    start_ns, end_ns = (whole(configuration.get(name)) for name in ("start_ns", "end_ns"))
-    host, others = host.logged_within(start_ns, end_ns), others.logged_within(start_ns, end_ns)
+    columns = log.load_topics(dict.fromkeys((EGO_STATE.topic, others_topic)))
+    host = read_vehicle_states(columns[EGO_STATE.topic])
+    others = (read_targets_as_states if others_topic == TARGETS.topic else read_vehicle_states)(columns[others_topic])
+    start_ns, end_ns = (to_int_or_none(configuration.get(name)) for name in ("start_ns", "end_ns"))
+    host, others = host.select_logged_within(start_ns, end_ns), others.select_logged_within(start_ns, end_ns)
     if not len(host):
         return None
-    config = rule_of(record)
-    host_size, host = outline_of(host.length_m, host.width_m), host.by_stamp()
+    config = warning_config_from_record(record)
+    host_size, host = median_outline_m(host.length_m, host.width_m), host.sort_by_stamp()
     own = ActualTrack(host.stamp_ns, host.state)
     pairs = {
         vehicle: Pair(
             own,
             ActualTrack(others.stamp_ns[rows], others.state[rows]),
             host_size,
-            outline_of(others.length_m[rows], others.width_m[rows]),
+            median_outline_m(others.length_m[rows], others.width_m[rows]),
             config.max_gap_s,
         )
-        for vehicle, rows in tracks_of(others.ids, others.stamp_ns)
+        for vehicle, rows in iter_track_rows(others.ids, others.stamp_ns)
     }
-    conflicts = {vehicle: real_conflicts(pair, config) for vehicle, pair in pairs.items()}
-    return Happened(own, pairs, conflicts, config)
+    conflicts = {vehicle: find_real_conflicts(pair, config) for vehicle, pair in pairs.items()}
+    return ActualOutcomes(own, pairs, conflicts, config)
