@@ -90,7 +90,7 @@ for name in ({str(log)!r}, {str(INTERSECTION)!r}):
         except Exception as error:
             print(error)
         else:
-            (signal,), (count,) = sources.by_role[Role.EGO_BRAKE], sources.counts()
+            (signal,), (count,) = sources.by_role[Role.EGO_BRAKE], sources.input_message_counts()
             print(count.used, count.role, signal.pressure_mpa.max())
 """
     used, missed = house.python("-c", code).splitlines()

@@ -219,7 +219,7 @@ def test_a_second_file_is_refused_and_closed(tmp_path: Path) -> None:
     script = """
 array_memory.bound_array_memory()
 before = len(os.listdir("/proc/self/fd"))
-array_memory._handler.cache_clear()
+array_memory._numpy_memory_handler.cache_clear()
 array_memory.bound_array_memory()
 print(len(os.listdir("/proc/self/fd")) - before)
 """

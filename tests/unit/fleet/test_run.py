@@ -102,7 +102,9 @@ def test_a_renamed_log_is_not_done_again(plan: FleetPlan, tmp_path: Path) -> Non
 def test_a_log_whose_worker_died_is_in_the_manifest(
     plan: FleetPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fleet_run, "run_on_local_processes", lambda tasks, plan, jobs: ((task, WorkerDied()) for task in tasks))
+    monkeypatch.setattr(
+        fleet_run, "run_on_local_processes", lambda tasks, plan, jobs: ((task, WorkerDied()) for task in tasks)
+    )
     fleet = run_fleet([str(SAMPLES / "straight.mcap")], plan, tmp_path / "out")
     assert fleet.exit_code == 70
     manifest = read_json_object(tmp_path / "out/manifest.json")

@@ -230,7 +230,7 @@ def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
     assert n_errors > 5
 
 
-@pytest.mark.parametrize("method", ["schema", "channel", "chunk"])
+@pytest.mark.parametrize("method", ["write_schema", "write_channel", "write_chunk"])
 @pytest.mark.parametrize(("fault", "expected"), [(AttributeError, AttributeError), (OSError, OutputError)])
 def test_what_fails_in_writing_is_no_fault_of_the_bag(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, fault: type[Exception], expected: type[Exception]
