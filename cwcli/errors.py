@@ -15,16 +15,27 @@ DISTRIBUTION = "cwcli-drive"
 the ConnectWise API), so no text tells anybody to install that."""
 
 EXIT_DONE = 0
+"""Exit code of a run that did what was asked."""
 EXIT_GATE_FAILED = 1
+"""Exit code of a run in which a requested gate failed."""
 EXIT_USAGE = 2
+"""Exit code for a wrong option or configuration, or a plug-in that fails."""
 EXIT_BAD_INPUT = 3
+"""Exit code for an input that can't be read or is damaged."""
 EXIT_MISSING_SIGNAL = 4
+"""Exit code for a log that lacks a required signal, or has several candidates for it."""
 EXIT_BAD_DATA = 5
+"""Exit code for data that breaks its contract."""
 EXIT_OUTPUT = 6
+"""Exit code for an output that could not be written."""
 EXIT_BUG = 70
+"""Exit code for a bug in cwcli: EX_SOFTWARE of sysexits.h."""
 EXIT_INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
 EXIT_PIPE_CLOSED = 141
+"""Exit code when the reader of a pipe has gone away: 128 and the number of SIGPIPE."""
 EXIT_TERMINATED = 143
+"""Exit code when the system ends the process: 128 and the number of SIGTERM."""
 
 EXIT_CODES = {
     EXIT_DONE: ("done", ""),

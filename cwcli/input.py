@@ -29,13 +29,17 @@ if TYPE_CHECKING:
 MIN_READ_BYTES = 1 << 13
 """Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
 HASH_BLOCK_BYTES = 1 << 20
+"""Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
 MAX_CHUNK_BYTES = 256_000_000
+"""Greatest size of a chunk, stored or unpacked, that is read by default [bytes]; chosen by hand."""
 MAX_RATIO = 64.0
+"""Greatest ratio of unpacked to stored bytes of a whole file that is read by default; chosen by hand."""
 NO_LIMIT_BYTES = 1 << 62
 """More than any file has."""
 STANDARD_STREAMS = (1, 2)
+"""File descriptors of standard output and standard error."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
 
@@ -208,11 +212,13 @@ class InputFile:
             self._digest.add_done_callback(lambda _: self._close())
 
     def _close(self) -> None:
+        """Close the descriptor, once."""
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
             os.close(descriptor)
 
     def _read(self, start: int, stop: int) -> bytes:
+        """Read the bytes from start to stop; raise as slicing does."""
         self._is_checked = False
         try:
             data = os.pread(self.descriptor, stop - start, start)
@@ -238,9 +244,11 @@ class InputFile:
             digest.set_exception(error)
 
     def _read_error(self, error: OSError, at: int) -> InputError:
+        """Return the error for a byte that the system can't read."""
         return InputError(f"it can't be read: {error.strerror} (at byte {at})", where=self.name)
 
     def _changed_file_error(self, what: str) -> InputError:
+        """Return the error for a file that changed while it was read."""
         return InputError(
             f"the log changed while it was read: {what}",
             where=self.name,
@@ -262,6 +270,7 @@ class InputsOfRun:
 
 
 _RUN: ContextVar[InputsOfRun | None] = ContextVar("inputs", default=None)
+"""The inputs of the current run; None outside of `remember_inputs`."""
 
 
 @contextmanager
@@ -325,6 +334,7 @@ def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
 
 
 def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
+    """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
         for stream in STANDARD_STREAMS:
@@ -336,6 +346,7 @@ def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
 
 
 def _open_descriptor(path: str | Path, name: str) -> int:
+    """Open a file for reading and return its descriptor; raise `InputError` if that fails."""
     try:
         return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
@@ -351,4 +362,5 @@ def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
 
 
 def _file_state(found: os.stat_result) -> tuple[int, int, int, int]:
+    """Return device, inode number, size in bytes and time of the last change [ns]."""
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

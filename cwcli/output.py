@@ -24,7 +24,9 @@ from cwcli.output_stream import Bytes, OutputStream, translate_os_errors
 from cwcli.temporary import TemporaryFile
 
 STDOUT = "-"
+"""The target that stands for standard output."""
 NO_SUCH_FILE_ERRNOS = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
+"""Error numbers of the operating system for a path at which there is no file."""
 
 
 def check_target(target: str | Path, *, force: bool = False) -> None:
@@ -91,6 +93,7 @@ def _refuse_url(name: str) -> None:
 
 
 def _check_folder(folder: str | Path) -> None:
+    """Refuse a folder that neither exists nor can be made; raise `OutputError` or `UsageError`."""
     _refuse_url(str(folder))
     path = Path(folder)
     try:
@@ -118,6 +121,7 @@ def make_folder(path: str | Path, *, parents: bool = False) -> None:
 
 
 def _folder_error(path: str | Path, error: Exception) -> OutputError:
+    """Return the error for a folder that can't be made."""
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 
@@ -134,6 +138,7 @@ def _resolve_target(target: str | Path, *, force: bool, inputs: Sequence[InputFi
 
 
 def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
+    """Refuse a path that must not be written; return whether it is a device, a pipe or a socket."""
     found = _stat_or_none(path)
     mode = None if found is None else found.st_mode
     if found is not None and is_input(found, inputs):
@@ -196,6 +201,7 @@ class AtomicGroup:
         self._files.append((file, check, durable))
 
     def _publish_all(self) -> None:
+        """Check every target, then give each file its name."""
         for _, check, _ in self._files:
             check()
         while self._files:
@@ -302,6 +308,7 @@ def write_file(
 
 
 def _stdout_descriptor(inputs: Sequence[InputFile] = ()) -> int:
+    """Return the descriptor of standard output; refuse a terminal and a file that the run reads."""
     try:
         sys.stdout.flush()
         descriptor = sys.stdout.fileno()

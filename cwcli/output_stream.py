@@ -13,7 +13,9 @@ from threading import Thread
 from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
+"""Number of bytes that are collected before they are written, 1 MiB; chosen by hand."""
 WRITEBACK_BYTES = 16 << 20
+"""Number of bytes after which the disk is asked to store them in the background, 16 MiB; chosen by hand."""
 MIN_BACKGROUND_BYTES = 1 << 18
 """Less is written before a thread has taken it over."""
 MAX_QUEUED_TASKS = 64
@@ -27,6 +29,7 @@ ERROR_TEXT_BY_ERRNO = {
     errno.EROFS: "the disk is read-only",
     errno.ENAMETOOLONG: "the file name is too long",
 }
+"""Error number of the operating system -> the words for it in messages."""
 
 KERNEL_COPY_UNSUPPORTED = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
 """Another kind of file or file system: copy through memory instead."""
@@ -90,6 +93,7 @@ class OutputStream:
             self._waiting.popleft().result()
 
     def _write_buffer(self) -> None:
+        """Write the buffered bytes, or queue them for the thread."""
         pending, self._pending = self._pending, bytearray()
         if pending:
             self._run_or_queue(len(pending), lambda: self._write_through(memoryview(pending)))
@@ -104,6 +108,7 @@ class OutputStream:
             self._waiting.append(self._aside.submit(task))
 
     def _copy_now(self, source: int, start: int, length: int) -> None:
+        """Copy a range of the source, part by part."""
         end = start + length
         while start < end:
             n = self._copy_part(source, start, end - start)
@@ -130,6 +135,7 @@ class OutputStream:
         return len(data)
 
     def _write_through(self, view: memoryview) -> None:
+        """Write all bytes to the descriptor, past the buffer."""
         while view:
             with translate_os_errors(self.name):
                 n = os.write(self._descriptor, view)
@@ -137,6 +143,7 @@ class OutputStream:
             view = view[n:]
 
     def _count_written_bytes(self, n: int) -> None:
+        """Tell the background sync how many bytes were written."""
         if self._writeback is not None:
             with translate_os_errors(self.name):
                 self._writeback.note_written_bytes(n)
@@ -198,6 +205,7 @@ class _BackgroundSync:
             raise self._error
 
     def _sync_parts(self) -> None:
+        """Store the file on the disk, and keep the error for the next call."""
         try:
             os.fsync(self._descriptor)
         except OSError as error:
@@ -216,4 +224,5 @@ def translate_os_errors(name: str) -> Iterator[None]:
 
 
 def os_error_text(error: OSError) -> str:
+    """Return the words for an error of the operating system."""
     return ERROR_TEXT_BY_ERRNO.get(error.errno or 0, error.strerror or str(error))

@@ -22,7 +22,9 @@ from typing import Any, NamedTuple, TypeVar
 from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
+"""The type of a registry's entries."""
 MAX_ENTRY_POINTS_BYTES = 1 << 20
+"""Greatest part of an `entry_points.txt` that is read, 1 MiB; chosen by hand."""
 MAX_SHOWN = 300
 """Characters of a plug-in's error that are shown."""
 VALUE_TYPES_BY_ANNOTATION: dict[str, tuple[type, ...]] = {
@@ -158,12 +160,14 @@ class Registry(Mapping[str, T]):
         return [(name, summary) for name, summary in self.describe().items() if name.startswith(incomplete)]
 
     def _words_or_problem(self, name: str, words: Callable[[T], str]) -> str:
+        """Return the words about an entry, or why its plug-in can't be used."""
         try:
             return words(self[name])
         except PluginError as error:
             return error.what
 
     def _load_entry(self, found: str | Plugin) -> T:
+        """Import an entry, and check it if it is a plug-in's."""
         if isinstance(found, str):
             entry: T = import_target(found)
             return entry
@@ -172,6 +176,7 @@ class Registry(Mapping[str, T]):
             return self._accept(loaded, found)
 
     def _find_plugins(self) -> dict[str, Plugin]:
+        """Return the plug-ins of the group by name; raise `PluginError` for a name that is taken."""
         out: dict[str, Plugin] = {}
         if _plugins_hidden.get():
             return out

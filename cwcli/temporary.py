@@ -13,7 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 
 MAX_NAME_IN_TEMPORARY = 200
+"""Greatest part of the target's name in the hidden name [characters]; most file systems allow 255 bytes."""
 NEW_FILE_MODE = 0o666
+"""Permissions of a new file, from which the system takes the user's umask away."""
 
 
 class TemporaryFile:
@@ -82,4 +84,5 @@ def _open_unnamed_file(folder: Path) -> int | None:
 
 
 def _proc_path_of_descriptor(descriptor: int) -> str:
+    """Return the link in /proc that stands for an open file."""
     return f"/proc/self/fd/{descriptor}"

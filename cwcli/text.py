@@ -21,6 +21,7 @@ def escape_and_shorten(text: str, most: int = 1000) -> str:
 
 
 def _escape_character(char: str) -> str:
+    """Return the escape sequence of a character, as in a Python string."""
     code = ord(char)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name
         return f"\\x{code - 0xDC00:02x}"

@@ -45,9 +45,13 @@ MIN_SECRET_LENGTH = 3
 
 # plain strings, as `re` compiles them when the first URL comes: most runs have none
 _SCHEME = r"[A-Za-z][A-Za-z0-9+.\-]*://"
+"""Pattern of a URL's scheme with `://` behind it (RFC 3986, section 3.1)."""
 _URL = _SCHEME + r"[^\s<>\"`\\^{|}]*"
+"""Pattern of a URL within a text: a scheme and all characters that may follow it."""
 _TRAILING = "'),.;:]"
+"""Punctuation that belongs to the sentence and not to the URL in front of it."""
 _NAME_WITH_DIGEST = r"(?s)(.*\?\*\*\*(?:#\*\*\*)?)( \([0-9a-f]{8}\))"
+"""Pattern of a name by `name_url`: a URL without its secrets, and the digest behind it."""
 
 
 def redact_url(url: str) -> str:
@@ -128,6 +132,7 @@ def _telling(query: str) -> list[tuple[str, str]]:
 
 
 def _redact_match(match: re.Match[str]) -> str:
+    """Return a URL that was found in a text without its secrets; punctuation behind it stays."""
     found = match.group()
     url = found.rstrip(_TRAILING)
     return redact_url(url) + found[len(url) :]

@@ -39,9 +39,13 @@ from cwcli.signals.columns import FloatArray
 FAMILY_WISE_ERROR_RATE = 0.02
 """Probability that any metric of a run is called improved or worse by chance."""
 INTERVAL_COVERAGE = 0.95
+"""Coverage of the interval of a change, as a share; the usual convention."""
 RELATIVE_TOLERANCE = 0.01
+"""Smallest relative change that is called improved or worse by default; chosen by hand."""
 N_SIGN_FLIPS = 9999
+"""Number of random sign flips; with the observed one the p-values are multiples of 1 / 10000."""
 SIGN_FLIPS_PER_BATCH = 1111
+"""Number of sign flips computed at once, a divisor of `N_SIGN_FLIPS`; it bounds the memory."""
 ROUNDING_TOLERANCE = 1e-9
 """Relative differences up to here are the rounding of another processor."""
 RATIO_FLOOR_SHARE = 0.01
@@ -179,6 +183,7 @@ class _MetricEffect:
 
     @property
     def finite_changes(self) -> FloatArray:
+        """The changes of the pairs in which both runs have a value, shape (k,)."""
         return self.changes[np.isfinite(self.changes)]
 
     def pooled_value_contradicts(self, mean: float, before: float, after: float) -> bool:
@@ -199,6 +204,7 @@ class _MetricEffect:
 
 
 def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _MetricEffect:
+    """Return the changes of one metric over all pairs of logs."""
     metric = find_metric(name)
     before = np.array([a.metric_value(name) for a, _ in pairs])
     after = np.array([b.metric_value(name) for _, b in pairs])
@@ -242,6 +248,7 @@ def _paired_changes(
 
 
 def _is_share_metric(metric: Metric) -> bool:
+    """Return whether the metric is a share: a mean without a unit."""
     return metric.unit == "" and metric.pool == "mean"
 
 
@@ -267,6 +274,7 @@ def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
 
 
 def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | None, *, exact: bool) -> MetricChange:
+    """Return the change of one metric with its interval and verdict."""
     known = effect.finite_changes
     mean = float(known.mean()) if len(known) else math.nan
     low, high = _bootstrap_interval_of_mean(effect.changes, drawn)
@@ -312,6 +320,7 @@ def _bootstrap_interval_of_mean(changes: FloatArray, drawn: FloatArray | None) -
 def _decide_verdict(
     effect: _MetricEffect, mean: float, low: float, high: float, p: float, *, exact: bool
 ) -> ChangeVerdict:
+    """Return the verdict from the mean change, its interval (low, high) and the adjusted p-value."""
     metric, limit = effect.metric, effect.tolerance
     if metric is None or not metric.is_compared:
         return ChangeVerdict.NOT_JUDGED

@@ -32,7 +32,9 @@ Better = Literal["lower", "higher", "near", ""]
 Interval = Literal["", "share", "rate"]
 
 TABLE_NAME = "metrics"
+"""Name of the table of headline metrics."""
 METRICS_TABLE_COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
+"""Columns of the table of headline metrics, in order; the fields of `MetricRow` in `pooling` agree."""
 OPTIONAL_COLUMNS = ("states",)
 """Tables of earlier versions lack them."""
 
@@ -72,6 +74,7 @@ PLACEHOLDERS = {
     "<rule>": "[a-z0-9][a-z0-9-]*",
     "<measure>": "[a-z][a-z0-9_]*",
 }
+"""Placeholder in a metric's name -> the regular expression of what may be filled in."""
 
 
 def _prediction_metrics(who: str, whom: str) -> tuple[Metric, ...]:
@@ -259,10 +262,12 @@ METRICS: tuple[Metric, ...] = (
     Metric("data.faults_count", "data", "", "sum", "lower",
            "kinds of fault in the file: bad CRCs, lost bytes, undecodable messages of a topic"),
 )  # fmt: skip
+"""All headline metrics, in the order in which tables and comparisons list them."""
 
 
 @cache
 def _metric_name_patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
+    """Return the pattern of each metric's name, placeholders filled in, and the metric."""
     found = []
     for metric in METRICS:
         pattern = re.escape(metric.name)

@@ -15,6 +15,7 @@ from cwcli.signals.columns import FloatArray
 
 Statistic = Callable[[FloatArray], float]
 UNKNOWN_INTERVAL = (float("nan"), float("nan"))
+"""The interval of a value for which none can be computed: NaN at both ends."""
 
 
 MAX_SUMMED_COUNT = 1000
@@ -114,6 +115,7 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
 
 
 def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float]:
+    """Return Wilson's score interval of a share of n trials; n need not be whole."""
     _check_level(level)
     z2 = _two_sided_normal_quantile(level) ** 2
     centre = (share + z2 / (2 * n)) / (1.0 + z2 / n)
@@ -172,9 +174,11 @@ def _poisson_cdf(count: int, mean: float) -> float:
 
 
 def _two_sided_normal_quantile(level: float) -> float:
+    """Return the z that a standard normal variable stays within with probability `level`."""
     return NormalDist().inv_cdf(0.5 + level / 2.0)
 
 
 def _check_level(level: float) -> None:
+    """Raise `ValueError` unless the level lies between 0 and 1."""
     if not 0.0 < level < 1.0:
         raise ValueError(f"a level of {level} is not between 0 and 1")

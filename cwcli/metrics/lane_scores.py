@@ -17,9 +17,13 @@ from cwcli.signals.columns import FloatArray
 BoolArray = npt.NDArray[np.bool_]
 
 TUSIMPLE_PIXELS = 20.0
+"""Tolerance of a column in a vertical lane [px], from TuSimple's public scorer (evaluate/lane.py)."""
 TUSIMPLE_MATCH = 0.85
+"""Smallest share of rows within the tolerance that matches a lane, from TuSimple's public scorer."""
 TUSIMPLE_TIME_MS = 200.0
+"""Longest time for a frame [ms] that is accepted, from TuSimple's public scorer."""
 TUSIMPLE_ABSENT = -100.0
+"""Column that stands for an absent point, from TuSimple's public scorer."""
 TUSIMPLE_LANES = 4
 """Truth of more lanes than this holds an extra one, of a lane change, that may be missed."""
 TUSIMPLE_SPARE = 2
@@ -29,7 +33,9 @@ EGO_ROWS = 8
 """Points at a lane's near end that tell where it reaches the image's lower edge."""
 
 VISUAL_PIXELS = 6.0
+"""Tolerance of the visual standard [px] in an image of `VISUAL_WIDTH_PX`; chosen by hand."""
 VISUAL_SHARE = 0.85
+"""Smallest share of a boundary's visible rows within the tolerance; chosen by hand."""
 VISUAL_WIDTH_PX = 320
 """zhang2011's visual standard made exact: both boundaries within 6 pixels on 85 % of the visible rows at 320 x 240."""
 
@@ -147,6 +153,7 @@ def _lane_angle_rad(lane: FloatArray, rows: FloatArray) -> float:
 
 
 def _absent_as_minus_100(lane: FloatArray) -> FloatArray:
+    """Return the lane with `TUSIMPLE_ABSENT` for absent points."""
     return np.where(lane >= 0, lane, TUSIMPLE_ABSENT)
 
 

@@ -25,7 +25,9 @@ from cwcli.signals.columns import FloatArray
 MIN_LOGS = 5
 """Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
+"""Number of bootstrap resamples over the logs; chosen by hand."""
 POOLED_ID = "(pooled)"
+"""The id that stands for all logs together in the column `log`."""
 QUALITY = "data."
 """How the names of metrics of the recorded data begin; all others are of what stages made of them."""
 
@@ -153,10 +155,12 @@ def pool_all_metrics(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, 
 
 
 def _rows_with_weight(rows: Sequence[MetricRow]) -> list[MetricRow]:
+    """Return the rows with a positive weight and a finite total: the others judge nothing."""
     return [row for row in rows if row.weight > 0.0 and math.isfinite(row.total)]
 
 
 def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
+    """Return total and weight of several rows; of an extreme the weight is 1."""
     if not rows:
         return math.nan, 0.0
     totals = [row.total for row in rows]

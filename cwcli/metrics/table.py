@@ -51,8 +51,11 @@ UNIT_BY_NAME_SUFFIX = {
     "pct": "%",
     "percent": "%",
 }
+"""Last word of a column's name -> the unit that it stands for."""
 TABLE_FILE_SUFFIXES = (".parquet", ".csv")
+"""Endings of the names of table files."""
 MAX_ROWS_OF_SMALL_TABLE = 2000
+"""Tables with fewer rows are compressed with Snappy, others with Zstandard; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,13 @@ class ColumnDoc:
 
 
 NO_DOC = ColumnDoc()
+"""The description of a column that needs none beyond its name."""
 
 
 MetricRow = tuple[str, str, str, str, float, str]
 """Vehicle ("" for all), source ("" for none), quantity, metric, value and unit."""
 METRIC_COLUMNS = ("vehicle", "source", "quantity", "metric", "value", "unit")
+"""Columns of a table of metric rows, in the order of `MetricRow`."""
 
 
 @dataclass(frozen=True)
@@ -254,6 +259,7 @@ def to_arrow_table(table: Table) -> pa.Table:
 
 @lru_cache(maxsize=1024)
 def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
+    """Return the Arrow field of a column, with its description as metadata."""
     import pyarrow as pa
 
     meaning = {"unit": about.unit or unit_of_column(name), "frame": about.frame, "doc": about.doc}
@@ -261,6 +267,7 @@ def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
 
 
 def _arrow_array(column: TableColumn) -> pa.Array:
+    """Return a column as an Arrow array."""
     import pyarrow as pa
 
     if isinstance(column, Strings):

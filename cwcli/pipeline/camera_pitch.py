@@ -14,7 +14,9 @@ from cwcli.pipeline.records import read_configuration, read_input_counts, read_n
 from cwcli.signals.role import Role
 
 MIN_FRAMES = 100
+"""Smallest number of frames with both boundaries from which a pitch is estimated; chosen by hand."""
 N_BOOTSTRAP_BLOCKS = 10
+"""Number of consecutive parts of the log whose mean pitches give the sigma; chosen by hand."""
 MIN_PITCH_SIGMA_RAD = 5e-4
 """Half a pixel of the horizon at a focal length of 1000 pixels: what many frames err by alike."""
 

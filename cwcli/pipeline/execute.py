@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cwcli.pipeline.result import StageResult
 
 ALL_CHANNELS = ChannelChoice()
+"""The default choice of a run: every channel that its stages make is written."""
 Missed = Callable[[str, "Log", Selection], "MissingSignals | None"]
 
 

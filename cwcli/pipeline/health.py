@@ -17,10 +17,13 @@ from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, P
 from cwcli.signals.units import NS_PER_S
 
 STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_FIELDS, "stamp.sec", "stamp.nanosec")
+"""Names of the leaf fields that may hold a message's own time, of all encodings that cwcli reads."""
 MIN_ROWS, MIN_DURATION_S = 30, 5.0
 """A drift is told from no fewer messages, and no shorter time."""
 MIN_DRIFT_SIGMAS = 5.0
+"""A drift counts only if the change of the delay exceeds this many times its scatter; chosen by hand."""
 S_PER_MIN = 60.0
+"""Number of seconds in a minute."""
 
 
 @dataclass(frozen=True)

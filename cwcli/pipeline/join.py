@@ -32,8 +32,11 @@ from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 JOIN_RECORD_NAME = "cwcli.join"
+"""Name of the metadata record that describes how a log was joined with another."""
 EGO, OTHER = "ego", "other"
+"""The words for the cars of the first and of the second log in the notes of a join."""
 EGO_AND_REMOTE_CHANNELS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
+"""Pairs of channels: the states of the second car's own log, and where they go in the joined log."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +151,7 @@ def _hint_at_estimate_on_missing_signal(log: Log) -> Iterator[None]:
 
 
 def _read_local_map(log: Log) -> LocalMap:
+    """Return the map's place on the earth from the log's record; raise `DataError` where it has none."""
     found = map_from_record(read_run_records(log).get("estimate", {}))
     if found is None:
         raise DataError(
@@ -181,6 +185,7 @@ def _find_recorder(log: Log) -> RecorderClock:
 
 
 def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:
+    """Return the error that says how far apart in time the states of the two cars are."""
     behind_s = (int(states.stamp_ns.min()) - int(span_ns.max())) / NS_PER_S
     ahead_s = (int(span_ns.min()) - int(states.stamp_ns.max())) / NS_PER_S
     what = f"begins {behind_s:.3f} s after the end of" if behind_s > 0 else f"ends {ahead_s:.3f} s before"
@@ -194,6 +199,7 @@ def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: Veh
 def _format_join_notes(
     recorders: tuple[RecorderClock, RecorderClock], offset_ns: int, n_outside: int
 ) -> tuple[str, ...]:
+    """Return the notes on the recorders' clocks and on the states that were left out."""
     notes = [clock_difference_text(offset_ns, *recorders)]
     for who, recorder in zip((EGO, OTHER), recorders, strict=True):
         if not recorder.is_on_epochs:

@@ -28,7 +28,9 @@ JSON_UNIT_SUFFIXES = {
 }
 """Unit in brackets behind a heading -> the ending of the JSON name."""
 _HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
+"""Pattern of a table's heading: words, a unit in brackets, and further words such as `median`."""
 _WORD = re.compile("[a-z0-9]+")
+"""Pattern of the runs of lower-case letters and digits that make up a JSON name."""
 
 
 class CellWithValues(str):

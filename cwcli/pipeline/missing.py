@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 NO_REMOTE_CHANNEL_TEXT = "no channel holds remote vehicles (BSM or CAM messages)"
+"""The reason for leaving a stage out where no channel binds to the role of remote vehicles."""
 NO_REMOTE_MESSAGE_TEXT = "no message of another vehicle could be used"
+"""The reason for leaving a stage out where such a channel exists and gave no state."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ class SignalCheck:
         return None
 
     def _binding_error(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
+        """Return the error of binding one role, with the V2X stations for the ego's position; else None."""
         try:
             bind_roles(
                 log.channels,
@@ -86,6 +89,7 @@ class SignalCheck:
         return None
 
     def _format_reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
+        """Return why the stage is left out for lack of a role, in one line."""
         if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
             return (
                 NO_REMOTE_CHANNEL_TEXT if self._binding_error(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE_TEXT

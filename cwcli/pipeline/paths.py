@@ -31,8 +31,11 @@ from cwcli.signals.units import NS_PER_S
 MAX_MESSAGE_AGE_S = 1.0
 """How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
 CHECKED_SPAN_NS = 2 * NS_PER_S
+"""Log time [ns] over which logged paths are compared with paths that were planned again; chosen by hand."""
 SAME_POSITION_TOLERANCE_M = 2.0**-LENGTH_FRACTION_BITS
+"""Greatest distance [m] of two equal path points: the step to which published lengths are rounded."""
 SAME_VARIANCE_TOLERANCE = 2.0 ** (1 - VARIANCE_BINARY_DIGITS)
+"""Greatest difference of equal covariances as a share of their size: twice the published rounding step."""
 
 
 @dataclass(frozen=True)
@@ -147,6 +150,7 @@ def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool
 
 
 def _contains_paths(planned: LazyPaths, found: PredictedPaths) -> bool:
+    """Return whether every found path is planned too, with equal end points and covariances."""
     own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in iter_rows_by_id(planned.ids)}
     for name, rows in iter_rows_by_id(found.ids):
         if name not in own:

@@ -23,6 +23,7 @@ from cwcli.input import read_file
 from cwcli.toml_text import parse_toml
 
 LOG_CONDITIONS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
+"""Keys that a contract may have at its top level; `roles` and `topics` hold lists and tables."""
 TOPIC_CONDITIONS = {
     "min_messages": "messages",
     "min_rate_hz": "rate_hz",
@@ -132,6 +133,7 @@ class RecordingContract:
 
 
 def _quantity_of_condition(name: str) -> str:
+    """Return what a condition limits: `duration_s` for `min_duration_s`."""
     return name.partition("_")[2]
 
 
@@ -149,12 +151,14 @@ def _compare_with_limit(about: str, name: str, limit: float, found: float) -> Co
 
 
 def _check_known_keys(path: str, table: Mapping[str, Any], names: Sequence[str], about: str) -> None:
+    """Raise `UsageError` for a key of the contract that is none of the names."""
     for name in table:
         if name not in names:
             raise UsageError(f"{about}a contract knows no {name}", where=path, hint=f"it knows {', '.join(names)}")
 
 
 def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
+    """Raise `UsageError` for a value that is no finite number from 0 on."""
     for name, value in table.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:
             raise UsageError(f"{about}{name} = {value!r} is no number from 0 to {MAX_NUMBER:g}", where=path)

@@ -19,11 +19,15 @@ from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.geodesy import LocalMap
 
 RUN_RECORD_PREFIX = "cwcli.run."
+"""Beginning of the names of the metadata records of runs; the name of the stage follows it."""
 VEHICLE_KEY = "vehicle"
+"""Entry of the record of `observe` that holds the car's parameters as JSON."""
 WITHHELD_KEY = "withheld"
+"""Entry of a warning stage's record that holds the number of withheld warnings of each rule as JSON."""
 MAX_LATENCY_S = 86_400.0
 """Greatest latency that a record may state, s: a day; anything beyond is ignored."""
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
+"""Entries of the record of `estimate` for the map's origin: WGS 84 latitude and longitude [deg], altitude [m]."""
 
 Record = Mapping[str, str]
 
@@ -125,6 +129,7 @@ def _parse_section(found: Any) -> SummaryTable | None:
 
 
 def _parse_cell(value: Any) -> Cell:
+    """Return a cell of a recorded table, as text where JSON holds a list or an object."""
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 

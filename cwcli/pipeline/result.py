@@ -188,4 +188,5 @@ class StageResult:
 
 
 def _json_cell(cell: Cell) -> Cell:
+    """Return the cell for JSON: None for NaN and infinity."""
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell

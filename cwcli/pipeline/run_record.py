@@ -12,6 +12,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageSummary
 
 INPUT_HASH_KEY = "input_sha256"
+"""Entry of a record that holds the SHA-256 of the input file in hexadecimal."""
 
 
 class RunRecord(Mapping[str, str]):

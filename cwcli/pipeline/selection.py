@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+"""The Unix epoch, from which all stamps and log times count."""
 
 
 def resolve_selection(log: Log, topic: Sequence[str], start: str | None, end: str | None) -> Selection:
@@ -78,6 +79,7 @@ def check_selection_options(topic: Sequence[str], start: str | None, end: str | 
 def _parse_time_span(
     start: str | None, end: str | None, log_start_ns: int, spelled: str
 ) -> tuple[int | None, int | None]:
+    """Return start and end [ns since the epoch], None where not given; raise `UsageError` if they do not fit."""
     first, last = spelled.format("start"), spelled.format("end")
     start_ns = None if start is None else parse_time_ns(start, log_start_ns, first)
     end_ns = None if end is None else parse_time_ns(end, log_start_ns, last)
@@ -87,6 +89,7 @@ def _parse_time_span(
 
 
 def _is_in_seconds(text: str) -> bool:
+    """Return whether a time is given in seconds from the log's start, and not as ISO 8601."""
     try:
         Decimal(text)
     except InvalidOperation:

@@ -128,4 +128,5 @@ def import_named_module(module: str, what: str) -> ModuleType:
 
 
 def _broken_module_error(what: str, problem: str) -> UsageError:
+    """Return the error for a module of the installation that can't be loaded."""
     return UsageError(f"{what} can't be loaded: {problem}", hint="install cwcli again")

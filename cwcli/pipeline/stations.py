@@ -16,6 +16,7 @@ from cwcli.signals.role import Role
 from cwcli.text import escape_control_characters, format_count
 
 MAX_NAMED_STATIONS = 5
+"""Greatest number of stations that an error message names; chosen by hand."""
 
 
 def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalError:

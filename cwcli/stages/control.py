@@ -38,9 +38,13 @@ EXAMPLES = (
     "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir m/",
     "cwcli estimate drive.mcap -o - | cwcli control - --rule ttc --json",
 )
+"""Command lines that the help of `cwcli control` shows."""
 PAPER_RULE = "song2016"
+"""Name of the warning rule of song2016, which is the default when a predictor is chosen."""
 PATH_STEP_S = 0.05
+"""Time between the points of the predicted paths [s]: the default of `cwcli predict --step`."""
 MIN_SPAN_S = 0.1
+"""Shortest duration of a replay, and of its part beyond the record, that is accepted [s]; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -211,6 +215,7 @@ def _replay_warnings(
 
 
 def _warning_raised_ns(event: Mapping[str, object]) -> int:
+    """Return when the warning of an event was raised [ns since the epoch]."""
     raised = event["raised_ns"]
     assert isinstance(raised, int | np.integer)
     return int(raised)

@@ -64,8 +64,11 @@ EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
     "cwcli estimate drive.mcap --latency /gps/vel=300 -o estimated.mcap",
 )
+"""Command lines that the help of `cwcli estimate` shows."""
 EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+"""Roles of the signals that the ego is estimated from; the position comes first and is required."""
 MAX_BRIDGE_S = 60
+"""Longest pause of all the ego's sources together [s] over which the estimate goes on; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -228,6 +231,7 @@ def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
 
 
 def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None) -> list[Measurements]:
+    """Return the measurements of all signals of the ego, in the order of `EGO_SENSOR_ROLES`."""
     found: list[Measurements] = []
     for role in EGO_SENSOR_ROLES:
         for signal in sources.by_role.get(role, ()):
@@ -281,6 +285,7 @@ def _build_summary(
     online: Sequence[OnlineAvailability],
     transforms: Sequence[InputMessageCount],
 ) -> StageSummary:
+    """Return the summary of the stage: tables, input counts, notes, verdict and contradictions."""
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)

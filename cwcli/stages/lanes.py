@@ -57,15 +57,19 @@ EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --render /camera/annotated",
     "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4",
 )
+"""Command lines that the help of `cwcli lanes` shows."""
 PREVIEW_M = 33.5
 """Distance of the paper's preview point."""
 MAX_PREVIEW_M = 1000.0
+"""Greatest distance of the preview point that is accepted [m]; chosen by hand."""
 FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
+"""Least and greatest horizontal field of view that is accepted [rad]; chosen by hand."""
 COLOUR_INTERVAL_NS = 1_000_000_000
 """A frame in so long is decoded in colour, too: a colour picture costs twice as much as a grey one."""
 MAX_GAP_NS = 500_000_000
 """A longer gap between two frames starts a new search."""
 NUMBERS_PER_FRAME = 8
+"""Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
 Rows = npt.NDArray[np.intp]
 
@@ -240,6 +244,7 @@ def _camera_frame_id(log: Log, topic: str) -> str:
 
 
 def _no_usable_frame_error(where: str, rejected: Mapping[str, int]) -> DataError:
+    """Return the error for a camera without a usable frame, with the reasons and their counts."""
     if not rejected:
         return DataError("there is no frame in the chosen span", where=where)
     found = tuple(f"{count} frames: {reason}" for reason, count in rejected.items())
@@ -314,6 +319,7 @@ class _LaneSearchRun:
         self.n_without_stamp += not decoded.has_stamp
 
     def _start_search(self, size: tuple[int, int], image: GreyImage) -> None:
+        """Begin a new search, for images of another size with a new camera."""
         self._search = self._method.make(self._seed)
         self.n_searches += 1
         if size == self._size:

@@ -32,6 +32,7 @@ EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
+"""Command lines that the help of `cwcli measure` shows."""
 SHOWN_MEASURES = {
     "gap": "gap [m]",
     "ttc": "TTC [s]",
@@ -41,11 +42,15 @@ SHOWN_MEASURES = {
     "ttr": "TTR [s]",
     "delta-v": "Delta v [m/s]",
 }
+"""Measure -> its heading with unit in the table of encounters."""
 MAX_ENCOUNTERS_SHOWN = 20
+"""Greatest number of encounters, or conflicts, that a table of the summary shows; chosen by hand."""
 CONFLICT_TTC_S = 1.0
+"""An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
 
 
 def _split_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 

@@ -44,10 +44,13 @@ EXAMPLES = (
     "cwcli predict-lane observed.mcap -o predicted.mcap --horizon 2",
     "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
 )
+"""Command lines that the help of `cwcli predict-lane` shows."""
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
 NO_STATE = "no state"
+"""The reason for setting a frame aside in which the observer has no state."""
 NO_POSE = "no ego state near it"
+"""The reason for setting a frame aside that can't be placed, because no ego state is close to it in time."""
 
 BoolArray = npt.NDArray[np.bool_]
 

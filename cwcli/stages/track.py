@@ -52,10 +52,13 @@ EXAMPLES = (
     "cwcli track drive.mcap --filter ekf --causal",
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
+"""Command lines that the help of `cwcli track` shows."""
 UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 MAX_TARGETS_SHOWN = 20
+"""Greatest number of targets that the table of the summary shows; chosen by hand."""
 S_PER_NS = 1e-9
+"""Number of seconds in a nanosecond."""
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,7 @@ def _replace_clutter_density(model: SensorModel, kind: DetectionKind) -> SensorM
 
 
 def _ego_motion_of_states(states: VehicleStates | None) -> EgoStates | None:
+    """Return the ego's motion for the tracker; None without states."""
     return None if states is None else EgoStates.from_states(states.stamp_ns, states.state)
 
 
@@ -210,6 +214,7 @@ def _read_ego_states(
 
 
 def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
+    """Return the notes on the tracker's choice, the sensors and the innovations."""
     notes = list(result.notes)
     if config.targets == "auto":
         notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many says so for itself)")
@@ -249,6 +254,7 @@ def _summary_tables(
 
 
 def _sensors_table(result: TrackResult) -> SummaryTable:
+    """Return the table of the sensors: what became of their detections, and the innovations."""
     rows: list[tuple[Cell, ...]] = []
     for source, count in result.counts.items():
         check = result.consistency.get(source)
@@ -261,6 +267,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
 
 
 def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
+    """Return the cells for the normalised innovation squared, its bounds and whether it lies within them."""
     if check is None or not check.dof > 0.0:
         return None, bounds_cell(np.nan, np.nan), NIS_CELLS[None]
     bounds = bounds_cell(check.low / check.dof, check.high / check.dof)
@@ -268,6 +275,7 @@ def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
 
 
 def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:
+    """Return the table of the noise found by maximum likelihood; one without rows if none was."""
     if result.tuned is None:
         return SummaryTable("noise", "", (), ())
     rows: list[tuple[Cell, ...]] = [
@@ -286,10 +294,12 @@ def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Sum
 
 
 def _process_noise_cell(name: str, unit: str) -> CellWithValues:
+    """Return a cell that names a process noise and its unit."""
     return CellWithValues(f"{name} [{unit}]", {"": name, "unit": unit})
 
 
 def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
+    """Return the table of the longest tracks, by id."""
     start_ns = min((int(track.stamp_ns[0]) for track in result.tracks), default=0)
     longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_SHOWN]
     rows: list[tuple[Cell, ...]] = []

@@ -35,9 +35,13 @@ EXAMPLES = (
     "cwcli warn-lane predicted.mcap -o warned.mcap",
     "cwcli warn-lane predicted.mcap --line-crossing 1.0 --json",
 )
+"""Command lines that the help of `cwcli warn-lane` shows."""
 REQUIRED_ROLES = (OBSERVER_PATH.role, LANES.role)
+"""Roles of the channels that the stage needs: the predicted paths, then the lanes."""
 NO_PATH = "no path from the observer"
+"""The reason for setting a frame of the lanes aside from which no path starts."""
 MIN_HORIZON_S = 0.05
+"""Shortest span [s] of the placeholder paths where the log holds none: one step of `cwcli predict-lane`."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,7 @@ def _spread_paths_over_frames(
 
 
 def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:
+    """Return the tables of the lane departures and of what became of the frames."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],

@@ -49,7 +49,9 @@ from cwcli.vision.rectify import needs_rectifying
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
+"""The reason under which the messages of a calibration that can't be applied are counted as rejected."""
 RECORDED_LANES_SETTINGS = ("mounting", "topics")
+"""Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 
 
 @dataclass(frozen=True)
@@ -182,10 +184,12 @@ def _reject_used_messages(count: InputMessageCount) -> InputMessageCount:
 
 
 def _camera_info_topics(log: Log) -> list[str]:
+    """Return the topics of the log that hold camera calibrations."""
     return [channel.topic for channel in log.channels if find_input_for_role(Role.CAMERA_INFO, channel.schema_name)]
 
 
 def _topic_namespace(topic: str) -> str:
+    """Return the topic without its last part: `/camera` for `/camera/image`."""
     return topic.rpartition("/")[0]
 
 
@@ -240,6 +244,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
 def _pose_from_transforms(
     log: Log, frame_id: str
 ) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
+    """Return the camera's pose on the car from the log's transforms or None, message counts, and notes."""
     topics = sorted(
         {channel.topic for channel in log.transform_channels() if not _is_option_disabled(channel.topic)},
         key=lambda topic: ("static" not in topic, topic),
@@ -285,6 +290,7 @@ def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) ->
 
 
 def _is_option_disabled(topic: str) -> bool:
+    """Return whether the transforms of a topic are not used: cwcli wrote them, or they are a truth."""
     return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
 
 

@@ -23,9 +23,11 @@ from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
 from cwcli.stages.inputs.sources import read_sensor_signals
 
 UP_AXIS = 2
+"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
 EMPTY_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
+"""The series of a quantity that the log does not hold."""
 
 
 @dataclass(frozen=True)

@@ -30,10 +30,13 @@ from cwcli.signals.vehicle_state import N_STATES
 from cwcli.warning.types import median_outline_m
 
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
+"""Roles of the channels that hold other road users: remote vehicles and tracked targets."""
 MAX_GAP_S = 0.5
+"""Longest gap between two states of a vehicle [s] over which it is interpolated; chosen by hand."""
 COVARIANCE_SLICE_NS = 30 * NS_PER_S
 """Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
 FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
+"""Leaf fields of a state channel that are read when covariances are wanted."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class TracksOfLog:
         )
 
     def _actual_track(self, states: VehicleStates) -> ActualTrack:
+        """Return the states as a track, with covariances if the log's tracks have them."""
         return ActualTrack(states.stamp_ns, states.state, states.covariance if self.has_covariance else None)
 
 
@@ -101,6 +105,7 @@ def read_tracks(
 
 
 def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
+    """Read all states of a channel, of targets or of vehicles."""
     if role == TARGETS.role:
         return read_targets_as_states(log.columns(topic))
     fields = FIELDS_WITH_COVARIANCE if with_covariance else KINEMATIC_FIELDS
@@ -135,6 +140,7 @@ def add_sigmas_of_extremes(
 
 
 def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
+    """Return the covariances (n, N_STATES, N_STATES) at n stamps; NaN where none is known."""
     unknown = np.full((N_STATES, N_STATES), np.nan)
     return np.array([known.get(stamp, unknown) for stamp in stamps.tolist()])
 

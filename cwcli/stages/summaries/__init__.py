@@ -14,6 +14,7 @@ NIS_CELLS = {
     True: CellWithValues("in", {"": True}),
     False: CellWithValues("OUT", {"": False}),
 }
+"""Whether the innovations lie within their bounds (None: not known) -> the cell that says so."""
 
 
 def bounds_cell(low: float, high: float) -> CellWithValues:

@@ -36,6 +36,7 @@ def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
 
 
 def _sources_table(ego: TrackSummary) -> SummaryTable:
+    """Return the table of the ego's sources with their counts and latencies."""
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -81,6 +82,7 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
 
 
 def _noise_table(ego: TrackSummary) -> SummaryTable:
+    """Return the table of the ego's sources with their noise and the consistency of the innovations."""
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -102,6 +104,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
 
 
 def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
+    """Return the table of the estimated tracks."""
     rows: list[tuple[Cell, ...]] = [
         (
             vehicle,

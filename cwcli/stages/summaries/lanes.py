@@ -13,6 +13,7 @@ from cwcli.vision.fit_columns import lowercase_enum_names
 from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
+"""Names of the boundaries, in the order in which arrays hold them."""
 
 
 def lanes_table(frames: LaneFrames) -> Table:

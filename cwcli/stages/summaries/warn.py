@@ -16,6 +16,7 @@ from cwcli.pipeline.run_record import build_run_record
 from cwcli.warning.rows import WarningRows
 
 EVENT_ID_COLUMN = "event_id"
+"""Name of the column that holds the id of an event; 0 stands for none."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +53,12 @@ def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[Wa
 
 
 def _last_event_id(rows: WarningRows) -> int:
+    """Return the greatest event id; 0 without events."""
     return int(np.max(rows.event_id, initial=0))
 
 
 def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
+    """Return the outcome with event ids that are greater by `n_before`, in rows, tables and sections."""
     warnings = replace(outcome.rows, event_id=outcome.rows.event_id + n_before)
     tables = []
     for table in outcome.tables:
@@ -70,6 +73,7 @@ def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
 
 
 def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTable:
+    """Return the table with event ids greater by `n_before` where its first column holds them."""
     if section.columns[0] != "event":
         return section
     rows = tuple((row[0] + n_before if isinstance(row[0], int) else row[0], *row[1:]) for row in section.rows)
