@@ -29,9 +29,9 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 def bound_array_memory() -> None:
-    """Large arrays that this thread makes from now on lie in the file, once others fill the memory that they may have.
+    """Put large arrays that this thread allocates from now on into the file, once they exceed `MOST_ARRAY_BYTES`.
 
-    Nothing happens where that can't be: but on Linux, and without a folder on a disk that has files without a name.
+    This does nothing outside of Linux, or without a folder on a disk whose file system has files without a name.
     """
     with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
         handler = _numpy_memory_handler()

@@ -40,10 +40,10 @@ class TemporaryFile:
         self.descriptor = descriptor
 
     def publish(self) -> None:
-        """Give the file its name; one that has it is replaced. Only a moment lies between the hidden name and this one.
+        """Give the file its name, by a rename that replaces a file of that name.
 
         Raises:
-            OSError: It could not be renamed; then it is gone.
+            OSError: It could not be renamed, and was removed.
         """
         try:
             if self._is_nameless:
@@ -58,7 +58,7 @@ class TemporaryFile:
             raise
 
     def discard(self) -> None:
-        """Remove the file, wherever it stands by now."""
+        """Close and remove the file unless it was published."""
         if self.descriptor >= 0:
             with suppress(OSError):
                 os.close(self.descriptor)
@@ -69,7 +69,7 @@ class TemporaryFile:
 
 
 def _open_unnamed_file(folder: Path) -> int | None:
-    """A descriptor of a file without a name, None where there are none."""
+    """Open a file without a name and return its descriptor; None where the system has no such files."""
     flag = getattr(os, "O_TMPFILE", None)
     if flag is None:
         return None

@@ -21,7 +21,7 @@ _LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}"
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The document.
+    """Parse a TOML document.
 
     Raises:
         ValueError: It is no TOML, too long, or has a key of too many parts.

@@ -34,14 +34,14 @@ SAS_NAMES = frozenset(
     {"saoid", "scid", "se", "sip", "ske", "skoid", "sks", "skt", "sktid", "skv"}
     | {"sp", "spr", "sr", "srt", "ss", "st", "suoid", "sv"}
 )
-"""Names of the query parameters of Azure's shared access signatures, beside `sig`.
-https://learn.microsoft.com/rest/api/storageservices/create-service-sas"""
+"""Names of the query parameters of Azure's shared access signatures, beside `sig`
+(https://learn.microsoft.com/rest/api/storageservices/create-service-sas)."""
 DIGEST_ROUNDS = 50_000
 """Number of PBKDF2 rounds, 30 ms a URL: what each guess at a short secret in a parameter of an unknown name costs."""
 DIGEST_LENGTH = 8
-"""Hexadecimal digits; so few that many secrets have the same ones."""
+"""Number of hexadecimal digits of the digest; it is small so that many secrets share a digest. Chosen by hand."""
 MIN_SECRET_LENGTH = 3
-"""Shorter values are not looked for in the words of others: `t=1` would hide every 1."""
+"""Fewest characters of a value that is hidden outside of its URL, because `t=1` would hide every 1; chosen by hand."""
 
 # plain strings, as `re` compiles them when the first URL comes: most runs have none
 _SCHEME = r"[A-Za-z][A-Za-z0-9+.\-]*://"
@@ -76,11 +76,11 @@ def redact_url(url: str) -> str:
 
 
 def redact_urls(text: str, url: str = "") -> str:
-    """Words that others wrote, an error's for example, without the secrets of the URLs in them.
+    """Return a text, for example of a library's error, without the secrets of the URLs in it.
 
     Args:
-        text: The words.
-        url: The URL of which they speak. Its secrets are hidden wherever they stand, also without the rest of the URL.
+        text: The text.
+        url: The URL that the text is about. Its secrets are hidden wherever they occur, even without the URL.
     """
     text = text.replace(url, redact_url(url)) if url else text
     if "://" in text:
@@ -92,7 +92,7 @@ def redact_urls(text: str, url: str = "") -> str:
 
 @lru_cache(maxsize=10_000)
 def name_url(url: str) -> str:
-    """What a log with this URL is called: the URL without its secrets, told apart from others that look alike then.
+    """Return the name of a log with this URL: the URL without its secrets, and a digest where that is ambiguous.
 
     Two signatures of one file are one name. Parameters that may say which file is meant (`?id=7`) give the name a
     salted digest: `https://host/download?*** (3f2a91cc)`.
@@ -112,13 +112,13 @@ def name_url(url: str) -> str:
 
 
 def path_of_url(url: str) -> str:
-    """The path of a URL, without host, query and fragment: where a pattern may stand."""
+    """Return the path of a URL, without host, query and fragment; only it may hold a pattern."""
     scheme, _, rest = url.partition("://")
     return _split(scheme.lower(), rest)[2]
 
 
 def _telling(query: str) -> list[tuple[str, str]]:
-    """The parameters of a query that may say which file is meant, in order of their names."""
+    """Return the parameters of a query that may identify the file, ordered by name."""
     from urllib.parse import parse_qsl
 
     pairs = parse_qsl(query, keep_blank_values=True)
@@ -139,7 +139,7 @@ def _redact_match(match: re.Match[str]) -> str:
 
 
 def _split(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, str | None]:
-    """User information, host, path, query and fragment of what stands behind `scheme://`; None where there is none."""
+    """Split the text behind `scheme://` into user information, host, path, query and fragment; None where absent."""
     authority = re.match(r"[^/?#]*", rest)
     assert authority is not None
     length = authority.end()
@@ -157,13 +157,13 @@ def _split(scheme: str, rest: str) -> tuple[str | None, str, str, str | None, st
 
 
 def _is_cut_password(authority: str) -> bool:
-    """Whether what stands in front of the first `/`, `?` or `#` is no host with a port."""
+    """Return whether the text up to the first `/`, `?` or `#` is not a host with a port, but a cut password."""
     _, colon, port = authority.rpartition("]")[2].partition(":")
     return bool(colon) and not port.isdecimal()
 
 
 def _secrets(url: str) -> list[str]:
-    """What is hidden of a URL, in every spelling that a library may give it; the longest first."""
+    """Return the secrets of a URL in every spelling that a library may use, the longest first."""
     match = re.search(_SCHEME, url) if "://" in url else None
     if match is None:
         return []

@@ -55,7 +55,7 @@ class Name:
 
     @property
     def is_pattern(self) -> bool:
-        """Whether it stands for several."""
+        """Whether the name is a pattern, which may match several metrics."""
         return "*" in self.text
 
 
@@ -76,7 +76,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Comparison:
-    """`left sign right`, or two of them in a chain: operands one more than signs."""
+    """A comparison, `left sign right` or a chain of two; it has one operand more than signs."""
 
     operands: tuple[Operand, ...]
     signs: tuple[str, ...]
@@ -84,14 +84,14 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Not:
-    """The opposite."""
+    """The negation of a gate."""
 
     inner: Node
 
 
 @dataclass(frozen=True)
 class AndOr:
-    """`and` (`is_and`) or `or`."""
+    """A conjunction (`is_and`) or disjunction of gates."""
 
     parts: tuple[Node, ...]
     is_and: bool
@@ -121,7 +121,7 @@ def parse_gate(text: str) -> Node:
 
 
 def needs_single_log(node: Node | Operand) -> bool:
-    """Whether it is to be asked of each log: it has a metric outside of functions, `any`, `all` and `share`."""
+    """Return whether a node is about single logs: it has a metric outside of functions, `any`, `all` and `share`."""
     if isinstance(node, Comparison):
         return any(isinstance(operand, Name) for operand in node.operands)
     if isinstance(node, Not):
@@ -130,7 +130,7 @@ def needs_single_log(node: Node | Operand) -> bool:
 
 
 class _Parser:
-    """Recursive descent over the tokens: kind, text, where it starts."""
+    """A recursive-descent parser over tokens of kind, text and start."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -288,6 +288,6 @@ class _Parser:
 
 
 def percentile_of_function(function: str) -> float | None:
-    """The percentile of `p95` and the like; None for another function."""
+    """Return the percentile that a function such as `p95` computes; None for another function."""
     match = _PERCENTILE.fullmatch(function)
     return float(match[1]) if match else None

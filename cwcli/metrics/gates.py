@@ -54,11 +54,11 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
 _MEASURES, _EXTREMES = "measures.", ("min", "max")
 """Beginning of the names of measures' metrics, and the extremes that may follow it."""
 FAILED_LOGS_GATE = "every log was evaluated"
-"""The gate that failed logs fail, beside those that were asked for."""
+"""Name of the additional gate that a run with failed logs fails."""
 
 
 class CheckStatus(Enum):
-    """What became of a check."""
+    """The outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -67,12 +67,12 @@ class CheckStatus(Enum):
 
 @dataclass(frozen=True)
 class GateCheck:
-    """A gate asked of one log.
+    """The check of a gate on one log.
 
     Attributes:
-        log: Its id; "" where the gate is about the run as a whole.
-        status: See `Status`.
-        detail: The values that were compared, and what is missing.
+        log: The id of the log; "" where the gate is about the run as a whole.
+        status: The outcome.
+        detail: The values that were compared, and the metrics that are missing.
     """
 
     log: str
@@ -94,7 +94,7 @@ class GateResult:
 
     @property
     def status(self) -> CheckStatus:
-        """Failed if a check failed; skipped if all were."""
+        """The status of the gate: failed if a check failed, skipped if all checks were."""
         if self.failed_checks:
             return CheckStatus.FAILED
         return (
@@ -106,7 +106,7 @@ class GateResult:
 
 @dataclass(frozen=True)
 class _Answer:
-    """True, False or (None) open; with the words for it."""
+    """The truth value of a node (None: unknown), and words that explain it."""
 
     holds: bool | None
     words: tuple[str, ...]
@@ -117,8 +117,8 @@ def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missi
 
     Args:
         gates: Expressions.
-        logs: Of the run, failed ones included.
-        allow_missing: A check that stays open for lack of a metric is skipped, not failed.
+        logs: The logs of the run, failed ones included.
+        allow_missing: Skip a check that stays unknown for lack of a metric, instead of failing it.
 
     Raises:
         UsageError: An expression is no gate.
@@ -196,7 +196,7 @@ class _GateEvaluator:
         return _combine_answers(answers, is_and=True)
 
     def _operand_values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
-        """Value (None: missing) and words for it; several for a pattern."""
+        """Return the values of an operand (None: missing) with words for each; several for a pattern."""
         if isinstance(operand, Number):
             return [(operand.value, "")]
         if isinstance(operand, Name):
@@ -213,10 +213,10 @@ class _GateEvaluator:
         return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
 
     def _metrics_matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
-        """The metrics that a pattern means; the pattern itself where there is none.
+        """Return the metrics that match a name; the name itself where there are none.
 
-        Of a measure, `measures.ttc_s`, the most critical value of each log is meant; `min` is not asked of one whose
-        greatest value is critical, nor `max` of one whose least value is.
+        The name of a measure, `measures.ttc_s`, means the metric of its most critical value in each log, which is
+        either its least or its greatest one.
         """
         if not name.is_pattern:
             extremes = [function] if function in _EXTREMES else _EXTREMES
@@ -274,7 +274,7 @@ class _GateEvaluator:
 
 
 def matches_pattern(pattern: str, name: str) -> bool:
-    """Whether a name fits a pattern whose `*` stand for any characters; in linear time."""
+    """Return whether a name matches a pattern whose `*` stand for any characters, in linear time."""
     first, *rest = pattern.split("*")
     if not rest:
         return first == name
@@ -291,7 +291,7 @@ def matches_pattern(pattern: str, name: str) -> bool:
 
 
 def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
-    """Kleene's `and` or `or`; without answers `and` holds."""
+    """Combine answers by Kleene's `and` or `or`; without answers `and` is true and `or` false."""
     words = tuple(word for answer in answers for word in answer.words)
     if any(answer.holds is (not is_and) for answer in answers):
         decided = tuple(word for answer in answers if answer.holds is (not is_and) for word in answer.words)

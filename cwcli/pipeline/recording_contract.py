@@ -34,13 +34,13 @@ TOPIC_CONDITIONS = {
     "max_undecodable": "undecodable",
     "max_out_of_order": "out_of_order",
 }
-"""Condition on a topic -> what of `Health` it is about. Of a drift the size counts."""
+"""Condition on a topic -> the field of `TopicHealth` that it limits; a drift is limited by its magnitude."""
 MAX_NUMBER = sys.float_info.max
-"""TOML's whole numbers have no bound, and what is found is a float."""
+"""Greatest number that a condition may have: whole numbers of TOML have no bound, the measured values are floats."""
 
 
 class ConditionVerdict(NamedTuple):
-    """One condition: on what (a topic, or the log), its text, what was found, and whether it holds."""
+    """One condition: its subject (a topic, or the log), its text, the value found, and whether it holds."""
 
     about: str
     condition: str
@@ -50,11 +50,11 @@ class ConditionVerdict(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordingContract:
-    """What a log must hold.
+    """The conditions that a recorded log must meet.
 
     Attributes:
         limits: Condition on the log -> number.
-        roles: That must be filled.
+        roles: Roles for which the log must have a channel.
         topics: Topic -> condition -> number, or its schema.
     """
 
@@ -64,10 +64,10 @@ class RecordingContract:
 
     @classmethod
     def read_toml(cls, path: str, known_roles: Collection[str]) -> RecordingContract:
-        """Read it from a TOML file.
+        """Read the contract from a TOML file.
 
         Raises:
-            UsageError: The file can't be read, is no TOML, or says what no log can be checked for.
+            UsageError: The file can't be read, is not TOML, or holds a condition that does not exist.
         """
         try:
             document = parse_toml(read_file(path).decode())
@@ -100,13 +100,13 @@ class RecordingContract:
         schemas: Mapping[str, str],
         topics: Mapping[str, Mapping[str, float]],
     ) -> list[ConditionVerdict]:
-        """Whether a log keeps it.
+        """Check every condition on a log.
 
         Args:
             totals: `duration_s` and `messages` of the log.
-            roles: That are filled.
+            roles: Roles for which the log has a channel.
             schemas: Topic -> its schema, in one spelling.
-            topics: Topic -> what was found of it, by the names of `Health`.
+            topics: Topic -> its statistics, by the names of the fields of `TopicHealth`.
         """
         made = [
             _compare_with_limit("log", name, limit, totals[_quantity_of_condition(name)])
@@ -138,7 +138,7 @@ def _quantity_of_condition(name: str) -> str:
 
 
 def _compare_with_limit(about: str, name: str, limit: float, found: float) -> ConditionVerdict:
-    """A value that is not known keeps no condition."""
+    """Compare a value with its limit; NaN meets no condition."""
     size = abs(found) if "drift" in name else found
     holds = size >= limit if name.startswith("min_") else size <= limit
     shown = "not known" if math.isnan(found) else f"{found:.4g}"

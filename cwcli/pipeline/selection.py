@@ -20,7 +20,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def resolve_selection(log: Log, topic: Sequence[str], start: str | None, end: str | None) -> Selection:
-    """What the options `--topic`, `--start` and `--end` mean for one log.
+    """Resolve the options `--topic`, `--start` and `--end` for one log.
 
     Raises:
         UsageError: A malformed option, or an empty span.
@@ -48,7 +48,7 @@ def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str
 
 
 def _iso(stamp_ns: int) -> str:
-    """UTC to the second; nanoseconds for a time that no calendar has."""
+    """Format a stamp in UTC to the second, or in nanoseconds where the calendar ends."""
     try:
         return f"{datetime.fromtimestamp(stamp_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ}"
     except (OverflowError, ValueError, OSError):
@@ -56,11 +56,11 @@ def _iso(stamp_ns: int) -> str:
 
 
 def check_selection_options(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:
-    """Check what can be checked without a log.
+    """Check the options as far as that is possible without a log.
 
     Args:
         topic, start, end: As on the command line.
-        spelled: How an option is called in the message of an error; `{} =` for one of a configuration file.
+        spelled: Pattern of an option's name in error messages; `{} =` for one of a configuration file.
 
     Raises:
         UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
@@ -98,12 +98,12 @@ def _is_in_seconds(text: str) -> bool:
 
 
 def parse_time_ns(text: str, log_start_ns: int, option: str) -> int:
-    """A `--start` or `--end` as int64 ns since the epoch.
+    """Parse a `--start` or `--end`, and return it in ns since the epoch.
 
     Args:
         text: Seconds from the log's start (`12.5`), or ISO 8601 (`2026-05-01T12:00:00Z`; UTC if it names no zone).
         log_start_ns: Log time of the first message.
-        option: For the message of the error.
+        option: Name of the option, for error messages.
 
     Raises:
         UsageError: It is neither.
