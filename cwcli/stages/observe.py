@@ -98,7 +98,7 @@ class ObserveConfig(StatesSelection):
 
 @dataclass(frozen=True)
 class ObserverEvidence:
-    """What is compared with the truth.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
         track: The observed motion.
@@ -178,7 +178,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
 
 
 def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
-    """Why there is no speed: none of the channels, several of them, or none with a usable message."""
+    """Return the error for a missing speed: no channel, several of them, or none with a usable message."""
     try:
         bind_roles(log.channels, config.topics, required=(Role.EGO_SPEED,), where=log.name, command="observe")
     except MissingSignalError as error:
@@ -206,7 +206,7 @@ def _build_notes(
 
 
 def _observed_frames_table(track: LateralTrack, inputs: ObserverInputs) -> SummaryTable:
-    """How many frames have a state, and what the states are like."""
+    """Return the table of the observed frames and their states."""
     n = len(track)
     rows: list[tuple[Cell, ...]] = [("frames", n)]
     rows += [(f"frames {name.replace('_', ' ')}", count) for name, count in track.counts.items() if count]

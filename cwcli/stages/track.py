@@ -98,7 +98,7 @@ class TrackConfig:
 
 @dataclass(frozen=True)
 class TrackingEvidence:
-    """What is compared with the truth.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
         result: The tracks.
@@ -184,7 +184,7 @@ def track(log: Log, config: TrackConfig) -> StageResult:
 
 
 def _replace_clutter_density(model: SensorModel, kind: DetectionKind) -> SensorModel:
-    """The model with a clutter density that is not taken from the log."""
+    """Return the model with the default clutter density, instead of one estimated from the log, if none is set."""
     return (
         model
         if model.clutter_density is not None
@@ -200,7 +200,7 @@ def _ego_motion_of_states(states: VehicleStates | None) -> EgoStates | None:
 def _read_ego_states(
     log: Log, config: SourceConfig, which: States
 ) -> tuple[VehicleStates | None, tuple[InputMessageCount, ...]]:
-    """The car's states by stamp, if an earlier `cwcli estimate` has left them in the log."""
+    """Read the ego's states by stamp and their counts; None and () if the log holds none."""
     chosen = choose_state_topics(config.topics, which, log.channels, (EGO_STATE.role,))
     bound = bind_roles(log.channels, chosen, required=(), optional=(EGO_STATE.role,), where=log.name)
     topic = bound.first_topic_of_role(EGO_STATE.role)
@@ -236,7 +236,7 @@ def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: s
 
 
 def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[InputMessageCount, ...]:
-    """What became of the detections, by sensor. One that fits no track is used all the same: it was weighed."""
+    """Count the detections of each sensor; one that fits no track counts as used, because it was considered."""
     found = []
     for source, count in counts.items():
         faults = {reason: n for reason, n in count.rejected.items() if reason not in UNASSIGNED_REASONS}
@@ -248,7 +248,7 @@ def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[
 def _summary_tables(
     result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool
 ) -> tuple[SummaryTable, ...]:
-    """The stage's tables for the terminal."""
+    """Return the stage's tables for the terminal, without empty ones."""
     found = [_sensors_table(result), _noise_table(result, kinds), _targets_table(result, in_map)]
     return tuple(item for item in found if item.rows)
 

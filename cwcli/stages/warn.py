@@ -82,11 +82,11 @@ class WarnConfig(StatesSelection):
 
 @dataclass(frozen=True)
 class WarningEvidence:
-    """What is held against what really happened.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
-        found: The warnings, rule by rule.
-        outcomes: What is said of them, likewise, before their events are numbered on.
+        found: The warnings of each rule.
+        outcomes: Rows and tables of each rule, before event ids are made unique over the rules.
         earlier: Warnings that were in the channel before.
     """
 

@@ -19,10 +19,10 @@ UP_AXIS = 2
 
 
 def apply_calibration_to_sources(sources: SensorSignals, calibration: Calibration | None) -> SensorSignals:
-    """The sources, those that the calibration knows corrected: speed, velocity and the gyroscope's turn rate.
+    """Correct the speed, velocity and gyroscope signals of the sources that the calibration knows.
 
     Raises:
-        UsageError: There are such sources, and it knows none of them.
+        UsageError: There are such signals, and the calibration knows none of their sources.
     """
     if calibration is None:
         return sources

@@ -53,13 +53,13 @@ LANE_ONLY_CARRIED = "the lane is only carried on, left out"
 
 @dataclass(frozen=True)
 class LaneSamplesWithCounts:
-    """The frames.
+    """The lane samples of a channel, with the counts of its messages.
 
     Attributes:
-        samples: n frames.
-        log_time_ns: Shape (n,).
-        preview_m: Of the preview point ahead of the camera.
-        count: What became of the messages.
+        samples: Samples of n frames.
+        log_time_ns: Log times of the frames, shape (n,).
+        preview_m: Distance of the preview point ahead of the camera.
+        count: Counts of the messages.
     """
 
     samples: LaneSamples
@@ -69,7 +69,7 @@ class LaneSamplesWithCounts:
 
 
 def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = True) -> LaneSamplesWithCounts:
-    """The lane at the preview point at each frame.
+    """Read the lane at the preview point in each frame.
 
     Args:
         columns: The channel; its fields `FIELDS_FOR_OBSERVER` are enough.
@@ -143,13 +143,13 @@ def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
 
 @dataclass(frozen=True)
 class ObserverInputs:
-    """What the observer is given beside the lanes.
+    """The inputs of the observer in addition to the lanes.
 
     Attributes:
-        speed, yaw_rate, steer: Or None.
+        speed, yaw_rate, steer: Samples, or None.
         speed_source, yaw_rate_source, steer_source: Their topics, "" where there is none.
-        counts: What became of the messages.
-        notes: For the user.
+        counts: Counts of the messages.
+        notes: Notes for the user.
     """
 
     speed: ScalarSamples | None = None
@@ -239,5 +239,5 @@ def _choose_steering(sources: SensorSignals) -> tuple[ScalarSamples | None, str]
 
 
 def _sigma_from_variance(variance: FloatArray) -> FloatArray:
-    """NaN where the variance is not given."""
+    """Return the sigma of each value; NaN where the variance is not given."""
     return np.asarray(np.sqrt(np.where(variance > 0.0, variance, np.nan)))

@@ -41,7 +41,7 @@ FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
 
 @dataclass(frozen=True)
 class TracksOfLog:
-    """The ego and the others.
+    """The tracks of the ego and of the other road users in a log.
 
     Attributes:
         ego: Its states by stamp.
@@ -57,11 +57,11 @@ class TracksOfLog:
 
     @property
     def ego_id(self) -> str:
-        """Of the ego."""
+        """The id of the ego."""
         return str(self.ego.ids.values[self.ego.ids.codes[0]])
 
     def pair_with_ego(self, other_id: str) -> Pair:
-        """The ego and another vehicle."""
+        """Return the pair of the ego and another vehicle."""
         own, theirs = self.ego, self.others[other_id]
         return Pair(
             self._actual_track(own),
@@ -79,7 +79,7 @@ class TracksOfLog:
 def read_tracks(
     log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
 ) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
-    """The tracks in the chosen span, and what became of the messages.
+    """Read the tracks in the chosen span, and count the messages.
 
     Raises:
         MissingSignalError: There is no state of the ego.
@@ -115,7 +115,7 @@ def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> Vehi
 def add_sigmas_of_extremes(
     log: Log, tracks: TracksOfLog, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
 ) -> list[MeasuredPair]:
-    """The pairs with the sigmas of their extremes, by the covariances of the states then."""
+    """Return the pairs with sigmas of their extremes, from the covariances of the states at those stamps."""
     wanted: dict[str, list[Int64Array]] = {tracks.ego_id: []}
     at = {pair.other_id: stamps_of_extremes_with_sigma(pair, measures) for pair in pairs}
     for vehicle, stamps in at.items():
@@ -148,7 +148,7 @@ def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) 
 def _read_covariances_at_stamps(
     log: Log, tracks: TracksOfLog, wanted: Mapping[str, Int64Array]
 ) -> dict[str, dict[int, FloatArray]]:
-    """Vehicle -> stamp -> covariance of its state; a slice of the log at a time."""
+    """Return vehicle -> stamp -> covariance of its state, read one slice of the log at a time."""
     found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
     stamps = {vehicle: np.unique(each) for vehicle, each in wanted.items()}
     for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
@@ -170,7 +170,7 @@ def _iter_states_near_stamps(
     vehicles: Sequence[str],
     stamps: Mapping[str, Int64Array],
 ) -> Iterator[VehicleStates]:
-    """The states with covariances around the wanted stamps, slice by slice of the log."""
+    """Yield the states with covariances around the wanted stamps, one slice of the log at a time."""
     if role == TARGETS.role:
         yield read_targets_as_states(log.columns(topic))
         return

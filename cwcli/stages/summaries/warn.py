@@ -21,13 +21,13 @@ EVENT_ID_COLUMN = "event_id"
 
 @dataclass(frozen=True)
 class RuleOutcome:
-    """One rule's warnings.
+    """The warnings of one rule.
 
     Attributes:
-        rule: Its name.
-        rows: The life of the warnings.
-        tables: The rule's, its events first.
-        sections: For the summary.
+        rule: Name of the rule.
+        rows: The warnings over time.
+        tables: Tables of the rule, its events first.
+        sections: Tables for the summary.
     """
 
     rule: str
@@ -37,11 +37,11 @@ class RuleOutcome:
 
 
 def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
-    """The same with event ids that go on from rule to rule, so that each is unique in the channel.
+    """Number the events over all rules, which makes each id unique in the channel.
 
     Args:
-        outcomes: In order.
-        after: What is in the channel already.
+        outcomes: The rules' outcomes, in order.
+        after: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
     n_before = max(map(_last_event_id, after), default=0)
@@ -81,7 +81,7 @@ def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTa
 
 
 def tables_by_unique_name(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
-    """All tables; one whose name is taken has the rule's name behind its own."""
+    """Return all tables by name; the rule's name is appended to a table's name that is taken."""
     tables: dict[str, Table] = {}
     for outcome in outcomes:
         for table in outcome.tables:
@@ -99,7 +99,7 @@ def build_warnings_result(
     notes: tuple[str, ...],
     **more: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
-    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel.
+    """Build the result of a warning stage. The warnings of an earlier stage of the same run stay in the channel.
 
     Args:
         more: Further entries of the run's record.
