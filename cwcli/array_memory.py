@@ -17,17 +17,21 @@ from typing import Any
 from cwcli.kernels import spill
 
 MOST_ARRAY_BYTES = 128 << 20
+"""Size of the large arrays that lie in memory before further ones go to the file, 128 MiB; chosen by hand."""
 MOST_MAPPED_BYTES = 64 << 20
+"""Size of the file's pages that the process holds in memory, about 64 MiB; chosen by hand."""
 MOST_FILE_BYTES = 1 << 40
+"""Greatest size of the file, 1 TiB; it takes only the disk space that is used."""
 FOLDER_ON_DISK = "/var/tmp"
 """The folder of the file that holds large arrays where /tmp is in memory."""
 _ONE_AT_A_TIME = threading.Lock()
+"""The lock under which the file is opened."""
 
 
 def bound_array_memory() -> None:
-    """Large arrays that this thread makes from now on lie in the file, once others fill the memory that they may have.
+    """Put large arrays that this thread allocates from now on into the file, once they exceed `MOST_ARRAY_BYTES`.
 
-    Nothing happens where that can't be: but on Linux, and without a folder on a disk that has files without a name.
+    This does nothing outside of Linux, or without a folder on a disk whose file system has files without a name.
     """
     with _ONE_AT_A_TIME:  # of the threads that begin together, one opens the file
         handler = _numpy_memory_handler()
@@ -37,6 +41,7 @@ def bound_array_memory() -> None:
 
 @cache
 def _numpy_memory_handler() -> Any:
+    """Open the file and return the handler for arrays' memory; None where none can be had."""
     for folder in (tempfile.gettempdir, lambda: FOLDER_ON_DISK):
         with suppress(OSError, AttributeError):  # `gettempdir` finds none where no folder can be written
             descriptor = os.open(folder(), os.O_TMPFILE | os.O_RDWR | os.O_CLOEXEC, 0o600)

@@ -15,16 +15,27 @@ DISTRIBUTION = "cwcli-drive"
 the ConnectWise API), so no text tells anybody to install that."""
 
 EXIT_DONE = 0
+"""Exit code of a run that did what was asked."""
 EXIT_GATE_FAILED = 1
+"""Exit code of a run in which a requested gate failed."""
 EXIT_USAGE = 2
+"""Exit code for a wrong option or configuration, or a plug-in that fails."""
 EXIT_BAD_INPUT = 3
+"""Exit code for an input that can't be read or is damaged."""
 EXIT_MISSING_SIGNAL = 4
+"""Exit code for a log that lacks a required signal, or has several candidates for it."""
 EXIT_BAD_DATA = 5
+"""Exit code for data that breaks its contract."""
 EXIT_OUTPUT = 6
+"""Exit code for an output that could not be written."""
 EXIT_BUG = 70
+"""Exit code for a bug in cwcli: EX_SOFTWARE of sysexits.h."""
 EXIT_INTERRUPTED = 130
+"""Exit code after Ctrl-C: 128 and the number of SIGINT, as shells have it."""
 EXIT_PIPE_CLOSED = 141
+"""Exit code when the reader of a pipe has gone away: 128 and the number of SIGPIPE."""
 EXIT_TERMINATED = 143
+"""Exit code when the system ends the process: 128 and the number of SIGTERM."""
 
 EXIT_CODES = {
     EXIT_DONE: ("done", ""),
@@ -39,7 +50,7 @@ EXIT_CODES = {
     EXIT_PIPE_CLOSED: ("pipe closed", "its reader went away"),
     EXIT_TERMINATED: ("terminated", ""),
 }
-"""Every code with which `cwcli` ends -> what it means, and more of it or "". Help and docs are made from this."""
+"""Exit code -> its meaning, and a further remark or ""; help and docs are generated from this."""
 
 
 SIMILAR_SHARE = 0.1
@@ -55,10 +66,10 @@ class CwcliError(Exception):
     """An error with a user-facing line. No secret of a URL stands in it, whoever wrote its words.
 
     Args:
-        what: What is wrong, in one line, without a trailing full stop.
+        what: The problem in one line, without a trailing full stop.
         where: File, topic or time that it concerns (`drive.mcap`, `drive.mcap: /gps/fix at 12.3 s`), or "".
-        found: What was found instead, one entry a line, or ().
-        hint: What to do next, or "".
+        found: The things that were found instead, one entry a line, or ().
+        hint: Advice on the next step, or "".
     """
 
     exit_code = EXIT_BUG
@@ -116,12 +127,12 @@ class OutputError(CwcliError):
 
 
 def names_hint(name: str, known: Iterable[str], label: str = "one of") -> str:
-    """A hint for a name that is none of a list: the closest names, else all of them.
+    """Return a hint for a name that is not in a list: the closest names, else all of them.
 
     Args:
-        name: What was given.
-        known: The names that there are.
-        label: What stands before all names.
+        name: The name that was given.
+        known: The valid names.
+        label: Words in front of the list of all names.
     """
     from difflib import SequenceMatcher, get_close_matches
 

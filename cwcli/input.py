@@ -29,13 +29,17 @@ if TYPE_CHECKING:
 MIN_READ_BYTES = 1 << 13
 """Least number of bytes that one read takes; the next records are mostly among them. Chosen by hand."""
 HASH_BLOCK_BYTES = 1 << 20
+"""Number of bytes that are hashed at a time, 1 MiB; chosen by hand."""
 CLOCK_TICK_NS = 10_000_000
 """Two changes that are closer than this may have the same time: the kernel's clock ticks a hundred times a second."""
 MAX_CHUNK_BYTES = 256_000_000
+"""Greatest size of a chunk, stored or unpacked, that is read by default [bytes]; chosen by hand."""
 MAX_RATIO = 64.0
+"""Greatest ratio of unpacked to stored bytes of a whole file that is read by default; chosen by hand."""
 NO_LIMIT_BYTES = 1 << 62
-"""More than any file has."""
+"""Number of bytes that no file reaches, which stands for no limit."""
 STANDARD_STREAMS = (1, 2)
+"""File descriptors of standard output and standard error."""
 OUTPUT_ERRORS = (OutputError, BrokenPipeError)
 """Errors that no change of an input explains."""
 
@@ -45,17 +49,17 @@ class InputFile:
 
     Args:
         descriptor: Open for reading; closed with this.
-        name: For messages.
-        path: The name that must stand for the same file to the end; None where it has none.
+        name: Name of the file in messages.
+        path: The path, which must lead to the same file until it is closed; None where it has none.
 
     Attributes:
-        name: For messages.
+        name: Name of the file in messages.
         descriptor: Open until `close`; -1 where it has no file of its own.
-        max_chunk_bytes: No part of it may unpack to more at once, nor be stored as more.
-        max_ratio: Its parts may unpack to so many times its size together, and `max_chunk_bytes` more.
-        refused_from: Where the chunks begin that would be beyond that; None where none is.
+        max_chunk_bytes: Greatest size of a chunk, stored or unpacked.
+        max_ratio: All chunks together may unpack to this many times the file's size, and `max_chunk_bytes` more.
+        refused_from: Byte at which the chunks beyond that limit begin; None where there are none.
         state: Device, number, size in bytes and time of the last change in ns, when it was opened.
-        notes: What is to be told of it, because of how it was opened -> how often.
+        notes: Note on how the file was opened -> how often it applies.
 
     Raises:
         InputError: It is empty.
@@ -88,7 +92,7 @@ class InputFile:
 
     @classmethod
     def open(cls, path: str | Path, name: str = "") -> InputFile:
-        """A file by its name.
+        """Open a file by its path.
 
         Raises:
             InputError: It can't be read, or is empty.
@@ -100,7 +104,7 @@ class InputFile:
         return self._size
 
     def __getitem__(self, place: slice) -> memoryview:
-        """Some bytes of the file, as far as it goes.
+        """Return a range of bytes, cut at the end of the file.
 
         Raises:
             InputError: The file is shorter than it was, or can't be read.
@@ -116,24 +120,24 @@ class InputFile:
 
     @property
     def max_unpacked_bytes(self) -> int:
-        """What all of it may unpack to."""
+        """Greatest number of bytes to which the whole file may unpack."""
         return self.max_chunk_bytes + self.max_unpacked_bytes_of(len(self))
 
     def max_unpacked_bytes_of(self, n_bytes: int) -> int:
-        """What so many of its bytes may unpack to, by `max_ratio` alone."""
+        """Return the number of bytes to which `n_bytes` of the file may unpack, by `max_ratio` alone."""
         return int(min(self.max_ratio * n_bytes, NO_LIMIT_BYTES))
 
     @property
     def disk_files(self) -> Sequence[InputFile]:
-        """The files that it consists of: itself."""
+        """The files on the disk of which this one consists: itself alone."""
         return (self,)
 
     def part_and_offset(self, at: int) -> tuple[InputFile, int]:
-        """The file in which a byte is, and where in it."""
+        """Return the file that holds the byte at `at`, and the byte's offset in it."""
         return self, at
 
     def read_into(self, buffer: memoryview, start: int) -> memoryview:
-        """Fill a buffer with the bytes from `start` on; returns it. Raises as slicing does."""
+        """Fill a buffer with the bytes from `start` on, and return it; raise as slicing does."""
         self._is_checked = False
         n = 0
         while n < len(buffer):
@@ -147,9 +151,9 @@ class InputFile:
         return buffer
 
     def begin_sha256(self) -> Future[str]:
-        """SHA-256 of the bytes, in hexadecimal; of several files one behind the other, as `cat` would print them.
+        """Return the future SHA-256 of the bytes in hexadecimal; several files are hashed as if concatenated.
 
-        It is computed once, in a thread that goes on after `close`.
+        It is computed once, in a thread that continues after `close`.
         """
         if self._digest is None:
             from concurrent.futures import Future
@@ -159,10 +163,10 @@ class InputFile:
         return self._digest
 
     def check_unchanged(self) -> None:
-        """Check that the file is what it was when it was opened, and that its name still stands for it.
+        """Check that the file has not changed since it was opened, and that its path still leads to it.
 
         Raises:
-            InputError: It is not: what was read may be a mixture.
+            InputError: It has changed, and the data read may be a mixture.
         """
         if self._path is None and self.descriptor < 0:
             return
@@ -185,7 +189,7 @@ class InputFile:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Check the file, from whose change an error may come, unless it was read last before a check; close it."""
+        """Check for a change if data was read since the last check or an error may come from one; close the file."""
         may_matter = isinstance(error, Exception | None) and not isinstance(error, OUTPUT_ERRORS)
         try:
             for file in self.disk_files if may_matter else ():
@@ -198,7 +202,7 @@ class InputFile:
         self.close()
 
     def close(self) -> None:
-        """Close the file, when the thread that hashes it is done, too."""
+        """Close the file, as soon as the thread that hashes it is done."""
         self._held = (0, memoryview(b""))
         if self._inputs is not None:
             self._inputs.open.discard(self)
@@ -208,11 +212,13 @@ class InputFile:
             self._digest.add_done_callback(lambda _: self._close())
 
     def _close(self) -> None:
+        """Close the descriptor, once."""
         descriptor, self.descriptor = self.descriptor, -1
         if descriptor >= 0:
             os.close(descriptor)
 
     def _read(self, start: int, stop: int) -> bytes:
+        """Read the bytes from start to stop; raise as slicing does."""
         self._is_checked = False
         try:
             data = os.pread(self.descriptor, stop - start, start)
@@ -224,7 +230,7 @@ class InputFile:
         return data
 
     def _compute_hash(self, digest: Future[str]) -> None:
-        """Keep the hash, or the error: whoever waits for it must not wait for ever."""
+        """Compute the hash and set the future's result, or its error, so that nobody waits for ever."""
         try:
             import hashlib
 
@@ -238,9 +244,11 @@ class InputFile:
             digest.set_exception(error)
 
     def _read_error(self, error: OSError, at: int) -> InputError:
+        """Return the error for a byte that the system can't read."""
         return InputError(f"it can't be read: {error.strerror} (at byte {at})", where=self.name)
 
     def _changed_file_error(self, what: str) -> InputError:
+        """Return the error for a file that changed while it was read."""
         return InputError(
             f"the log changed while it was read: {what}",
             where=self.name,
@@ -250,11 +258,11 @@ class InputFile:
 
 @dataclass
 class InputsOfRun:
-    """What a run has read.
+    """The files that a run has read.
 
     Attributes:
-        names: Device and number of each file -> its name.
-        open: The logs that are being read.
+        names: Device and inode number of each file -> its name.
+        open: The logs that are open.
     """
 
     names: dict[tuple[int, int], str] = field(default_factory=dict)
@@ -262,11 +270,12 @@ class InputsOfRun:
 
 
 _RUN: ContextVar[InputsOfRun | None] = ContextVar("inputs", default=None)
+"""The inputs of the current run; None outside of `remember_inputs`."""
 
 
 @contextmanager
 def remember_inputs() -> Iterator[None]:
-    """Remember what is read inside the block, beside what was remembered outside."""
+    """Remember the files that are read inside the block, together with those of the enclosing block."""
     outside = _RUN.get()
     token = _RUN.set(InputsOfRun(dict(outside.names) if outside else {}))
     try:
@@ -276,7 +285,7 @@ def remember_inputs() -> Iterator[None]:
 
 
 def note_input(name: str | Path) -> None:
-    """Remember a file that will be read, `-` for standard input, if there is such a file.
+    """Remember a file that will be read, `-` for standard input, if it exists.
 
     Raises:
         OutputError: Standard output or standard error goes into it.
@@ -286,7 +295,7 @@ def note_input(name: str | Path) -> None:
 
 
 def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
-    """Whether this run reads the file, or it is one of some more."""
+    """Return whether the file is an input of this run, or one of the files in `more`."""
     inputs = _RUN.get()
     place = _file_state(found)[:2]
     of_more = (file.state[:2] for each in more for file in each.disk_files)
@@ -294,10 +303,10 @@ def is_input(found: os.stat_result, more: Sequence[InputFile] = ()) -> bool:
 
 
 def check_unchanged(more: Sequence[InputFile] = ()) -> None:
-    """Check that the logs that this run is reading, and some more, are what they were.
+    """Check that the open logs of this run, and the files in `more`, have not changed.
 
     Raises:
-        InputError: One is not.
+        InputError: One has.
     """
     inputs = _RUN.get()
     for each in (*(inputs.open if inputs is not None else ()), *more):
@@ -305,7 +314,7 @@ def check_unchanged(more: Sequence[InputFile] = ()) -> None:
 
 
 def names_of_inputs_in_folder(folder: Path) -> list[str]:
-    """Names of the files in a folder, or deeper, that this run has read."""
+    """Return the names of this run's inputs that lie in a folder or below it."""
     inputs = _RUN.get()
     prefix = os.path.realpath(folder) + os.sep
     names = inputs.names.values() if inputs is not None else ()
@@ -313,7 +322,7 @@ def names_of_inputs_in_folder(folder: Path) -> list[str]:
 
 
 def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
-    """A file, or its first bytes; it is remembered as an input.
+    """Read a file, or its first bytes, and remember it as an input.
 
     Raises:
         OSError, ValueError: It can't be read; a zero byte is in the name.
@@ -325,6 +334,7 @@ def read_file(path: str | Path, max_bytes: int = -1) -> bytes:
 
 
 def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
+    """Remember a regular file as an input of the run; return the run's inputs, None outside of a run."""
     inputs = _RUN.get()
     if inputs is not None and stat.S_ISREG(found.st_mode):
         for stream in STANDARD_STREAMS:
@@ -336,6 +346,7 @@ def _remember(found: os.stat_result, name: str) -> InputsOfRun | None:
 
 
 def _open_descriptor(path: str | Path, name: str) -> int:
+    """Open a file for reading and return its descriptor; raise `InputError` if that fails."""
     try:
         return os.open(path, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
@@ -343,7 +354,7 @@ def _open_descriptor(path: str | Path, name: str) -> int:
 
 
 def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
-    """The file's state, at a moment after which every change has another time than the last one."""
+    """Return the file's state after waiting until any further change gets a later time than the last one."""
     since_ns = time.time_ns() - os.fstat(descriptor).st_mtime_ns
     if 0 <= since_ns < CLOCK_TICK_NS:
         time.sleep((CLOCK_TICK_NS - since_ns) / 1e9)
@@ -351,4 +362,5 @@ def _stat_after_clock_tick(descriptor: int) -> os.stat_result:
 
 
 def _file_state(found: os.stat_result) -> tuple[int, int, int, int]:
+    """Return device, inode number, size in bytes and time of the last change [ns]."""
     return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns

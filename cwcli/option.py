@@ -15,19 +15,19 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Option:
-    """An option.
+    """A command-line option that sets a field of a configuration.
 
     Attributes:
         flags: `--horizon`, or `--tune/--no-tune`.
-        help: What it means, or what makes the text; `{choices}` stands for names and summaries of the registry
+        help: Help text, or a function that returns it; `{choices}` stands for names and summaries of the registry
             `choices`, `{names}` for its names.
-        metavar: What the help shows as its value; None: made from its type.
-        default: What the help shows as its default, where the value itself does not say it.
-        choices: `module:NAME` of the registry whose keys are its values, "" for none; a shell completes them.
-        above, at_most: Where its value lies, None for no bound.
-        kind: Its type, where that is not the field's.
-        parse: Makes the field's value from the option's; called only if the option was given.
-        former: As it was once spelled: `--lane-speed`, "" if it never was.
+        metavar: Placeholder of the value in the help; None: derived from the type.
+        default: Default in the help, where the value itself does not show it.
+        choices: `module:NAME` of the registry whose keys are valid values, "" for none; a shell completes them.
+        above, at_most: Bounds of the value, the lower one exclusive; None for no bound.
+        kind: Type of the option's value, where it is not the field's.
+        parse: Converts the option's value to the field's; called only if the option was given.
+        former: Former name of the option, such as `--lane-speed`; "" if it never had one.
     """
 
     flags: str

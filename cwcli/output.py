@@ -24,7 +24,9 @@ from cwcli.output_stream import Bytes, OutputStream, translate_os_errors
 from cwcli.temporary import TemporaryFile
 
 STDOUT = "-"
+"""The target that stands for standard output."""
 NO_SUCH_FILE_ERRNOS = (errno.ENOENT, errno.ENOTDIR, errno.EBADF, errno.ELOOP)
+"""Error numbers of the operating system for a path at which there is no file."""
 
 
 def check_target(target: str | Path, *, force: bool = False) -> None:
@@ -51,13 +53,13 @@ def check_targets(
     force: bool = False,
     inputs: Sequence[str] = (),
 ) -> None:
-    """Refuse what a command can't or must not write, before any work is done; `None` is passed by.
+    """Refuse targets that a command can't or must not write, before any work is done; `None` is skipped.
 
     Args:
         files: As in `check_target`.
-        folders: Folders that are there, or that `make_folder` can make.
+        folders: Folders that exist, or that `make_folder` can make.
         force: Allow files that exist, unless they are inputs of this run.
-        inputs: What the command is going to read: file names, or `-` for standard input.
+        inputs: Files that the command will read: names, or `-` for standard input.
 
     Raises:
         OutputError: One can't or must not be written.
@@ -77,7 +79,7 @@ def check_targets(
 
 
 def _file_identity(target: str | Path) -> object:
-    """The same for all names of one file."""
+    """Return a value that is equal for all names of one file."""
     with suppress(OSError):
         found = os.fstat(_stdout_descriptor()) if str(target) == STDOUT else Path(target).stat()
         return found.st_dev, found.st_ino
@@ -85,12 +87,13 @@ def _file_identity(target: str | Path) -> object:
 
 
 def _refuse_url(name: str) -> None:
-    """A URL would be taken for folders, whose names would hold its password."""
+    """Refuse a URL, which would become folders whose names hold its password."""
     if "://" in name:
         raise UsageError("the output must lie on this machine", where=name, hint="copy it there afterwards")
 
 
 def _check_folder(folder: str | Path) -> None:
+    """Refuse a folder that neither exists nor can be made; raise `OutputError` or `UsageError`."""
     _refuse_url(str(folder))
     path = Path(folder)
     try:
@@ -106,7 +109,7 @@ def _check_folder(folder: str | Path) -> None:
 
 
 def make_folder(path: str | Path, *, parents: bool = False) -> None:
-    """Make a folder unless it is there, if need be with those above it.
+    """Make a folder unless it exists, with `parents` also those above it.
 
     Raises:
         OutputError: It can't be made.
@@ -118,11 +121,12 @@ def make_folder(path: str | Path, *, parents: bool = False) -> None:
 
 
 def _folder_error(path: str | Path, error: Exception) -> OutputError:
+    """Return the error for a folder that can't be made."""
     return OutputError(f"the folder can't be made: {getattr(error, 'strerror', None) or error}", where=str(path))
 
 
 def _resolve_target(target: str | Path, *, force: bool, inputs: Sequence[InputFile]) -> tuple[Path, bool]:
-    """A target's real path, and whether it is a device, a pipe or a socket; raises as `check_target`."""
+    """Return a target's real path, and whether it is a device, a pipe or a socket; raise as `check_target`."""
     name = str(target)
     _refuse_url(name)
     try:
@@ -134,6 +138,7 @@ def _resolve_target(target: str | Path, *, force: bool, inputs: Sequence[InputFi
 
 
 def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile]) -> bool:
+    """Refuse a path that must not be written; return whether it is a device, a pipe or a socket."""
     found = _stat_or_none(path)
     mode = None if found is None else found.st_mode
     if found is not None and is_input(found, inputs):
@@ -152,7 +157,7 @@ def _check_file(path: Path, name: str, force: bool, inputs: Sequence[InputFile])
 
 
 def _stat_or_none(path: Path) -> os.stat_result | None:
-    """What the system says of a file, None if there is no such file."""
+    """Return the status of a file; None if it does not exist."""
     try:
         return path.stat()
     except OSError as error:
@@ -164,7 +169,7 @@ def _stat_or_none(path: Path) -> os.stat_result | None:
 class AtomicGroup:
     """Files that appear together: none of them has its name before all are written and the block ends without an error.
 
-    with Together() as together:
+    with AtomicGroup() as together:
         write_file("a.csv", data, together=together)
         write_file("b.csv", data, together=together)
     """
@@ -184,18 +189,19 @@ class AtomicGroup:
                 file.discard()
 
     def add_written_file(self, file: TemporaryFile, check: Callable[[], object], *, durable: bool) -> None:
-        """Take over a file that is written.
+        """Add a file that is completely written.
 
         Args:
-            file: Its bytes are where they have to be.
+            file: The file, which has no name yet.
             check: Raises if the target must not be written after all.
-            durable: Make its name last, too.
+            durable: Sync the folder, so that the name survives a loss of power.
         """
         if file.target in {known.target for known, _, _ in self._files}:
             raise AssertionError(f"two files are to get the name {file.target}")
         self._files.append((file, check, durable))
 
     def _publish_all(self) -> None:
+        """Check every target, then give each file its name."""
         for _, check, _ in self._files:
             check()
         while self._files:
@@ -224,7 +230,7 @@ def open_output(
             change.
         durable: Wait until the file is on the disk. Without, it is whole whatever happens to the process, but may not
             survive a loss of power.
-        together: The file appears with these instead.
+        together: The file appears together with the others of this group instead.
 
     Raises:
         OutputError, UsageError: As in `check_target`, or the medium fails (no space, input/output error).
@@ -254,7 +260,7 @@ def open_output(
 
 @contextmanager
 def _open_special(path: Path, name: str) -> Iterator[OutputStream]:
-    """A device or a pipe, which takes the bytes as they come."""
+    """Open a device, a pipe or a socket, which gets the bytes at once."""
     with translate_os_errors(name):
         descriptor = os.open(path, os.O_WRONLY | getattr(os, "O_CLOEXEC", 0))
     try:
@@ -267,7 +273,7 @@ def _open_special(path: Path, name: str) -> Iterator[OutputStream]:
 
 @contextmanager
 def _write_temporary_file(path: Path, name: str, *, durable: bool) -> Iterator[tuple[TemporaryFile, OutputStream]]:
-    """A temporary file that holds everything when the block ends without an error, and is gone otherwise."""
+    """Open a temporary file; it is complete when the block ends without an error, and removed otherwise."""
     with translate_os_errors(name):
         file = TemporaryFile(path)
     output = OutputStream(file.descriptor, name, works_aside=True)
@@ -302,6 +308,7 @@ def write_file(
 
 
 def _stdout_descriptor(inputs: Sequence[InputFile] = ()) -> int:
+    """Return the descriptor of standard output; refuse a terminal and a file that the run reads."""
     try:
         sys.stdout.flush()
         descriptor = sys.stdout.fileno()
@@ -317,7 +324,7 @@ def _stdout_descriptor(inputs: Sequence[InputFile] = ()) -> int:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the rename last. Not every file system can; the file itself is safe already."""
+    """Sync a folder, so that a rename survives a loss of power; file systems that can't are passed over."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

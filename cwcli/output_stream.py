@@ -13,11 +13,13 @@ from threading import Thread
 from cwcli.errors import InputError, OutputError
 
 BUFFER_BYTES = 1 << 20
+"""Number of bytes that are collected before they are written, 1 MiB; chosen by hand."""
 WRITEBACK_BYTES = 16 << 20
+"""Number of bytes after which the disk is asked to store them in the background, 16 MiB; chosen by hand."""
 MIN_BACKGROUND_BYTES = 1 << 18
-"""Less is written before a thread has taken it over."""
+"""Fewest bytes that are handed to the thread, 256 KiB: less is written sooner than a thread takes it over."""
 MAX_QUEUED_TASKS = 64
-"""Writes and copies in front of the thread: so 64 MB of data at most."""
+"""Greatest number of writes and copies that wait for the thread: with full buffers 64 MiB of data; chosen by hand."""
 
 ERROR_TEXT_BY_ERRNO = {
     errno.ENOSPC: "no space is left on the disk",
@@ -27,9 +29,10 @@ ERROR_TEXT_BY_ERRNO = {
     errno.EROFS: "the disk is read-only",
     errno.ENAMETOOLONG: "the file name is too long",
 }
+"""Error number of the operating system -> the words for it in messages."""
 
 KERNEL_COPY_UNSUPPORTED = (errno.EXDEV, errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.EBADF, errno.EPERM)
-"""Another kind of file or file system: copy through memory instead."""
+"""Error numbers with which the kernel refuses to copy between files; the data is then copied through memory."""
 
 Bytes = bytes | bytearray | memoryview
 
@@ -39,12 +42,12 @@ class OutputStream:
 
     Args:
         descriptor: Open for writing.
-        name: For messages.
-        works_aside: Write and copy in a thread while the next data are made. A later call tells of the troubles, and
-            `settle` must be called in the end.
+        name: Name of the target in messages.
+        works_aside: Write and copy in a thread while the next data is computed. A later call raises its errors, and
+            `wait_until_idle` must be called in the end.
 
     Attributes:
-        name: For messages.
+        name: Name of the target in messages.
         position: Bytes written so far.
     """
 
@@ -90,12 +93,13 @@ class OutputStream:
             self._waiting.popleft().result()
 
     def _write_buffer(self) -> None:
+        """Write the buffered bytes, or queue them for the thread."""
         pending, self._pending = self._pending, bytearray()
         if pending:
             self._run_or_queue(len(pending), lambda: self._write_through(memoryview(pending)))
 
     def _run_or_queue(self, n_bytes: int, task: Callable[[], None]) -> None:
-        """Do it in the thread, after all that waits there; or here and now, if it is soon done."""
+        """Queue a task for the thread; run a short one at once if nothing waits."""
         while self._waiting and (self._waiting[0].done() or len(self._waiting) > MAX_QUEUED_TASKS):
             self._waiting.popleft().result()
         if self._aside is None or (n_bytes < MIN_BACKGROUND_BYTES and not self._waiting):
@@ -104,6 +108,7 @@ class OutputStream:
             self._waiting.append(self._aside.submit(task))
 
     def _copy_now(self, source: int, start: int, length: int) -> None:
+        """Copy a range of the source, part by part."""
         end = start + length
         while start < end:
             n = self._copy_part(source, start, end - start)
@@ -112,7 +117,7 @@ class OutputStream:
             start += n
 
     def _copy_part(self, source: int, start: int, length: int) -> int:
-        """Copy some bytes; returns how many."""
+        """Copy up to `length` bytes, and return how many were copied."""
         if self._copies_in_kernel:
             try:
                 n = os.copy_file_range(source, self._descriptor, length, start)
@@ -130,6 +135,7 @@ class OutputStream:
         return len(data)
 
     def _write_through(self, view: memoryview) -> None:
+        """Write all bytes to the descriptor, past the buffer."""
         while view:
             with translate_os_errors(self.name):
                 n = os.write(self._descriptor, view)
@@ -137,12 +143,13 @@ class OutputStream:
             view = view[n:]
 
     def _count_written_bytes(self, n: int) -> None:
+        """Tell the background sync how many bytes were written."""
         if self._writeback is not None:
             with translate_os_errors(self.name):
                 self._writeback.note_written_bytes(n)
 
     def sync_in_background(self) -> None:
-        """Let the disk work while the rest is computed, so that `sync` has little left to wait for."""
+        """Start storing written data on the disk in the background, which leaves `sync` little to wait for."""
         self._writeback = _BackgroundSync(self._descriptor)
 
     def wait_until_idle(self) -> None:
@@ -163,7 +170,7 @@ class OutputStream:
 
 
 class _BackgroundSync:
-    """Hands a growing file to the disk, a part at a time, in a thread."""
+    """Stores a growing file on the disk in a thread, a part at a time."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -198,6 +205,7 @@ class _BackgroundSync:
             raise self._error
 
     def _sync_parts(self) -> None:
+        """Store the file on the disk, and keep the error for the next call."""
         try:
             os.fsync(self._descriptor)
         except OSError as error:
@@ -206,7 +214,7 @@ class _BackgroundSync:
 
 @contextmanager
 def translate_os_errors(name: str) -> Iterator[None]:
-    """Errors of the operating system, other than a closed pipe, as `OutputError`."""
+    """Raise errors of the operating system, other than a closed pipe, as `OutputError`."""
     try:
         yield
     except BrokenPipeError:
@@ -216,4 +224,5 @@ def translate_os_errors(name: str) -> Iterator[None]:
 
 
 def os_error_text(error: OSError) -> str:
+    """Return the words for an error of the operating system."""
     return ERROR_TEXT_BY_ERRNO.get(error.errno or 0, error.strerror or str(error))

@@ -22,28 +22,31 @@ from typing import Any, NamedTuple, TypeVar
 from cwcli.errors import CwcliError, PluginError, Terminated, UsageError, names_hint
 
 T = TypeVar("T")
+"""The type of a registry's entries."""
 MAX_ENTRY_POINTS_BYTES = 1 << 20
+"""Greatest part of an `entry_points.txt` that is read, 1 MiB; chosen by hand."""
 MAX_SHOWN = 300
-"""Characters of a plug-in's error that are shown."""
+"""Greatest number of characters of a plug-in's error that are shown; chosen by hand."""
 VALUE_TYPES_BY_ANNOTATION: dict[str, tuple[type, ...]] = {
     "str": (str,),
     "bool": (bool,),
     "float": (float, int),
     "float | None": (float, int, type(None)),
 }
-"""Annotation of a field -> what its value may be, where that can be said in a word."""
+"""Annotation of a data-class field -> the types that its value may have; other annotations are not checked."""
 _plugins_hidden: ContextVar[bool] = ContextVar("_plugins_hidden", default=False)
-"""Whether the registries hold their built-in entries alone, whatever is installed."""
+"""True while the registries leave out the entries of other packages."""
 Check = Callable[..., Any]
-"""The result of a plug-in's function and the function's arguments -> the result; raises TypeError or ValueError."""
+"""The type of a check: it gets the result of a plug-in's function and the arguments, returns the result, and raises
+TypeError or ValueError if the result is wrong."""
 
 
 class Plugin(NamedTuple):
     """An entry point of another package: `name = target`.
 
     Attributes:
-        package: Its name and version.
-        what: What it adds, in words.
+        package: Name and version of the package.
+        what: The kind of thing that it adds, in words.
     """
 
     name: str
@@ -52,7 +55,7 @@ class Plugin(NamedTuple):
     what: str = "plug-in"
 
     def load(self) -> object:
-        """The object that it names.
+        """Import the object that it names.
 
         Raises:
             PluginError: It can't be imported.
@@ -62,13 +65,13 @@ class Plugin(NamedTuple):
 
     @contextlib.contextmanager
     def report_as_plugin_error(self, problem: str) -> Iterator[None]:
-        """Turn whatever the block raises into an error of this plug-in, also what is no `Exception`.
+        """Raise whatever the block raises, also what is no `Exception`, as an error of this plug-in.
 
-        A known error of cwcli passes, and so does what the user or the system ends the run with: what Python raises on
-        Ctrl-C (`KeyboardInterrupt` itself, none of its subclasses), and `Terminated`.
+        A known error of cwcli passes, and so do `KeyboardInterrupt` (but none of its subclasses) and `Terminated`, with
+        which the user or the system ends the run.
 
         Args:
-            problem: What the plug-in could not do, in words.
+            problem: The plug-in's failure in words.
 
         Raises:
             PluginError: Something else was raised.
@@ -83,7 +86,7 @@ class Plugin(NamedTuple):
             raise self.plugin_error(f"{problem}: {_description(raised)}") from raised
 
     def plugin_error(self, problem: str) -> PluginError:
-        """What is wrong with it, as an error."""
+        """Return the error for a problem of this plug-in."""
         return PluginError(
             f"the {self.what} '{self.name}' of the package {self.package} {problem}",
             hint=f"it is {self.target}; without it: uninstall {self.package.split()[0]}",
@@ -94,13 +97,13 @@ class Registry(Mapping[str, T]):
     """Name -> entry: the built-in ones in the order of the table, then those of plug-ins by name.
 
     Args:
-        what: One of them in words, for messages.
-        group: The entry points' group.
+        what: The word for one entry in messages.
+        group: The group of the entry points.
         builtin: Name -> the entry, or `module:attribute` where it is.
-        accept: What a plug-in's entry point names, wrapped so that its errors are the plug-in's; see
+        accept: Checks the object that a plug-in's entry point names, and returns it with its functions guarded; see
             `accept_dataclass_of`.
-        spell: The name by which an entry point's name is known.
-        taken: More names that no plug-in may have.
+        spell: Entry point's name -> name in the registry.
+        taken: Further names that no plug-in may have.
     """
 
     def __init__(
@@ -136,34 +139,36 @@ class Registry(Mapping[str, T]):
         return name in self._builtin or name in self._find_plugins()
 
     def require(self, name: str) -> T:
-        """The entry of a name that a user gave.
+        """Return the entry of a name that a user gave.
 
         Raises:
-            UsageError: There is none.
+            UsageError: There is no such entry.
         """
         if name not in self:
             raise UsageError(f"there is no {self.what} '{name}'", hint=names_hint(name, self))
         return self[name]
 
     def describe(self, words: Callable[[T], str] = attrgetter("summary")) -> dict[str, str]:
-        """Name -> words about the entry; of a plug-in that can't be imported: why, so that help still comes."""
+        """Return name -> words about the entry; for a plug-in that can't be imported, the reason."""
         return {name: self._words_or_problem(name, words) for name in self}
 
     def format_help(self) -> str:
-        """The names with their summaries, for an option's help."""
+        """Return the names with their summaries, for an option's help."""
         return "; ".join(f"{name}: {summary}" for name, summary in self.describe().items()) + "."
 
     def completions(self, incomplete: str) -> list[tuple[str, str]]:
-        """The names that begin so, with their summaries, for the shell's completion."""
+        """Return the names that begin with `incomplete`, with their summaries, for the shell's completion."""
         return [(name, summary) for name, summary in self.describe().items() if name.startswith(incomplete)]
 
     def _words_or_problem(self, name: str, words: Callable[[T], str]) -> str:
+        """Return the words about an entry, or why its plug-in can't be used."""
         try:
             return words(self[name])
         except PluginError as error:
             return error.what
 
     def _load_entry(self, found: str | Plugin) -> T:
+        """Import an entry, and check it if it is a plug-in's."""
         if isinstance(found, str):
             entry: T = import_target(found)
             return entry
@@ -172,6 +177,7 @@ class Registry(Mapping[str, T]):
             return self._accept(loaded, found)
 
     def _find_plugins(self) -> dict[str, Plugin]:
+        """Return the plug-ins of the group by name; raise `PluginError` for a name that is taken."""
         out: dict[str, Plugin] = {}
         if _plugins_hidden.get():
             return out
@@ -196,16 +202,17 @@ def hide_plugins() -> Iterator[None]:
 
 
 def import_target(target: str) -> Any:
-    """The object that `module:attribute` names."""
+    """Import the object that `module:attribute` names."""
     module, _, attribute = target.partition(":")
     return attrgetter(attribute)(importlib.import_module(module))
 
 
 def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[[object, Plugin], T]:
-    """Accepts a `kind`, a dataclass, with each of its functions guarded, and their results checked.
+    """Return an `accept` for a registry of a data class: it guards each function of an entry and checks the results.
 
     Args:
-        checks: Attribute -> what its results must be.
+        kind: The data class.
+        checks: Field with a function -> the check of its results.
     """
 
     def accept(entry: object, plugin: Plugin) -> T:
@@ -228,7 +235,7 @@ def accept_dataclass_of(kind: type[T], checks: Mapping[str, Check]) -> Callable[
 def guard_plugin_function(
     function: Callable[..., Any], name: str, check: Check | None, plugin: Plugin
 ) -> Callable[..., Any]:
-    """A plug-in's function whose errors, and those of what it returns, are the plug-in's."""
+    """Return the function of a plug-in so that its errors, and wrong results, are raised as the plug-in's errors."""
 
     @wraps(function)
     def call(*arguments: Any, **named_arguments: Any) -> Any:
@@ -246,7 +253,7 @@ def guard_plugin_function(
 
 
 def _description(error: BaseException) -> str:
-    """`ZeroDivisionError: division by zero (rule.py, line 7)`."""
+    """Format an error with its place: `ZeroDivisionError: division by zero (rule.py, line 7)`."""
     import traceback
     from pathlib import Path
 
@@ -262,9 +269,9 @@ def _description(error: BaseException) -> str:
 
 @lru_cache(maxsize=8)
 def _find_installed_plugins(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
-    """Group -> plug-ins by name, of the packages in the folders of `sys.path`; the first of a package counts.
+    """Return group -> plug-ins by name, of the packages in the folders of `sys.path`; a package's first copy counts.
 
-    The files are read as they are: importlib.metadata would take ten times as long, which each start would pay for.
+    The files are parsed here, because importlib.metadata would take ten times as long at each start.
     """
     out: dict[str, list[Plugin]] = {}
     seen: set[str] = set()
@@ -288,7 +295,7 @@ def _find_installed_plugins(path: tuple[str, ...]) -> dict[str, list[Plugin]]:
 
 
 def _read_entry_points(file: str, package: str) -> Iterator[tuple[str, Plugin]]:
-    """The group and the entry points of the groups of cwcli in one file."""
+    """Yield group and plug-in for each entry point of cwcli's groups in one file."""
     try:
         descriptor = os.open(file, os.O_RDONLY)
     except OSError:

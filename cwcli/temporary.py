@@ -13,7 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 
 MAX_NAME_IN_TEMPORARY = 200
+"""Greatest part of the target's name in the hidden name [characters]; most file systems allow 255 bytes."""
 NEW_FILE_MODE = 0o666
+"""Permissions of a new file, from which the system takes the user's umask away."""
 
 
 class TemporaryFile:
@@ -38,10 +40,10 @@ class TemporaryFile:
         self.descriptor = descriptor
 
     def publish(self) -> None:
-        """Give the file its name; one that has it is replaced. Only a moment lies between the hidden name and this one.
+        """Give the file its name, by a rename that replaces a file of that name.
 
         Raises:
-            OSError: It could not be renamed; then it is gone.
+            OSError: It could not be renamed, and was removed.
         """
         try:
             if self._is_nameless:
@@ -56,7 +58,7 @@ class TemporaryFile:
             raise
 
     def discard(self) -> None:
-        """Remove the file, wherever it stands by now."""
+        """Close and remove the file unless it was published."""
         if self.descriptor >= 0:
             with suppress(OSError):
                 os.close(self.descriptor)
@@ -67,7 +69,7 @@ class TemporaryFile:
 
 
 def _open_unnamed_file(folder: Path) -> int | None:
-    """A descriptor of a file without a name, None where there are none."""
+    """Open a file without a name and return its descriptor; None where the system has no such files."""
     flag = getattr(os, "O_TMPFILE", None)
     if flag is None:
         return None
@@ -82,4 +84,5 @@ def _open_unnamed_file(folder: Path) -> int | None:
 
 
 def _proc_path_of_descriptor(descriptor: int) -> str:
+    """Return the link in /proc that stands for an open file."""
     return f"/proc/self/fd/{descriptor}"

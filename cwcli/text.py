@@ -16,11 +16,12 @@ def escape_control_characters(text: str) -> str:
 
 
 def escape_and_shorten(text: str, most: int = 1000) -> str:
-    """As `printable`, and cut where it is longer than anybody reads: a log may hold a name of megabytes."""
+    """Escape a text like `escape_control_characters`, cut after `most` characters; a log may hold huge names."""
     return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
 
 
 def _escape_character(char: str) -> str:
+    """Return the escape sequence of a character, as in a Python string."""
     code = ord(char)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not UTF-8, as Python keeps it in a file name
         return f"\\x{code - 0xDC00:02x}"
@@ -42,7 +43,7 @@ def format_number(value: float, digits: int = 4) -> str:
 
 
 def format_interval(low: float, high: float, digits: int = 4) -> str:
-    """`0.1 to 0.2`, or nothing where it is not known."""
+    """Format an interval, `0.1 to 0.2`; "" where it is not finite."""
     return (
         f"{format_number(low, digits)} to {format_number(high, digits)}"
         if math.isfinite(low) and math.isfinite(high)
@@ -51,12 +52,12 @@ def format_interval(low: float, high: float, digits: int = 4) -> str:
 
 
 def finite_or_none(value: float) -> float | None:
-    """The number for JSON: None where it is not finite."""
+    """Return the number for JSON: None where it is not finite."""
     return value if math.isfinite(value) else None
 
 
 def format_duration(seconds: float) -> str:
-    """`12.3 s`, `4 min 5 s` or `1 h 2 min 3 s`."""
+    """Format a duration: `12.3 s`, `4 min 5 s` or `1 h 2 min 3 s`."""
     if seconds < 120:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)
@@ -67,7 +68,7 @@ def format_duration(seconds: float) -> str:
 
 
 def format_byte_size(n_bytes: int) -> str:
-    """`512 B`, `81.3 kB` or `1.2 GB`, in powers of 1000."""
+    """Format a number of bytes: `512 B`, `81.3 kB` or `1.2 GB`, in powers of 1000."""
     value = float(n_bytes)
     for unit in ("B", "kB", "MB", "GB"):
         if value < 1000 or unit == "GB":
@@ -77,12 +78,12 @@ def format_byte_size(n_bytes: int) -> str:
 
 
 def format_count(n: int, noun: str) -> str:
-    """`1 chunk`, `2 chunks`."""
+    """Format a number with its noun: `1 chunk`, `2 chunks`."""
     return f"{n} {noun}{'' if n == 1 else 's'}"
 
 
 def join_names(names: Sequence[str]) -> str:
-    """`a`, `a and b`, `a, b and c`."""
+    """Join names in words: `a`, `a and b`, `a, b and c`."""
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} and {names[-1]}"

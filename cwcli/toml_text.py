@@ -13,12 +13,15 @@ from typing import Any
 MAX_CHARS = 4_000_000
 """Greatest number of characters of a TOML file; a calibration of a thousand sensors has a tenth of it."""
 MAX_KEY_PARTS = 64
+"""Greatest number of parts of a dotted key; chosen by hand."""
 _PART = r"""(?:(?<![A-Za-z0-9_-])[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""  # possessive: no second try
+"""Pattern of one part of a dotted key, bare or in quotation marks."""
 _LONG_KEY = re.compile(rf"{_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MAX_KEY_PARTS}}}")
+"""Pattern of a dotted key with more than `MAX_KEY_PARTS` parts."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The document.
+    """Parse a TOML document.
 
     Raises:
         ValueError: It is no TOML, too long, or has a key of too many parts.

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 
 def chi_square_cdf(x: float, dof: float) -> float:
-    """Probability that a chi-square variable with `dof` degrees of freedom is at most x.
+    """Return the probability that a chi-square variable with `dof` degrees of freedom is at most x.
 
     Regularised incomplete gamma function: its series below the mean, its continued fraction above (Abramowitz and
     Stegun 6.5.29, 6.5.31).
@@ -41,7 +41,7 @@ def chi_square_cdf(x: float, dof: float) -> float:
 
 @lru_cache(maxsize=256)
 def chi_square_quantile(probability: float, dof: float) -> float:
-    """Value that a chi-square variable exceeds with 1 - probability. Bisection on the distribution function.
+    """Return the value that a chi-square variable exceeds with 1 - probability, by bisection on its distribution.
 
     Raises:
         ValueError: A probability outside (0, 1).
@@ -63,11 +63,11 @@ def chi_square_quantile(probability: float, dof: float) -> float:
 
 
 def gate_nis(probability: float, dof: int) -> float:
-    """The innovation gate: the normalised innovation squared that a fitting measurement of `dof` values stays below.
+    """Return the limit of the innovation gate, a normalised innovation squared.
 
     Args:
-        probability: With which it does; 1: there is no gate.
-        dof: Number of values.
+        probability: Probability that a measurement that fits stays below the limit; 1: there is no gate.
+        dof: Number of values of a measurement.
 
     Returns:
         The limit; 0 without a gate.
@@ -76,11 +76,11 @@ def gate_nis(probability: float, dof: int) -> float:
 
 
 def chi_square_mean_bounds(dof: float, count: float, level: float = 0.95) -> tuple[float, float]:
-    """Two-sided bounds of the mean of chi-square variables; NaN without any.
+    """Return two-sided bounds of the mean of chi-square variables; NaN without any.
 
     Args:
-        dof: Degrees of freedom of each.
-        count: Independent ones; for a correlated series their equivalent, which need not be whole.
+        dof: Degrees of freedom of each variable.
+        count: Number of independent variables; for a correlated series the effective number, which need not be whole.
         level: Share of the means that lie between the bounds.
     """
     if count <= 0:

@@ -37,21 +37,25 @@ from cwcli.metrics.table import ColumnDoc, Table
 from cwcli.signals.columns import FloatArray
 
 FAMILY_WISE_ERROR_RATE = 0.02
-"""Probability that any metric of a run is called improved or worse by chance."""
+"""Greatest probability that any metric of a run is called improved or worse by chance; chosen by hand."""
 INTERVAL_COVERAGE = 0.95
+"""Coverage of the interval of a change, as a share; the usual convention."""
 RELATIVE_TOLERANCE = 0.01
+"""Smallest relative change that is called improved or worse by default; chosen by hand."""
 N_SIGN_FLIPS = 9999
+"""Number of random sign flips; with the observed one the p-values are multiples of 1 / 10000."""
 SIGN_FLIPS_PER_BATCH = 1111
+"""Number of sign flips computed at once, a divisor of `N_SIGN_FLIPS`; it bounds the memory."""
 ROUNDING_TOLERANCE = 1e-9
-"""Relative differences up to here are the rounding of another processor."""
+"""Greatest relative difference that counts as rounding, as between two processors; chosen by hand."""
 RATIO_FLOOR_SHARE = 0.01
-"""Added to both values of a ratio, times the pooled value of both runs: the error of a parked car must not decide."""
+"""Share of the pooled value added to both values of a ratio, to keep tiny errors from deciding; chosen by hand."""
 
 BoolArray = npt.NDArray[np.bool_]
 
 
 class ChangeVerdict(Enum):
-    """What became of a metric."""
+    """The verdict on the change of a metric."""
 
     IMPROVED = "improved"
     WORSE = "worse"
@@ -68,16 +72,16 @@ class MetricChange:
 
     Attributes:
         metric: Its name.
-        unit: Of `baseline` and `candidate`.
-        baseline, candidate: Pooled over the pairs.
-        n_pairs: Logs in which both runs have a value.
-        n_changed: Pairs whose values differ.
-        n_missing: Logs in which the baseline has a value and the candidate has none.
+        unit: Unit of `baseline` and `candidate`.
+        baseline, candidate: The values pooled over the pairs.
+        n_pairs: Number of logs in which both runs have a value.
+        n_changed: Number of pairs whose values differ.
+        n_missing: Number of logs in which the baseline has a value and the candidate has none.
         change: Mean change of the pairs; a ratio minus 1 if `is_relative`, else a difference.
         low, high: 95 % interval of the change; NaN with fewer than 5 pairs.
         is_relative: See `change`.
-        p: Of the sign-flip test, adjusted for the number of metrics; NaN where none was judged.
-        verdict: See `Verdict`.
+        p: P-value of the sign-flip test, adjusted for the number of metrics; NaN if the metric was not tested.
+        verdict: The verdict.
     """
 
     metric: str
@@ -97,11 +101,11 @@ class MetricChange:
 
 @dataclass(frozen=True)
 class RunComparison:
-    """Two runs.
+    """The comparison of two runs.
 
     Attributes:
         changes: One entry a metric, in the order of `METRICS`.
-        n_pairs: Logs in both runs.
+        n_pairs: Number of logs in both runs.
         only_baseline, only_candidate: Ids of logs that the other run does not have.
         failed: Ids of logs that failed in the candidate only.
         other_input: Ids of logs whose inputs differ.
@@ -115,7 +119,7 @@ class RunComparison:
     other_input: tuple[str, ...]
 
     def changes_with_verdict(self, verdict: ChangeVerdict) -> tuple[MetricChange, ...]:
-        """The metrics with a verdict."""
+        """Return the changes of the metrics with this verdict."""
         return tuple(change for change in self.changes if change.verdict is verdict)
 
 
@@ -131,9 +135,9 @@ def compare_runs(
 
     Args:
         baseline, candidate: Their logs; ids are unique in each.
-        seed: Of the bootstrap and of the permutations.
+        seed: Seed of the bootstrap and of the permutations.
         tolerance: See the module; of a share it is absolute, of a metric with a target relative to the target.
-        exact: Take the logs as all that matters, not as a sample: any mean change beyond the tolerance counts.
+        exact: Take the logs as the whole population, not as a sample: any mean change beyond the tolerance counts.
     """
     before = {log.id: log for log in baseline if not log.error}
     after = {log.id: log for log in candidate if not log.error}
@@ -179,10 +183,11 @@ class _MetricEffect:
 
     @property
     def finite_changes(self) -> FloatArray:
+        """The changes of the pairs in which both runs have a value, shape (k,)."""
         return self.changes[np.isfinite(self.changes)]
 
     def pooled_value_contradicts(self, mean: float, before: float, after: float) -> bool:
-        """Whether the pooled value moved the other way than the mean change, by more than the tolerance."""
+        """Return whether the pooled value moved against the mean change by more than the tolerance."""
         metric = self.metric
         if metric is not None and metric.better == "near":
             moved = abs(after - metric.target) - abs(before - metric.target)
@@ -199,6 +204,7 @@ class _MetricEffect:
 
 
 def _measure_effect(name: str, pairs: Sequence[tuple[LogMetrics, LogMetrics]], tolerance: float) -> _MetricEffect:
+    """Return the changes of one metric over all pairs of logs."""
     metric = find_metric(name)
     before = np.array([a.metric_value(name) for a, _ in pairs])
     after = np.array([b.metric_value(name) for _, b in pairs])
@@ -227,7 +233,7 @@ def _paired_changes(
     rows: Sequence[tuple[MetricRow, MetricRow]],
     tolerance: float,
 ) -> tuple[FloatArray, bool, float]:
-    """Changes (n,), whether they are relative, and the tolerance in their unit."""
+    """Return the changes (n,), whether they are relative, and the tolerance in their unit."""
     equal = np.abs(after - before) <= ROUNDING_TOLERANCE * np.maximum(np.abs(before), np.abs(after))
     reference = abs(pool_metric_value([row for pair in rows for row in pair]))  # of both: the flips exchange them
     if metric is not None and metric.better == "near":
@@ -242,11 +248,12 @@ def _paired_changes(
 
 
 def _is_share_metric(metric: Metric) -> bool:
+    """Return whether the metric is a share: a mean without a unit."""
     return metric.unit == "" and metric.pool == "mean"
 
 
 def _sign_flip_p_values(changes: FloatArray, seed: int) -> FloatArray:
-    """Two-sided p-values of the mean changes (n, h) by flipping the signs of whole logs; NaN takes no part."""
+    """Return two-sided p-values (h,) of the mean changes (n, h) by flipping the signs of logs; NaN counts as 0."""
     values = np.nan_to_num(changes, nan=0.0)
     observed = np.abs(values.sum(axis=0)) * (1.0 - 1e-12)
     rng = np.random.default_rng(seed)
@@ -258,7 +265,7 @@ def _sign_flip_p_values(changes: FloatArray, seed: int) -> FloatArray:
 
 
 def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
-    """P-values adjusted for their number (Holm 1979)."""
+    """Adjust p-values for their number (Holm 1979)."""
     order = np.argsort(p, kind="stable")
     adjusted = np.maximum.accumulate((len(p) - np.arange(len(p))) * p[order])
     out = np.empty_like(p)
@@ -267,6 +274,7 @@ def _adjust_p_values_holm(p: FloatArray) -> FloatArray:
 
 
 def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | None, *, exact: bool) -> MetricChange:
+    """Return the change of one metric with its interval and verdict."""
     known = effect.finite_changes
     mean = float(known.mean()) if len(known) else math.nan
     low, high = _bootstrap_interval_of_mean(effect.changes, drawn)
@@ -296,7 +304,7 @@ def _judge_metric_change(effect: _MetricEffect, p: float, drawn: FloatArray | No
 
 
 def _bootstrap_interval_of_mean(changes: FloatArray, drawn: FloatArray | None) -> tuple[float, float]:
-    """Percentile bootstrap of the mean change."""
+    """Return the percentile bootstrap interval of the mean change; NaN with fewer than `MIN_LOGS` values."""
     present = np.isfinite(changes)
     n = int(present.sum())
     if drawn is None or n < MIN_LOGS:
@@ -312,6 +320,7 @@ def _bootstrap_interval_of_mean(changes: FloatArray, drawn: FloatArray | None) -
 def _decide_verdict(
     effect: _MetricEffect, mean: float, low: float, high: float, p: float, *, exact: bool
 ) -> ChangeVerdict:
+    """Return the verdict from the mean change, its interval (low, high) and the adjusted p-value."""
     metric, limit = effect.metric, effect.tolerance
     if metric is None or not metric.is_compared:
         return ChangeVerdict.NOT_JUDGED
@@ -332,7 +341,7 @@ def _decide_verdict(
 
 
 def comparison_table(comparison: RunComparison) -> Table:
-    """One row a metric."""
+    """Return a comparison as a table with one row for each metric."""
     changes = comparison.changes
     numbers = ("baseline", "candidate", "change", "low", "high", "p")
     counts = ("n_pairs", "n_changed", "n_missing")

@@ -20,17 +20,24 @@ from dataclasses import dataclass
 from cwcli.errors import UsageError, names_hint
 
 MAX_LENGTH = 2000
+"""Greatest number of characters of a gate; chosen by hand."""
 MAX_DEPTH = 50
+"""Greatest depth of nested parentheses, which bounds the recursion of the parser; chosen by hand."""
 FUNCTIONS = ("mean", "median", "min", "max", "sum", "pooled")
+"""Functions of a metric's values in all logs; percentiles such as `p95` come on top."""
 COMPARISONS = ("<=", ">=", "==", "!=", "<", ">")
+"""The comparison operators of a gate."""
 EXAMPLE = "for example 'ego.position_rmse_m < 0.5 and pooled(warnings.recall) >= 0.9'"
+"""A valid gate, which the hints of syntax errors show."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?%?)"
     r"|(?P<name>[A-Za-z*][A-Za-z0-9_.*-]*)"
     r"|(?P<sign><=|>=|==|!=|<|>|\(|\)))"
 )
+"""Pattern of one token, a number, a name or a sign, after any white space."""
 _PERCENTILE = re.compile(r"p(\d{1,2})")
+"""Pattern of the functions for percentiles: `p` and one or two digits."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,7 @@ class Name:
 
     @property
     def is_pattern(self) -> bool:
-        """Whether it stands for several."""
+        """Whether the name is a pattern, which may match several metrics."""
         return "*" in self.text
 
 
@@ -69,7 +76,7 @@ class Share:
 
 @dataclass(frozen=True)
 class Comparison:
-    """`left sign right`, or two of them in a chain: operands one more than signs."""
+    """A comparison, `left sign right` or a chain of two; it has one operand more than signs."""
 
     operands: tuple[Operand, ...]
     signs: tuple[str, ...]
@@ -77,14 +84,14 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Not:
-    """The opposite."""
+    """The negation of a gate."""
 
     inner: Node
 
 
 @dataclass(frozen=True)
 class AndOr:
-    """`and` (`is_and`) or `or`."""
+    """A conjunction (`is_and`) or disjunction of gates."""
 
     parts: tuple[Node, ...]
     is_and: bool
@@ -114,7 +121,7 @@ def parse_gate(text: str) -> Node:
 
 
 def needs_single_log(node: Node | Operand) -> bool:
-    """Whether it is to be asked of each log: it has a metric outside of functions, `any`, `all` and `share`."""
+    """Return whether a node is about single logs: it has a metric outside of functions, `any`, `all` and `share`."""
     if isinstance(node, Comparison):
         return any(isinstance(operand, Name) for operand in node.operands)
     if isinstance(node, Not):
@@ -123,7 +130,7 @@ def needs_single_log(node: Node | Operand) -> bool:
 
 
 class _Parser:
-    """Recursive descent over the tokens: kind, text, where it starts."""
+    """A recursive-descent parser over tokens of kind, text and start."""
 
     def __init__(self, text: str) -> None:
         self._text = text
@@ -132,6 +139,7 @@ class _Parser:
         self._depth = 0
 
     def _split_into_tokens(self, text: str) -> list[tuple[str, str, int]]:
+        """Return kind, text and start of each token."""
         tokens = []
         at = 0
         while at < len(text.rstrip()):
@@ -144,12 +152,14 @@ class _Parser:
         return tokens
 
     def parse_whole_gate(self) -> Node:
+        """Parse `gate` up to the end of the text."""
         node = self._parse_or()
         if self._at < len(self._tokens):
             raise self._unexpected_token_error("`and`, `or` or the end")
         return node
 
     def _parse_or(self) -> Node:
+        """Parse `gate` of the grammar."""
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise UsageError(f"the gate has more than {MAX_DEPTH} parentheses inside each other")
@@ -160,12 +170,14 @@ class _Parser:
         return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=False)
 
     def _parse_and(self) -> Node:
+        """Parse `and` of the grammar."""
         parts = [self._parse_not()]
         while self._take_token_if("name", "and"):
             parts.append(self._parse_not())
         return parts[0] if len(parts) == 1 else AndOr(tuple(parts), is_and=True)
 
     def _parse_not(self) -> Node:
+        """Parse `not` of the grammar; two negations cancel each other."""
         negations = 0
         while self._take_token_if("name", "not"):
             negations += 1
@@ -173,6 +185,7 @@ class _Parser:
         return Not(node) if negations % 2 else node
 
     def _parse_condition(self) -> Node:
+        """Parse a gate in parentheses, `over` or `comparison` of the grammar."""
         if self._take_token_if("sign", "("):
             node = self._parse_or()
             self._require_token(")")
@@ -187,6 +200,7 @@ class _Parser:
         return self._parse_comparison()
 
     def _parse_comparison(self) -> Comparison:
+        """Parse `comparison` of the grammar, and refuse one of numbers alone or of two patterns."""
         operands = [self._parse_operand()]
         signs: list[str] = []
         while self._peek_token()[1] in COMPARISONS and len(signs) < 2:
@@ -202,6 +216,7 @@ class _Parser:
         return Comparison(tuple(operands), tuple(signs))
 
     def _parse_operand(self) -> Operand:
+        """Parse `operand` of the grammar."""
         kind, text, start = self._next_token("a metric or a number")
         if kind == "number":
             value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
@@ -225,6 +240,7 @@ class _Parser:
         return Aggregate(text, Name(inner))
 
     def _parse_parentheses(self) -> Node:
+        """Parse a gate in parentheses that must be about single logs."""
         self._require_token("(")
         node = self._parse_or()
         self._require_token(")")
@@ -233,29 +249,35 @@ class _Parser:
         return node
 
     def _peek_token(self, ahead: int = 0) -> tuple[str, str, int]:
+        """Return a token ahead without consuming it; its kind is `end` beyond the last one."""
         at = self._at + ahead
         return self._tokens[at] if at < len(self._tokens) else ("end", "", len(self._text))
 
     def _next_token(self, expected: str = "more") -> tuple[str, str, int]:
+        """Consume the next token; raise `UsageError` at the end, which names what was expected."""
         if self._at >= len(self._tokens):
             raise self._unexpected_token_error(expected)
         self._at += 1
         return self._tokens[self._at - 1]
 
     def _take_token_if(self, kind: str, text: str) -> bool:
+        """Consume the next token if it has this kind and text; return whether it had."""
         if self._peek_token()[:2] != (kind, text):
             return False
         self._at += 1
         return True
 
     def _require_token(self, text: str) -> None:
+        """Consume a sign; raise `UsageError` if the next token is another one."""
         if not self._take_token_if("sign", text):
             raise self._unexpected_token_error(f"`{text}`")
 
     def _unexpected_token_error(self, expected: str) -> UsageError:
+        """Return the syntax error at the next token."""
         return self._syntax_error(expected, self._peek_token()[2])
 
     def _syntax_error(self, expected: str, start: int) -> UsageError:
+        """Return the error that says what was expected at a character, and what is there."""
         found = self._text[start : start + 20].strip()
         found = "a URL" if "://" in self._text else found  # a part of one could be a part of its password
         what = f"found `{found}`" if found else "it ends"
@@ -266,6 +288,6 @@ class _Parser:
 
 
 def percentile_of_function(function: str) -> float | None:
-    """The percentile of `p95` and the like; None for another function."""
+    """Return the percentile that a function such as `p95` computes; None for another function."""
     match = _PERCENTILE.fullmatch(function)
     return float(match[1]) if match else None

@@ -42,6 +42,7 @@ _SIGNS: dict[str, Callable[[float, float], bool]] = {
     "==": operator.eq,
     "!=": operator.ne,
 }
+"""Comparison operator -> the function that evaluates it."""
 _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "mean": lambda values: math.fsum(values) / len(values),
     "median": lambda values: float(np.median(values)),
@@ -49,13 +50,15 @@ _AGGREGATES: dict[str, Callable[[Sequence[float]], float]] = {
     "max": max,
     "sum": math.fsum,
 }
+"""Function over all logs -> what computes it from the finite values, at least one."""
 _MEASURES, _EXTREMES = "measures.", ("min", "max")
+"""Beginning of the names of measures' metrics, and the extremes that may follow it."""
 FAILED_LOGS_GATE = "every log was evaluated"
-"""The gate that failed logs fail, beside those that were asked for."""
+"""Name of the additional gate that a run with failed logs fails."""
 
 
 class CheckStatus(Enum):
-    """What became of a check."""
+    """The outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -64,12 +67,12 @@ class CheckStatus(Enum):
 
 @dataclass(frozen=True)
 class GateCheck:
-    """A gate asked of one log.
+    """The check of a gate on one log.
 
     Attributes:
-        log: Its id; "" where the gate is about the run as a whole.
-        status: See `Status`.
-        detail: The values that were compared, and what is missing.
+        log: The id of the log; "" where the gate is about the run as a whole.
+        status: The outcome.
+        detail: The values that were compared, and the metrics that are missing.
     """
 
     log: str
@@ -91,7 +94,7 @@ class GateResult:
 
     @property
     def status(self) -> CheckStatus:
-        """Failed if a check failed; skipped if all were."""
+        """The status of the gate: failed if a check failed, skipped if all checks were."""
         if self.failed_checks:
             return CheckStatus.FAILED
         return (
@@ -103,7 +106,7 @@ class GateResult:
 
 @dataclass(frozen=True)
 class _Answer:
-    """True, False or (None) open; with the words for it."""
+    """The truth value of a node (None: unknown), and words that explain it."""
 
     holds: bool | None
     words: tuple[str, ...]
@@ -114,8 +117,8 @@ def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missi
 
     Args:
         gates: Expressions.
-        logs: Of the run, failed ones included.
-        allow_missing: A check that stays open for lack of a metric is skipped, not failed.
+        logs: The logs of the run, failed ones included.
+        allow_missing: Skip a check that stays unknown for lack of a metric, instead of failing it.
 
     Raises:
         UsageError: An expression is no gate.
@@ -128,21 +131,26 @@ def check_gates(gates: Sequence[str], logs: Sequence[LogMetrics], *, allow_missi
 
 
 class _GateEvaluator:
+    """Evaluates parsed gates over the logs of a run."""
+
     def __init__(self, logs: Sequence[LogMetrics]) -> None:
         self._logs = logs
         self._done = [log for log in logs if not log.error]
 
     @cached_property
     def _all_metric_names(self) -> list[str]:
+        """Every metric that some log has."""
         return metric_names(self._logs)
 
     def check_gate(self, node: Node, allow_missing: bool) -> tuple[GateCheck, ...]:
+        """Check a gate: for each log if it is about single logs, else once."""
         if not self._logs:
             return (GateCheck("", CheckStatus.FAILED, "there is no log"),)
         asked: Sequence[LogMetrics | None] = self._logs if needs_single_log(node) else (None,)
         return tuple(self._check_one_log(node, log, allow_missing) for log in asked)
 
     def _check_one_log(self, node: Node, log: LogMetrics | None, allow_missing: bool) -> GateCheck:
+        """Check a gate on one log, or on the run as a whole (None)."""
         if log is not None and log.error:
             return GateCheck(log.id, CheckStatus.FAILED, f"the log failed: {log.error}")
         answer = self._evaluate_node(node, log)
@@ -152,6 +160,7 @@ class _GateEvaluator:
         return GateCheck(log.id if log else "", status, "; ".join(dict.fromkeys(answer.words)))
 
     def _evaluate_node(self, node: Node, log: LogMetrics | None) -> _Answer:
+        """Evaluate a node for one log, or for the run as a whole (None)."""
         if isinstance(node, Comparison):
             return self._evaluate_comparison(node, log)
         if isinstance(node, Not):
@@ -162,12 +171,14 @@ class _GateEvaluator:
         return _combine_answers([self._evaluate_node(part, log) for part in node.parts], is_and=node.is_and)
 
     def _evaluate_any_all(self, node: AnyAll) -> _Answer:
+        """Evaluate `any` or `all` over the logs that did not fail."""
         answers = [self._evaluate_node(node.inner, log) for log in self._done]
         joined = _combine_answers(answers, is_and=node.quantifier == "all")
         held = sum(answer.holds is True for answer in answers)
         return _Answer(joined.holds, (f"it holds for {held} of {len(answers)} logs",))
 
     def _evaluate_comparison(self, node: Comparison, log: LogMetrics | None) -> _Answer:
+        """Evaluate a comparison; with a pattern it must hold for every metric that matches."""
         columns = [self._operand_values(operand, log) for operand in node.operands]
         answers = []
         for row in range(max(len(column) for column in columns)):
@@ -185,7 +196,7 @@ class _GateEvaluator:
         return _combine_answers(answers, is_and=True)
 
     def _operand_values(self, operand: Operand, log: LogMetrics | None) -> list[tuple[float | None, str]]:
-        """Value (None: missing) and words for it; several for a pattern."""
+        """Return the values of an operand (None: missing) with words for each; several for a pattern."""
         if isinstance(operand, Number):
             return [(operand.value, "")]
         if isinstance(operand, Name):
@@ -202,10 +213,10 @@ class _GateEvaluator:
         return [(held / len(known), f"it holds for {held} of {len(known)} logs")]
 
     def _metrics_matching(self, name: Name, names: list[str], function: str = "") -> list[str]:
-        """The metrics that a pattern means; the pattern itself where there is none.
+        """Return the metrics that match a name; the name itself where there are none.
 
-        Of a measure, `measures.ttc_s`, the most critical value of each log is meant; `min` is not asked of one whose
-        greatest value is critical, nor `max` of one whose least value is.
+        The name of a measure, `measures.ttc_s`, means the metric of its most critical value in each log, which is
+        either its least or its greatest one.
         """
         if not name.is_pattern:
             extremes = [function] if function in _EXTREMES else _EXTREMES
@@ -224,6 +235,7 @@ class _GateEvaluator:
         return [known for known in names if matches_pattern(name.text, known)] or [name.text]
 
     def _value_of_log(self, name: str, log: LogMetrics) -> tuple[float | None, str]:
+        """Return a metric's value in one log (None: missing), and words for it."""
         row = log.rows.get(name)
         if row is None:
             return None, self._format_missing_metric(name)
@@ -232,6 +244,7 @@ class _GateEvaluator:
         return row.value, f"{name} = {_format_value(row.value, row.unit)}"
 
     def _aggregate_over_logs(self, function: str, name: str) -> tuple[float | None, str]:
+        """Return a function of a metric's values in all logs (None: missing), and words for it."""
         rows = [log.rows[name] for log in self._done if name in log.rows]
         if not rows:
             return None, self._format_missing_metric(name)
@@ -249,6 +262,7 @@ class _GateEvaluator:
         return value, f"{label} = {_format_value(value, rows[0].unit)} over {len(values)} logs"
 
     def _format_missing_metric(self, name: str) -> str:
+        """Return why a metric has no value, with a similar name if there is one."""
         if "*" in name:
             return f"no metric matches {name}"
         if name in self._all_metric_names:
@@ -260,7 +274,7 @@ class _GateEvaluator:
 
 
 def matches_pattern(pattern: str, name: str) -> bool:
-    """Whether a name fits a pattern whose `*` stand for any characters; in linear time."""
+    """Return whether a name matches a pattern whose `*` stand for any characters, in linear time."""
     first, *rest = pattern.split("*")
     if not rest:
         return first == name
@@ -277,7 +291,7 @@ def matches_pattern(pattern: str, name: str) -> bool:
 
 
 def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
-    """Kleene's `and` or `or`; without answers `and` holds."""
+    """Combine answers by Kleene's `and` or `or`; without answers `and` is true and `or` false."""
     words = tuple(word for answer in answers for word in answer.words)
     if any(answer.holds is (not is_and) for answer in answers):
         decided = tuple(word for answer in answers if answer.holds is (not is_and) for word in answer.words)
@@ -288,4 +302,5 @@ def _combine_answers(answers: Sequence[_Answer], *, is_and: bool) -> _Answer:
 
 
 def _format_value(value: float, unit: str) -> str:
+    """Return the value with its unit."""
     return f"{format_number(value)} {unit}".rstrip() if math.isfinite(value) else f"{value}"

@@ -32,9 +32,11 @@ Better = Literal["lower", "higher", "near", ""]
 Interval = Literal["", "share", "rate"]
 
 TABLE_NAME = "metrics"
+"""Name of the table of headline metrics."""
 METRICS_TABLE_COLUMNS = ("stage", "metric", "value", "unit", "n", "low", "high", "pool", "total", "weight", "states")
+"""Columns of the table of headline metrics, in order; the fields of `MetricRow` in `pooling` agree."""
 OPTIONAL_COLUMNS = ("states",)
-"""Tables of earlier versions lack them."""
+"""Columns that tables of earlier versions do not have."""
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,10 @@ class Metric:
     """One headline metric.
 
     Attributes:
-        name: Dotted, the unit at its end; `<model>`, `<horizon>` and `<quantity>` stand for what is filled in.
-        stage: Whose work it judges.
-        unit: Of the value, "" for shares and counts.
-        pool: See the module.
+        name: Dotted name with the unit at its end; `<model>`, `<horizon>` and others are placeholders.
+        stage: The stage whose result it measures.
+        unit: Unit of the value, "" for shares and counts.
+        pool: How total and weight give the value; see the module.
         better: Which way is better; `near`: near `target`; "": neither.
         doc: One line.
         target: See `better`.
@@ -72,10 +74,11 @@ PLACEHOLDERS = {
     "<rule>": "[a-z0-9][a-z0-9-]*",
     "<measure>": "[a-z][a-z0-9_]*",
 }
+"""Placeholder in a metric's name -> the regular expression of what may be filled in."""
 
 
 def _prediction_metrics(who: str, whom: str) -> tuple[Metric, ...]:
-    """Prediction metrics of the ego or of the remote vehicles."""
+    """Return the prediction metrics of the ego or of the remote vehicles."""
     own = f"prediction.{who}"
     first = who == "ego"
     return (
@@ -100,7 +103,7 @@ def _prediction_metrics(who: str, whom: str) -> tuple[Metric, ...]:
 
 
 def _system_metrics() -> Iterator[Metric]:
-    """Another system's metrics: as cwcli's own of the same name behind `system.`."""
+    """Yield another system's metrics: cwcli's own with `system.` in front of their names."""
     prediction = (metric for metric in _prediction_metrics("ego", "the ego's") if "<model>" not in metric.name)
     for metric in (*WARNING_METRICS, *STATE_METRICS, *prediction):
         if "inside_90" not in metric.name:
@@ -259,10 +262,12 @@ METRICS: tuple[Metric, ...] = (
     Metric("data.faults_count", "data", "", "sum", "lower",
            "kinds of fault in the file: bad CRCs, lost bytes, undecodable messages of a topic"),
 )  # fmt: skip
+"""All headline metrics, in the order in which tables and comparisons list them."""
 
 
 @cache
 def _metric_name_patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
+    """Return the pattern of each metric's name, placeholders filled in, and the metric."""
     found = []
     for metric in METRICS:
         pattern = re.escape(metric.name)
@@ -274,18 +279,18 @@ def _metric_name_patterns() -> tuple[tuple[re.Pattern[str], Metric], ...]:
 
 @cache
 def find_metric(name: str) -> Metric | None:
-    """The metric that a name belongs to, placeholders filled in; None if there is none."""
+    """Return the metric of a name with filled-in placeholders; None if there is none."""
     return next((metric for pattern, metric in _metric_name_patterns() if pattern.fullmatch(name)), None)
 
 
 def metric_sort_index(name: str) -> int:
-    """Where a metric stands in `METRICS`, for sorting; unknown ones come last."""
+    """Return the index of a metric in `METRICS`, for sorting; unknown metrics come last."""
     metric = find_metric(name)
     return len(METRICS) if metric is None else METRICS.index(metric)
 
 
 def metric_value_from_sums(pool: str, total: float, weight: float) -> float:
-    """A metric's value from its sums; NaN without any weight. See the module."""
+    """Return a metric's value from its sums (see the module); NaN without a positive weight."""
     if not weight > 0.0 or math.isnan(total):
         return math.nan
     if pool == "rms":
@@ -294,7 +299,7 @@ def metric_value_from_sums(pool: str, total: float, weight: float) -> float:
 
 
 def metric_interval_from_sums(kind: Interval, total: float, weight: float) -> tuple[float, float]:
-    """95 % interval of a share or of a rate; NaN where the metric has none."""
+    """Return the 95 % interval of a share or of a rate; NaN where the metric has none."""
     if kind == "share" and weight > 0.0:
         return proportion_interval(round(total), round(weight))
     if kind == "rate" and weight > 0.0:
@@ -308,9 +313,8 @@ class HeadlineCollector:
     """Collects the rows of one log.
 
     Attributes:
-        rows: As the columns are.
-        states: Of the rows that come next: what is held against what, such as `online vs truth`; "" for what is no
-            state of a vehicle.
+        rows: The rows, in the order of `METRICS_TABLE_COLUMNS`.
+        states: The states that the next rows compare, such as `online vs truth`; "" for metrics of anything else.
     """
 
     rows: list[tuple[str, str, float, str, int, float, float, str, float, float, str]] = field(default_factory=list)
@@ -318,7 +322,7 @@ class HeadlineCollector:
 
     @contextmanager
     def label_rows_with_states(self, states: str) -> Iterator[None]:
-        """Rows that are added inside are of these states."""
+        """Label the rows that are added inside the block with these states."""
         before, self.states = self.states, states
         try:
             yield
@@ -326,12 +330,12 @@ class HeadlineCollector:
             self.states = before
 
     def add_from_sums(self, name: str, total: float, weight: float, *, n: int | None = None) -> None:
-        """A row from its two sums.
+        """Add a row from its two sums.
 
         Args:
             name: A metric of `METRICS`, placeholders filled in.
             total, weight: See the module.
-            n: Samples behind it; None: the weight.
+            n: Number of samples; None: the weight.
 
         Raises:
             ValueError: There is no such metric.
@@ -346,7 +350,7 @@ class HeadlineCollector:
         self.rows.append((metric.stage, name, value, metric.unit, count, low, high, *sums))
 
     def add_errors(self, name: str, errors: FloatArray) -> None:
-        """Errors (n,), NaN left out: an `rms`, `mean`, `max` or `min` by the metric's own pool. Nothing without any."""
+        """Add the `rms`, `mean`, `max` or `min` of errors (n,), by the metric's pool; nothing if all are NaN."""
         known = errors[np.isfinite(errors)]
         metric = find_metric(name)
         if not len(known) or metric is None:
@@ -360,16 +364,16 @@ class HeadlineCollector:
             self.add_from_sums(name, float(extreme), 1.0, n=len(known))
 
     def add_share(self, name: str, which: npt.NDArray[np.bool_] | Sequence[bool]) -> None:
-        """Share of the true ones; nothing without any."""
+        """Add the share of the true values; nothing without values."""
         if len(which):
             self.add_from_sums(name, float(np.count_nonzero(which)), len(which))
 
     def add_count(self, name: str, total: float) -> None:
-        """A number that adds up over logs."""
+        """Add a number that is summed over logs."""
         self.add_from_sums(name, float(total), 1.0)
 
     def to_table(self, **metadata: str) -> Table:
-        """The rows as a table, in the order in which they were added."""
+        """Return the rows as a table, in the order in which they were added."""
         columns = list(zip(*self.rows, strict=True)) if self.rows else [()] * len(METRICS_TABLE_COLUMNS)
         numeric = {"value": np.float64, "n": np.int64, "low": np.float64, "high": np.float64}
         numeric |= {"total": np.float64, "weight": np.float64}

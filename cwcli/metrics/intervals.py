@@ -15,14 +15,15 @@ from cwcli.signals.columns import FloatArray
 
 Statistic = Callable[[FloatArray], float]
 UNKNOWN_INTERVAL = (float("nan"), float("nan"))
+"""The interval of a value for which none can be computed: NaN at both ends."""
 
 
 MAX_SUMMED_COUNT = 1000
-"""Poisson probabilities are summed up to this count: it takes as long as the count is large."""
+"""Greatest count up to which Poisson probabilities are summed, which takes time in proportion; chosen by hand."""
 
 
 def normal_interval(values: FloatArray, level: float = 0.95) -> tuple[float, float]:
-    """Of the mean, from the standard error; NaN with fewer than two values. Values (n,) are taken as independent."""
+    """Return the normal interval of the mean of independent values (n,); NaN with fewer than two."""
     _check_level(level)
     if len(values) < 2:
         return UNKNOWN_INTERVAL
@@ -40,7 +41,7 @@ def bootstrap_interval(
     n_resamples: int = 2000,
     block: int = 1,
 ) -> tuple[float, float]:
-    """Percentile bootstrap of a statistic (Efron & Tibshirani 1993, ch. 13).
+    """Return the percentile bootstrap interval of a statistic (Efron & Tibshirani 1993, ch. 13).
 
     Args:
         values: Shape (n,).
@@ -75,7 +76,7 @@ def bootstrap_interval(
 def clustered_proportion_interval(
     successes: Sequence[int], trials: Sequence[int], level: float = 0.95
 ) -> tuple[float, float]:
-    """Of a share whose trials come in clusters that are alike within (the frames of one drive).
+    """Return the interval of a share whose trials are correlated within clusters (the frames of one drive).
 
     Wilson's score with the effective number of trials (Korn & Graubard 1998): n over the design effect, which is the
     ratio of the variance of the clusters' sums to that of independent trials; between the number of clusters and n. If
@@ -100,7 +101,7 @@ def clustered_proportion_interval(
 
 
 def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[float, float]:
-    """Of a share, by Wilson's score (1927); NaN with n = 0. The n trials are taken as independent.
+    """Return the interval of a share of n independent trials by Wilson's score (1927); NaN with n = 0.
 
     Raises:
         ValueError: More successes than trials, or a negative count.
@@ -114,6 +115,7 @@ def proportion_interval(successes: int, n: int, level: float = 0.95) -> tuple[fl
 
 
 def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float]:
+    """Return Wilson's score interval of a share of n trials; n need not be whole."""
     _check_level(level)
     z2 = _two_sided_normal_quantile(level) ** 2
     centre = (share + z2 / (2 * n)) / (1.0 + z2 / n)
@@ -124,7 +126,7 @@ def _wilson_interval(share: float, n: float, level: float) -> tuple[float, float
 
 
 def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
-    """Of the mean of a Poisson count, exact (Garwood 1936) but for rounding. Divide by hours to get a rate.
+    """Return the exact interval of the mean of a Poisson count (Garwood 1936); divided by hours it is that of a rate.
 
     Low solves P(N >= count) = (1 - level)/2, high solves P(N <= count) = (1 - level)/2; with a count of 0 low is 0.
 
@@ -143,7 +145,7 @@ def poisson_interval(count: int, level: float = 0.95) -> tuple[float, float]:
 
 
 def _poisson_mean_at_probability(count: int, probability: float) -> float:
-    """The mean with P(N <= count) = probability, by bisection: that probability falls as the mean grows."""
+    """Return the mean with P(N <= count) = probability, by bisection: that probability falls as the mean grows."""
     low, high = 0.0, count + 10.0
     while _poisson_cdf(count, high) > probability:
         high *= 2.0
@@ -157,14 +159,14 @@ def _poisson_mean_at_probability(count: int, probability: float) -> float:
 
 
 def _gamma_quantile(shape: float, probability: float) -> float:
-    """Quantile of the gamma distribution of a large shape (Wilson and Hilferty 1931): right to 1e-6 from 1000 on."""
+    """Return a quantile of the gamma distribution of a large shape (Wilson and Hilferty 1931), to 1e-6 from 1000 on."""
     z = NormalDist().inv_cdf(probability)
     root: float = 1.0 - 1.0 / (9.0 * shape) + z / (3.0 * math.sqrt(shape))
     return shape * root**3
 
 
 def _poisson_cdf(count: int, mean: float) -> float:
-    """P(N <= count) for a Poisson variable."""
+    """Return P(N <= count) for a Poisson variable N."""
     if mean == 0.0:
         return 1.0
     log_mean = math.log(mean)
@@ -172,9 +174,11 @@ def _poisson_cdf(count: int, mean: float) -> float:
 
 
 def _two_sided_normal_quantile(level: float) -> float:
+    """Return the z that a standard normal variable stays within with probability `level`."""
     return NormalDist().inv_cdf(0.5 + level / 2.0)
 
 
 def _check_level(level: float) -> None:
+    """Raise `ValueError` unless the level lies between 0 and 1."""
     if not 0.0 < level < 1.0:
         raise ValueError(f"a level of {level} is not between 0 and 1")

@@ -17,21 +17,27 @@ from cwcli.signals.columns import FloatArray
 BoolArray = npt.NDArray[np.bool_]
 
 TUSIMPLE_PIXELS = 20.0
+"""Tolerance of a column in a vertical lane [px], from TuSimple's public scorer (evaluate/lane.py)."""
 TUSIMPLE_MATCH = 0.85
+"""Smallest share of rows within the tolerance that matches a lane, from TuSimple's public scorer."""
 TUSIMPLE_TIME_MS = 200.0
+"""Longest time for a frame [ms] that is accepted, from TuSimple's public scorer."""
 TUSIMPLE_ABSENT = -100.0
+"""Column that stands for an absent point, from TuSimple's public scorer."""
 TUSIMPLE_LANES = 4
-"""Truth of more lanes than this holds an extra one, of a lane change, that may be missed."""
+"""Number of labelled lanes above which one, of a lane change, may be missed; from TuSimple's public scorer."""
 TUSIMPLE_SPARE = 2
-"""A frame with more predictions than this beyond the truth's lanes counts for nothing."""
+"""Greatest number of predictions beyond the labelled lanes before a frame scores 0; from TuSimple's public scorer."""
 
 EGO_ROWS = 8
-"""Points at a lane's near end that tell where it reaches the image's lower edge."""
+"""Number of lowest points of a lane that are extrapolated to the image's lower edge; chosen by hand."""
 
 VISUAL_PIXELS = 6.0
+"""Tolerance of the visual standard [px] in an image of `VISUAL_WIDTH_PX`; chosen by hand."""
 VISUAL_SHARE = 0.85
+"""Smallest share of a boundary's visible rows within the tolerance; chosen by hand."""
 VISUAL_WIDTH_PX = 320
-"""zhang2011's visual standard made exact: both boundaries within 6 pixels on 85 % of the visible rows at 320 x 240."""
+"""Width of the image [px] to which `VISUAL_PIXELS` belongs: 320 x 240, the images of zhang2011."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,7 @@ def tusimple_score(
 
 
 def lanes_beside_ego(lanes: FloatArray, h_samples: FloatArray, width_px: float, height_px: float) -> list[FloatArray]:
-    """Of the labelled lanes those beside the car: on either side the nearest to the middle of the image's lower edge.
+    """Return the labelled lanes beside the car: on each side the one nearest to the middle of the image's lower edge.
 
     TuSimple's benchmark judges up to five lanes; methods that look for the car's own lane only are judged by these two.
     A lane is prolonged to the lower edge by the straight line through its `EGO_ROWS` lowest points.
@@ -136,7 +142,7 @@ def lanes_beside_ego(lanes: FloatArray, h_samples: FloatArray, width_px: float, 
 
 
 def _lane_angle_rad(lane: FloatArray, rows: FloatArray) -> float:
-    """From the vertical, of the least-squares line through the present points; 0 with fewer than two."""
+    """Return the angle from the vertical of the line fitted to the present points; 0 with fewer than two."""
     present = lane >= 0
     if present.sum() < 2:
         return 0.0
@@ -147,6 +153,7 @@ def _lane_angle_rad(lane: FloatArray, rows: FloatArray) -> float:
 
 
 def _absent_as_minus_100(lane: FloatArray) -> FloatArray:
+    """Return the lane with `TUSIMPLE_ABSENT` for absent points."""
     return np.where(lane >= 0, lane, TUSIMPLE_ABSENT)
 
 
@@ -172,12 +179,12 @@ def share_of_rows_within_tolerance(
     tolerance_px: float = VISUAL_PIXELS,
     half_width_px: FloatArray | float = 0.0,
 ) -> float:
-    """Share of the visible rows on which a boundary is at most tolerance_px from the truth.
+    """Return the share of the visible rows on which a boundary is at most tolerance_px from the truth.
 
     Args:
         u_px, truth_u_px: Shape (n,): columns; NaN is 'not found', which counts as a miss.
         visible: Shape (n,): rows to judge.
-        tolerance_px: As it says.
+        tolerance_px: Greatest distance that counts as correct.
         half_width_px: Shape (n,), of the painted stripe around truth_u_px: then the distance is that from the paint.
 
     Returns:
@@ -226,13 +233,13 @@ def visual_standard_score(
 
 @dataclass(frozen=True)
 class WidthScore:
-    """How steady the lane's width is over a drive.
+    """Statistics of how steady the lane's width is over a drive.
 
     Attributes:
-        n: Frames with a width.
-        median_m: Width.
-        share_near: Frames within the tolerance of the median.
-        std_m: Standard deviation.
+        n: Number of frames with a width.
+        median_m: Median width.
+        share_near: Share of the frames within the tolerance of the median.
+        std_m: Standard deviation of the width.
         max_jump_m: Greatest change between neighbouring frames that both have a width.
     """
 
@@ -259,7 +266,7 @@ def lane_width_stability(width_m: FloatArray, *, tolerance: float = 0.05) -> Wid
 
 
 def max_step_between_frames(values: FloatArray) -> float:
-    """Greatest change between neighbouring frames that both have a value; NaN if there are none."""
+    """Return the greatest change between neighbouring frames that both have a value; NaN if there are none."""
     steps = np.abs(np.diff(values))
     steps = steps[np.isfinite(steps)]
     return float(steps.max()) if len(steps) else math.nan

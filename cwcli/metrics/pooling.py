@@ -25,9 +25,11 @@ from cwcli.signals.columns import FloatArray
 MIN_LOGS = 5
 """Least number of logs over which a bootstrap interval is computed; chosen by hand."""
 N_RESAMPLES = 2000
+"""Number of bootstrap resamples over the logs; chosen by hand."""
 POOLED_ID = "(pooled)"
+"""The id that stands for all logs together in the column `log`."""
 QUALITY = "data."
-"""How the names of metrics of the recorded data begin; all others are of what stages made of them."""
+"""Beginning of the names of metrics of the recorded data; all others measure results of stages."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,14 @@ class MetricRow:
 
 @dataclass(frozen=True)
 class LogMetrics:
-    """One log of a run.
+    """The metrics of one log of a run.
 
     Attributes:
         id: Its name in the run, unique.
         rows: Metric -> its row.
-        error: Why there are none: the log failed; "" if it did not.
-        sha256: Of the input, "" where it is not known.
-        notes: What the user should know of its metrics.
+        error: Why the log failed and has no metrics; "" if it did not fail.
+        sha256: Hash of the input, "" where it is not known.
+        notes: Notes for the user on its metrics.
     """
 
     id: str
@@ -66,13 +68,13 @@ class LogMetrics:
     notes: tuple[str, ...] = ()
 
     def metric_value(self, name: str) -> float:
-        """The value of a metric; NaN where there is none."""
+        """Return the value of a metric; NaN where there is none."""
         row = self.rows.get(name)
         return math.nan if row is None else row.value
 
 
 def metric_rows_by_name(table: Table) -> dict[str, MetricRow]:
-    """The rows of a table `metrics`, by metric.
+    """Return the rows of a table `metrics` by metric.
 
     Raises:
         ValueError: A column is missing.
@@ -99,25 +101,25 @@ def metric_rows_by_name(table: Table) -> dict[str, MetricRow]:
 
 
 def notes_from_metadata(table: Table) -> tuple[str, ...]:
-    """The notes in a table's metadata."""
+    """Return the notes in a table's metadata."""
     return tuple(table.metadata.get("notes", "").splitlines())
 
 
 def metric_names(logs: Iterable[LogMetrics]) -> list[str]:
-    """Every metric that a log has, in the order of `cwcli.metrics.headline.METRICS`."""
+    """Return every metric that some log has, in the order of `cwcli.metrics.headline.METRICS`."""
     return sorted(dict.fromkeys(name for log in logs for name in log.rows), key=metric_sort_index)
 
 
 def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
-    """One metric over several logs.
+    """Pool one metric over several logs.
 
     The sums add up (see `cwcli.metrics.headline`), so a log counts by its number of samples, a rate by its hours. The
-    interval is Wilson's or Poisson's of the sums where the metric has such a one; else a percentile bootstrap over the
-    logs, from 5 logs on.
+    interval is Wilson's or Poisson's of the sums where the metric has one; else a percentile bootstrap over the logs,
+    with at least 5 logs.
 
     Args:
-        rows: Of the same metric, at least one.
-        seed: Of the bootstrap.
+        rows: Rows of the same metric, at least one.
+        seed: Seed of the bootstrap.
     """
     first = rows[0]
     judged = _rows_with_weight(rows)
@@ -136,7 +138,7 @@ def pool_metric(rows: Sequence[MetricRow], *, seed: int = 0) -> MetricRow:
 
 
 def pool_metric_value(rows: Sequence[MetricRow]) -> float:
-    """The value of `pooled`, without its interval; NaN without rows."""
+    """Return the pooled value of a metric without its interval; NaN without rows."""
     return (
         metric_value_from_sums(rows[0].pool, *_weighted_sums(_rows_with_weight(rows), rows[0].pool))
         if rows
@@ -145,7 +147,7 @@ def pool_metric_value(rows: Sequence[MetricRow]) -> float:
 
 
 def pool_all_metrics(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, MetricRow]:
-    """Every metric over the logs that have it."""
+    """Pool every metric over the logs that have it."""
     return {
         name: pool_metric([log.rows[name] for log in logs if name in log.rows], seed=seed)
         for name in metric_names(logs)
@@ -153,10 +155,12 @@ def pool_all_metrics(logs: Sequence[LogMetrics], *, seed: int = 0) -> dict[str, 
 
 
 def _rows_with_weight(rows: Sequence[MetricRow]) -> list[MetricRow]:
+    """Return the rows with a positive weight and a finite total: the others judge nothing."""
     return [row for row in rows if row.weight > 0.0 and math.isfinite(row.total)]
 
 
 def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
+    """Return total and weight of several rows; of an extreme the weight is 1."""
     if not rows:
         return math.nan, 0.0
     totals = [row.total for row in rows]
@@ -166,7 +170,7 @@ def _weighted_sums(rows: Sequence[MetricRow], pool: str) -> tuple[float, float]:
 
 
 def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: int) -> tuple[float, float]:
-    """95 % percentile interval of a pooled root mean square or mean, by resampling the logs."""
+    """Return the 95 % percentile interval of a pooled root mean square or mean, by resampling the logs."""
     if pool not in {"rms", "mean"} or len(rows) < MIN_LOGS:
         return UNKNOWN_INTERVAL
     drawn = bootstrap_draw_counts(len(rows), seed)
@@ -181,13 +185,13 @@ def _bootstrap_interval_over_logs(pool: str, rows: Sequence[MetricRow], seed: in
 
 @lru_cache(maxsize=2)
 def bootstrap_draw_counts(n: int, seed: int) -> FloatArray:
-    """How often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
+    """Return how often each of n logs is drawn in each bootstrap resample, shape (N_RESAMPLES, n)."""
     rng = np.random.default_rng(seed)
     return rng.multinomial(n, np.full(n, 1.0 / n), size=N_RESAMPLES).astype(np.float64)
 
 
 def metrics_table_of_run(logs: Sequence[LogMetrics], *, seed: int = 0) -> Table:
-    """All logs' rows, then the pooled ones under the id `(pooled)`; with a column `log` in front."""
+    """Return the rows of all logs, then the pooled ones under the id `(pooled)`, with a column `log` in front."""
     ids: list[str] = []
     headline = HeadlineCollector()
     for name, rows in (*((log.id, log.rows) for log in logs), (POOLED_ID, pool_all_metrics(logs, seed=seed))):

@@ -6,12 +6,12 @@ import math
 
 
 def student_factor(dof: int) -> float:
-    """Student's 97.5 % quantile over that of the normal distribution.
+    """Return the ratio of Student's 97.5 % quantile to that of the normal distribution.
 
     Exact for one and two degrees of freedom, else Abramowitz and Stegun 26.7.5, within 1 %.
 
     Args:
-        dof: At least 1.
+        dof: Degrees of freedom, at least 1.
     """
     if dof == 1:
         return math.tan(0.475 * math.pi) / 1.959964

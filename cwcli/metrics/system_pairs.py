@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from cwcli.metrics.pooling import MetricRow
 
 SYSTEM_PREFIX = "system."
-"""Another system's metrics have the names of cwcli's own behind it."""
+"""Prefix of another system's metrics; the name of cwcli's own metric follows it."""
 
 
 def pair_with_own(rows: Mapping[str, MetricRow]) -> list[tuple[str, MetricRow, MetricRow | None]]:
-    """Name, row and cwcli's own row of each metric of another system.
+    """Return name, row and cwcli's own row of each metric of another system.
 
-    Its state of the ego stands beside cwcli's online state: neither knows what comes.
+    Its state of the ego is compared with cwcli's online state, because neither uses later data.
     """
     found = []
     for name, row in rows.items():

@@ -51,8 +51,11 @@ UNIT_BY_NAME_SUFFIX = {
     "pct": "%",
     "percent": "%",
 }
+"""Last word of a column's name -> the unit that it stands for."""
 TABLE_FILE_SUFFIXES = (".parquet", ".csv")
+"""Endings of the names of table files."""
 MAX_ROWS_OF_SMALL_TABLE = 2000
+"""Tables with fewer rows are compressed with Snappy, others with Zstandard; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,13 @@ class ColumnDoc:
 
 
 NO_DOC = ColumnDoc()
+"""The description of a column that needs none beyond its name."""
 
 
 MetricRow = tuple[str, str, str, str, float, str]
-"""Vehicle ("" for all), source ("" for none), quantity, metric, value and unit."""
+"""The type of a metric row: vehicle ("" for all), source ("" for none), quantity, metric, value and unit."""
 METRIC_COLUMNS = ("vehicle", "source", "quantity", "metric", "value", "unit")
+"""Columns of a table of metric rows, in the order of `MetricRow`."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ class Table:
         return len(next(iter(self.columns.values()), ()))
 
     def rows_as_dicts(self) -> list[dict[str, Any]]:
-        """One dict of Python values a row, for tables small enough to print; ragged columns are left out."""
+        """Return each row as a dict of Python values, for small tables; ragged columns are left out."""
         plain: dict[str, list[Any]] = {}
         for name, column in self.columns.items():
             if isinstance(column, Strings):
@@ -127,12 +132,12 @@ def table_from_records(
     records: Sequence[Mapping[str, Any]],
     docs: Mapping[str, ColumnDoc] | None = None,
 ) -> Table:
-    """Records as a table; one without records keeps its columns.
+    """Build a table from records; without records it has its columns all the same.
 
     Args:
-        name: Of the table.
+        name: Name of the table.
         kinds: Column name -> `int`, `float`, `bool` or `str`.
-        records: One a row.
+        records: One record for each row.
         docs: As in `Table`.
     """
     columns: dict[str, TableColumn] = {}
@@ -143,9 +148,9 @@ def table_from_records(
 
 
 def unit_of_column(column_name: str) -> str:
-    """The unit that the last word of a column's name stands for, or "".
+    """Return the unit that the last word of a column's name stands for, or "".
 
-    `closest_distance_m` is in m; `speed_rmse` is without a unit as far as its name tells.
+    `closest_distance_m` is in m; the name `speed_rmse` gives no unit.
     """
     return UNIT_BY_NAME_SUFFIX.get(column_name.rpartition("_")[2], "") if "_" in column_name else ""
 
@@ -196,7 +201,7 @@ def write_table(
 
 
 class _ArrowSink:
-    """An output as Arrow wants a file. It gets a column of a row group at a time; no long table is held as bytes."""
+    """An output with the file interface of Arrow, which writes one column of a row group at a time."""
 
     closed = False
 
@@ -210,14 +215,14 @@ class _ArrowSink:
         return self._output.position - self._start
 
     def flush(self) -> None:
-        """The output does it."""
+        """Do nothing: the output flushes itself."""
 
     def close(self) -> None:
         self.closed = True
 
 
 def encode_table_to_bytes(table: Table, suffix: str) -> memoryview:
-    """The content of the table's file, for `.parquet` or `.csv`."""
+    """Return the content of the table's file, for `.parquet` or `.csv`."""
     import pyarrow as pa
 
     sink = pa.BufferOutputStream()
@@ -240,7 +245,7 @@ def write_table_to_sink(table: Table, sink: pa.NativeFile, suffix: str) -> None:
 
 
 def to_arrow_table(table: Table) -> pa.Table:
-    """The table in Arrow, with `unit`, `frame` and `doc` in the metadata of each field.
+    """Convert the table to Arrow, with `unit`, `frame` and `doc` in the metadata of each field.
 
     (n, k) arrays become fixed-size lists, `Ragged` lists, `Strings` dictionaries; an absent string is null, NaN stays.
     """
@@ -254,6 +259,7 @@ def to_arrow_table(table: Table) -> pa.Table:
 
 @lru_cache(maxsize=1024)
 def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
+    """Return the Arrow field of a column, with its description as metadata."""
     import pyarrow as pa
 
     meaning = {"unit": about.unit or unit_of_column(name), "frame": about.frame, "doc": about.doc}
@@ -261,6 +267,7 @@ def _arrow_field(name: str, kind: pa.DataType, about: ColumnDoc) -> pa.Field:
 
 
 def _arrow_array(column: TableColumn) -> pa.Array:
+    """Return a column as an Arrow array."""
     import pyarrow as pa
 
     if isinstance(column, Strings):
@@ -279,7 +286,7 @@ def _arrow_array(column: TableColumn) -> pa.Array:
 
 
 def _flatten_columns_for_csv(table: Table) -> pa.Table:
-    """The table with one plain column for each CSV column."""
+    """Return the table with one plain column for each CSV column."""
     import pyarrow as pa
 
     flat: dict[str, pa.Array] = {}
@@ -300,14 +307,14 @@ def _flatten_columns_for_csv(table: Table) -> pa.Table:
 
 
 def _csv_array(values: NumericArray) -> pa.Array:
-    """Numbers with NaN as null: an empty cell."""
+    """Return numbers as an Arrow array with null, an empty cell in CSV, for NaN."""
     import pyarrow as pa
 
     return pa.array(values, from_pandas=True)
 
 
 def table_of_metric_rows(name: str, rows: Sequence[MetricRow]) -> Table:
-    """A row per metric, so that a gate can name it and two runs can be compared."""
+    """Build a table with a row for each metric."""
     columns = dict(zip(METRIC_COLUMNS, zip(*rows, strict=True), strict=True))
     return Table(
         name,
@@ -319,5 +326,5 @@ def table_of_metric_rows(name: str, rows: Sequence[MetricRow]) -> Table:
 
 
 def append_metric_rows(table: Table, rows: Sequence[MetricRow]) -> Table:
-    """A table of metrics with more rows."""
+    """Return a table of metrics with further rows."""
     return table_of_metric_rows(table.name, [*(tuple(row.values()) for row in table.rows_as_dicts()), *rows])

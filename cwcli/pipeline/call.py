@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """What a run uses of one log; the configuration of a stage is one with settings.
+    """The part of one log that a run uses; a stage's configuration is a selection with the stage's settings.
 
     Attributes:
-        topics: Role -> topic, the user's choices.
-        start_ns, end_ns: Only messages logged in this span are used.
+        topics: Role -> topic, as the user chose.
+        start_ns, end_ns: Log times [ns]; messages logged from the start to before the end are used. None: no bound.
     """
 
     topics: Mapping[str, str] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Selection:
     end_ns: int | None = None
 
     def includes_log_time(self, log_time_ns: int) -> bool:
-        """Whether a message of this log time is used."""
+        """Return whether a message with this log time [ns] is used."""
         after_start = self.start_ns is None or log_time_ns >= self.start_ns
         return after_start and (self.end_ns is None or log_time_ns < self.end_ns)
 
@@ -41,8 +41,8 @@ class StageCall:
     """One stage and its configuration; calling it runs the stage.
 
     Attributes:
-        stage: Of `cwcli.stages.STAGES`.
-        config: Its frozen configuration, without the part that differs from log to log.
+        stage: An entry of `cwcli.stages.STAGES`.
+        config: The stage's frozen configuration, without the part that differs from log to log.
     """
 
     stage: Stage
@@ -58,11 +58,11 @@ class StageCall:
 
 
 def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
-    """Run a stage, and let its evaluation say how good it is, where it has one.
+    """Run a stage, and then its evaluation if it has one.
 
     The evaluation is a module of `cwcli.evaluation`. Its function `judge_result`, if there is one, takes the log, the
-    configuration and the result, and gives the result with further sections, tables and notes (`StageResult.judged`);
-    its function `add_metrics` adds headline metrics (`cwcli.evaluation.evaluate_log`).
+    configuration and the result, and returns the result with further sections, tables and notes
+    (`StageResult.with_evaluation`); its function `add_metrics` adds headline metrics (`cwcli.evaluation.evaluate_log`).
     """
     result: StageResult = stage.stage_function(log, config)
     judge: Callable[[Log, Any, StageResult], StageResult] | None = getattr(
@@ -72,7 +72,7 @@ def run_stage(stage: Stage, log: Log, config: Any) -> StageResult:
 
 
 def replace_selection(config: Any, selection: Selection) -> Any:
-    """A stage's configuration with the selection in it: in its `sources`, where it has them, else in itself."""
+    """Return a stage's configuration with the selection, which goes into its `sources` if it has that field."""
     chosen = {"topics": selection.topics, "start_ns": selection.start_ns, "end_ns": selection.end_ns}
     if hasattr(config, "sources"):
         return dataclasses.replace(config, sources=dataclasses.replace(config.sources, **chosen))

@@ -14,18 +14,21 @@ from cwcli.pipeline.records import read_configuration, read_input_counts, read_n
 from cwcli.signals.role import Role
 
 MIN_FRAMES = 100
+"""Smallest number of frames with both boundaries from which a pitch is estimated; chosen by hand."""
 N_BOOTSTRAP_BLOCKS = 10
+"""Number of consecutive parts of the log whose mean pitches give the sigma; chosen by hand."""
 MIN_PITCH_SIGMA_RAD = 5e-4
-"""Half a pixel of the horizon at a focal length of 1000 pixels: what many frames err by alike."""
+"""Smallest sigma of the pitch that is reported [rad]: half a pixel of the horizon at a focal length of 1000 pixels, an
+error that all frames share."""
 
 
 @dataclass(frozen=True)
 class CameraPitch:
-    """The mean over the frames in which both boundaries were found; the body's own pitching averages out.
+    """The camera's mean pitch over the frames with both boundaries; the car body's own pitching averages out.
 
     Attributes:
-        topic: Of the camera.
-        pitch_rad, sigma_rad: Nose down positive; one sigma, by the scatter over parts of the log.
+        topic: The camera's topic.
+        pitch_rad, sigma_rad: The pitch, nose down positive, and its sigma from the scatter over parts of the log.
     """
 
     topic: str
@@ -34,9 +37,9 @@ class CameraPitch:
 
 
 def estimate_camera_pitch(log: Log) -> CameraPitch | None:
-    """The camera's pitch, found by `cwcli lanes` where nothing told it.
+    """Estimate the camera's pitch from the lanes that `cwcli lanes` found without knowing it.
 
-    None without lanes, with too few frames, or where the pitch was given: what the search then finds leans on that.
+    Returns None without lanes, with too few frames, or where the pitch was given, on which the search then depends.
     """
     record = read_run_records(log).get(LANES.stage, {})
     topic = next(

@@ -32,7 +32,7 @@ class ChannelChoice:
 
     @classmethod
     def parse(cls, given: Iterable[str]) -> ChannelChoice:
-        """From the values of `--channels`; each may name several, with commas."""
+        """Parse the values of `--channels`; each may name several topics, with commas between them."""
         return cls(tuple(name.strip() for names in given for name in names.split(",")))
 
     def __bool__(self) -> bool:
@@ -42,18 +42,18 @@ class ChannelChoice:
         return not self.patterns or (isinstance(topic, str) and any(fnmatchcase(topic, each) for each in self.patterns))
 
     def check_patterns_before_run(self, stages: Iterable[Stage]) -> None:
-        """As `check`, before anything is made: where a stage of somebody else runs, that can't be told yet."""
+        """Check the patterns before any stage runs; with a plug-in's stage, whose channels are unknown, do nothing."""
         if all(stage.package == Stage.package for stage in stages):
             self.check_patterns_match_topics()
 
     def check_patterns_match_topics(self, made: Collection[str] = ()) -> None:
-        """Check that each pattern means a channel.
+        """Check that each pattern matches a channel.
 
         Args:
-            made: Topics beside those that cwcli publishes.
+            made: Further topics, in addition to those that cwcli publishes.
 
         Raises:
-            UsageError: One means none.
+            UsageError: A pattern matches none.
         """
         known = (*published_topics(), *made) if self.patterns else ()
         for each in self.patterns:
@@ -62,11 +62,11 @@ class ChannelChoice:
                 raise UsageError(what, found=tuple(sorted(known)), hint="name some of these; * stands for any part")
 
     def unmatched_patterns(self, made: Collection[str]) -> tuple[str, ...]:
-        """The patterns that mean none of the topics that were made."""
+        """Return the patterns that match none of the topics of the run."""
         return tuple(each for each in self.patterns if not any(fnmatchcase(topic, each) for topic in made))
 
     def record_with_written_topics(self, result: StageResult) -> Mapping[str, str]:
-        """The record of a stage, with the topics of it that are written where not all are."""
+        """Return the record of a stage; if channels were chosen, it lists which of the stage's topics are written."""
         if not self.patterns:
             return result.metadata
         written = [channel.topic for channel in result.channels if channel.topic in self]

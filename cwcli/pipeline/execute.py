@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     from cwcli.pipeline.result import StageResult
 
 ALL_CHANNELS = ChannelChoice()
+"""The default choice of a run: every channel that its stages make is written."""
 Missed = Callable[[str, "Log", Selection], "MissingSignals | None"]
 
 
 @dataclass
 class RunOutcome:
-    """What the stages made of one log.
+    """The outcome of the stages on one log.
 
     Attributes:
         name: Name of the input, for messages.
@@ -31,8 +32,8 @@ class RunOutcome:
         left_out: Stage -> why it did not run.
         faults: What is wrong with the input file, as counts.
         written: Files, in the order in which they were written.
-        unmade: Chosen channels that no stage made.
-        left_profile: The input's profile, if the annotated log could not keep it.
+        unmade: Chosen channels that no stage published.
+        left_profile: The input's MCAP profile, if the annotated log could not keep it.
     """
 
     name: str
@@ -44,7 +45,7 @@ class RunOutcome:
     left_profile: str = ""
 
     def tables_by_name(self) -> dict[str, Table]:
-        """Every table by name; one whose name is taken has its stage's behind its own."""
+        """Return all tables by name; the stage's name is appended to a table's name that is taken."""
         found: dict[str, Table] = {}
         for result in self.results:
             for name, table in result.tables.items():
@@ -68,19 +69,19 @@ def run_stages(
     Args:
         log: The log.
         stages: Name -> stage, in order.
-        selection: What is used of the log.
-        missing: Asked before each stage; what it returns is why that stage is left out.
-        lenient: A stage that finds no signal when it runs is left out too, and only if none is left that is an error.
+        selection: The part of the log that is used.
+        missing: Called before each stage; returns the reason for leaving the stage out, or None.
+        lenient: A stage that finds no signal when it runs is left out too; it is an error only if no stage can run.
         strict: Rejected, repaired or lost data, and sources that contradict each other, are an error.
         choice: The channels that will be written, for the records.
-        step: Told what is being done.
+        step: Called with a text on each step, for a progress display.
 
     Returns:
         The outcome, and the log with all channels.
 
     Raises:
         MissingSignalError: No stage could run.
-        UsageError: No stage makes a channel that was chosen.
+        UsageError: No stage publishes a channel that was chosen.
         CwcliError: As the stages do.
     """
     outcome = RunOutcome(log.name)
@@ -117,9 +118,9 @@ def run_stages(
 
 
 def raise_on_data_faults(outcome: RunOutcome, start_ns: int) -> None:
-    """`--strict`: whatever was rejected, repaired or lost, and sources that contradict each other, are an error.
+    """Raise an error if data was rejected, repaired or lost, or if sources contradict each other (`--strict`).
 
-    The time of a fault counts from the log's start.
+    The message gives the time of a fault from the log's start.
 
     Raises:
         DataError: There is a fault.

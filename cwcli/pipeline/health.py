@@ -17,27 +17,30 @@ from cwcli.signals.stamp_fields import HEADER_STAMP_FIELDS, JSON_STAMP_FIELDS, P
 from cwcli.signals.units import NS_PER_S
 
 STAMP_FIELD_NAMES = (*HEADER_STAMP_FIELDS, *JSON_STAMP_FIELDS, *PROTOBUF_STAMP_FIELDS, "stamp.sec", "stamp.nanosec")
+"""Names of the leaf fields that may hold a message's own time, of all encodings that cwcli reads."""
 MIN_ROWS, MIN_DURATION_S = 30, 5.0
-"""A drift is told from no fewer messages, and no shorter time."""
+"""Fewest messages and shortest time [s] from which a clock drift is estimated; chosen by hand."""
 MIN_DRIFT_SIGMAS = 5.0
+"""A drift counts only if the change of the delay exceeds this many times its scatter; chosen by hand."""
 S_PER_MIN = 60.0
+"""Number of seconds in a minute."""
 
 
 @dataclass(frozen=True)
 class TopicHealth:
-    """How a topic was recorded; NaN or None where the messages do not tell.
+    """Statistics of how a topic was recorded; NaN where the messages do not allow one.
 
     Attributes:
-        topic, messages: Its name and how many of its messages could be decoded.
-        undecodable: How many could not; -1: none was tried, the topic can't be read as one table, and `messages` are
-            those of the log.
-        stamped: How many have a time of their own.
-        rate_hz: By the median of the intervals.
-        gaps: Stretches of more than five intervals, and a second, without a message.
+        topic, messages: Its name and the number of messages that could be decoded.
+        undecodable: Number of messages that could not; -1 where the topic can't be read as one table: then none was
+            decoded, and `messages` counts all of them.
+        stamped: Number of messages with a stamp of their own.
+        rate_hz: One over the median interval between messages.
+        gaps: Number of stretches of more than five intervals, and a second, without a message.
         longest_gap_s: The longest of them, or 0.
-        out_of_order: Messages whose stamp is before that of the one before.
+        out_of_order: Number of messages with an earlier stamp than the message before.
         delay_s: Median of log time less stamp.
-        drift_ms_per_min: By how much the delay grows, where it does so clearly; else 0.
+        drift_ms_per_min: Growth of the delay, 0 where it is not significant.
     """
 
     topic: str
@@ -53,11 +56,11 @@ class TopicHealth:
 
 
 def measure_topic_health(log: Log, topics: Sequence[str]) -> list[TopicHealth]:
-    """Read the times of topics.
+    """Read the stamps and log times of topics, and measure how each was recorded.
 
     Args:
         log: The log.
-        topics: Of it.
+        topics: Topics of the log.
 
     Raises:
         InputError: The file is damaged, and `recover` is off.
@@ -78,7 +81,7 @@ def measure_topic_health(log: Log, topics: Sequence[str]) -> list[TopicHealth]:
 
 
 def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> TopicHealth:
-    """How one topic was recorded, in a log from `start_ns` to `end_ns`."""
+    """Measure how one topic was recorded in a log from `start_ns` to `end_ns` (log times)."""
     stamp_ns, has_stamp = read_stamps(columns)
     log_ns = columns.log_time_ns
     is_time = (log_ns >= 0) & (log_ns <= MAX_STAMP_NS)  # an unsigned number beyond 2^63 is negative here
@@ -103,10 +106,10 @@ def topic_health_from_columns(columns: Columns, start_ns: int, end_ns: int) -> T
 
 
 def clock_drift_ms_per_min(stamp_ns: Int64Array, log_ns: Int64Array) -> float:
-    """By how much log time less stamp grows, ms a minute; 0 where the scatter could make it, NaN of too few messages.
+    """Return how fast the delay (log time minus stamp) grows [ms/min]: 0 if insignificant, NaN with too few messages.
 
-    The quickest quarter of the messages of each third of the log is compared: what waits in queues says little of
-    clocks.
+    The lower quartiles of the delay in the first and the last third of the log are compared, because messages that
+    waited in queues say little about the clocks.
 
     Args:
         stamp_ns, log_ns: Shape (n,), in log-time order.

@@ -32,20 +32,23 @@ from cwcli.signals.role import Role
 from cwcli.signals.units import NS_PER_S
 
 JOIN_RECORD_NAME = "cwcli.join"
+"""Name of the metadata record that describes how a log was joined with another."""
 EGO, OTHER = "ego", "other"
+"""The words for the cars of the first and of the second log in the notes of a join."""
 EGO_AND_REMOTE_CHANNELS = ((EGO_STATE, REMOTE_STATE), (EGO_ONLINE, REMOTE_ONLINE))
+"""Pairs of channels: the states of the second car's own log, and where they go in the joined log."""
 
 
 @dataclass(frozen=True)
 class JoinedLog:
-    """What became of two logs.
+    """Two logs joined into one.
 
     Attributes:
         log: The first, with the states of both cars in memory.
         offset_ns: How far the second recorder's clock is ahead of the first's.
-        n_states: Channel -> states of the second car that are in it.
-        n_outside: Its states before or after the first log, left out.
-        notes: What is to be told.
+        n_states: Channel -> number of the second car's states in it.
+        n_outside: Number of its states before or after the first log, which are left out.
+        notes: Notes for the user.
     """
 
     log: Log
@@ -56,7 +59,7 @@ class JoinedLog:
 
 
 def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float = 0.0) -> JoinedLog:
-    """The first log with the second's car as a remote vehicle.
+    """Join two logs: the car of the second becomes a remote vehicle in the first.
 
     Each car is estimated from its own sensors, unless its log holds its states already. The stamps of both are taken as
     GNSS time. What a recorder's clock adds to it is found from the positions of its log: the median of log time less
@@ -66,7 +69,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
         ego, other: The logs, open.
         estimate: The stage.
         name: Id of the second car.
-        late_s: What the stamps of the second log are late by, if that is known.
+        late_s: How late the stamps of the second log are [s], if that is known.
 
     Raises:
         MissingSignalError: A log has no position.
@@ -122,7 +125,7 @@ def join_logs(ego: Log, other: Log, estimate: Call, *, name: str, late_s: float 
 
 
 def _with_estimated_states(log: Log, estimate: Call) -> Log:
-    """The log with its car's states, one at least."""
+    """Return the log with its car's states, estimated if it holds none; raise an error if there is still none."""
     if all(channel.topic != EGO_STATE.topic for channel in log.channels):
         with _hint_at_estimate_on_missing_signal(log):
             log = run_stages(log, {"estimate": estimate}, Selection())[1]
@@ -133,13 +136,13 @@ def _with_estimated_states(log: Log, estimate: Call) -> Log:
 
 
 def _has_messages(log: Log, topic: str) -> bool:
-    """Whether a topic has messages."""
+    """Return whether the log has a message of the topic."""
     return any(channel.topic == topic for channel in log.channels) and len(log.columns(topic)) > 0
 
 
 @contextmanager
 def _hint_at_estimate_on_missing_signal(log: Log) -> Iterator[None]:
-    """A position that is missing, or one of several, is chosen where the estimate is made: joining has no option."""
+    """Replace the hint of a missing signal: the position is chosen in `cwcli estimate`, not in `cwcli join`."""
     try:
         yield
     except MissingSignalError as error:
@@ -148,6 +151,7 @@ def _hint_at_estimate_on_missing_signal(log: Log) -> Iterator[None]:
 
 
 def _read_local_map(log: Log) -> LocalMap:
+    """Return the map's place on the earth from the log's record; raise `DataError` where it has none."""
     found = map_from_record(read_run_records(log).get("estimate", {}))
     if found is None:
         raise DataError(
@@ -159,7 +163,7 @@ def _read_local_map(log: Log) -> LocalMap:
 
 
 def _find_recorder(log: Log) -> RecorderClock:
-    """The log's recorder, by the positions that its estimate was made of, where that is told."""
+    """Estimate the recorder's clock from the positions that the log's estimate used, if its record names them."""
     sources = read_configuration(read_run_records(log).get("estimate", {})).get("sources")
     topics = sources.get("topics") if isinstance(sources, dict) else None
     named = topics.get(Role.EGO_POSITION) if isinstance(topics, dict) else None
@@ -181,6 +185,7 @@ def _find_recorder(log: Log) -> RecorderClock:
 
 
 def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: VehicleStates) -> DataError:
+    """Return the error that says how far apart in time the states of the two cars are."""
     behind_s = (int(states.stamp_ns.min()) - int(span_ns.max())) / NS_PER_S
     ahead_s = (int(span_ns.min()) - int(states.stamp_ns.max())) / NS_PER_S
     what = f"begins {behind_s:.3f} s after the end of" if behind_s > 0 else f"ends {ahead_s:.3f} s before"
@@ -194,6 +199,7 @@ def _no_common_time_error(ego: Log, other: Log, span_ns: np.ndarray, states: Veh
 def _format_join_notes(
     recorders: tuple[RecorderClock, RecorderClock], offset_ns: int, n_outside: int
 ) -> tuple[str, ...]:
+    """Return the notes on the recorders' clocks and on the states that were left out."""
     notes = [clock_difference_text(offset_ns, *recorders)]
     for who, recorder in zip((EGO, OTHER), recorders, strict=True):
         if not recorder.is_on_epochs:

@@ -26,16 +26,18 @@ JSON_UNIT_SUFFIXES = {
     "pixel": "px",
     "%": "percent",
 }
-"""Unit in brackets behind a heading -> the ending of the JSON name."""
+"""Unit in brackets at the end of a heading -> the ending of the JSON name."""
 _HEADING = re.compile(r"(?P<words>[^\[]*)(?:\[(?P<unit>[^\]]+)\])?(?P<more>.*)")
+"""Pattern of a table's heading: words, a unit in brackets, and further words such as `median`."""
 _WORD = re.compile("[a-z0-9]+")
+"""Pattern of the runs of lower-case letters and digits that make up a JSON name."""
 
 
 class CellWithValues(str):
-    """A cell that people read as a text, and programs as values.
+    """A cell that is text on the terminal and one or more values in JSON.
 
     Attributes:
-        values: What the column's name ends with in the JSON output ("" for nothing) -> the value.
+        values: Ending of the column's name in the JSON output ("" for none) -> the value.
     """
 
     __slots__ = ("values",)
@@ -48,16 +50,16 @@ class CellWithValues(str):
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Between processes it keeps its values."""
+        """Pickle the cell with its values, which a plain `str` would lose."""
         return type(self), (str(self), dict(self.values))
 
 
 def table_row_to_json(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[str, Any]:
-    """A row of a table as names and values; NaN, infinity and an empty text are null.
+    """Return a row of a table as names and values; NaN, infinity and an empty text become None.
 
     Args:
         columns: Headings with units, or names.
-        row: Its cells, as long.
+        row: The cells, one a column.
 
     Raises:
         ValueError: Two columns have one name.
@@ -74,14 +76,14 @@ def table_row_to_json(columns: tuple[str, ...], row: tuple[Any, ...]) -> dict[st
 
 
 def cell_to_json_value(cell: Any) -> Any:
-    """As JSON has it: nothing where a number or a text has no content."""
+    """Return the value for JSON: None for NaN, infinity and an empty text."""
     if isinstance(cell, float) and not math.isfinite(cell):
         return None
     return None if cell == "" else cell
 
 
 def heading_to_json_name(heading: str, end: str = "") -> str:
-    """`max speed [m/s]` -> `max_speed_mps`, with `sigma` `max_speed_sigma_mps`."""
+    """Return a heading's JSON name: `max_speed_mps` for `max speed [m/s]`, with end `sigma` `max_speed_sigma_mps`."""
     matched = _HEADING.fullmatch(heading)
     assert matched is not None
     unit = JSON_UNIT_SUFFIXES.get(matched["unit"] or "", matched["unit"])

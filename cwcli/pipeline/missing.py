@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 NO_REMOTE_CHANNEL_TEXT = "no channel holds remote vehicles (BSM or CAM messages)"
+"""The reason for leaving a stage out where no channel binds to the role of remote vehicles."""
 NO_REMOTE_MESSAGE_TEXT = "no message of another vehicle could be used"
+"""The reason for leaving a stage out where such a channel exists and gave no state."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +38,10 @@ class MissingSignals:
 
 @dataclass(frozen=True)
 class SignalCheck:
-    """Tells why a stage can't run on a log.
+    """Checks whether a log has the signals that a stage needs.
 
     Attributes:
-        stages: Name -> stage, of all that there are.
+        stages: Name -> stage, all of them.
         ego_station: V2X station of the ego, or None.
     """
 
@@ -47,7 +49,7 @@ class SignalCheck:
     ego_station: str | None = None
 
     def __call__(self, stage: str, log: Log, selection: Selection) -> MissingSignals | None:
-        """Why `stage` can't run on the log as it is now; None if it can.
+        """Return why `stage` can't run on the log as it is now; None if it can.
 
         Raises:
             MissingSignalError: Two channels could be the ego's position: a choice that the user must make.
@@ -72,6 +74,7 @@ class SignalCheck:
         return None
 
     def _binding_error(self, role: str, log: Log, selection: Selection) -> MissingSignalError | None:
+        """Return the error of binding one role, with the V2X stations for the ego's position; else None."""
         try:
             bind_roles(
                 log.channels,
@@ -86,6 +89,7 @@ class SignalCheck:
         return None
 
     def _format_reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:
+        """Return why the stage is left out for lack of a role, in one line."""
         if role in (Role.REMOTE, REMOTE_STATE.role, REMOTE_PATH.role):
             return (
                 NO_REMOTE_CHANNEL_TEXT if self._binding_error(Role.REMOTE, log, selection) else NO_REMOTE_MESSAGE_TEXT
@@ -93,7 +97,7 @@ class SignalCheck:
         return f"no channel holds {ROLE_TEXT[role]}{self._suggest_other_stages(stage, log, selection)}"
 
     def _suggest_other_stages(self, stage: str, log: Log, selection: Selection) -> str:
-        """The stages to ask for instead, if what is in the file is enough for them."""
+        """Return words on stages that do the same from other signals, if the file holds those; else ""."""
         added = {channel.topic for channel in log.added_channels}
         there = [channel for channel in log.channels if channel.topic not in added]
         bound = bind_roles(
@@ -107,11 +111,11 @@ class SignalCheck:
 
 @dataclass(frozen=True)
 class SkipStagesAlreadyRun:
-    """Leaves those stages out that a stage's command runs first, where the log holds their channels already.
+    """Skips the stages that a stage's command runs first if the log already holds their channels.
 
     Attributes:
         stage: The command's stage.
-        stages: Name -> stage, of all that there are.
+        stages: Name -> stage, all of them.
         ego_station: V2X station of the ego, or None.
     """
 
@@ -120,10 +124,10 @@ class SkipStagesAlreadyRun:
     ego_station: str | None = None
 
     def __call__(self, name: str, log: Log, selection: Selection) -> MissingSignals | None:
-        """Why a stage does not run.
+        """Return why a stage is skipped; None if it runs.
 
         Raises:
-            MissingSignalError: The log has neither all of its channels nor the sensors from which to make them.
+            MissingSignalError: The log has neither all of its channels nor the sensors to compute them from.
         """
         if name not in self.stage.first:
             return None

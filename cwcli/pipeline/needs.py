@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from cwcli.pipeline.stage import Stage
 
 Table = Mapping[str, Stage]
-"""Name -> stage, in the order in which they run."""
+"""The type of a table of stages: name -> stage, in the order in which they run."""
 
 
 @dataclass(frozen=True)
@@ -18,9 +18,9 @@ class StageReadiness:
     Attributes:
         stage: The stage.
         is_ready: It can run now.
-        after: Names of stages that must run first, if they can; else ().
-        missing: Roles of input channels for lack of which it can't run, now or later.
-        unused: Roles that it would use, and that the log does not have.
+        after: Names of the stages that must run first, if they can; else ().
+        missing: Required roles of input channels that the log lacks, so that the stage can't run now or later.
+        unused: Optional roles that the log does not have.
     """
 
     stage: Stage
@@ -31,14 +31,14 @@ class StageReadiness:
 
 
 def stage_readiness(bound: Collection[str], stages: Table) -> list[StageReadiness]:
-    """What can be run on a log.
+    """Return for each stage whether it can run on a log.
 
     Args:
         bound: Names of the roles for which the log has a channel.
-        stages: Those that are asked about.
+        stages: The stages to check.
 
     Returns:
-        One entry a stage.
+        One entry for each stage.
     """
     entries = []
     earlier: list[Stage] = []
@@ -57,7 +57,7 @@ def stage_readiness(bound: Collection[str], stages: Table) -> list[StageReadines
 
 
 def _stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collection[str]) -> tuple[str, ...]:
-    """Those of the earlier stages that make what `stage` requires and the log does not hold."""
+    """Return the earlier stages that publish what `stage` requires and the log does not hold."""
     wanted = _unbound_role_groups(stage, bound)
     names: list[str] = []
     for maker in reversed(earlier):
@@ -68,12 +68,12 @@ def _stages_needed_first(stage: Stage, earlier: Sequence[Stage], bound: Collecti
 
 
 def _unbound_role_groups(stage: Stage, bound: Collection[str]) -> list[set[str]]:
-    """The groups of the stage of which nothing is bound."""
+    """Return the stage's groups of alternative roles of which none is bound."""
     return [set(group) for group in stage.required_role_groups if not set(group) & set(bound)]
 
 
 def _input_role_behind(role: str, sources: Mapping[str, str]) -> str:
-    """The role of an input channel from which stages make `role`."""
+    """Return the role of the input channel from which stages compute the channel of `role`."""
     while role in sources:
         role = sources[role]
     return role

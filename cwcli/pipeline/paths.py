@@ -29,15 +29,19 @@ from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
 
 MAX_MESSAGE_AGE_S = 1.0
-"""How much longer than the horizon a remote path is: its state is older than the moment at which it is used."""
+"""Time [s] by which remote paths reach beyond the horizon, because their state is older than the moment at which they
+are used; chosen by hand."""
 CHECKED_SPAN_NS = 2 * NS_PER_S
+"""Log time [ns] over which logged paths are compared with paths that were planned again; chosen by hand."""
 SAME_POSITION_TOLERANCE_M = 2.0**-LENGTH_FRACTION_BITS
+"""Greatest distance [m] of two equal path points: the step to which published lengths are rounded."""
 SAME_VARIANCE_TOLERANCE = 2.0 ** (1 - VARIANCE_BINARY_DIGITS)
+"""Greatest difference of equal covariances as a share of their size: twice the published rounding step."""
 
 
 @dataclass(frozen=True)
 class PathRequest:
-    """Which paths: the settings of `predict` that they depend on."""
+    """The settings of `predict` on which paths depend."""
 
     model: str
     horizon_s: float
@@ -46,12 +50,12 @@ class PathRequest:
 
     @classmethod
     def from_stage_config(cls, config: Any) -> PathRequest:
-        """That of the stage's configuration."""
+        """Return the request of a configuration of the stage."""
         return cls(**{each.name: getattr(config, each.name) for each in fields(cls)})
 
 
 def plan_paths_from_states(states: VehicleStates, role: str, request: PathRequest) -> LazyPaths:
-    """A path from each state of the ego or of the remote vehicles."""
+    """Plan a path from each state of the ego or of the remote vehicles; the points are computed when they are read."""
     plan = plan_vehicle_paths(
         request.model,
         states.ids.codes,
@@ -67,15 +71,15 @@ def plan_paths_from_states(states: VehicleStates, role: str, request: PathReques
 
 
 def paths_from_every_state(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
-    """A path from each state, and remarks.
+    """Return a path from each state, and notes.
 
-    A log holds a few paths a second. The others are those that `predict` makes of the log's states with the settings
-    in its record; they are made again. Where no record tells so, the log holds all of them.
+    A log holds only a few paths a second. The others are predicted again from the log's states, with the settings in
+    the record of `predict`. Without such a record the log holds all paths.
 
     Args:
         log: The log.
-        topic: Its channel of paths.
-        role: Of the states that they start from.
+        topic: The channel of paths.
+        role: The role of the states that they start from.
 
     Raises:
         DataError: The channel, or that of its states, was written by another version.
@@ -95,13 +99,13 @@ def paths_from_every_state(log: Log, topic: str, role: str) -> tuple[AnyPaths, t
 
 
 def max_logged_path_rate_hz(record: Record) -> float | None:
-    """How many paths of each vehicle and second the log holds at most; None: one from each state."""
+    """Return the greatest rate of each vehicle's paths in the log [Hz]; None: one from each state."""
     rate_hz = read_configuration(record).get("path_rate_hz")
     return float(rate_hz) if isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool) else None
 
 
 def _replan_paths_from_record(log: Log, role: str, record: Record) -> LazyPaths | None:
-    """The paths by the settings in the record; None where they don't fit the log.
+    """Plan the paths with the settings in the record; return None where they don't fit the log.
 
     Raises:
         DataError: The states can't be read.
@@ -133,7 +137,7 @@ def _replan_paths_from_record(log: Log, role: str, record: Record) -> LazyPaths 
 
 
 def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool:
-    """Whether the first paths of the log, and those in its middle, are among the planned ones."""
+    """Return whether the first paths of the log, and some from its middle, are among the planned ones."""
     if not len(planned):
         return False
     for at in (0, len(planned) // 2):
@@ -147,6 +151,7 @@ def _replanned_paths_match_log(log: Log, topic: str, planned: LazyPaths) -> bool
 
 
 def _contains_paths(planned: LazyPaths, found: PredictedPaths) -> bool:
+    """Return whether every found path is planned too, with equal end points and covariances."""
     own = {name: rows[np.argsort(planned.stamp_ns[rows], kind="stable")] for name, rows in iter_rows_by_id(planned.ids)}
     for name, rows in iter_rows_by_id(found.ids):
         if name not in own:
@@ -166,7 +171,7 @@ def _contains_paths(planned: LazyPaths, found: PredictedPaths) -> bool:
 
 
 def _covariances_match(again_m2: FloatArray, said_m2: FloatArray) -> bool:
-    """Whether plane covariances (n, 3) are those that were published, but for the digits that were left out."""
+    """Return whether plane covariances (n, 3) equal the published ones within the rounding of those."""
     sigma_m = np.sqrt(np.abs(said_m2[:, [0, 2]]))
     size_m2 = sigma_m[:, [0, 0, 1]] * sigma_m[:, [0, 1, 1]]
     both_unknown = np.isnan(again_m2) & np.isnan(said_m2)

@@ -23,6 +23,7 @@ from cwcli.input import read_file
 from cwcli.toml_text import parse_toml
 
 LOG_CONDITIONS = ("min_duration_s", "max_duration_s", "min_messages", "roles", "topics")
+"""Keys that a contract may have at its top level; `roles` and `topics` hold lists and tables."""
 TOPIC_CONDITIONS = {
     "min_messages": "messages",
     "min_rate_hz": "rate_hz",
@@ -33,13 +34,13 @@ TOPIC_CONDITIONS = {
     "max_undecodable": "undecodable",
     "max_out_of_order": "out_of_order",
 }
-"""Condition on a topic -> what of `Health` it is about. Of a drift the size counts."""
+"""Condition on a topic -> the field of `TopicHealth` that it limits; a drift is limited by its magnitude."""
 MAX_NUMBER = sys.float_info.max
-"""TOML's whole numbers have no bound, and what is found is a float."""
+"""Greatest number that a condition may have: whole numbers of TOML have no bound, the measured values are floats."""
 
 
 class ConditionVerdict(NamedTuple):
-    """One condition: on what (a topic, or the log), its text, what was found, and whether it holds."""
+    """One condition: its subject (a topic, or the log), its text, the value found, and whether it holds."""
 
     about: str
     condition: str
@@ -49,11 +50,11 @@ class ConditionVerdict(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordingContract:
-    """What a log must hold.
+    """The conditions that a recorded log must meet.
 
     Attributes:
         limits: Condition on the log -> number.
-        roles: That must be filled.
+        roles: Roles for which the log must have a channel.
         topics: Topic -> condition -> number, or its schema.
     """
 
@@ -63,10 +64,10 @@ class RecordingContract:
 
     @classmethod
     def read_toml(cls, path: str, known_roles: Collection[str]) -> RecordingContract:
-        """Read it from a TOML file.
+        """Read the contract from a TOML file.
 
         Raises:
-            UsageError: The file can't be read, is no TOML, or says what no log can be checked for.
+            UsageError: The file can't be read, is not TOML, or holds a condition that does not exist.
         """
         try:
             document = parse_toml(read_file(path).decode())
@@ -99,13 +100,13 @@ class RecordingContract:
         schemas: Mapping[str, str],
         topics: Mapping[str, Mapping[str, float]],
     ) -> list[ConditionVerdict]:
-        """Whether a log keeps it.
+        """Check every condition on a log.
 
         Args:
             totals: `duration_s` and `messages` of the log.
-            roles: That are filled.
+            roles: Roles for which the log has a channel.
             schemas: Topic -> its schema, in one spelling.
-            topics: Topic -> what was found of it, by the names of `Health`.
+            topics: Topic -> its statistics, by the names of the fields of `TopicHealth`.
         """
         made = [
             _compare_with_limit("log", name, limit, totals[_quantity_of_condition(name)])
@@ -132,11 +133,12 @@ class RecordingContract:
 
 
 def _quantity_of_condition(name: str) -> str:
+    """Return what a condition limits: `duration_s` for `min_duration_s`."""
     return name.partition("_")[2]
 
 
 def _compare_with_limit(about: str, name: str, limit: float, found: float) -> ConditionVerdict:
-    """A value that is not known keeps no condition."""
+    """Compare a value with its limit; NaN meets no condition."""
     size = abs(found) if "drift" in name else found
     holds = size >= limit if name.startswith("min_") else size <= limit
     shown = "not known" if math.isnan(found) else f"{found:.4g}"
@@ -149,12 +151,14 @@ def _compare_with_limit(about: str, name: str, limit: float, found: float) -> Co
 
 
 def _check_known_keys(path: str, table: Mapping[str, Any], names: Sequence[str], about: str) -> None:
+    """Raise `UsageError` for a key of the contract that is none of the names."""
     for name in table:
         if name not in names:
             raise UsageError(f"{about}a contract knows no {name}", where=path, hint=f"it knows {', '.join(names)}")
 
 
 def _check_numbers(path: str, table: Mapping[str, Any], about: str) -> None:
+    """Raise `UsageError` for a value that is no finite number from 0 on."""
     for name, value in table.items():
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= MAX_NUMBER:
             raise UsageError(f"{about}{name} = {value!r} is no number from 0 to {MAX_NUMBER:g}", where=path)

@@ -19,24 +19,28 @@ from cwcli.pipeline.result import Cell, SummaryTable
 from cwcli.signals.geodesy import LocalMap
 
 RUN_RECORD_PREFIX = "cwcli.run."
+"""Beginning of the names of the metadata records of runs; the name of the stage follows it."""
 VEHICLE_KEY = "vehicle"
+"""Entry of the record of `observe` that holds the car's parameters as JSON."""
 WITHHELD_KEY = "withheld"
+"""Entry of a warning stage's record that holds the number of withheld warnings of each rule as JSON."""
 MAX_LATENCY_S = 86_400.0
 """Greatest latency that a record may state, s: a day; anything beyond is ignored."""
 ORIGIN_NAMES = ("map_origin_latitude_deg", "map_origin_longitude_deg", "map_origin_altitude_m")
+"""Entries of the record of `estimate` for the map's origin: WGS 84 latitude and longitude [deg], altitude [m]."""
 
 Record = Mapping[str, str]
 
 
 def read_run_records(log: Log) -> dict[str, Record]:
-    """Stage -> its record, the last one of each."""
+    """Return the records of runs by stage, the last one of each."""
     return {
         name.removeprefix(RUN_RECORD_PREFIX): entries for name, entries in log.metadata_with_prefix(RUN_RECORD_PREFIX)
     }
 
 
 def read_json_entry(record: Record, key: str, kind: type) -> Any:
-    """An entry that holds JSON of a kind (`dict` or `list`); an empty one where it is missing, broken or another."""
+    """Parse an entry with JSON of a kind (`dict` or `list`); return an empty one if it is missing or another."""
     try:
         value = json.loads(record.get(key, ""))
     except (ValueError, RecursionError):
@@ -45,13 +49,13 @@ def read_json_entry(record: Record, key: str, kind: type) -> Any:
 
 
 def read_number(entries: Mapping[str, Any], key: str) -> float:
-    """A number of a JSON object; NaN where there is none."""
+    """Return a number of a JSON object; NaN where there is none."""
     value = entries.get(key)
     return to_float_or_nan(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
 def to_float_or_nan(value: float) -> float:
-    """As a float; NaN of a whole number that is too large for one."""
+    """Return the value as a float; NaN for a whole number that is too large for one."""
     try:
         return float(value)
     except OverflowError:
@@ -59,33 +63,33 @@ def to_float_or_nan(value: float) -> float:
 
 
 def read_latency_s(entries: Mapping[str, Any], key: str) -> float:
-    """A latency of a JSON object [s]; NaN where there is none, or one that no source has."""
+    """Return a latency of a JSON object [s]; NaN where it is missing or exceeds `MAX_LATENCY_S`."""
     value = read_number(entries, key)
     return value if abs(value) <= MAX_LATENCY_S else math.nan
 
 
 def to_int_or_none(value: object) -> int | None:
-    """A whole number of a JSON object; None where there is none."""
+    """Return the value if it is a whole number, else None."""
     return value if isinstance(value, int) and not isinstance(value, bool) else None
 
 
 def read_configuration(record: Record) -> dict[str, Any]:
-    """The stage's resolved configuration."""
+    """Return the resolved configuration of the recorded stage."""
     found: dict[str, Any] = read_json_entry(record, "configuration", dict)
     return found
 
 
 def read_input_counts(record: Record) -> list[dict[str, Any]]:
-    """What became of the stage's input messages: `pipeline.result.InputMessageCount` as JSON."""
+    """Return the counts of the stage's input messages, each an `InputMessageCount` as JSON."""
     return [entry for entry in read_json_entry(record, "counts", list) if isinstance(entry, dict)]
 
 
 @dataclass(frozen=True)
 class RecordedSummary:
-    """What the stage told at its end.
+    """The summary of a stage, read from its record.
 
     Attributes:
-        verdict, notes: As in `pipeline.result.Summary`.
+        verdict, notes: As in `pipeline.result.StageSummary`.
         sections: Its tables.
     """
 
@@ -94,7 +98,7 @@ class RecordedSummary:
     sections: tuple[SummaryTable, ...]
 
     def column_cells(self, key: str, *columns: str) -> list[tuple[Cell, ...]]:
-        """What a table has in some columns, row by row; nothing where the table or one of the columns is missing."""
+        """Return the cells of some columns of a table, row by row; [] if the table or a column is missing."""
         section = next((section for section in self.sections if section.key == key), None)
         if section is None or not set(columns) <= set(section.columns):
             return []
@@ -103,7 +107,7 @@ class RecordedSummary:
 
 
 def read_recorded_summary(record: Record) -> RecordedSummary:
-    """The summary in the record; an empty one where there is none, as in logs of older versions."""
+    """Return the summary in the record; an empty one where there is none, as in logs of older versions."""
     found = read_json_entry(record, "summary", dict)
     notes, sections = found.get("notes"), found.get("sections")
     return RecordedSummary(
@@ -114,7 +118,7 @@ def read_recorded_summary(record: Record) -> RecordedSummary:
 
 
 def _parse_section(found: Any) -> SummaryTable | None:
-    """A table of the summary, None where it is none."""
+    """Parse a table of the summary; return None if it is malformed."""
     try:
         columns = tuple(str(name) for name in found["columns"])
         rows = tuple(tuple(_parse_cell(cell) for cell in row) for row in found["rows"])
@@ -125,11 +129,12 @@ def _parse_section(found: Any) -> SummaryTable | None:
 
 
 def _parse_cell(value: Any) -> Cell:
+    """Return a cell of a recorded table, as text where JSON holds a list or an object."""
     return value if value is None or isinstance(value, str | int | float) else str(value)
 
 
 def map_to_record_entry(local_map: LocalMap | None) -> dict[str, str]:
-    """Where the map frame lies on the earth, if it does, as an entry of the record of `estimate`."""
+    """Return the entries of the record of `estimate` that say where the map frame lies on the earth, if it does."""
     if local_map is None:
         return {"map_origin": "cartesian"}
     values = (local_map.origin_lat_deg, local_map.origin_lon_deg, local_map.origin_alt_m)
@@ -137,7 +142,7 @@ def map_to_record_entry(local_map: LocalMap | None) -> dict[str, str]:
 
 
 def map_from_record(record: Record) -> LocalMap | None:
-    """Where the map frame lies on the earth, from the record of `estimate`."""
+    """Return the map frame from the record of `estimate`; None where it is Cartesian or not recorded."""
     try:
         return LocalMap(*(float(record[name]) for name in ORIGIN_NAMES))
     except (KeyError, ValueError):
@@ -145,12 +150,12 @@ def map_from_record(record: Record) -> LocalMap | None:
 
 
 def vehicle_to_record_entry(vehicle: Vehicle) -> dict[str, str]:
-    """The car as an entry of the record of `observe`."""
+    """Return the entry of the record of `observe` that holds the car."""
     return {VEHICLE_KEY: json.dumps(asdict(vehicle), sort_keys=True)}
 
 
 def vehicle_from_log(log: Log) -> tuple[Vehicle, tuple[str, ...]]:
-    """The car with which the log was observed; the shipped example, and a note, if the log does not tell.
+    """Return the car of the record of `observe`, and notes; without a record the shipped example and a note.
 
     Raises:
         DataError: The record is damaged.

@@ -27,7 +27,7 @@ class RemoteStates:
     Attributes:
         hindsight, online: In log-time order.
         tracks: Station -> the summary of its track in hindsight.
-        n_overtaken: Messages that came behind a newer one of their station: no online state uses them.
+        n_overtaken: Number of messages that arrived after a newer one of their station; no online state uses them.
     """
 
     hindsight: VehicleStates
@@ -39,9 +39,9 @@ class RemoteStates:
 def estimate_remote_states(
     signal: RemoteSignal, local_map: LocalMap | None, estimator: EstimatorConfig
 ) -> RemoteStates:
-    """Estimate the remote vehicles, one a thread, and put their states where they belong in the channels at once.
+    """Estimate the states of the remote vehicles, in parallel threads.
 
-    Online, a message that was overtaken by a newer one of its station is not used: the filter has gone on.
+    The online states do not use a message that arrives after a newer one of its station.
     """
     stations = list(iter_rows_by_id(signal.station))
     is_fresh = np.ones(len(signal.stamp_ns), np.bool_)

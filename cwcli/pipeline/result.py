@@ -28,7 +28,7 @@ class SummaryTable:
         columns: Column headings, units included.
         rows: One tuple a row, as long as `columns`.
         names: Of the columns in the JSON output, where the headings don't make good ones (`cwcli.pipeline.json_names`).
-        is_timed: It tells how long something took, so that it differs from run to run: it is in no record.
+        is_timed: The table holds processing times, which differ from run to run; it is in no record.
     """
 
     key: str
@@ -41,14 +41,14 @@ class SummaryTable:
 
 @dataclass(frozen=True)
 class InputMessageCount:
-    """What became of one input channel: nothing is dropped uncounted.
+    """Counts of the messages of one input channel: read, used, rejected, repaired and set aside.
 
     Attributes:
         topic: The channel.
-        role: What it was used as.
+        role: The role in which it was used.
         read, used: Numbers of messages.
         rejected, repaired: Reason -> number of messages.
-        set_aside: The same for messages that are in order and about something else; no fault.
+        set_aside: Reason -> number of messages that are not used and are no fault.
         first_fault_ns: Reason -> log time of the first message rejected or repaired for it, where it is known.
     """
 
@@ -63,7 +63,7 @@ class InputMessageCount:
 
     @classmethod
     def from_transforms(cls, topic: str, read: int, used: int, unreadable: int) -> InputMessageCount:
-        """Of a channel of transforms, whose messages count where they tell of a new frame of reference."""
+        """Count the messages of a channel of transforms; a message is used if it defines a new frame of reference."""
         rejected = {"not a transform": unreadable} if unreadable else {}
         aside = read - used - unreadable
         known = {"a frame known already": aside} if aside else {}
@@ -72,13 +72,13 @@ class InputMessageCount:
 
 @dataclass(frozen=True)
 class StageSummary:
-    """What the user is told at the end of a stage.
+    """The summary of a stage for the user.
 
     Attributes:
         title: The stage.
-        sections, inputs, notes: Its tables, what became of the input, and remarks.
+        sections, inputs, notes: Its tables, the counts of input messages, and notes.
         verdict: One sentence on the result, "" where the stage has none.
-        contradictions: Sources of which one must be wrong, a sentence each; with `--strict` they are an error.
+        contradictions: One sentence for each pair of sources that contradict each other; an error with `--strict`.
     """
 
     title: str
@@ -89,7 +89,7 @@ class StageSummary:
     contradictions: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """The summary as JSON-ready values, under names in snake_case; NaN, infinity and empty cells become null."""
+        """Return the summary for JSON, with names in snake_case; NaN, infinity and empty cells become None."""
         return {
             "title": self.title,
             "sections": {
@@ -114,7 +114,7 @@ class StageSummary:
         }
 
     def to_record_entry(self) -> dict[str, str]:
-        """The tables, notes and verdict as an entry of the metadata record: a reader of the log is told as much."""
+        """Return the tables, notes and verdict as an entry of the metadata record, for later readers of the log."""
         told = {
             "verdict": self.verdict,
             "notes": list(self.notes),
@@ -142,7 +142,7 @@ class StageResult:
         tables: Metrics by name; the first is the stage's main table (what `--metrics` writes).
         summary: For people and `--json`.
         metadata: The record `cwcli.run.<stage>`: version, resolved configuration, input hash, counts.
-        made: What its evaluation needs beside the channels (`cwcli.evaluation`); nobody else sees it.
+        evaluation_inputs: Values that only its evaluation (`cwcli.evaluation`) needs in addition to the channels.
     """
 
     stage: str
@@ -162,13 +162,13 @@ class StageResult:
         verdict: str | None = None,
         entries: Mapping[str, str] | None = None,
     ) -> StageResult:
-        """The result with what its evaluation says of it.
+        """Return the result with the output of its evaluation, and without `evaluation_inputs`.
 
         Args:
-            sections, notes: Come after those of the stage; notes behind the first `at` of them.
-            tables: Come after, or replace those of the same name.
-            verdict: Replaces that of the stage.
-            entries: Further ones of the record.
+            sections, notes: Appended to those of the stage; the notes come after its first `at` notes, if given.
+            tables: Added to those of the stage; one with the same name replaces it.
+            verdict: Replaces that of the stage, if given.
+            entries: Further entries of the record.
         """
         own = self.summary.notes
         at = len(own) if at is None else at
@@ -188,4 +188,5 @@ class StageResult:
 
 
 def _json_cell(cell: Cell) -> Cell:
+    """Return the cell for JSON: None for NaN and infinity."""
     return None if isinstance(cell, float) and not math.isfinite(cell) else cell

@@ -12,10 +12,11 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.result import StageSummary
 
 INPUT_HASH_KEY = "input_sha256"
+"""Entry of a record that holds the SHA-256 of the input file in hexadecimal."""
 
 
 class RunRecord(Mapping[str, str]):
-    """The entries of a record. The input's hash is computed meanwhile, and waited for when it is asked for."""
+    """The entries of a record; the input's hash is computed in the background, and reading its entry waits for it."""
 
     def __init__(self, log: Log, entries: dict[str, str]) -> None:
         self._entries = entries
@@ -32,13 +33,13 @@ class RunRecord(Mapping[str, str]):
 
 
 def build_run_record(stage: str, log: Log, config: Any, summary: StageSummary, **more: str) -> RunRecord:
-    """The record of one stage.
+    """Build the record of one stage.
 
     Args:
         stage: Its name.
-        log: Its input; the hash is of the file as it came in, before any stage of the same run.
+        log: Its input; the hash is that of the input file, whatever earlier stages of the run have added.
         config: The stage's resolved configuration, a dataclass.
-        summary: For the counts, and what was told at the end.
+        summary: The stage's summary, which gives the counts, tables, notes and verdict.
         more: Further entries, e.g. the map's origin.
     """
     entries = {

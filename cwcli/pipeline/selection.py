@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from cwcli.logs.read.reader import Log
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+"""The Unix epoch, from which all stamps and log times count."""
 
 
 def resolve_selection(log: Log, topic: Sequence[str], start: str | None, end: str | None) -> Selection:
-    """What the options `--topic`, `--start` and `--end` mean for one log.
+    """Resolve the options `--topic`, `--start` and `--end` for one log.
 
     Raises:
         UsageError: A malformed option, or an empty span.
@@ -47,7 +48,7 @@ def _require_overlap(log: Log, start: str | None, start_ns: int | None, end: str
 
 
 def _iso(stamp_ns: int) -> str:
-    """UTC to the second; nanoseconds for a time that no calendar has."""
+    """Format a stamp in UTC to the second, or in nanoseconds where the calendar ends."""
     try:
         return f"{datetime.fromtimestamp(stamp_ns // NS_PER_S, UTC):%Y-%m-%dT%H:%M:%SZ}"
     except (OverflowError, ValueError, OSError):
@@ -55,11 +56,11 @@ def _iso(stamp_ns: int) -> str:
 
 
 def check_selection_options(topic: Sequence[str], start: str | None, end: str | None, *, spelled: str = "--{}") -> None:
-    """Check what can be checked without a log.
+    """Check the options as far as that is possible without a log.
 
     Args:
         topic, start, end: As on the command line.
-        spelled: How an option is called in the message of an error; `{} =` for one of a configuration file.
+        spelled: Pattern of an option's name in error messages; `{} =` for one of a configuration file.
 
     Raises:
         UsageError: A malformed option, a role that does not exist, or an end that is before the start in every log.
@@ -78,6 +79,7 @@ def check_selection_options(topic: Sequence[str], start: str | None, end: str | 
 def _parse_time_span(
     start: str | None, end: str | None, log_start_ns: int, spelled: str
 ) -> tuple[int | None, int | None]:
+    """Return start and end [ns since the epoch], None where not given; raise `UsageError` if they do not fit."""
     first, last = spelled.format("start"), spelled.format("end")
     start_ns = None if start is None else parse_time_ns(start, log_start_ns, first)
     end_ns = None if end is None else parse_time_ns(end, log_start_ns, last)
@@ -87,6 +89,7 @@ def _parse_time_span(
 
 
 def _is_in_seconds(text: str) -> bool:
+    """Return whether a time is given in seconds from the log's start, and not as ISO 8601."""
     try:
         Decimal(text)
     except InvalidOperation:
@@ -95,12 +98,12 @@ def _is_in_seconds(text: str) -> bool:
 
 
 def parse_time_ns(text: str, log_start_ns: int, option: str) -> int:
-    """A `--start` or `--end` as int64 ns since the epoch.
+    """Parse a `--start` or `--end`, and return it in ns since the epoch.
 
     Args:
         text: Seconds from the log's start (`12.5`), or ISO 8601 (`2026-05-01T12:00:00Z`; UTC if it names no zone).
         log_start_ns: Log time of the first message.
-        option: For the message of the error.
+        option: Name of the option, for error messages.
 
     Raises:
         UsageError: It is neither.

@@ -14,20 +14,20 @@ from cwcli.errors import UsageError
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage. The command line, `info`, `run`, the fleet and the docs are made from this.
+    """The description of a stage, from which the command line, `info`, `run`, the fleet and the docs are generated.
 
     Attributes:
         name: Its command, its table in a configuration file, and the name of its record.
         help: One line.
-        required: Roles without which it can't run.
-        one_of: Groups of roles: of each group one must be there.
-        used: It uses these roles when they are there.
-        instead_of: The stage of which this is another way, "" for none. It runs when it is asked for by name, and
+        required: Roles that the stage needs.
+        one_of: Groups of roles; the stage needs one of each group.
+        used: Roles that the stage uses if the log has them.
+        instead_of: The stage that this one is an alternative to, "" for none. It runs only if named by the user;
             `cwcli info` lists it for the logs on which it can run.
-        on_request: `cwcli run` runs it only when it is asked for by name.
-        first: Stage -> values of its options: what its own command runs first on a log that lacks the channels.
-        evaluation: Module that judges what the stage made, "" for none (see `cwcli.pipeline.call`).
-        package: Where its module is. That holds the function and its configuration, named like the stage
+        on_request: `cwcli run` runs it only if the user names it.
+        first: Stage -> values of its options: the stages that its command runs first on a log without their channels.
+        evaluation: Module that evaluates the stage's result, "" for none (see `cwcli.pipeline.call`).
+        package: Package of its module, which holds the function and its configuration, named like the stage
             (`warn_lane`, `WarnLaneConfig`), and `EXAMPLES`.
     """
 
@@ -44,22 +44,22 @@ class Stage:
 
     @property
     def python_name(self) -> str:
-        """The name as Python spells it."""
+        """The name with underscores instead of hyphens."""
         return self.name.replace("-", "_")
 
     @property
     def input_role_by_added_role(self) -> dict[str, str]:
-        """Role that it adds -> role of the input that it takes."""
+        """Role of each channel that it publishes -> role of the input channel that this is computed from."""
         return {each.role: each.source for each in PUBLISHED_CHANNELS if each.stage == self.name and each.role}
 
     @property
     def is_default(self) -> bool:
-        """Whether `cwcli run` runs it without being asked."""
+        """Whether `cwcli run` runs it without `--stage`."""
         return not self.instead_of and not self.on_request
 
     @property
     def required_role_groups(self) -> tuple[tuple[str, ...], ...]:
-        """Of each of these groups one role must be there."""
+        """Groups of alternative roles; the stage needs one of each group."""
         return (*((role,) for role in self.required), *self.one_of)
 
     @property
@@ -67,13 +67,13 @@ class Stage:
         """Its module, imported.
 
         Raises:
-            UsageError: There is none: the installation is broken, or something is missing from it.
+            UsageError: It can't be imported, because the installation is broken or incomplete.
         """
         return import_named_module(f"{self.package}.{self.python_name}", f"the stage {self.name}")
 
     @property
     def stage_function(self) -> Callable[..., Any]:
-        """(log, configuration) -> `StageResult`."""
+        """The function of the stage: (log, configuration) -> `StageResult`."""
         function: Callable[..., Any] = self._module_attribute(self.python_name)
         return function
 
@@ -91,14 +91,14 @@ class Stage:
 
     @property
     def evaluation_module(self) -> ModuleType | None:
-        """The module that judges it."""
+        """The module that evaluates its result, imported; None without one."""
         return import_named_module(self.evaluation, f"the stage {self.name}") if self.evaluation else None
 
     def _module_attribute(self, attribute: str) -> Any:
-        """What its module holds under a name.
+        """Return an attribute of the stage's module.
 
         Raises:
-            UsageError: There is no such module, or nothing of that name in it.
+            UsageError: The module, or the attribute, does not exist.
         """
         module = self.import_module
         try:
@@ -107,19 +107,19 @@ class Stage:
             raise _broken_module_error(f"the stage {self.name}", f"{module.__name__} has no {attribute}") from error
 
     def is_satisfied_by(self, roles: Collection[str]) -> bool:
-        """Whether these roles are enough."""
+        """Return whether these roles are all that the stage needs."""
         return all(any(role in roles for role in group) for group in self.required_role_groups)
 
 
 def import_named_module(module: str, what: str) -> ModuleType:
-    """A module that a table names.
+    """Import a module that a table names.
 
     Args:
-        module: Its name.
-        what: What it is for, for the error.
+        module: Its full name.
+        what: The thing that it implements, in words for the error.
 
     Raises:
-        UsageError: There is none, or none that it imports: the installation is broken.
+        UsageError: The module, or one that it imports, does not exist: the installation is broken.
     """
     try:
         return importlib.import_module(module)
@@ -128,4 +128,5 @@ def import_named_module(module: str, what: str) -> ModuleType:
 
 
 def _broken_module_error(what: str, problem: str) -> UsageError:
+    """Return the error for a module of the installation that can't be loaded."""
     return UsageError(f"{what} can't be loaded: {problem}", hint="install cwcli again")

@@ -32,10 +32,10 @@ ChosenStates = Annotated[
 
 @dataclass(frozen=True, kw_only=True)
 class StatesSelection(Selection):
-    """A selection with the states that are read.
+    """A selection with the kind of states that are read.
 
     Attributes:
-        states: "online": as they could have been known at their log time. "hindsight": with all that came later.
+        states: "online": estimated from earlier data only. "hindsight": estimated from the whole log.
     """
 
     states: ChosenStates = "online"
@@ -44,11 +44,11 @@ class StatesSelection(Selection):
 def choose_state_topics(
     topics: Mapping[str, str], which: States, channels: Sequence[ChannelLike], roles: Collection[str]
 ) -> dict[str, str]:
-    """Role -> topic: the choices of the user, and the online channels for the states among the roles.
+    """Return role -> topic: the choices of the user, and the online channels for the roles of states.
 
-    A stage binds the role of the states in hindsight (`ego_state`) and gets the channel that was asked for. What the
-    user names with `--topic ego_state=` counts; where a log has no online states (another version wrote it), those in
-    hindsight are left, and `note_on_hindsight_states` tells.
+    A stage binds the role of the states in hindsight (`ego_state`) and gets the channel of the chosen kind. A choice by
+    `--topic ego_state=` comes first. Where a log of another version has no online states, those in hindsight are used,
+    and `note_on_hindsight_states` says so.
     """
     chosen = dict(topics)
     if which == "hindsight":
@@ -74,10 +74,10 @@ def bind_state_channels(
     where: str = "",
     command: str = "",
 ) -> Bindings:
-    """`bind`, with the states that were asked for, and a note where they are not the online ones.
+    """Bind roles like `bind_roles`, with the chosen kind of states, and a note where states in hindsight are read.
 
     Raises:
-        UsageError, MissingSignalError: As `bind`.
+        UsageError, MissingSignalError: As `bind_roles` does.
     """
     chosen = choose_state_topics(selection.topics, selection.states, channels, (*required, *optional))
     bound = bind_roles(channels, chosen, required=required, optional=optional, where=where, command=command)
@@ -85,7 +85,7 @@ def bind_state_channels(
 
 
 def note_on_path_start_states(selection: StatesSelection, record: Record) -> tuple[str, ...]:
-    """What to say where the paths start from other states than those that are read; `record` is that of `predict`."""
+    """Return a note if the paths start from another kind of states than is read; `record` is that of `predict`."""
     used = read_configuration(record).get("states", "hindsight") if record else selection.states
     if used == selection.states:
         return ()
@@ -93,7 +93,7 @@ def note_on_path_start_states(selection: StatesSelection, record: Record) -> tup
 
 
 def note_on_hindsight_states(bound: Bindings, selection: StatesSelection) -> tuple[str, ...]:
-    """What to say where states in hindsight are read."""
+    """Return a note if states in hindsight are read."""
     used = [
         role
         for role in bound.by_role
@@ -112,13 +112,13 @@ def note_on_hindsight_states(bound: Bindings, selection: StatesSelection) -> tup
 def read_selected_states(
     log: Log, columns: Columns, role: str, selection: Selection
 ) -> tuple[VehicleStates, InputMessageCount]:
-    """The states of a channel in the chosen span, and what became of its messages.
+    """Read the states of a channel in the chosen span, and count its messages.
 
     Args:
         log: The log.
         columns: The channel.
-        role: What it is used as.
-        selection: Of the log.
+        role: The role in which it is used.
+        selection: The part of the log that is used.
 
     Raises:
         MissingSignalError: It is the ego's channel, and no state is left.

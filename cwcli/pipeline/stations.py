@@ -16,10 +16,11 @@ from cwcli.signals.role import Role
 from cwcli.text import escape_control_characters, format_count
 
 MAX_NAMED_STATIONS = 5
+"""Greatest number of stations that an error message names; chosen by hand."""
 
 
 def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalError:
-    """The error with the stations that were heard, and the option that makes one of them the ego.
+    """Return the error with the V2X stations of the log, and a hint at the option that makes one of them the ego.
 
     Returns:
         The error as it is where the log holds no V2X message that can be read.
@@ -42,7 +43,7 @@ def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalE
 
 
 def count_messages_by_station(log: Log) -> Counter[str]:
-    """Station id -> number of its usable messages, over all V2X channels of the log."""
+    """Count the usable messages of each station over all V2X channels of the log."""
     topics = {
         channel.topic: entry.fields.get(channel.message_encoding, ())
         for channel in log.channels

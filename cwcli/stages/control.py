@@ -38,9 +38,13 @@ EXAMPLES = (
     "cwcli control drive.mcap --predictor cj-cya -o braked.mcap --metrics-dir m/",
     "cwcli estimate drive.mcap -o - | cwcli control - --rule ttc --json",
 )
+"""Command lines that the help of `cwcli control` shows."""
 PAPER_RULE = "song2016"
+"""Name of the warning rule of song2016, which is the default when a predictor is chosen."""
 PATH_STEP_S = 0.05
+"""Time between the points of the predicted paths [s]: the default of `cwcli predict --step`."""
 MIN_SPAN_S = 0.1
+"""Shortest duration of a replay, and of its part beyond the record, that is accepted [s]; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,7 @@ class ControlConfig(StatesSelection):
         predictor: A key of `cwcli.prediction.models.MODELS`; None: the default one.
         rule: A key of `cwcli.warning.rules.RULES`, which finds the warnings; None: the paper's with a predictor that
             was chosen, else the default one.
-        horizon_s, distance_m: Of the rule, as in `WarningConfig`.
+        horizon_s, distance_m: Settings of the rule, as in `WarningConfig`.
         span: How much of the drive is replayed after each warning.
     """
 
@@ -162,7 +166,7 @@ def control(log: Log, config: ControlConfig) -> StageResult:
 
 
 def _read_recorded_tracks(log: Log, bound: Bindings, config: ControlConfig) -> dict[str, RecordedTrack]:
-    """Vehicle -> how it really moved: its states in hindsight."""
+    """Return each vehicle's recorded motion: its states in hindsight."""
     found: dict[str, RecordedTrack] = {}
     for role, columns in read_bound_columns(log, bound).items():
         states, _ = read_selected_states(log, columns, role, config)
@@ -180,7 +184,7 @@ def _replay_warnings(
     events: Sequence[Mapping[str, object]],
     span: ReplaySpan,
 ) -> tuple[list[PublishedReplay], list[str]]:
-    """One replay per event that no earlier replay covers, and what to say of the others."""
+    """Replay each event that no earlier replay covers; return the replays, and notes on the others."""
     by_id = {other.id: other for other in others}
     replayed: list[PublishedReplay] = []
     n_covered, busy_until_ns = 0, -1
@@ -211,15 +215,16 @@ def _replay_warnings(
 
 
 def _warning_raised_ns(event: Mapping[str, object]) -> int:
+    """Return when the warning of an event was raised [ns since the epoch]."""
     raised = event["raised_ns"]
     assert isinstance(raised, int | np.integer)
     return int(raised)
 
 
 def _steps_not_published_before(replayed: Sequence[PublishedReplay]) -> list[ReplayedSteps]:
-    """Of each replay the published steps that are later than all of the one before.
+    """Return for each replay the published steps that are later than all of the replay before.
 
-    The replays do not overlap in time but for the seconds before a warning, which only the first one tells.
+    Replays overlap in time only in the seconds before a warning, which the first one then publishes.
     """
     last_ns, steps = -1, []
     for one in replayed:
@@ -242,7 +247,7 @@ def _steps_not_published_before(replayed: Sequence[PublishedReplay]) -> list[Rep
 def _summary_tables(
     replayed: Sequence[PublishedReplay], start_ns: int, predictor: str, rule: str
 ) -> tuple[SummaryTable, ...]:
-    """The warnings, and what each policy makes of them."""
+    """Return the tables of the warnings and of the outcomes of each policy."""
     warnings: list[tuple[Cell, ...]] = []
     outcomes: list[tuple[Cell, ...]] = []
     for one in replayed:

@@ -64,8 +64,11 @@ EXAMPLES = (
     "cwcli estimate drive.mcap -o estimated.mcap --metrics estimate.parquet",
     "cwcli estimate drive.mcap --latency /gps/vel=300 -o estimated.mcap",
 )
+"""Command lines that the help of `cwcli estimate` shows."""
 EGO_SENSOR_ROLES = (Role.EGO_POSITION, Role.EGO_VELOCITY, Role.EGO_SPEED, Role.EGO_HEADING, Role.IMU)
+"""Roles of the signals that the ego is estimated from; the position comes first and is required."""
 MAX_BRIDGE_S = 60
+"""Longest pause of all the ego's sources together [s] over which the estimate goes on; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -103,12 +106,12 @@ class EstimateConfig:
 
 @dataclass(frozen=True)
 class EstimateEvidence:
-    """What is compared with the truth.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
         truths, remotes: Signals of the ego's truth and of the remote vehicles, () without any.
-        measurements: Of the ego, positions first.
-        ego: Its track.
+        measurements: Measurements of the ego, positions first.
+        ego: Estimated track of the ego.
         local_map: The map's place on the earth, or None where it has none.
     """
 
@@ -215,7 +218,7 @@ def estimate(log: Log, config: EstimateConfig) -> StageResult:
 
 
 def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
-    """The map frame: east-north-up at the first valid fix; None where the position is Cartesian from the start."""
+    """Return the map frame, east-north-up at the first valid fix; None where the positions are Cartesian."""
     position = sources.by_role[Role.EGO_POSITION][0]
     if not isinstance(position, PositionSignal):
         return None
@@ -228,6 +231,7 @@ def _map_at_first_fix(sources: SensorSignals) -> LocalMap | None:
 
 
 def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None) -> list[Measurements]:
+    """Return the measurements of all signals of the ego, in the order of `EGO_SENSOR_ROLES`."""
     found: list[Measurements] = []
     for role in EGO_SENSOR_ROLES:
         for signal in sources.by_role.get(role, ()):
@@ -239,7 +243,7 @@ def _collect_ego_measurements(sources: SensorSignals, local_map: LocalMap | None
 def _read_lever_arms_if_used(
     log: Log, sources: SensorSignals, estimator: EstimatorConfig
 ) -> tuple[LeverArms, tuple[InputMessageCount, ...], tuple[str, ...]]:
-    """What `read_lever_arms` does; of the paper's filter nothing."""
+    """Return what `read_lever_arms` returns, or nothing for the paper's filter, which has no lever arms."""
     if estimator.model != "cwcli":
         return {}, (), ()
     known = {channel.topic for channel in log.channels}
@@ -249,10 +253,10 @@ def _read_lever_arms_if_used(
 
 
 def _check_latency_topics(estimator: EstimatorConfig, log: Log) -> None:
-    """Refuse a latency of a topic that the log does not have: it would be ignored.
+    """Refuse a latency of a topic that the log does not have, because it would be ignored.
 
     Raises:
-        UsageError: As it says.
+        UsageError: There is no such topic.
     """
     if isinstance(estimator.latency, str):
         return
@@ -265,7 +269,7 @@ def _check_latency_topics(estimator: EstimatorConfig, log: Log) -> None:
 def _online_known_since_ns(
     measurements: Sequence[Measurements], online: Track, estimator: EstimatorConfig
 ) -> Int64Array:
-    """When the ego's online states could have been known, (n,)."""
+    """Return the log times at which the ego's online states could have been known [ns], (n,)."""
     slack_ns = STAMP_ROUNDING_SLACK_NS
     if estimator.model == "song2016":  # whose measurements go to the nearest step
         slack_ns += round(0.5 * estimator.song2016_step_s * NS_PER_S)
@@ -281,6 +285,7 @@ def _build_summary(
     online: Sequence[OnlineAvailability],
     transforms: Sequence[InputMessageCount],
 ) -> StageSummary:
+    """Return the summary of the stage: tables, input counts, notes, verdict and contradictions."""
     signals = [s for found in sources.by_role.values() for s in found if isinstance(s, TimedSignal) and len(s.stamp_ns)]
     start_ns = min(int(signal.stamp_ns[0]) for signal in signals)
     end_ns = max(int(signal.stamp_ns[-1]) for signal in signals)
@@ -303,7 +308,7 @@ def _build_summary(
 
 
 def _shared_remote_notes(tracks: Mapping[str, TrackSummary]) -> list[str]:
-    """The remote vehicles' notes; one that several share is told once."""
+    """Return the remote vehicles' notes; a note that several vehicles share is listed once."""
     stations: dict[str, list[str]] = {}
     for station, track in tracks.items():
         for note in track.notes if station != EGO_ID else ():

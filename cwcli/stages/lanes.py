@@ -57,15 +57,19 @@ EXAMPLES = (
     "cwcli lanes drive.mcap -o lanes.mcap --render /camera/annotated",
     "cwcli lanes drive.mcap --method zhang2011 --seed 1 --camera-height 1.4",
 )
+"""Command lines that the help of `cwcli lanes` shows."""
 PREVIEW_M = 33.5
-"""Distance of the paper's preview point."""
+"""Default distance of the preview point ahead of the camera [m], that of zhang2011."""
 MAX_PREVIEW_M = 1000.0
+"""Greatest distance of the preview point that is accepted [m]; chosen by hand."""
 FIELD_OF_VIEW_RAD = (np.radians(1.0), np.radians(175.0))
+"""Least and greatest horizontal field of view that is accepted [rad]; chosen by hand."""
 COLOUR_INTERVAL_NS = 1_000_000_000
-"""A frame in so long is decoded in colour, too: a colour picture costs twice as much as a grey one."""
+"""Interval at which a frame is also decoded in colour [ns], which costs twice as much as grey; chosen by hand."""
 MAX_GAP_NS = 500_000_000
-"""A longer gap between two frames starts a new search."""
+"""Longest gap between two frames [ns] over which a search goes on; chosen by hand."""
 NUMBERS_PER_FRAME = 8
+"""Length of a frame's entry in `_numbers`: index, log time, stamp, number, two image sizes [px]."""
 
 Rows = npt.NDArray[np.intp]
 
@@ -77,7 +81,7 @@ class LanesConfig(Selection):
     Attributes:
         method: A key of `vision.methods.METHODS`.
         model: Of a method that takes one (`Method.with_model`): the file, else None.
-        seed: Of random searches.
+        seed: Seed of random searches.
         preview_m: Distance of the preview point ahead of the camera.
         mounting: Of the camera; what it leaves open is taken from the log's transforms, else the stated default.
         field_of_view_rad: Horizontal, for a log without calibration; None: the stated default.
@@ -208,7 +212,7 @@ def lanes(log: Log, config: LanesConfig) -> StageResult:
 def _mounting_with_calibrated_pitch(
     config: LanesConfig, topic: str
 ) -> tuple[MountingChoice | Mounting, tuple[str, ...]]:
-    """The user's choice, with the calibration's pitch where that is left open, and a note on it."""
+    """Return the user's choice, completed with the calibration's pitch where it has none, and a note on it."""
     known = (
         UNKNOWN_CONSTANT
         if config.calibration is None
@@ -223,7 +227,7 @@ def _mounting_with_calibrated_pitch(
 
 
 def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[str, ...]:
-    """What was taken out of the frames, if anything was."""
+    """Return a note on the distortion and roll that were removed from the frames, if any."""
     if not is_rectified:
         return ()
     camera = source.camera_for_size(1000, 1000)
@@ -234,12 +238,13 @@ def _note_on_rectification(source: CameraSource, is_rectified: bool) -> tuple[st
 
 
 def _camera_frame_id(log: Log, topic: str) -> str:
-    """Of the camera's images, "" if it has none."""
+    """Return the frame of reference of the camera's images; "" without images."""
     first = next(iter(log.frames(topic)), None)
     return "" if first is None else first.frame_id
 
 
 def _no_usable_frame_error(where: str, rejected: Mapping[str, int]) -> DataError:
+    """Return the error for a camera without a usable frame, with the reasons and their counts."""
     if not rejected:
         return DataError("there is no frame in the chosen span", where=where)
     found = tuple(f"{count} frames: {reason}" for reason, count in rejected.items())
@@ -314,6 +319,7 @@ class _LaneSearchRun:
         self.n_without_stamp += not decoded.has_stamp
 
     def _start_search(self, size: tuple[int, int], image: GreyImage) -> None:
+        """Begin a new search, for images of another size with a new camera."""
         self._search = self._method.make(self._seed)
         self.n_searches += 1
         if size == self._size:
@@ -330,12 +336,12 @@ class _LaneSearchRun:
         self._camera = self._camera_of_searched_image(size, (image.shape[1], image.shape[0]))
 
     def _camera_of_searched_image(self, image_size: tuple[int, int], search_size: tuple[int, int]) -> Camera:
-        """The camera in the pixels of the image that is searched."""
+        """Return the camera in pixels of the image that is searched."""
         camera = self._source.camera_for_size(*image_size).with_image_size(*search_size)
         return rectified_camera(camera) if self._is_rectified else camera
 
     def collect_lane_frames(self, config: LanesConfig, *, is_pitch_known: bool) -> LaneFrames:
-        """All used frames with their place on the road."""
+        """Return all used frames with their boundaries in the image and on the road."""
         numbers = np.array(self._numbers, np.int64).reshape(-1, NUMBERS_PER_FRAME)
         fits = self._recorder.to_columns()
         image_size, search_size = numbers[:, 4:6], numbers[:, 6:8]
@@ -381,7 +387,7 @@ class _LaneSearchRun:
 
 
 def _merge_geometry(parts: list[tuple[Rows, LaneGeometry]], n: int) -> LaneGeometry:
-    """The geometry of frames of several sizes, in the order of the frames."""
+    """Merge the geometry of n frames of several sizes, in the order of the frames."""
     whole: dict[str, FloatArray] = {}
     for rows, part in parts:
         for name, values in vars(part).items():

@@ -32,6 +32,7 @@ EXAMPLES = (
     "cwcli measure estimated.mcap -o measured.mcap --metrics measures.parquet",
     "cwcli measure tracked.mcap --measures ttc,pet,drac --json",
 )
+"""Command lines that the help of `cwcli measure` shows."""
 SHOWN_MEASURES = {
     "gap": "gap [m]",
     "ttc": "TTC [s]",
@@ -41,11 +42,15 @@ SHOWN_MEASURES = {
     "ttr": "TTR [s]",
     "delta-v": "Delta v [m/s]",
 }
+"""Measure -> its heading with unit in the table of encounters."""
 MAX_ENCOUNTERS_SHOWN = 20
+"""Greatest number of encounters, or conflicts, that a table of the summary shows; chosen by hand."""
 CONFLICT_TTC_S = 1.0
+"""An encounter with a time to collision below this [s] is judged as a conflict; chosen by hand."""
 
 
 def _split_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
@@ -55,7 +60,7 @@ class MeasureConfig(StatesSelection):
 
     Attributes:
         states: Of the ego and the others; what really happened is in those of hindsight.
-        measures: Names of measures; empty: all that are not dear.
+        measures: Names of measures; empty: those of `cheap_measure_names`.
         with_sigma: Give the most critical values a sigma, by the states' covariances.
     """
 
@@ -135,12 +140,12 @@ def measure(log: Log, config: MeasureConfig) -> StageResult:
 
 
 def cheap_measure_names() -> tuple[str, ...]:
-    """The measures that are not dear."""
+    """Return the names of the measures that are cheap to compute, the default."""
     return tuple(name for name, entry in MEASURES.items() if not entry.is_expensive)
 
 
 def _measure_pairs(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[list[MeasuredPair], list[str]]:
-    """The pairs that come near each other, and notes."""
+    """Measure the pairs that come near each other; return them, and notes."""
     pairs, n_far, n_assumed = [], 0, int(not np.isfinite(tracks.ego.length_m).any())
     for other_id, other in tracks.others.items():
         pair = tracks.pair_with_ego(other_id)
@@ -159,7 +164,7 @@ def _measure_pairs(tracks: TracksOfLog, chosen: Mapping[str, Measure]) -> tuple[
 
 
 def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list[JudgedConflict]:
-    """Each encounter in which the outlines touched, or were less than `CONFLICT_TTC_S` from it."""
+    """Judge each encounter in which the outlines touched or the time to collision was below `CONFLICT_TTC_S`."""
     judged = []
     for pair in pairs:
         if not {"gap", "ttc"} <= set(pair.values):
@@ -180,7 +185,7 @@ def _judge_conflicts(tracks: TracksOfLog, pairs: Sequence[MeasuredPair]) -> list
 
 
 def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tuple[SummaryTable, ...]:
-    """What each driver model would have made of the conflicts."""
+    """Return the table of the outcomes of the conflicts with each driver model; () without conflicts."""
     rows: list[tuple[Cell, ...]] = []
     for conflict in judged[:MAX_ENCOUNTERS_SHOWN]:
         at_s = (conflict.conflict_ns - start_ns) / NS_PER_S
@@ -197,7 +202,7 @@ def _driver_models_table(judged: Sequence[JudgedConflict], start_ns: int) -> tup
 
 
 def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTable:
-    """The most critical encounters, those with the least time to collision first, then the nearest."""
+    """Return the table of encounters, those with the least time to collision first, then the nearest."""
     found = [row for pair in pairs for row in _encounter_rows(pair, start_ns)]
     order = [row for _, row in sorted(found, key=lambda each: each[0])]
     columns = ("vehicle", "from [s]", "to [s]", *SHOWN_MEASURES.values())
@@ -210,7 +215,7 @@ def _encounters_table(pairs: Sequence[MeasuredPair], start_ns: int) -> SummaryTa
 
 
 def _encounter_rows(pair: MeasuredPair, start_ns: int) -> list[tuple[tuple[float, ...], tuple[Cell, ...]]]:
-    """What they are ordered by, and the row."""
+    """Return the sort key and the table row of each encounter of a pair."""
     by_number: dict[int, dict[str, ExtremeValue]] = {}
     for extreme in pair.extremes:
         if extreme.encounter != WHOLE_TIME_ENCOUNTER:

@@ -34,12 +34,15 @@ from cwcli.stages.inputs.sources import read_sensor_signals
 from cwcli.stages.summaries import largest_finite_magnitude, median_of_finite
 
 READ_FIELDS: dict[str, tuple[str, ...]] = {LANES.role: FIELDS_FOR_OBSERVER, Role.LATERAL_TRUTH: TRUTH_FIELDS}
+"""Role -> the leaf fields that are read of its channel."""
 EXAMPLES = (
     "cwcli observe lanes.mcap -o observed.mcap --vehicle vehicle.toml",
     "cwcli observe lanes.mcap --method zhang2011 --load full",
     "cwcli lanes drive.mcap -o - | cwcli observe - -o observed.mcap",
 )
+"""Command lines that the help of `cwcli observe` shows."""
 SENSOR_ROLES = (Role.EGO_SPEED, Role.EGO_VELOCITY, Role.IMU, Role.EGO_STEER)
+"""Roles of the ego's own sensors that the observer may use."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class ObserveConfig(StatesSelection):
 
 @dataclass(frozen=True)
 class ObserverEvidence:
-    """What is compared with the truth.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
         track: The observed motion.
@@ -175,7 +178,7 @@ def observe(log: Log, config: ObserveConfig) -> StageResult:
 
 
 def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
-    """Why there is no speed: none of the channels, several of them, or none with a usable message."""
+    """Return the error for a missing speed: no channel, several of them, or none with a usable message."""
     try:
         bind_roles(log.channels, config.topics, required=(Role.EGO_SPEED,), where=log.name, command="observe")
     except MissingSignalError as error:
@@ -190,6 +193,7 @@ def _no_speed_error(log: Log, config: ObserveConfig) -> MissingSignalError:
 def _build_notes(
     own: Bindings, inputs: ObserverInputs, track: LateralTrack, vehicle: Vehicle, config: ObserveConfig
 ) -> tuple[str, ...]:
+    """Return the notes on the inputs, the car and the frames."""
     notes = [*own.notes, *inputs.notes, *track.notes]
     if config.vehicle is None:
         notes.append(f"no car was named: the shipped example {vehicle.name} is assumed (--vehicle)")
@@ -202,7 +206,7 @@ def _build_notes(
 
 
 def _observed_frames_table(track: LateralTrack, inputs: ObserverInputs) -> SummaryTable:
-    """How many frames have a state, and what the states are like."""
+    """Return the table of the observed frames and their states."""
     n = len(track)
     rows: list[tuple[Cell, ...]] = [("frames", n)]
     rows += [(f"frames {name.replace('_', ' ')}", count) for name, count in track.counts.items() if count]

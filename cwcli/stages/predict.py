@@ -24,6 +24,7 @@ EXAMPLES = (
     "cwcli predict estimated.mcap -o predicted.mcap --horizon 3",
     "cwcli estimate drive.mcap -o - | cwcli predict - -o predicted.mcap",
 )
+"""Command lines that the help of `cwcli predict` shows."""
 
 
 @dataclass(frozen=True)

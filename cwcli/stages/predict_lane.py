@@ -44,10 +44,13 @@ EXAMPLES = (
     "cwcli predict-lane observed.mcap -o predicted.mcap --horizon 2",
     "cwcli predict-lane observed.mcap -o predicted.mcap --render /camera/drawn",
 )
+"""Command lines that the help of `cwcli predict-lane` shows."""
 MODEL_NAMES = {"cwcli": "lateral", "zhang2011": "lateral-zhang2011"}
 """Path model of `prediction.lateral` -> its name in `cwcli.v1.PredictedPath`."""
 NO_STATE = "no state"
+"""The reason for setting a frame aside in which the observer has no state."""
 NO_POSE = "no ego state near it"
+"""The reason for setting a frame aside that can't be placed, because no ego state is close to it in time."""
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -129,7 +132,7 @@ class BodyPaths:
     def predict_from_frames(
         cls, observed: ObservedDrive, vehicle: Vehicle, config: LateralPathConfig, *, calibrate: bool
     ) -> BodyPaths:
-        """Predict from each frame.
+        """Predict a path from each frame.
 
         Args:
             observed: The channel.
@@ -146,11 +149,11 @@ class BodyPaths:
 
 @dataclass(frozen=True)
 class LanePathEvidence:
-    """What is compared with what then happened.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
-        body: The paths, in the car's own axes.
-        poses: Where they are placed.
+        body: The paths in the body frame.
+        poses: The poses at which the paths start.
         truths: Signals of the ego's truth, () without one.
         lateral: Columns of the truth of the lateral motion, None without one.
     """
@@ -223,7 +226,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
 
 
 def has_lane_channel(log: Log) -> bool:
-    """Whether the log holds the channel of `cwcli lanes`."""
+    """Return whether the log holds the channel of `cwcli lanes`."""
     return LANES.topic in {channel.topic for channel in log.channels}
 
 
@@ -288,7 +291,7 @@ def draw_paths_into_images(
 def _place_paths_in_map(
     body: BodyPaths, poses: VehiclePoses, has_state: BoolArray, topic: str
 ) -> tuple[OutputChannel, InputMessageCount]:
-    """The channel: the paths that start from a known pose, and why the others are left out."""
+    """Return the channel of the paths that start from a known pose, and the counts of the others by reason."""
     has_pose = np.isfinite(poses.at_xy_m[:, 0]) & np.isfinite(poses.at_yaw_rad)
     rows = np.flatnonzero(has_state & has_pose)
     x_m, y_m = poses.at_xy_m[rows].T

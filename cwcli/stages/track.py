@@ -52,10 +52,13 @@ EXAMPLES = (
     "cwcli track drive.mcap --filter ekf --causal",
     "cwcli track drive.mcap --sensor /radar/scan:x=3.6,y=-0.4,yaw_deg=-30",
 )
+"""Command lines that the help of `cwcli track` shows."""
 UNASSIGNED_REASONS = ("outside the gate", "belongs to no confirmed track")
 """Reasons that lie in the scene and not in the data: they are no faults."""
 MAX_TARGETS_SHOWN = 20
+"""Greatest number of targets that the table of the summary shows; chosen by hand."""
 S_PER_NS = 1e-9
+"""Number of seconds in a nanosecond."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ class TrackConfig:
 
 @dataclass(frozen=True)
 class TrackingEvidence:
-    """What is compared with the truth.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
         result: The tracks.
@@ -181,7 +184,7 @@ def track(log: Log, config: TrackConfig) -> StageResult:
 
 
 def _replace_clutter_density(model: SensorModel, kind: DetectionKind) -> SensorModel:
-    """The model with a clutter density that is not taken from the log."""
+    """Return the model with the default clutter density, instead of one estimated from the log, if none is set."""
     return (
         model
         if model.clutter_density is not None
@@ -190,13 +193,14 @@ def _replace_clutter_density(model: SensorModel, kind: DetectionKind) -> SensorM
 
 
 def _ego_motion_of_states(states: VehicleStates | None) -> EgoStates | None:
+    """Return the ego's motion for the tracker; None without states."""
     return None if states is None else EgoStates.from_states(states.stamp_ns, states.state)
 
 
 def _read_ego_states(
     log: Log, config: SourceConfig, which: States
 ) -> tuple[VehicleStates | None, tuple[InputMessageCount, ...]]:
-    """The car's states by stamp, if an earlier `cwcli estimate` has left them in the log."""
+    """Read the ego's states by stamp and their counts; None and () if the log holds none."""
     chosen = choose_state_topics(config.topics, which, log.channels, (EGO_STATE.role,))
     bound = bind_roles(log.channels, chosen, required=(), optional=(EGO_STATE.role,), where=log.name)
     topic = bound.first_topic_of_role(EGO_STATE.role)
@@ -210,6 +214,7 @@ def _read_ego_states(
 
 
 def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: str, config: TrackConfig) -> list[str]:
+    """Return the notes on the tracker's choice, the sensors and the innovations."""
     notes = list(result.notes)
     if config.targets == "auto":
         notes.append(f"tracked as {how} target{'s' if how == 'many' else ''} (--targets one|many says so for itself)")
@@ -231,7 +236,7 @@ def _build_notes(result: TrackResult, signals: Sequence[DetectionSignal], how: s
 
 
 def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[InputMessageCount, ...]:
-    """What became of the detections, by sensor. One that fits no track is used all the same: it was weighed."""
+    """Count the detections of each sensor; one that fits no track counts as used, because it was considered."""
     found = []
     for source, count in counts.items():
         faults = {reason: n for reason, n in count.rejected.items() if reason not in UNASSIGNED_REASONS}
@@ -243,12 +248,13 @@ def _count_detections_by_sensor(counts: Mapping[str, DetectionCounts]) -> tuple[
 def _summary_tables(
     result: TrackResult, kinds: Mapping[str, DetectionKind], *, in_map: bool
 ) -> tuple[SummaryTable, ...]:
-    """The stage's tables for the terminal."""
+    """Return the stage's tables for the terminal, without empty ones."""
     found = [_sensors_table(result), _noise_table(result, kinds), _targets_table(result, in_map)]
     return tuple(item for item in found if item.rows)
 
 
 def _sensors_table(result: TrackResult) -> SummaryTable:
+    """Return the table of the sensors: what became of their detections, and the innovations."""
     rows: list[tuple[Cell, ...]] = []
     for source, count in result.counts.items():
         check = result.consistency.get(source)
@@ -261,6 +267,7 @@ def _sensors_table(result: TrackResult) -> SummaryTable:
 
 
 def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
+    """Return the cells for the normalised innovation squared, its bounds and whether it lies within them."""
     if check is None or not check.dof > 0.0:
         return None, bounds_cell(np.nan, np.nan), NIS_CELLS[None]
     bounds = bounds_cell(check.low / check.dof, check.high / check.dof)
@@ -268,6 +275,7 @@ def _nis_cells(check: NisConsistency | None) -> tuple[Cell, ...]:
 
 
 def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> SummaryTable:
+    """Return the table of the noise found by maximum likelihood; one without rows if none was."""
     if result.tuned is None:
         return SummaryTable("noise", "", (), ())
     rows: list[tuple[Cell, ...]] = [
@@ -286,10 +294,12 @@ def _noise_table(result: TrackResult, kinds: Mapping[str, DetectionKind]) -> Sum
 
 
 def _process_noise_cell(name: str, unit: str) -> CellWithValues:
+    """Return a cell that names a process noise and its unit."""
     return CellWithValues(f"{name} [{unit}]", {"": name, "unit": unit})
 
 
 def _targets_table(result: TrackResult, in_map: bool) -> SummaryTable:
+    """Return the table of the longest tracks, by id."""
     start_ns = min((int(track.stamp_ns[0]) for track in result.tracks), default=0)
     longest = sorted(result.tracks, key=len, reverse=True)[:MAX_TARGETS_SHOWN]
     rows: list[tuple[Cell, ...]] = []

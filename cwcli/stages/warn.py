@@ -31,11 +31,15 @@ EXAMPLES = (
     "cwcli warn predicted.mcap --rule song2016 --horizon 2.5 --distance 2.5",
     "cwcli warn predicted.mcap --rules cwcli,ttc -o warned.mcap",
 )
+"""Command lines that the help of `cwcli warn` shows."""
 EGO_INPUT_ROLES = (EGO_STATE.role, EGO_PATH.role)
+"""Roles of the ego's states and of its predicted paths."""
 REMOTE_INPUT_ROLES = (REMOTE_STATE.role, REMOTE_PATH.role)
+"""Roles of the remote vehicles' states and of their predicted paths."""
 
 
 def _split_names(text: str) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))
 
 
@@ -78,11 +82,11 @@ class WarnConfig(StatesSelection):
 
 @dataclass(frozen=True)
 class WarningEvidence:
-    """What is held against what really happened.
+    """Values that the evaluation of the stage needs.
 
     Attributes:
-        found: The warnings, rule by rule.
-        outcomes: What is said of them, likewise, before their events are numbered on.
+        found: The warnings of each rule.
+        outcomes: Rows and tables of each rule, before event ids are made unique over the rules.
         earlier: Warnings that were in the channel before.
     """
 
@@ -165,6 +169,7 @@ def warn_ego_of_others(log: Log, config: WarnConfig, stage: str, others: tuple[s
 
 
 def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) -> tuple[SummaryTable, ...]:
+    """Return the tables of a rule's warnings and of what became of its evaluations."""
     events: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],

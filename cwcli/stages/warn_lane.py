@@ -35,9 +35,13 @@ EXAMPLES = (
     "cwcli warn-lane predicted.mcap -o warned.mcap",
     "cwcli warn-lane predicted.mcap --line-crossing 1.0 --json",
 )
+"""Command lines that the help of `cwcli warn-lane` shows."""
 REQUIRED_ROLES = (OBSERVER_PATH.role, LANES.role)
+"""Roles of the channels that the stage needs: the predicted paths, then the lanes."""
 NO_PATH = "no path from the observer"
+"""The reason for setting a frame of the lanes aside from which no path starts."""
 MIN_HORIZON_S = 0.05
+"""Shortest span [s] of the placeholder paths where the log holds none: one step of `cwcli predict-lane`."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
 
 
 def _first_frame_of_each_stamp(lanes: LaneRows, vehicle: Vehicle) -> tuple[Int64Array, Int64Array, LaneBoundaries]:
-    """Stamps, log times and boundaries of the frames in the order of their stamps, the first of each stamp."""
+    """Return stamps, log times and boundaries of the first frame of each stamp, in the order of the stamps."""
     rows = sort_rows_by_stamp(lanes.stamp_ns)
     left, right = np.moveaxis(lanes.valid_road_lines()[rows], 1, 0)
     log_time_ns = np.maximum.accumulate(lanes.log_time_ns[rows])
@@ -116,7 +120,7 @@ def _spread_paths_over_frames(
     n: int,
     horizon_s: float,
 ) -> Paths:
-    """The paths at the rows of n frames; NaN in the others."""
+    """Return paths for n frames: those of index `of` at the frames `rows`, NaN at the others."""
     time_s = paths.time_s if len(paths) else np.array([0.0, max(horizon_s, MIN_HORIZON_S)])
     k = len(time_s)
 
@@ -131,6 +135,7 @@ def _spread_paths_over_frames(
 
 
 def _departures_tables(result: LaneDepartureResult, start_ns: int) -> tuple[SummaryTable, ...]:
+    """Return the tables of the lane departures and of what became of the frames."""
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (
             event["event_id"],

@@ -13,6 +13,7 @@ EXAMPLES = (
     "cwcli warn-targets tracked.mcap -o warned.mcap",
     "cwcli warn-targets tracked.mcap --rule path-ttc --json",
 )
+"""Command lines that the help of `cwcli warn-targets` shows."""
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,14 @@ from cwcli.signals.units import NS_PER_S
 from cwcli.stages.inputs.sources import SensorSignals
 
 UP_AXIS = 2
+"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
 def apply_calibration_to_sources(sources: SensorSignals, calibration: Calibration | None) -> SensorSignals:
-    """The sources, those that the calibration knows corrected: speed, velocity and the gyroscope's turn rate.
+    """Correct the speed, velocity and gyroscope signals of the sources that the calibration knows.
 
     Raises:
-        UsageError: There are such sources, and it knows none of them.
+        UsageError: There are such signals, and the calibration knows none of their sources.
     """
     if calibration is None:
         return sources
@@ -42,10 +43,12 @@ def apply_calibration_to_sources(sources: SensorSignals, calibration: Calibratio
 
 
 def _is_calibrated_signal(signal: Signal) -> bool:
+    """Return whether the signal is of a kind that a calibration corrects."""
     return isinstance(signal, SpeedSignal | VelocitySignal | ImuSignal)
 
 
 def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
+    """Return the signal without the latency, scale, bias and tilt that the calibration knows of it."""
     if isinstance(signal, SpeedSignal):
         scale = calibration.find_constant(signal.source, Kind.SPEED, "scale").value
         return replace(
@@ -70,9 +73,11 @@ def _apply_calibration(signal: Signal, calibration: Calibration) -> Signal:
 
 
 def _calibrated_latency_ns(calibration: Calibration, source: str, kind: Kind) -> int:
+    """Return the latency of a source for one quantity [ns]; 0 where it is not known."""
     latency_s = calibration.find_constant(source, kind, "latency_s").value
     return 0 if np.isnan(latency_s) else round(latency_s * NS_PER_S)
 
 
 def _calibrated_bias(calibration: Calibration, source: str) -> float:
+    """Return the bias of a source's yaw rate [rad/s]; 0 where it is not known."""
     return float(np.nan_to_num(calibration.find_constant(source, Kind.YAW_RATE, "bias").value))

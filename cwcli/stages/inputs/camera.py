@@ -49,20 +49,22 @@ from cwcli.vision.rectify import needs_rectifying
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT
 
 UNKNOWN_DISTORTION_TEXT = "calibration with an unknown distortion model"
+"""The reason under which the messages of a calibration that can't be applied are counted as rejected."""
 RECORDED_LANES_SETTINGS = ("mounting", "topics")
+"""Keys of the recorded configuration of `cwcli lanes` that say how its camera was found."""
 
 
 @dataclass(frozen=True)
 class CameraSource:
-    """Makes the camera for an image size.
+    """The calibration and the mounting of a camera, which give the camera model for an image size.
 
     Attributes:
         info: The log's calibration, or None.
-        mounting: On the car.
-        field_of_view_rad: Horizontal, for a log without calibration.
+        mounting: The camera's pose on the car.
+        field_of_view_rad: Horizontal field of view, for a log without calibration.
         is_rectified: The topic's name says that the images are rectified.
-        counts: What became of the calibration messages.
-        notes: For the user.
+        counts: Counts of the calibration messages.
+        notes: Notes for the user.
     """
 
     info: CameraInfoSignal | None
@@ -73,7 +75,7 @@ class CameraSource:
     notes: tuple[str, ...] = ()
 
     def camera_for_size(self, width_px: int, height_px: int) -> Camera:
-        """The camera for images of a size; a calibration for another size is scaled."""
+        """Return the camera for images of a size; a calibration for another size is scaled."""
         if self.info is None:
             return default_camera(width_px, height_px, self.mounting, field_of_view_rad=self.field_of_view_rad)
         return camera_from_calibration(self.info, self.mounting, is_rectified=self.is_rectified).with_image_size(
@@ -81,11 +83,11 @@ class CameraSource:
         )
 
     def needs_rectifying(self) -> bool:
-        """Whether the frames differ from those of a pinhole without roll, whatever their size."""
+        """Return whether the frames differ from those of a pinhole camera without roll."""
         return needs_rectifying(self.camera_for_size(1000, 1000))
 
     def shape_mismatch_note(self, width_px: int, height_px: int) -> str:
-        """What to tell if the calibration is for images of another shape, else ""."""
+        """Return a note if the calibration is for images of another shape, else ""."""
         if self.info is None or self.info.width_px * height_px == self.info.height_px * width_px:
             return ""
         name, size = self.info.source, f"{self.info.width_px} x {self.info.height_px}"
@@ -103,9 +105,9 @@ def find_camera_source(
 
     Args:
         log: The log.
-        camera_topic: Where the frames are.
+        camera_topic: The topic of the frames.
         topics: The user's `--topic` choices.
-        mounting: On the car.
+        mounting: The camera's pose on the car.
         field_of_view_rad: The user's, or None. It counts only if the log holds no calibration.
     """
     chosen = dict(topics)
@@ -139,17 +141,17 @@ def find_camera_source(
 
 
 def camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool) -> tuple[str, CameraSource]:
-    """The camera in whose frames `cwcli lanes` found the lanes, and its topic.
+    """Return the topic of the camera in whose frames `cwcli lanes` found the lanes, and the camera.
 
-    Its record says how it was run; where the log does not tell, its defaults are taken.
+    The settings come from the record of `cwcli lanes`; the defaults stand in for those that it lacks.
 
     Args:
-        log: With the channel of the lanes.
+        log: A log with the channel of the lanes.
         topics: Role -> topic, the user's choices; they count before the record's.
-        is_needed: The frames themselves are.
+        is_needed: Whether the frames themselves are needed.
 
     Raises:
-        MissingSignalError: They are needed, and the log holds none.
+        MissingSignalError: Frames are needed, and the log holds none.
     """
     record = read_run_records(log).get(LANES.stage, {})
     configuration = read_configuration(record)
@@ -177,15 +179,17 @@ def camera_used_by_lanes(log: Log, topics: Mapping[str, str], *, is_needed: bool
 
 
 def _reject_used_messages(count: InputMessageCount) -> InputMessageCount:
-    """The messages that were used are rejected: the lens is unknown, so any use of them would be a guess."""
+    """Count the used messages as rejected: they can't be applied, because the distortion model is unknown."""
     return replace(count, used=0, rejected={**count.rejected, UNKNOWN_DISTORTION_TEXT: count.used})
 
 
 def _camera_info_topics(log: Log) -> list[str]:
+    """Return the topics of the log that hold camera calibrations."""
     return [channel.topic for channel in log.channels if find_input_for_role(Role.CAMERA_INFO, channel.schema_name)]
 
 
 def _topic_namespace(topic: str) -> str:
+    """Return the topic without its last part: `/camera` for `/camera/image`."""
     return topic.rpartition("/")[0]
 
 
@@ -194,10 +198,10 @@ class MountingSource:
     """The mounting and where it comes from.
 
     Attributes:
-        mounting: To be used.
-        is_pitch_known: Given by the user or by the log.
-        counts: What became of the transforms' messages.
-        notes: For the user.
+        mounting: The mounting.
+        is_pitch_known: The pitch is given by the user or by the log.
+        counts: Counts of the messages with transforms.
+        notes: Notes for the user.
     """
 
     mounting: Mounting
@@ -214,8 +218,8 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
 
     Args:
         log: The log.
-        frame_id: Of the camera's images.
-        choice: The user's; a whole `Mounting` leaves nothing open.
+        frame_id: Frame of reference of the camera's images.
+        choice: The user's choice; a whole `Mounting` is used as it is.
     """
     if isinstance(choice, Mounting):
         return MountingSource(choice, is_pitch_known=choice.pitch_rad != 0.0)
@@ -240,6 +244,7 @@ def find_mounting(log: Log, frame_id: str, choice: MountingChoice | Mounting) ->
 def _pose_from_transforms(
     log: Log, frame_id: str
 ) -> tuple[CameraPose | None, tuple[InputMessageCount, ...], tuple[str, ...]]:
+    """Return the camera's pose on the car from the log's transforms or None, message counts, and notes."""
     topics = sorted(
         {channel.topic for channel in log.transform_channels() if not _is_option_disabled(channel.topic)},
         key=lambda topic: ("static" not in topic, topic),
@@ -272,7 +277,7 @@ def _pose_from_transforms(
 
 
 def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) -> str:
-    """Why a pose is not that of a camera that looks ahead from a car, else ""."""
+    """Return why a pose is not that of a camera that looks ahead from a car; else ""."""
     if pose is None:
         return f"{frame_id} does not look ahead from {body}"
     if not CAMERA_HEIGHT_RANGE_M[0] <= pose.height_m <= CAMERA_HEIGHT_RANGE_M[1]:
@@ -285,11 +290,12 @@ def _implausible_pose_text(pose: CameraPose | None, frame_id: str, body: str) ->
 
 
 def _is_option_disabled(topic: str) -> bool:
+    """Return whether the transforms of a topic are not used: cwcli wrote them, or they are a truth."""
     return topic.startswith(OWN_TOPIC_PREFIX) or is_truth_topic(topic)
 
 
 def span_without_stray_frames(log: Log, topic: str, span: Selection) -> Selection:
-    """The span without the times at which nothing but frames far from all others was logged."""
+    """Return the span without the log times of frames that are far in time from all others."""
     logged = log.log_times_ns(topic).view(np.int64)
     first_ns, last_ns = log_time_span_without_strays(
         [logged[[span.includes_log_time(each) for each in logged.tolist()]]]

@@ -23,14 +23,16 @@ from cwcli.stages.inputs.calibrated import apply_calibration_to_sources
 from cwcli.stages.inputs.sources import read_sensor_signals
 
 UP_AXIS = 2
+"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 
 
 EMPTY_SERIES = Series(np.zeros(0, np.int64), np.zeros(0))
+"""The series of a quantity that the log does not hold."""
 
 
 @dataclass(frozen=True)
 class MotionSeries:
-    """Speed and yaw rate over time, with what became of the messages that they come from."""
+    """Speed and yaw rate over time, with the counts of the messages that they come from."""
 
     speed_mps: Series = EMPTY_SERIES
     yaw_rate_radps: Series = EMPTY_SERIES
@@ -39,8 +41,7 @@ class MotionSeries:
 
 
 def read_motion(log: Log, topics: Mapping[str, str], calibration: Calibration | None = None) -> MotionSeries:
-    """The estimated state if `cwcli estimate` has run; else the speed channel and the gyroscope, as far as there are
-    any."""
+    """Read speed and yaw rate from the states of `cwcli estimate`, or else from the speed channel and the gyroscope."""
     bound = bind_roles(log.channels, topics, required=(), optional=(EGO_STATE.role,), where=log.name)
     topic = bound.first_topic_of_role(EGO_STATE.role)
     if topic is not None:

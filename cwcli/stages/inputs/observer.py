@@ -27,29 +27,39 @@ from cwcli.stages.inputs.sources import SensorSignals
 from cwcli.vision.method import LaneState
 
 UP_AXIS = 2
+"""Column of the turn rate about the upward axis in `ImuSignal.gyro_radps` (x, y, z)."""
 PREVIEW_VALUE_LIMITS = np.array([1e3, math.pi / 2.0, 1.0])
 """Greatest magnitudes of the values at the preview point (m, rad, 1/m); larger ones are left out. Chosen by hand."""
 MAX_PREVIEW_SIGMA = 1e3
+"""Greatest sigma of a preview value (m, rad or 1/m) that is believed; chosen by hand."""
 PREVIEW_RANGE_M = (0.1, 1e3)
+"""Least and greatest distance of the preview point that is accepted [m]; chosen by hand."""
 
 REPEATED_STAMP = "stamp repeated"
+"""The reason for rejecting a frame whose stamp an earlier frame has."""
 OUT_OF_ORDER_STAMP = "stamp out of order, sorted"
+"""The name of the repair that sorts frames by their stamps."""
 OUT_OF_RANGE = "value out of range, left out"
+"""The name of the repair that drops preview values beyond `PREVIEW_VALUE_LIMITS`."""
 NO_STAMP = "no usable stamp"
+"""The reason for rejecting a frame whose stamp is missing or no time."""
 NO_VALUE = "no boundary found"
+"""The reason for setting a frame aside in which no boundary was found."""
 TURNED_BACK = "the lane turns back before the preview point"
+"""The reason for setting a frame aside whose boundaries do not reach the preview point."""
 LANE_ONLY_CARRIED = "the lane is only carried on, left out"
+"""The reason for setting a frame aside whose lane was extrapolated from earlier frames."""
 
 
 @dataclass(frozen=True)
 class LaneSamplesWithCounts:
-    """The frames.
+    """The lane samples of a channel, with the counts of its messages.
 
     Attributes:
-        samples: n frames.
-        log_time_ns: Shape (n,).
-        preview_m: Of the preview point ahead of the camera.
-        count: What became of the messages.
+        samples: Samples of n frames.
+        log_time_ns: Log times of the frames, shape (n,).
+        preview_m: Distance of the preview point ahead of the camera.
+        count: Counts of the messages.
     """
 
     samples: LaneSamples
@@ -59,7 +69,7 @@ class LaneSamplesWithCounts:
 
 
 def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = True) -> LaneSamplesWithCounts:
-    """The lane at the preview point at each frame.
+    """Read the lane at the preview point in each frame.
 
     Args:
         columns: The channel; its fields `FIELDS_FOR_OBSERVER` are enough.
@@ -120,6 +130,7 @@ def lane_samples_at_preview(columns: Columns, *, where: str, with_shape: bool = 
 
 
 def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
+    """Return the preview distance that all frames share [m]; raise `DataError` if they share none."""
     distinct = np.unique(previews_m)
     low, high = PREVIEW_RANGE_M
     if len(distinct) > 1:
@@ -132,13 +143,13 @@ def _common_preview_distance_m(previews_m: FloatArray, where: str) -> float:
 
 @dataclass(frozen=True)
 class ObserverInputs:
-    """What the observer is given beside the lanes.
+    """The inputs of the observer in addition to the lanes.
 
     Attributes:
-        speed, yaw_rate, steer: Or None.
+        speed, yaw_rate, steer: Samples, or None.
         speed_source, yaw_rate_source, steer_source: Their topics, "" where there is none.
-        counts: What became of the messages.
-        notes: For the user.
+        counts: Counts of the messages.
+        notes: Notes for the user.
     """
 
     speed: ScalarSamples | None = None
@@ -191,6 +202,7 @@ def choose_observer_inputs(
 
 
 def _choose_speed(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+    """Return the samples of the speed channel and its topic; None and "" without one."""
     for signal in sources.by_role.get(Role.EGO_SPEED, ()):
         if isinstance(signal, SpeedSignal):
             return ScalarSamples(signal.stamp_ns, signal.speed_mps), signal.source
@@ -198,6 +210,7 @@ def _choose_speed(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
 
 
 def _speed_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+    """Return the magnitude of the velocity over ground and its topic; None and "" without one."""
     for signal in sources.by_role.get(Role.EGO_VELOCITY, ()):
         if isinstance(signal, VelocitySignal):
             return ScalarSamples(signal.stamp_ns, np.hypot(signal.east_mps, signal.north_mps)), signal.source
@@ -205,6 +218,7 @@ def _speed_from_velocity(sources: SensorSignals) -> tuple[ScalarSamples | None, 
 
 
 def _choose_yaw_rate(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+    """Return the yaw rate of the gyroscope, else that of the speed channel, and its topic."""
     for signal in sources.by_role.get(Role.IMU, ()):
         if isinstance(signal, ImuSignal):
             sigma = _sigma_from_variance(signal.gyro_variance[:, UP_AXIS])
@@ -217,6 +231,7 @@ def _choose_yaw_rate(sources: SensorSignals) -> tuple[ScalarSamples | None, str]
 
 
 def _choose_steering(sources: SensorSignals) -> tuple[ScalarSamples | None, str]:
+    """Return the samples of the steering angle and their topic; None and "" without any."""
     for signal in sources.by_role.get(Role.EGO_STEER, ()):
         if isinstance(signal, SteerSignal):
             return ScalarSamples(signal.stamp_ns, signal.steer_rad), signal.source
@@ -224,5 +239,5 @@ def _choose_steering(sources: SensorSignals) -> tuple[ScalarSamples | None, str]
 
 
 def _sigma_from_variance(variance: FloatArray) -> FloatArray:
-    """NaN where the variance is not given."""
+    """Return the sigma of each value; NaN where the variance is not given."""
     return np.asarray(np.sqrt(np.where(variance > 0.0, variance, np.nan)))

@@ -43,9 +43,9 @@ class SensorSignals:
 
     Attributes:
         by_role: Role -> its signals, one per bound channel that has a usable row.
-        qualities: What happened to each channel's messages.
-        notes: For the user.
-        columns: Role -> columns of the channel that was asked for beside the signals, of the chosen span.
+        qualities: Counts of each channel's used, rejected and repaired messages.
+        notes: Notes for the user.
+        columns: Role -> columns, in the chosen span, of a channel that was read in addition to the signals.
     """
 
     by_role: Mapping[Role, tuple[Signal, ...]]
@@ -54,7 +54,7 @@ class SensorSignals:
     columns: Mapping[str, Columns] = field(default_factory=dict)
 
     def input_message_counts(self) -> tuple[InputMessageCount, ...]:
-        """The qualities as lines of the summary."""
+        """Return the counts of messages, and of the objects in them, for the summary."""
         return tuple(
             InputMessageCount(q.source, role, q.read, q.used, q.rejected, q.repaired, q.set_aside, q.first_fault_ns)
             for of_messages in self.qualities
@@ -77,11 +77,11 @@ def read_sensor_signals(
 
     Args:
         log: The log.
-        config: Which channels, and how; of a plain selection the clock is the stamps'.
-        command: For messages.
+        config: The channels to read, and how; a plain `Selection` means the clock `stamp`.
+        command: The command's name, for messages.
         required, optional: Roles.
-        also: Channels of one topic each that are read in the same pass, for the stage's own use.
-        fields: Role of such a channel -> the leaf fields that it needs; all without an entry.
+        also: Further channels of one topic each that are read in the same pass.
+        fields: Role of such a channel -> the leaf fields to read; all fields without an entry.
 
     Raises:
         MissingSignalError: A required role has no channel, or more than one, or no message of the ego.
@@ -154,16 +154,16 @@ def read_sensor_signals(
 
 
 def read_bound_columns(log: Log, bound: Bindings, *, without: Collection[str] = ()) -> dict[str, Columns]:
-    """Role -> all columns of its channel, of the whole log and in one pass: for channels of earlier stages."""
+    """Read all columns of the channels of earlier stages, from the whole log in one pass; return role -> columns."""
     topics = {role: bindings[0].topic for role, bindings in bound.by_role.items() if role not in without}
     columns = log.load_topics(dict.fromkeys(topics.values()))
     return {role: columns[topic] for role, topic in topics.items()}
 
 
 def _drop_rows_outside_span(columns: Columns, first_ns: int, last_ns: int) -> tuple[Columns, Int64Array]:
-    """The messages logged from `first_ns` to `last_ns`, and the log times of the others.
+    """Return the messages logged from `first_ns` to `last_ns`, and the log times of the others.
 
-    Log times are unsigned in a file, and in that order.
+    Log times are unsigned in a file, and the rows are in that order.
     """
     log_ns = columns.log_time_ns.view(np.uint64)
     first = int(np.searchsorted(log_ns, np.uint64(first_ns)))

@@ -30,15 +30,18 @@ from cwcli.signals.vehicle_state import N_STATES
 from cwcli.warning.types import median_outline_m
 
 OTHER_VEHICLE_ROLES = (REMOTE_STATE.role, TARGETS.role)
+"""Roles of the channels that hold other road users: remote vehicles and tracked targets."""
 MAX_GAP_S = 0.5
+"""Longest gap between two states of a vehicle [s] over which it is interpolated; chosen by hand."""
 COVARIANCE_SLICE_NS = 30 * NS_PER_S
 """Length of the part of the log whose covariances are in memory at once, ns. Chosen by hand."""
 FIELDS_WITH_COVARIANCE = (*KINEMATIC_FIELDS, *COVARIANCE_FIELDS)
+"""Leaf fields of a state channel that are read when covariances are wanted."""
 
 
 @dataclass(frozen=True)
 class TracksOfLog:
-    """The ego and the others.
+    """The tracks of the ego and of the other road users in a log.
 
     Attributes:
         ego: Its states by stamp.
@@ -54,11 +57,11 @@ class TracksOfLog:
 
     @property
     def ego_id(self) -> str:
-        """Of the ego."""
+        """The id of the ego."""
         return str(self.ego.ids.values[self.ego.ids.codes[0]])
 
     def pair_with_ego(self, other_id: str) -> Pair:
-        """The ego and another vehicle."""
+        """Return the pair of the ego and another vehicle."""
         own, theirs = self.ego, self.others[other_id]
         return Pair(
             self._actual_track(own),
@@ -69,13 +72,14 @@ class TracksOfLog:
         )
 
     def _actual_track(self, states: VehicleStates) -> ActualTrack:
+        """Return the states as a track, with covariances if the log's tracks have them."""
         return ActualTrack(states.stamp_ns, states.state, states.covariance if self.has_covariance else None)
 
 
 def read_tracks(
     log: Log, bound: Bindings, selection: Selection, *, with_covariance: bool = False
 ) -> tuple[TracksOfLog, tuple[InputMessageCount, ...]]:
-    """The tracks in the chosen span, and what became of the messages.
+    """Read the tracks in the chosen span, and count the messages.
 
     Raises:
         MissingSignalError: There is no state of the ego.
@@ -101,6 +105,7 @@ def read_tracks(
 
 
 def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> VehicleStates:
+    """Read all states of a channel, of targets or of vehicles."""
     if role == TARGETS.role:
         return read_targets_as_states(log.columns(topic))
     fields = FIELDS_WITH_COVARIANCE if with_covariance else KINEMATIC_FIELDS
@@ -110,7 +115,7 @@ def _read_states(log: Log, topic: str, role: str, with_covariance: bool) -> Vehi
 def add_sigmas_of_extremes(
     log: Log, tracks: TracksOfLog, pairs: Sequence[MeasuredPair], measures: Mapping[str, Measure]
 ) -> list[MeasuredPair]:
-    """The pairs with the sigmas of their extremes, by the covariances of the states then."""
+    """Return the pairs with sigmas of their extremes, from the covariances of the states at those stamps."""
     wanted: dict[str, list[Int64Array]] = {tracks.ego_id: []}
     at = {pair.other_id: stamps_of_extremes_with_sigma(pair, measures) for pair in pairs}
     for vehicle, stamps in at.items():
@@ -135,6 +140,7 @@ def add_sigmas_of_extremes(
 
 
 def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) -> FloatArray:
+    """Return the covariances (n, N_STATES, N_STATES) at n stamps; NaN where none is known."""
     unknown = np.full((N_STATES, N_STATES), np.nan)
     return np.array([known.get(stamp, unknown) for stamp in stamps.tolist()])
 
@@ -142,7 +148,7 @@ def _covariances_at_stamps(known: Mapping[int, FloatArray], stamps: Int64Array) 
 def _read_covariances_at_stamps(
     log: Log, tracks: TracksOfLog, wanted: Mapping[str, Int64Array]
 ) -> dict[str, dict[int, FloatArray]]:
-    """Vehicle -> stamp -> covariance of its state; a slice of the log at a time."""
+    """Return vehicle -> stamp -> covariance of its state, read one slice of the log at a time."""
     found: dict[str, dict[int, FloatArray]] = {vehicle: {} for vehicle in wanted}
     stamps = {vehicle: np.unique(each) for vehicle, each in wanted.items()}
     for topic, role in dict.fromkeys(tracks.topics[vehicle] for vehicle in wanted):
@@ -164,7 +170,7 @@ def _iter_states_near_stamps(
     vehicles: Sequence[str],
     stamps: Mapping[str, Int64Array],
 ) -> Iterator[VehicleStates]:
-    """The states with covariances around the wanted stamps, slice by slice of the log."""
+    """Yield the states with covariances around the wanted stamps, one slice of the log at a time."""
     if role == TARGETS.role:
         yield read_targets_as_states(log.columns(topic))
         return

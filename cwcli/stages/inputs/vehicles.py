@@ -19,14 +19,14 @@ from cwcli.signals.row_order import iter_track_rows
 from cwcli.warning.types import VehicleTrack, median_outline_m
 
 ONSET_MODEL = "onset"
-"""The motion model that says where a manoeuvre leads that has just begun."""
+"""Name of the motion model that predicts a manoeuvre that has just begun."""
 
 
 def require_single_ego(tracks: Sequence[VehicleTrack], *, where: str) -> VehicleTrack:
-    """The ego's track.
+    """Return the ego's track.
 
     Raises:
-        DataError: There are several, or none has a path.
+        DataError: There are several tracks, or none has a path.
     """
     if len(tracks) != 1:
         raise DataError(f"expected the states of one ego, found {len(tracks)}", where=where)
@@ -36,11 +36,13 @@ def require_single_ego(tracks: Sequence[VehicleTrack], *, where: str) -> Vehicle
 def build_vehicle_tracks(
     states: VehicleStates, predicted: AnyPaths, *, with_onset: bool = False, events: RoadEvents | None = None
 ) -> list[VehicleTrack]:
-    """One track per vehicle: its states, in stamp order, each with the path that starts from it.
+    """Build one track per vehicle: its states, in stamp order, each with the path that starts from it.
 
     Args:
-        events: What the vehicles notified.
-        with_onset: Add the paths of the onset hypothesis, which are never published: they are no prediction.
+        states: States of all vehicles.
+        predicted: Paths that start from them.
+        with_onset: Add the paths of the onset hypothesis, which are not published.
+        events: Road events that the vehicles reported.
     """
     path_rows = dict(iter_track_rows(predicted.ids, predicted.stamp_ns))
     tracks = []
@@ -75,7 +77,7 @@ def build_vehicle_tracks(
 
 
 def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> LazyPaths:
-    """Paths that start from the states, predicted like others.
+    """Predict paths from the states with the model, step and horizon of the paths `like`.
 
     Raises:
         DataError: The others were predicted with a model that is not known here, or there are none.
@@ -90,6 +92,6 @@ def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> 
 
 
 def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> SelectedPaths:
-    """Paths of the onset hypothesis from some states, over the same times as the predicted ones."""
+    """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
     return SelectedPaths(PathPlan(ONSET_MODEL, float(time_s[-1]), step_s, states.state, states.covariance), rows)

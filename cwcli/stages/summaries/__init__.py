@@ -14,21 +14,22 @@ NIS_CELLS = {
     True: CellWithValues("in", {"": True}),
     False: CellWithValues("OUT", {"": False}),
 }
+"""Whether the innovations lie within their bounds (None: not known) -> the cell that says so."""
 
 
 def bounds_cell(low: float, high: float) -> CellWithValues:
-    """Two bounds in one cell, "" where they are not known."""
+    """Return a cell with two bounds, "" where they are not known."""
     return CellWithValues("" if math.isnan(low) else f"{low:.2f} to {high:.2f}", {"low": low, "high": high})
 
 
 def median_of_finite(values: FloatArray) -> float | None:
-    """Of the finite values; None without any."""
+    """Return the median of the finite values; None without any."""
     finite = np.sort(values[np.isfinite(values)])  # np.median takes 20 ms to load NumPy's masked arrays
     n = len(finite)
     return float(0.5 * (finite[(n - 1) // 2] + finite[n // 2])) if n else None
 
 
 def largest_finite_magnitude(values: FloatArray) -> float | None:
-    """The largest magnitude of the finite values; None without any."""
+    """Return the largest magnitude of the finite values; None without any."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if len(finite) else None

@@ -18,14 +18,14 @@ from cwcli.stages.summaries import NIS_CELLS, bounds_cell
 
 
 def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, ...]:
-    """The stage's tables for the terminal."""
+    """Return the stage's tables for the terminal."""
     ego = tracks[EGO_ID]
     found = _parameters_table(ego)
     return (_sources_table(ego), *([found] if found.rows else []), _noise_table(ego), _vehicles_table(tracks))
 
 
 def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
-    """The table of the online states."""
+    """Return the table of the online states."""
     columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "most")
     title = "Online states: what could have been known, and when"
     rows: list[tuple[Cell, ...]] = [
@@ -36,6 +36,7 @@ def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
 
 
 def _sources_table(ego: TrackSummary) -> SummaryTable:
+    """Return the table of the ego's sources with their counts and latencies."""
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -54,7 +55,7 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
 
 
 def _parameters_table(ego: TrackSummary) -> SummaryTable:
-    """A line for each parameter that was looked for."""
+    """Return the table with a row for each parameter that was estimated."""
     rows: list[tuple[Cell, ...]] = []
     for report in ego.sources:
         unit = QUANTITIES[report.kind].unit
@@ -81,6 +82,7 @@ def _parameters_table(ego: TrackSummary) -> SummaryTable:
 
 
 def _noise_table(ego: TrackSummary) -> SummaryTable:
+    """Return the table of the ego's sources with their noise and the consistency of the innovations."""
     rows: list[tuple[Cell, ...]] = [
         (
             report.source,
@@ -102,6 +104,7 @@ def _noise_table(ego: TrackSummary) -> SummaryTable:
 
 
 def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
+    """Return the table of the estimated tracks."""
     rows: list[tuple[Cell, ...]] = [
         (
             vehicle,
@@ -127,7 +130,7 @@ def _vehicles_table(tracks: Mapping[str, TrackSummary]) -> SummaryTable:
 
 
 def _value_with_sigma_cell(value: float, sigma: float, digits: str, **more: None) -> CellWithValues:
-    """A value with its sigma where it has one, "" without a value; more: what such a cell has elsewhere."""
+    """Return a cell with a value and its sigma, "" without a value; `more` adds entries that are null in JSON."""
     text = "" if math.isnan(value) else f"{value:{digits}}"
     if text and not math.isnan(sigma):
         text += f" +- {sigma:{'.0f' if digits == '.0f' else '.2g'}}"

@@ -13,10 +13,11 @@ from cwcli.vision.fit_columns import lowercase_enum_names
 from cwcli.vision.method import LaneState
 
 SIDES = ("left", "right")
+"""Names of the boundaries, in the order in which arrays hold them."""
 
 
 def lanes_table(frames: LaneFrames) -> Table:
-    """One row a used frame."""
+    """Return the table with one row for each used frame."""
     geometry = frames.geometry
     columns: dict[str, TableColumn] = {
         "frame": frames.index,
@@ -71,7 +72,7 @@ def lanes_table(frames: LaneFrames) -> Table:
 
 
 def lanes_summary_table(frames: LaneFrames, *, n_searches: int, search_s: float) -> SummaryTable:
-    """How often boundaries were found, the lane that they make, and the time of the search."""
+    """Return the table of how often boundaries were found, the lane's median values, and the search time."""
     found = frames.fits.found
     n = len(frames)
     rows: list[tuple[Cell, ...]] = [
@@ -93,7 +94,7 @@ def lanes_summary_table(frames: LaneFrames, *, n_searches: int, search_s: float)
 
 
 def _lane_following_rows(frames: LaneFrames) -> list[tuple[Cell, ...]]:
-    """In how many frames the lane was only carried on, its jumps, and the changes; nothing where it is not told."""
+    """Return rows on held frames, new lanes and lane changes; [] where the method does not report states."""
     fits = frames.fits
     if not (fits.state != LaneState.UNTOLD).any():
         return []

@@ -16,17 +16,18 @@ from cwcli.pipeline.run_record import build_run_record
 from cwcli.warning.rows import WarningRows
 
 EVENT_ID_COLUMN = "event_id"
+"""Name of the column that holds the id of an event; 0 stands for none."""
 
 
 @dataclass(frozen=True)
 class RuleOutcome:
-    """One rule's warnings.
+    """The warnings of one rule.
 
     Attributes:
-        rule: Its name.
-        rows: The life of the warnings.
-        tables: The rule's, its events first.
-        sections: For the summary.
+        rule: Name of the rule.
+        rows: The warnings over time.
+        tables: Tables of the rule, its events first.
+        sections: Tables for the summary.
     """
 
     rule: str
@@ -36,11 +37,11 @@ class RuleOutcome:
 
 
 def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[WarningRows] = ()) -> list[RuleOutcome]:
-    """The same with event ids that go on from rule to rule, so that each is unique in the channel.
+    """Number the events over all rules, which makes each id unique in the channel.
 
     Args:
-        outcomes: In order.
-        after: What is in the channel already.
+        outcomes: The rules' outcomes, in order.
+        after: Warnings that are in the channel already.
     """
     result: list[RuleOutcome] = []
     n_before = max(map(_last_event_id, after), default=0)
@@ -52,10 +53,12 @@ def number_events_over_rules(outcomes: Sequence[RuleOutcome], after: Sequence[Wa
 
 
 def _last_event_id(rows: WarningRows) -> int:
+    """Return the greatest event id; 0 without events."""
     return int(np.max(rows.event_id, initial=0))
 
 
 def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
+    """Return the outcome with event ids that are greater by `n_before`, in rows, tables and sections."""
     warnings = replace(outcome.rows, event_id=outcome.rows.event_id + n_before)
     tables = []
     for table in outcome.tables:
@@ -70,6 +73,7 @@ def _shift_event_ids(outcome: RuleOutcome, n_before: int) -> RuleOutcome:
 
 
 def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTable:
+    """Return the table with event ids greater by `n_before` where its first column holds them."""
     if section.columns[0] != "event":
         return section
     rows = tuple((row[0] + n_before if isinstance(row[0], int) else row[0], *row[1:]) for row in section.rows)
@@ -77,7 +81,7 @@ def _shift_event_ids_of_table(section: SummaryTable, n_before: int) -> SummaryTa
 
 
 def tables_by_unique_name(outcomes: Sequence[RuleOutcome]) -> dict[str, Table]:
-    """All tables; one whose name is taken has the rule's name behind its own."""
+    """Return all tables by name; the rule's name is appended to a table's name that is taken."""
     tables: dict[str, Table] = {}
     for outcome in outcomes:
         for table in outcome.tables:
@@ -95,7 +99,7 @@ def build_warnings_result(
     notes: tuple[str, ...],
     **more: str,
 ) -> tuple[StageResult, tuple[WarningRows, ...]]:
-    """What the rules of one stage say. The warnings of an earlier stage of the same run stay in the channel.
+    """Build the result of a warning stage. The warnings of an earlier stage of the same run stay in the channel.
 
     Args:
         more: Further entries of the run's record.
