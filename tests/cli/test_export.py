@@ -154,8 +154,8 @@ def test_help_names_everything() -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--what", "dreams"], EXIT_USAGE, "it is one of ego, ego-online"),
-        (["--format", "xls"], EXIT_USAGE, "it is one of csv, parquet, tum"),
+        (["--what", "dreams"], EXIT_USAGE, "it is one of: ego, ego-online"),
+        (["--format", "xls"], EXIT_USAGE, "it is one of: csv, parquet, tum"),
         (["--what", "warnings", "--format", "gpx"], EXIT_USAGE, "export it as csv or parquet"),
         (["--what", "remote", "--format", "tum", "--id", "7"], EXIT_USAGE, "it holds d9583520"),
         (["--what", "remote", "--id", "7"], EXIT_USAGE, "it holds d9583520"),

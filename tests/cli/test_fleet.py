@@ -308,7 +308,7 @@ def test_folder_is_exactly_what_the_run_names(cwcli: Run, many: Path, tmp_path: 
         (["none*.mcap", "-d", "out"], 2, "no file matches"),
         (["LOG", "-d", "s3://bucket/out"], 2, "on this machine"),
         (["LOG", "-d", "there"], 6, "File exists"),
-        (["LOG", "-d", "mine"], 6, "something else"),
+        (["LOG", "-d", "mine"], 6, "but logs"),
         (["LOG", "-d", "out", "--stage", "estimat"], 2, "estimate"),
         (["LOG", "-d", "out", "--gate", "import os"], 2, "gate"),
     ],

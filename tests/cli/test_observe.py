@@ -101,10 +101,10 @@ def test_a_log_without_lanes_is_exit_code_4(cwcli: Run, intersection: Path) -> N
     assert cwcli("warn-lane", intersection).returncode == 4
 
 
-def test_a_span_without_frames_is_exit_code_4(cwcli: Run, lanes: Path) -> None:
+def test_a_span_behind_the_log_is_exit_code_2(cwcli: Run, lanes: Path) -> None:
     done = cwcli("observe", lanes, "--start", "500")
-    assert done.returncode == 4
-    assert "none between --start and --end" in done.stderr.decode()
+    assert done.returncode == 2
+    assert "--start 500 is after the end of the log" in done.stderr.decode()
 
 
 def test_a_speed_on_another_clock_is_exit_code_5(cwcli: Run, tmp_path: Path) -> None:

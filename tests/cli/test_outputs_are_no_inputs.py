@@ -328,7 +328,6 @@ READ_OF_RUN = [
     (["evaluate", "OUT", "--junit"], (*ENTRIES, METRICS_OF_LOG)),
     (["evaluate", "OUT", "--truth", "none", "--markdown"], (*ENTRIES, METRICS_OF_LOG, ANNOTATED_LOG)),
     (["compare", "OUT", "OUT", "--markdown"], (*ENTRIES, METRICS_OF_LOG)),
-    (["report", "OUT", "-o"], (*ENTRIES, METRICS_OF_LOG, ANNOTATED_LOG)),
 ]
 
 
@@ -376,7 +375,7 @@ OPENERS = {
     "report/pdf.py": "the page and its print in a temporary folder of the browser",
     "logs/read/source.py": "the pipe that a log comes from, and its copy without a name",
     "logs/read/remote.py": "a remote log, which is copied to a file without a name",
-    "logs/read/bags.py": "the library's reader of bags, by names that are noted",
+    "logs/read/sqlite_files.py": "a private copy of a database and its journals",
     "fleet/inputs.py": "the copy of a remote log",
     "fleet/folder.py": "what an earlier run into the same folder has done",
     "fleet/run.py": "the lock of the output folder",

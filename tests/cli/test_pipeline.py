@@ -165,7 +165,7 @@ def test_metrics_file(cwcli: Run, predicted: Path, tmp_path: Path, suffix: str) 
         (["estimate", "LOG", "--rate", "0"], 2, "--rate"),
         (["estimate", "LOG", "--latency", "/gps/fix=1e300"], 2, "--latency"),
         (["estimate", "LOG", "--latency", "/none=5"], 2, "no topic /none"),
-        (["estimate", "LOG", "--start", "99"], 4, "between --start and --end"),
+        (["estimate", "LOG", "--start", "99"], 2, "is after the end of the log"),
         (["estimate", "LOG", "-o", "new/"], 6, "directory"),
         (["predict", "LOG", "--model", "warp", "--horizon", "2"], 2, "warp"),
         (["predict", "LOG"], 4, "cwcli estimate"),
@@ -202,8 +202,8 @@ def test_refusals(cwcli: Run, intersection: Path, tmp_path: Path, arguments: lis
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["predict", "LOG", "--replace", "--start", "99"], 4, "between --start and --end"),
-        (["warn", "LOG", "--start", "99"], 4, "between --start and --end"),
+        (["predict", "LOG", "--replace", "--start", "99"], 2, "is after the end of the log"),
+        (["warn", "LOG", "--start", "99"], 2, "is after the end of the log"),
         (["warn", "LOG", "--distance", "1e300"], 2, "distance"),
         (["warn", "LOG", "--persistence", "1e9"], 2, "persistence"),
         (["warn", "LOG", "--conflict", "nearness"], 2, "there is no measure 'nearness'"),

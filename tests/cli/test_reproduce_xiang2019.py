@@ -81,7 +81,7 @@ def test_the_page_has_every_figure_and_every_number(cwcli: Run, tmp_path: Path) 
     [
         (("xiang2018",), b"xiang2019"),
         (("xiang2019", "--seeds", "1"), b"--seeds"),
-        (("xiang2019", "--only", "fig 99"), b"fig6"),
+        (("xiang2019", "--only", "fig 99"), b"did you mean fig"),
         (("xiang2019", "--report", "a", "--only", "fig6"), b"--report has every figure"),
         (("xiang2019", "--labelled", "a.mcap"), b"--labelled"),
     ],

@@ -163,7 +163,7 @@ def nobody() -> Iterator[int]:
         yield closed.getsockname()[1]
 
 
-@pytest.mark.parametrize("scheme", ["http", "https", "ftp"])
+@pytest.mark.parametrize("scheme", ["http", "https"])
 def test_a_refused_connection_is_told(search: Search, nobody: int, scheme: str) -> None:
     code, said = search.run("info", secret_url(nobody, "/drive.mcap").replace("http:", f"{scheme}:"))
     assert code == 3
@@ -174,7 +174,7 @@ def test_a_refused_connection_is_told(search: Search, nobody: int, scheme: str) 
 def test_an_unknown_scheme_is_told_without_secrets(search: Search, nobody: int) -> None:
     code, said = search.run("info", secret_url(nobody, "/drive.mcap").replace("http:", "nosuch:"))
     assert code == 2
-    assert said.startswith("error: nosuch://***@127.0.0.1:")
+    assert said.startswith("error: logs can't be read from URLs that begin with 'nosuch://'")
 
 
 READERS = [

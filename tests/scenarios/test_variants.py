@@ -41,7 +41,7 @@ def test_traps_keep_their_distance(name: str) -> None:
 def test_following_keeps_20_m_throughout() -> None:
     host, other, end_s = pair("following")
     time_s = np.linspace(0, end_s, 500)
-    np.testing.assert_allclose(other.at(time_s)[:, 0] - host.at(time_s)[:, 0], 20.0, atol=1e-9)
+    np.testing.assert_allclose(other.states_at(time_s)[:, 0] - host.states_at(time_s)[:, 0], 20.0, atol=1e-9)
 
 
 def test_near_miss_leaves_room_between_the_outlines() -> None:

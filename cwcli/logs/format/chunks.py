@@ -70,7 +70,7 @@ class _ThreadBuffers(threading.local):
         self._buffer = memoryview(b"")
         self._zstd: zstandard.ZstdDecompressor | None = None
 
-    def read_bytes(self, file: InputFile, start: int, stop: int) -> memoryview:
+    def read_byte_range(self, file: InputFile, start: int, stop: int) -> memoryview:
         """Read bytes `start` to `stop` of a file; the result is valid until the next call."""
         if stop - start > MAX_REUSED_BUFFER_BYTES:
             return file[start:stop]
@@ -158,7 +158,7 @@ def decompress_chunk(file: InputFile, chunk: ChunkIndex, *, verify: bool) -> mem
         raise _chunk_too_large_error(size, file.max_chunk_bytes)
     if chunk.compression:
         end = chunk.chunk_start + chunk.chunk_length
-        stored = _THREAD_BUFFERS.read_bytes(file, end - chunk.compressed_size, end)
+        stored = _THREAD_BUFFERS.read_byte_range(file, end - chunk.compressed_size, end)
     else:
         stored = stored_chunk_bytes(file, chunk)
     payload = _find_decompressor(chunk.compression)(stored, chunk.uncompressed_size)

@@ -211,7 +211,7 @@ class FieldReader:
         self.at = after
         return values
 
-    def read_bytes(self) -> bytes:
+    def read_byte_string(self) -> bytes:
         """Read bytes after their 32-bit length."""
         (length,) = self.read_numbers(_U32)
         after = self.at + length
@@ -221,10 +221,10 @@ class FieldReader:
         self.at = after
         return value
 
-    def read_text(self) -> str:
+    def read_string(self) -> str:
         """Read a UTF-8 string after its 32-bit length."""
         try:
-            return self.read_bytes().decode()
+            return self.read_byte_string().decode()
         except UnicodeDecodeError as error:
             raise RecordError("a name is not UTF-8") from error
 
@@ -233,8 +233,8 @@ class FieldReader:
         inner = self._nested_reader()
         found: dict[str, str] = {}
         while inner.at < inner.end:
-            key = inner.read_text()
-            found[key] = inner.read_text()
+            key = inner.read_string()
+            found[key] = inner.read_string()
         return found
 
     def read_count_map(self, entry: struct.Struct) -> dict[int, int]:
@@ -309,7 +309,7 @@ def crc32_of_range(data: ByteSource, start: int, end: int) -> int:
 def read_header(data: ByteSource, start: int, end: int) -> tuple[str, str]:
     """Return profile and library."""
     fields = FieldReader(data, start, end)
-    return fields.read_text(), fields.read_text()
+    return fields.read_string(), fields.read_string()
 
 
 def read_footer(data: ByteSource, start: int, end: int) -> Footer:
@@ -319,13 +319,13 @@ def read_footer(data: ByteSource, start: int, end: int) -> Footer:
 def read_schema(data: ByteSource, start: int, end: int) -> Schema:
     fields = FieldReader(data, start, end)
     (schema_id,) = fields.read_numbers(_U16)
-    return Schema(schema_id, fields.read_text(), fields.read_text(), fields.read_bytes())
+    return Schema(schema_id, fields.read_string(), fields.read_string(), fields.read_byte_string())
 
 
 def read_channel(data: ByteSource, start: int, end: int) -> Channel:
     fields = FieldReader(data, start, end)
     channel_id, schema_id = fields.read_numbers(_U16_U16)
-    return Channel(channel_id, schema_id, fields.read_text(), fields.read_text(), fields.read_text_map())
+    return Channel(channel_id, schema_id, fields.read_string(), fields.read_string(), fields.read_text_map())
 
 
 def read_chunk(data: ByteSource, start: int, end: int) -> Chunk:
@@ -339,7 +339,7 @@ def read_chunk_head(data: ByteSource, start: int, end: int) -> Chunk:
     """Read the header of a chunk that may be cut: its declared records may end after `end`."""
     fields = FieldReader(data, start, end)
     start_ns, end_ns, size, crc = fields.read_numbers(_CHUNK_HEAD_FIELDS)
-    compression = fields.read_text()
+    compression = fields.read_string()
     (stored,) = fields.read_numbers(_U64)
     head = start - RECORD_PREFIX.size
     return Chunk(head, end - head, start_ns, end_ns, size, crc, compression, fields.at, stored)
@@ -350,7 +350,7 @@ def read_chunk_index(data: ByteSource, start: int, end: int) -> ChunkIndex:
     start_ns, end_ns, chunk_start, chunk_length = fields.read_numbers(_CHUNK_INDEX_HEAD_FIELDS)
     offsets = fields.read_count_map(_U16_U64)
     (index_length,) = fields.read_numbers(_U64)
-    compression = fields.read_text()
+    compression = fields.read_string()
     stored, size = fields.read_numbers(_U64_U64)
     return ChunkIndex(start_ns, end_ns, chunk_start, chunk_length, offsets, index_length, compression, stored, size)
 
@@ -358,14 +358,16 @@ def read_chunk_index(data: ByteSource, start: int, end: int) -> ChunkIndex:
 def read_attachment_index(data: ByteSource, start: int, end: int) -> AttachmentIndex:
     fields = FieldReader(data, start, end)
     offset, length, log_time_ns, create_time_ns, size = fields.read_numbers(_ATTACHMENT_INDEX_HEAD_FIELDS)
-    return AttachmentIndex(offset, length, log_time_ns, create_time_ns, size, fields.read_text(), fields.read_text())
+    return AttachmentIndex(
+        offset, length, log_time_ns, create_time_ns, size, fields.read_string(), fields.read_string()
+    )
 
 
 def read_attachment(data: ByteSource, start: int, end: int) -> AttachmentIndex:
     """Read an attachment as its index record would list it, without its data."""
     fields = FieldReader(data, start, end)
     log_time_ns, create_time_ns = fields.read_numbers(_U64_U64)
-    name, media_type = fields.read_text(), fields.read_text()
+    name, media_type = fields.read_string(), fields.read_string()
     (size,) = fields.read_numbers(_U64)
     if size + 4 > end - fields.at:
         raise RecordError("an attachment's data is longer than the attachment")
@@ -382,12 +384,12 @@ def attachment_crc_offset(index: AttachmentIndex) -> int:
 def read_metadata_index(data: ByteSource, start: int, end: int) -> MetadataIndex:
     fields = FieldReader(data, start, end)
     offset, length = fields.read_numbers(_U64_U64)
-    return MetadataIndex(offset, length, fields.read_text())
+    return MetadataIndex(offset, length, fields.read_string())
 
 
 def read_metadata(data: ByteSource, start: int, end: int) -> tuple[str, dict[str, str]]:
     fields = FieldReader(data, start, end)
-    return fields.read_text(), fields.read_text_map()
+    return fields.read_string(), fields.read_text_map()
 
 
 def read_statistics(data: ByteSource, start: int, end: int) -> Statistics:

@@ -83,7 +83,7 @@ def _decode_cdr(payload: bytes, name: str) -> list[Transform]:
         at += struct.calcsize(order + code)
         return numbers
 
-    def read_text() -> str:
+    def read_string() -> str:
         nonlocal at
         (length,) = read_numbers("I", 4)
         if length > len(body) - at:
@@ -99,7 +99,7 @@ def _decode_cdr(payload: bytes, name: str) -> list[Transform]:
         transforms = []
         for _ in range(n):
             read_numbers("iI", 4)
-            parent, child = read_text(), read_text()
+            parent, child = read_string(), read_string()
             values = read_numbers("7d", 8)
             transforms.append(_make_transform(parent, child, values[:3], values[3:]))
     except struct.error as error:

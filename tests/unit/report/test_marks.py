@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from cwcli.report import marks as marks_module
+from cwcli.report import anchor_names as marks_module
 from cwcli.report.anchor_names import MIN_NAME_DIGITS, stable_anchor_names
 
 
