@@ -93,7 +93,7 @@ def test_a_frame_with_a_log_time_that_is_none_is_left_out_and_counted(
         (("--render", "/cwcli/lanes"), 2, "the topic of cwcli.v1.Lanes"),
         (("--render", "/camera/camera_info", "--replace"), 2, "the topic of foxglove.CameraCalibration"),
         (("--topic", "camera=/nothing"), 2, "the log has no topic /nothing"),
-        (("--start", "100"), 5, "no frame in the chosen span"),
+        (("--start", "100"), 2, "is after the end of the log"),
     ],
 )
 def test_wrong_options_have_their_exit_codes(
@@ -109,8 +109,9 @@ def test_wrong_options_have_their_exit_codes(
 def test_seed_of_400_digits_in_a_configuration_is_exit_code_2(cwcli: Run, tmp_path: Path) -> None:
     (tmp_path / "p.toml").write_text(f"[lanes]\nseed = {10**400}\n")
     done = cwcli("lanes", write_log(tmp_path / "road.mcap", road_frames(1)), "--config", "p.toml")
-    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 2)
     assert b"--seed 1000" in done.stderr
+    assert b"hint:  --seed comes from lanes.seed in p.toml" in done.stderr
 
 
 def test_no_camera_is_exit_code_4(cwcli: Run, intersection: Path) -> None:

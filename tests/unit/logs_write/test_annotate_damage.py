@@ -265,7 +265,7 @@ def test_killed_annotation_leaves_no_file(tmp_path: Path) -> None:
         "from cwcli.logs.write.annotate import annotate_log\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
         "record_writer.RecordWriter.finish = lambda self: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
+        "annotate_log(SourceStub(Path(sys.argv[1])), [state_channel()], {}, sys.argv[2])\n"
     )
     target = tmp_path / "out.mcap"
     run = subprocess.run(
@@ -282,7 +282,7 @@ def test_to_standard_output(tmp_path: Path) -> None:
         "from pathlib import Path\n"
         "from cwcli.logs.write.annotate import annotate_log\n"
         "from tests.unit.logs_write.builders import SourceStub, state_channel\n"
-        "annotate(SourceStub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
+        "annotate_log(SourceStub(Path(sys.argv[1])), [state_channel()], {}, '-')\n"
     )
     run = subprocess.run(
         [sys.executable, "-c", code, str(source)],

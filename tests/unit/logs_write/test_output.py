@@ -213,7 +213,7 @@ def test_stdout_into_a_pipe(tmp_path: Path) -> None:
         "from cwcli.output import open_output\n"
         f"with open({str(source)!r}, 'rb') as source, open_output('-') as output:\n"
         "    output.write(b'head')\n"
-        "    output.copy(source.fileno(), 0, 300_000)\n"
+        "    output.copy_from_file(source.fileno(), 0, 300_000)\n"
     )
     run = run_to_stdout(code, stdout=subprocess.PIPE)
     found, _ = run.communicate(timeout=600)
