@@ -183,7 +183,7 @@ class AtomicGroup:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> None:
         try:
             if error is None:
-                self._publish_all()
+                self._check_all_then_publish_each()
         finally:
             for file, _, _ in self._files:
                 file.discard()
@@ -200,7 +200,7 @@ class AtomicGroup:
             raise AssertionError(f"two files are to get the name {file.target}")
         self._files.append((file, check, durable))
 
-    def _publish_all(self) -> None:
+    def _check_all_then_publish_each(self) -> None:
         """Check every target, then give each file its name."""
         for _, check, _ in self._files:
             check()

@@ -15,7 +15,7 @@ def escape_control_characters(text: str) -> str:
     return "".join(char if char.isprintable() or char == " " else _escape_character(char) for char in text)
 
 
-def escape_and_shorten(text: str, most: int = 1000) -> str:
+def shorten_and_escape(text: str, most: int = 1000) -> str:
     """Escape a text like `escape_control_characters`, cut after `most` characters; a log may hold huge names."""
     return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
 

@@ -27,7 +27,7 @@ class CollectedStates:
         n = len(self._order)
         self._place = np.empty(len(order), np.intp)
         self._place[self._order] = np.arange(n)
-        self._state, self._covariance = np.empty((n, N_STATES)), PackedCovariances.empty(n, N_STATES)
+        self._state, self._covariance = np.empty((n, N_STATES)), PackedCovariances.allocate_uninitialised(n, N_STATES)
         self._flags = np.zeros(n, np.uint8)
 
     def add_track(self, rows: Int64Array, track: Track) -> None:

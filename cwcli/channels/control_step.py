@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cwcli.channels.ego_viewers import write_pose_channel
+from cwcli.channels.ego_viewers import make_pose_channel
 from cwcli.channels.output import make_output_channel
 from cwcli.channels.published import CONTROL_POSE, CONTROL_STATE, CONTROL_STEP
 from cwcli.channels.vehicle_state import VehicleStates, write_vehicle_states
@@ -64,7 +64,7 @@ def write_replay_channels(
         channels += [
             write_vehicle_states(CONTROL_STATE.for_policy(name), host, local_map, has_covariance=False),
             _control_step_channel(policy, stamp_ns, replays),
-            write_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
+            make_pose_channel(CONTROL_POSE.for_policy(name), stamp_ns, state),
         ]
     return tuple(channels)
 

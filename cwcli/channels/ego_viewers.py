@@ -58,12 +58,12 @@ def write_ego_channels(states: VehicleStates, local_map: LocalMap | None) -> tup
     return (
         published,
         make_output_channel(EGO_FIX, states.log_time_ns, fix),
-        write_pose_channel(EGO_POSE, states.stamp_ns, state),
+        make_pose_channel(EGO_POSE, states.stamp_ns, state),
         transforms,
     )
 
 
-def write_pose_channel(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
+def make_pose_channel(channel: Channel, stamp_ns: Int64Array, state: FloatArray) -> OutputChannel:
     """Make a channel of `foxglove.PoseInFrame` in the map frame from states (n, 8); log times are the stamps."""
     fields: dict[str, Field] = {
         "timestamp": stamp_ns,

@@ -218,7 +218,7 @@ def _read_covariance(columns: Columns) -> Covariances:
         n = len(columns)
         return read_matrix(columns, "covariance", N_STATES**2, required=True).reshape(n, N_STATES, N_STATES)
     if not len(columns):
-        return PackedCovariances.empty(0, N_STATES)
+        return PackedCovariances.allocate_uninitialised(0, N_STATES)
     packed = []
     for name, width in (("sigma", N_STATES), ("correlation", N_CORRELATIONS)):
         field = find_field(columns, name)

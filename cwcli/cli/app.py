@@ -18,7 +18,7 @@ import typer.main
 
 from cwcli import __version__
 from cwcli.cli.commands import COMMANDS
-from cwcli.cli.options.complete import run_completion
+from cwcli.cli.options.complete import run_completion_with_bash_equals_fix
 from cwcli.cli.options.configfile import TalkOptions, origins_of_configured_options
 from cwcli.cli.options.expand import ENVIRONMENT_PREFIX, expand_dataclass_parameters
 from cwcli.cli.options.plain_coercion import use_plain_coercion
@@ -27,7 +27,7 @@ from cwcli.errors import EXIT_CODES, UsageError
 from cwcli.input import remember_inputs
 from cwcli.pipeline.stage import import_named_module
 from cwcli.stages import STAGES
-from cwcli.text import escape_and_shorten
+from cwcli.text import shorten_and_escape
 
 MAX_VALUE_CHARS = 60
 """Longest part of a wrong value that an error shows, in characters; chosen by hand."""
@@ -148,7 +148,7 @@ def dispatch_command(arguments: list[str]) -> int:
     """
     group = typer.main.get_command(app)
     if os.environ.get(f"_{ENVIRONMENT_PREFIX}_COMPLETE"):
-        run_completion(lambda: group.main(arguments, prog_name="cwcli"))
+        run_completion_with_bash_equals_fix(lambda: group.main(arguments, prog_name="cwcli"))
     try:
         with remember_inputs(), group.make_context("cwcli", arguments) as context:
             if not arguments:
@@ -174,7 +174,7 @@ def _usage_error_from_typer(error: typer.TyperException, arguments: list[str]) -
         reason = " ".join(str(getattr(error, "message", what)).split()).removesuffix(".")
         option = error.param.opts[0]  # type: ignore[attr-defined]
         return UsageError(
-            f"the environment variable {variable}={escape_and_shorten(os.environ[variable], MAX_VALUE_CHARS)}: "
+            f"the environment variable {variable}={shorten_and_escape(os.environ[variable], MAX_VALUE_CHARS)}: "
             f"{reason}",
             hint=f"see {option} in `{command} --help`",
         )

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from cwcli import __version__
-from cwcli.cli.text import escape_and_shorten, escape_control_characters, wrap_paragraph
+from cwcli.cli.text import escape_control_characters, shorten_and_escape, wrap_paragraph
 from cwcli.errors import CwcliError, names_hint
 
 FOUND_LINE_WIDTH = 100
@@ -65,7 +65,7 @@ class Console:
     def print_note(self, text: str) -> None:
         """Print a note on stderr, unless quiet."""
         if not self.quiet:
-            write_line(sys.stderr, wrap_paragraph(escape_and_shorten(text), first="note: ", rest="      "))
+            write_line(sys.stderr, wrap_paragraph(shorten_and_escape(text), first="note: ", rest="      "))
 
 
 def write_line(stream: TextIO | None, text: str) -> None:
@@ -110,14 +110,14 @@ def format_error(error: CwcliError) -> str:
       hint:  run `cwcli estimate drive.mcap -o estimated.mcap` first
     ```
     """
-    where = f"{escape_and_shorten(error.where)}: " if error.where else ""
-    lines = [f"error: {where}{escape_and_shorten(error.what)}"]
+    where = f"{shorten_and_escape(error.where)}: " if error.where else ""
+    lines = [f"error: {where}{shorten_and_escape(error.what)}"]
     if error.found:
         more = len(error.found) - MAX_FOUND_ENTRIES
-        entries = [escape_and_shorten(entry, MAX_FOUND_ENTRY_CHARS) for entry in error.found[:MAX_FOUND_ENTRIES]]
+        entries = [shorten_and_escape(entry, MAX_FOUND_ENTRY_CHARS) for entry in error.found[:MAX_FOUND_ENTRIES]]
         lines.extend(_format_found_lines([*entries, f"and {more:,} more"] if more > 0 else entries))
     if error.hint:
-        lines.append(f"  hint:  {escape_and_shorten(error.hint)}")
+        lines.append(f"  hint:  {shorten_and_escape(error.hint)}")
     return "\n".join(lines)
 
 

@@ -124,12 +124,12 @@ def _report_bug(arguments: Sequence[str]) -> None:
     import traceback
 
     from cwcli import __version__
-    from cwcli.cli.text import escape_and_shorten
+    from cwcli.cli.text import shorten_and_escape
 
     kind, value = sys.exc_info()[:2]
     trace = _redact_secrets(traceback.format_exc(), arguments)
-    _print_to_stderr("\n".join(escape_and_shorten(line) for line in trace.splitlines()))
-    what = escape_and_shorten(_redact_secrets(str(value), arguments), 200)
+    _print_to_stderr("\n".join(shorten_and_escape(line) for line in trace.splitlines()))
+    what = shorten_and_escape(_redact_secrets(str(value), arguments), 200)
     _print_to_stderr(f"error: a bug in cwcli {__version__}: {kind.__name__ if kind else ''}: {what}")
     _print_to_stderr("  hint:  please report it with the lines above and your command (README.md, section Bugs)")
 

@@ -52,7 +52,7 @@ class Job:
     lenient: bool = False
 
 
-def run_and_print(job: Job) -> RunOutcome:
+def run_write_and_print(job: Job) -> RunOutcome:
     """Run the stages of a job, write its outputs, and print the summary.
 
     Raises:

@@ -28,7 +28,7 @@ from cwcli.cli.options.stage import (
     stage_call_from_options,
     uses_calibration,
 )
-from cwcli.cli.pipeline import Job, run_and_print
+from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.pipeline.missing import SkipStagesAlreadyRun
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
@@ -73,7 +73,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
         )
         if first:
             job = replace(job, missing=SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station))
-        run_and_print(replace(job, lenient=len(calls) > 1))
+        run_write_and_print(replace(job, lenient=len(calls) > 1))
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]
     without = [

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from cwcli.cli.text import (
     DEFAULT_WIDTH,
     display_width,
-    escape_and_shorten,
     escape_control_characters,
     format_number,
     pad_to_width,
+    shorten_and_escape,
     terminal_width,
     wrap_text,
 )
@@ -60,7 +60,7 @@ def _cell_text(value: Cell) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return format_number(value)
-    return escape_and_shorten(str(value), MAX_CELL_CHARS)
+    return shorten_and_escape(str(value), MAX_CELL_CHARS)
 
 
 def _topic_width(cell: str) -> int:

@@ -7,7 +7,6 @@ import sys
 import unicodedata
 
 from cwcli.text import (
-    escape_and_shorten,
     escape_control_characters,
     finite_or_none,
     format_byte_size,
@@ -16,12 +15,12 @@ from cwcli.text import (
     format_interval,
     format_number,
     join_names,
+    shorten_and_escape,
 )
 
 __all__ = [
     "DEFAULT_WIDTH",
     "display_width",
-    "escape_and_shorten",
     "escape_control_characters",
     "finite_or_none",
     "format_byte_size",
@@ -31,6 +30,7 @@ __all__ = [
     "format_number",
     "join_names",
     "pad_to_width",
+    "shorten_and_escape",
     "terminal_width",
     "wrap_paragraph",
     "wrap_text",

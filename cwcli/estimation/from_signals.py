@@ -50,7 +50,7 @@ def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) ->
                 hint = "name positions of one kind with --topic ego_position="
                 raise UsageError(f"{signal.source} is in degrees, and the position before it is Cartesian", hint=hint)
             x_m, y_m, _ = local_map.map_from_wgs84(signal.latitude_deg, signal.longitude_deg, signal.altitude_m)
-            covariance = _unpack_symmetric_matrices(signal.covariance_m2)
+            covariance = _unpack_symmetric_2x2(signal.covariance_m2)
             values = np.column_stack([x_m, y_m])
             return [Measurements(signal.source, Kind.POSITION, stamp_ns, values, covariance, log_ns)]
         case PoseSignal():
@@ -60,7 +60,7 @@ def ego_signal_to_measurements(signal: EgoSignal, local_map: LocalMap | None) ->
             return _pose_to_measurements(signal)
         case VelocitySignal():
             values = np.column_stack([signal.east_mps, signal.north_mps])
-            covariance = _unpack_symmetric_matrices(signal.covariance_m2ps2)
+            covariance = _unpack_symmetric_2x2(signal.covariance_m2ps2)
             return [Measurements(signal.source, Kind.VELOCITY, stamp_ns, values, covariance, log_ns)]
         case SpeedSignal():
             return _columns_to_measurements(
@@ -160,7 +160,7 @@ def remote_station_to_measurements(
             remote.latitude_deg[rows], remote.longitude_deg[rows], remote.altitude_m[rows]
         )
     stamp_ns, log_ns = remote.stamp_ns[rows], remote.log_time_ns[rows]
-    covariance = _unpack_symmetric_matrices(remote.position_covariance_m2[rows])
+    covariance = _unpack_symmetric_2x2(remote.position_covariance_m2[rows])
     heading, accel, gain = remote.heading_rad[rows], remote.accel_mps2[rows], np.ones(len(rows))
     if senders == "j2945" and np.isfinite(remote.message_count[rows]).all():  # a CAM counts no messages
         heading = np.where(is_latched_heading(heading, remote.speed_mps[rows]), np.nan, heading)
@@ -195,7 +195,7 @@ def _pose_to_measurements(pose: PoseSignal) -> list[Measurements]:
             Kind.POSITION,
             pose.stamp_ns,
             values,
-            _unpack_symmetric_matrices(pose.covariance_m2),
+            _unpack_symmetric_2x2(pose.covariance_m2),
             pose.log_time_ns,
             pose.is_exact,
         ),
@@ -219,7 +219,7 @@ def _columns_to_measurements(
     return found
 
 
-def _unpack_symmetric_matrices(packed: FloatArray) -> FloatArray:
+def _unpack_symmetric_2x2(packed: FloatArray) -> FloatArray:
     """Convert (n, 3) columns xx, xy, yy to (n, 2, 2) matrices."""
     return packed[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 

@@ -219,7 +219,7 @@ def _judge_object_is_sender(
     n = len(compared.rows)
     along, across = compared.along_m, compared.across_m
     variance_along, variance_across = compared.variance_along_m2, compared.variance_across_m2
-    own, other = _squared_normalised_distances(compared, along, across, variance_along, variance_across)
+    own, other = _squared_distances_to_sender_and_to_other(compared, along, across, variance_along, variance_across)
     agrees = compared.motion_agrees & (own <= MAX_SQUARED_DISTANCE) & (own <= other)
     # A run begins behind a gap, and a moment that disagrees is one of its own.
     begins = np.ones(n, np.bool_)
@@ -234,7 +234,7 @@ def _judge_object_is_sender(
         total = np.append(0.0, np.cumsum(values))
         return np.asarray((total[1:] - total[first]) / counts)
 
-    own, other = _squared_normalised_distances(
+    own, other = _squared_distances_to_sender_and_to_other(
         compared, mean(along), mean(across), mean(variance_along), mean(variance_across)
     )
     is_inside = agrees & (own <= MAX_SQUARED_DISTANCE) & (other > 0.0) & (counts >= MIN_MOMENTS)
@@ -242,7 +242,7 @@ def _judge_object_is_sender(
     return is_same, np.where(compared.motion_agrees, own, np.inf), is_inside
 
 
-def _squared_normalised_distances(
+def _squared_distances_to_sender_and_to_other(
     compared: _ObjectComparedWithSender,
     along_m: FloatArray,
     across_m: FloatArray,

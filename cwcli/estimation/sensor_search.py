@@ -112,8 +112,8 @@ def find_sensor_model(
     Args:
         base: Series with latencies and noise settled, and their biases as the only parameter states.
         before: What was found with other latencies: the climb begins there, and what was of no use is tried again.
-        left_s: Parallel to the series: one sigma of what the stamps are still late by; None: nothing. A car that turns
-            while its fixes are late by tau looks like one whose antenna stands by v tau behind.
+        remaining_latency_sigma_s: Parallel to the series: one sigma of what the stamps may still be late by; None: 0.
+            A car that turns while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
     first, last = _search_window_s(base.series)
     slack_m = _ahead_sigma_from_latency_m(
@@ -436,7 +436,10 @@ def _series_with_unclear_ahead(ahead_m: Mapping[int, tuple[float, float]], slack
 def series_whose_ahead_may_be_latency(
     found: FoundSensorModel, series: Sequence[SensorSeries], remaining_latency_sigma_s: Sequence[float]
 ) -> list[int]:
-    """Return the series whose lever arm ahead may as well be a latency; for `left_s` see `find_sensor_model`."""
+    """Return the series whose lever arm ahead may as well be a latency.
+
+    `remaining_latency_sigma_s` is that of `find_sensor_model`.
+    """
     return _series_with_unclear_ahead(
         {i: at for i, at in found.ahead_m.items() if i in found.model.ahead},
         _ahead_sigma_from_latency_m(series, remaining_latency_sigma_s),

@@ -62,8 +62,8 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
     stretches: list[tuple[int, int, int, int]] = []
     for first, stop in zip(edges[::2], edges[1::2], strict=True):
         last = int(stop) - 1
-        onset = _threshold_crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
-        end = _threshold_crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
+        onset = _zero_crossing_ns(stamp, measure, int(first) - 1, int(first), config.max_gap_s)
+        end = _zero_crossing_ns(stamp, measure, last + 1, last, config.max_gap_s)
         if stretches and onset - stretches[-1][1] < config.hold_off_s * NS_PER_S:
             earlier = stretches.pop()
             stretches.append((earlier[0], end, earlier[2], last))
@@ -76,9 +76,7 @@ def find_real_conflicts(pair: Pair, config: WarningConfig) -> list[RealConflict]
     return out
 
 
-def _threshold_crossing_ns(
-    stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float
-) -> int:
+def _zero_crossing_ns(stamp_ns: Int64Array, measure: FloatArray, outside: int, inside: int, max_gap_s: float) -> int:
     """Return when the measure crossed 0 between two neighbouring samples; the inner one's stamp if that is unknown."""
     at = int(stamp_ns[inside])
     if not 0 <= outside < len(stamp_ns):

@@ -70,7 +70,7 @@ def plan_paths_from_states(states: VehicleStates, role: str, request: PathReques
     return LazyPaths.from_states(states, plan)
 
 
-def paths_from_every_state(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
+def replanned_or_logged_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:
     """Return a path from each state, and notes.
 
     A log holds only a few paths a second. The others are predicted again from the log's states, with the settings in

@@ -22,9 +22,7 @@ BADGE_BY_STATUS = {
 def build_gate_views(results: Sequence[GateResult]) -> list[GateView]:
     """Build the gates' rows for the page, failed gates first."""
     ordered = sorted(results, key=lambda result: result.status is not CheckStatus.FAILED)
-    return [
-        GateView(result.gate, BADGE_BY_STATUS[result.status], _format_compared_values(result)) for result in ordered
-    ]
+    return [GateView(result.gate, BADGE_BY_STATUS[result.status], _format_check_details(result)) for result in ordered]
 
 
 def gate_badges_of_log(results: Sequence[GateResult], log: str) -> list[Badge]:
@@ -47,7 +45,7 @@ def gate_badge_of_run(results: Sequence[GateResult]) -> Badge:
     return Badge(f"{passed} of {format_count(len(results), 'gate')} passed", "good")
 
 
-def _format_compared_values(result: GateResult) -> str:
+def _format_check_details(result: GateResult) -> str:
     """Format the values that were compared, of the failed checks if there are any."""
     failed = result.failed_checks
     texts = [f"{check.log}: {check.detail}" if check.log else check.detail for check in failed or result.checks]

@@ -57,7 +57,7 @@ class PackedCovariances:
     correlation: Float32Array
 
     @classmethod
-    def empty(cls, n: int, k: int) -> Self:
+    def allocate_uninitialised(cls, n: int, k: int) -> Self:
         """Return room for n covariances of k states, to be filled later."""
         return cls(np.empty((n, k), np.float32), np.empty((n, k * (k - 1) // 2), np.float32))
 
@@ -65,7 +65,7 @@ class PackedCovariances:
     def from_dense(cls, covariance: FloatArray) -> Self:
         """Pack covariances (n, k, k) to the precision above; one that is not positive definite becomes NaN."""
         n, k, _ = covariance.shape
-        out = cls.empty(n, k)
+        out = cls.allocate_uninitialised(n, k)
         for first in range(0, n, ROWS_PER_BLOCK):
             rows = slice(first, first + ROWS_PER_BLOCK)
             out.sigma[rows], out.correlation[rows] = _pack_block(covariance[rows])

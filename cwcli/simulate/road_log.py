@@ -322,7 +322,7 @@ def true_boundaries_channel(truths: Sequence[LaneTruth], stamp_ns: Int64Array) -
         "preview_distance_m": np.full(n, PAPER_PREVIEW_M),
     }
     for side in ("left", "right"):
-        parabolas = np.array([truth.fit_boundary_parabola(side) for truth in truths])
+        parabolas = np.array([truth.fit_boundary_parabola_px(side) for truth in truths])
         found = np.isfinite(parabolas[:, 0])
         columns |= {f"{side}.{name}": parabolas[:, k] for k, name in enumerate("abc")}
         columns[f"{side}.score"] = np.full(n, np.nan)

@@ -154,7 +154,7 @@ def road_curves_in_image(fits: FitColumns, camera: Camera) -> FloatArray:
 
 def _fit_roads_to_parabolas(fits: FitColumns, camera: Camera) -> FloatArray:
     """Road curves whose best parabolas are those of the fits, shape (n, 2, 4)."""
-    y_px = _sample_heights_px(camera, fits.pitch_rad)
+    y_px = _boundary_sample_heights_px(camera, fits.pitch_rad)
     x_px = _parabola_columns_px(fits.parabolas, y_px)
     h = ((camera.height_px - y_px - camera.horizon_row_px(fits.pitch_rad)[:, None]) / camera.height_px)[:, None]
     is_there = np.isfinite(x_px) & (h > 0.0)
@@ -292,7 +292,9 @@ def _curvature_change_1pm2(fits: FitColumns, body: FloatArray, camera: Camera) -
 
 def _road_offset_from_parabola_px(fits: FitColumns, camera: Camera) -> FloatArray:
     """Offset of the method's own road from its parabola at each sample, shape (n, 2, samples); 0 without a road."""
-    y_px = _sample_heights_px(camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad))
+    y_px = _boundary_sample_heights_px(
+        camera, np.where(np.isnan(fits.pitch_rad), camera.mounting.pitch_rad, fits.pitch_rad)
+    )
     h = (camera.height_px - y_px - camera.horizon_row_px(fits.pitch_rad)[:, None])[:, None]
     far, near, bend = np.moveaxis(fits.roads[..., :3, None], 2, 0)  # the spiral is added on the ground
     with np.errstate(invalid="ignore"):
@@ -313,7 +315,7 @@ def _map_boundaries_to_ground(
         use: Shape (n, 2, samples): the samples to use; None: those in the image and at a fair distance.
     """
     n = len(parabolas)
-    y_px = _sample_heights_px(camera, mount[:, 0])
+    y_px = _boundary_sample_heights_px(camera, mount[:, 0])
     x_px = _parabola_columns_px(parabolas, y_px) + beside_px
     v_px = np.broadcast_to(camera.height_px - y_px[:, None], x_px.shape)
     is_there = np.isfinite(x_px)
@@ -341,7 +343,7 @@ def _map_boundaries_to_ground(
     return _fit_roads_on_ground(x_m, y_m, y_px / camera.height_px, use), use
 
 
-def _sample_heights_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
+def _boundary_sample_heights_px(camera: Camera, pitch_rad: FloatArray) -> FloatArray:
     """Heights in the image at which boundaries are sampled, shape (n, samples)."""
     return (
         0.5

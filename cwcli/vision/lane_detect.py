@@ -221,7 +221,7 @@ def measure_stripe_evidence(
     return StripeEvidence(rows, evidence[0], evidence[1], evidence[2], horizon_px, MIN_DEPTH_SHARE * height, pinhole)
 
 
-def scan_lane_grid(
+def best_lanes_of_grid(
     evidence: StripeEvidence, prior: LanePrior, width_px: int, height_px: int
 ) -> tuple[FloatArray, FloatArray]:
     """The best lane for each vanishing point and bend at the evidence's horizon.
@@ -284,9 +284,9 @@ def refine_lanes(
         lanes: Where the searches begin, shape (k, 6) or (6,).
         table: The prior's table (`LanePrior.table`).
         size: Width and height of the image.
-        wide: Use the widened evidence.
-        scale: Factor of the first steps.
-        beside: Weight of the neighbouring lanes' boundaries.
+        use_wide_evidence: Use the widened evidence.
+        step_scale: Factor of the first steps.
+        neighbour_weight: Weight of the neighbouring lanes' boundaries.
     """
     width_px, height_px = size
     refined_lanes = np.array(lanes, np.float64, ndmin=2)
@@ -386,7 +386,7 @@ def search_first_frame(
     values: list[FloatArray] = []
     for horizon in horizons.tolist():
         evidence = evidence_source(grey, rows, horizon, prior.pinhole)
-        lanes, _ = scan_lane_grid(evidence, prior, width, height)
+        lanes, _ = best_lanes_of_grid(evidence, prior, width, height)
         lanes, value = refine_lanes(
             evidence, first_distinct_lanes(lanes[:60], 4), prior.table, (width, height), use_wide_evidence=True
         )
@@ -422,7 +422,7 @@ def search_rival_lanes(
     Returns:
         Lanes, shape (k, 6), and their objectives, shape (k,); k may be 0.
     """
-    lanes = _drop_known_lanes(first_distinct_lanes(scan_lane_grid(evidence, prior, *size)[0], 2), known)
+    lanes = _drop_known_lanes(first_distinct_lanes(best_lanes_of_grid(evidence, prior, *size)[0], 2), known)
     if len(lanes):
         lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=True)
         lanes, _ = refine_lanes(evidence, lanes, prior.table, size, use_wide_evidence=False, step_scale=0.5)

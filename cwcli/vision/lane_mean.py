@@ -69,7 +69,7 @@ def weighted_mean_lane(
     mean, covariance = _image_places_from_lane(lane, *rows_px), np.diag(sigmas**2)
     for _ in range(N_FITTING_ROUNDS):
         points = mean + NORMAL_POINTS @ np.linalg.cholesky(covariance).T
-        value = objective(_lanes_from_image_places(points, *rows_px, spiral))
+        value = objective(_image_lanes_from_row_columns(points, *rows_px, spiral))
         if value.max() < -1e20:  # all beyond the bounds
             break
         # a point that lies where few do stands for more
@@ -79,7 +79,7 @@ def weighted_mean_lane(
         mean = weight @ points
         apart = points - mean
         covariance = (apart * weight[:, None]).T @ apart + np.diag((MIN_SIGMA_SHARE * sigmas) ** 2)
-    return np.clip(_lanes_from_image_places(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
+    return np.clip(_image_lanes_from_row_columns(mean, *rows_px, spiral), table[:, LOW], table[:, HIGH])
 
 
 def _image_places_from_lane(lane: FloatArray, near_px: float, far_px: float) -> FloatArray:
@@ -92,7 +92,7 @@ def _image_places_from_lane(lane: FloatArray, near_px: float, far_px: float) -> 
     return np.array([centre - half, centre + half, u0 + middle * far_h + bend / far_h, bend / far_h, horizon])
 
 
-def _lanes_from_image_places(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
+def _image_lanes_from_row_columns(places: FloatArray, near_px: float, far_px: float, spiral: float) -> FloatArray:
     """The lanes (..., 6) that belong to such places (..., 5), with a given change of curvature."""
     left, right, far, share, horizon = np.moveaxis(places, -1, 0)
     near_h, far_h = np.maximum(near_px - horizon, 2.0), np.maximum(far_px - horizon, 1.0)

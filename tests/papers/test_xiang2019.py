@@ -20,7 +20,7 @@ from cwcli.reproduction.xiang2019.reproduce import (
     compute_tables,
     detection_rows_of_scene,
 )
-from cwcli.reproduction.xiang2019.sentences import verdict_sentences
+from cwcli.reproduction.xiang2019.sentences import ukf_against_ekf_sentences
 from cwcli.simulation.dual_sensor import PAPER_STATIC_RANGES_M, simulate_static_target
 from cwcli.tracking.single_target import run_filter
 
@@ -97,7 +97,7 @@ def test_table_2_takes_less_than_the_papers_time(small):
 
 
 def test_the_verdict_names_figures_tables_and_reasons(small):
-    text = "\n".join(verdict_sentences(small))
+    text = "\n".join(ukf_against_ekf_sentences(small))
     for word in ("Table 1", "Figure 6", "Table 2", "Where", "Why"):
         assert word in text
 
@@ -153,8 +153,8 @@ def test_other_numbers_make_other_sentences(small, case):
     table, columns, before, after = FLIPS[case]
     calm = flipped(small, "table_2", {"filter": ["ukf", "ekf"], "time_ms": [0.2, 0.1]})  # whatever this machine does
     calm = flipped(calm, "figure_6", {"lidar_gain_pct": [8.0] * 5})  # whatever few seeds do
-    assert before in "\n".join(verdict_sentences(calm))
-    said = "\n".join(verdict_sentences(flipped(calm, table, columns)))
+    assert before in "\n".join(ukf_against_ekf_sentences(calm))
+    said = "\n".join(ukf_against_ekf_sentences(flipped(calm, table, columns)))
     assert before not in said
     assert after in said
 

@@ -45,7 +45,7 @@ def test_the_stripe_is_never_stricter_than_its_centre(made: tuple[str, dict[str,
 def test_a_frame_is_judged_against_its_truth() -> None:
     frame = next(iter(iter_set_frames("good", 1)))
     left, right = (
-        Boundary(*frame.truth.fit_boundary_parabola(side), 0.0, 1.0, True)  # the best parabola through the truth
+        Boundary(*frame.truth.fit_boundary_parabola_px(side), 0.0, 1.0, True)  # the best parabola through the truth
         for side in ("left", "right")
     )
     assert is_fit_correct(frame, LaneFit(left, right), SIZE, by_stripe=False)

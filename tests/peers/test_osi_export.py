@@ -19,7 +19,7 @@ from osi_utilities import MultiTraceReader, create_reader
 from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE
 from cwcli.export.formats.base import Track
-from cwcli.export.formats.osi import _unique_numeric_ids, encode
+from cwcli.export.formats.osi import _unique_numeric_ids, encode_osi_mcap_trace
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.schemas import OSI_DESCRIPTOR_SET_FILE, _serialize_descriptor_set, schema_folder
 from tests.osi_traces import Actor, along, time_to_contact_s, write_trace
@@ -165,7 +165,7 @@ def test_others_are_there_only_while_they_were_heard_and_unix_time_is_said() -> 
     line = np.arange(5.0)
     ego = Track("ego", at_ns, line, line, 0 * line, line, line, line, "ego")
     late = Track("b", at_ns[2:4], line[:2], line[:2], 0 * line[:2], line[:2], line[:2], line[:2], "targets")
-    reader = make_reader(io.BytesIO(encode([ego, late])))
+    reader = make_reader(io.BytesIO(encode_osi_mcap_trace([ego, late])))
     worlds = [GroundTruth.FromString(message.data) for *_, message in reader.iter_messages()]
     assert [len(world.moving_object) for world in worlds] == [1, 1, 2, 2, 1]
     (record,) = reader.iter_metadata()

@@ -14,11 +14,11 @@ from cwcli.cli.options.shared import LogArgument, ReadingOptions, SensorOptions,
 from cwcli.cli.options.values import format_utc_time
 from cwcli.cli.tables import Cell, format_table
 from cwcli.cli.text import (
-    escape_and_shorten,
     format_byte_size,
     format_count,
     format_duration,
     join_names,
+    shorten_and_escape,
     wrap_paragraph,
 )
 from cwcli.errors import EXIT_DONE, EXIT_GATE_FAILED
@@ -313,7 +313,7 @@ def print_log_description(console: Console, document: Document) -> None:
     console.print_heading(document["name"])
     for name, text in _log_facts(document):
         console.print_summary(
-            wrap_paragraph(escape_and_shorten(text, MAX_FACT_CHARS), first=f"{name:<12}", rest=" " * 12)
+            wrap_paragraph(shorten_and_escape(text, MAX_FACT_CHARS), first=f"{name:<12}", rest=" " * 12)
         )
     console.print_summary("")
     rows: list[tuple[Cell, ...]] = [

@@ -23,7 +23,7 @@ from cwcli.cli.options.shared import (
 )
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_written_files
-from cwcli.cli.text import escape_and_shorten
+from cwcli.cli.text import shorten_and_escape
 from cwcli.errors import UsageError
 
 EXAMPLES = (
@@ -118,7 +118,7 @@ def command(
         console.print_document("join", said)
         return
     for topic, n in joined.n_states.items():
-        console.print_summary(f"{escape_and_shorten(topic)}: {n} states of {escape_and_shorten(name)}")
+        console.print_summary(f"{shorten_and_escape(topic)}: {n} states of {shorten_and_escape(name)}")
     for note in joined.notes:
         console.print_note(note)
     for where, counts in faults.items():

@@ -20,7 +20,7 @@ from cwcli.cli.options.shared import (
     source_of_logs,
 )
 from cwcli.cli.options.stage import StageOptions, make_all_stage_options_classes, stage_call_from_options
-from cwcli.cli.pipeline import Job, run_and_print
+from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.errors import UsageError
 from cwcli.pipeline.channel_choice import ChannelChoice
 from cwcli.pipeline.execute import ALL_CHANNELS
@@ -234,7 +234,7 @@ def command(
         Job("run", source_of_logs(logs, reading.as_one), {}, reading, writing, talk, metrics_dir=metrics_dir), options
     )
     print_former_option_notes(talk, options.notes)
-    run_and_print(job)
+    run_write_and_print(job)
     return 0
 
 

@@ -83,7 +83,7 @@ def _iter_topics_and_schemas(log: str) -> Iterator[tuple[str, str]]:
                     yield channel.topic, channel.schema_name if channel.schema_name.isprintable() else ""
 
 
-def run_completion(complete: Callable[[], object]) -> None:
+def run_completion_with_bash_equals_fix(complete: Callable[[], object]) -> None:
     """Run Typer's completion; for bash, first join `ego_position=/gps`, which bash splits at the `=`.
 
     Bash then replaces only the text after the `=`, so only that part of each offer is printed.

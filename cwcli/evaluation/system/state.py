@@ -36,7 +36,7 @@ def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, Frame
     reference = find_reference_motion(context)
     signal = read_signal_of_other_system(context, "ego_state", topic, (Role.EGO_POSITION, Role.TRUTH))
     assert isinstance(signal, PoseSignal | PositionSignal)
-    motion = _motion_from_signal(signal, _positions_in_map_or_own_frame_m(context, signal)).interpolate_motion(
+    motion = _motion_from_signal(signal, _positions_with_geographic_in_map_m(context, signal)).interpolate_motion(
         signal.stamp_ns, reference.stamp_ns
     )
     if int(np.isfinite(motion.xy_m).all(axis=1).sum()) < MIN_COMPARED_ROWS:
@@ -58,7 +58,7 @@ def add_state_errors(context: EvaluationContext, topic: str) -> tuple[str, Frame
     return frame, placing
 
 
-def _positions_in_map_or_own_frame_m(context: EvaluationContext, signal: PoseSignal | PositionSignal) -> FloatArray:
+def _positions_with_geographic_in_map_m(context: EvaluationContext, signal: PoseSignal | PositionSignal) -> FloatArray:
     """Return positions (n, 2), m: in the map where they are geographic, else in their own frame."""
     local_map: LocalMap | None = map_from_record(read_run_records(context.log).get("estimate", {}))
     if signal.latitude_deg is None or signal.longitude_deg is None:

@@ -13,7 +13,7 @@ from cwcli.export.text import DEGREE_DECIMALS, format_iso_time
 from cwcli.text import finite_or_none
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_geojson_tracks(tracks: Sequence[Track]) -> bytes:
     """Encode tracks as a `FeatureCollection`; a vehicle with one state is a point, because a line needs two."""
     features = [_feature_of_track(track) for track in tracks]
     return json.dumps({"type": "FeatureCollection", "features": features}, allow_nan=False).encode() + b"\n"
@@ -35,5 +35,5 @@ def _feature_of_track(track: Track) -> dict[str, Any]:
     }
 
 
-FORMAT = TrackFormat((".geojson",), "GeoJSON (RFC 7946), for GIS tools", encode, is_geographic=True)
+FORMAT = TrackFormat((".geojson",), "GeoJSON (RFC 7946), for GIS tools", encode_geojson_tracks, is_geographic=True)
 """The description of this format for the table of formats."""

@@ -17,7 +17,7 @@ GPX_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 """Beginning of a GPX document."""
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_gpx_tracks(tracks: Sequence[Track]) -> bytes:
     """Encode each track as a `trk` of one segment."""
     parts = [GPX_HEAD]
     for track in tracks:
@@ -32,5 +32,5 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join([*parts, "</gpx>\n"]).encode()
 
 
-FORMAT = TrackFormat((".gpx",), "GPX 1.1, for maps and GNSS tools", encode, is_geographic=True)
+FORMAT = TrackFormat((".gpx",), "GPX 1.1, for maps and GNSS tools", encode_gpx_tracks, is_geographic=True)
 """The description of this format for the table of formats."""

@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.export.formats.base import Track, TrackFormat
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_kitti_poses(tracks: Sequence[Track]) -> bytes:
     """Encode the poses of the body (x forward, y left, z up; not a camera) in the map frame, height 0."""
     (track,) = tracks
     sine, cosine = np.sin(track.heading_rad), np.cos(track.heading_rad)
@@ -23,5 +23,7 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat((".kitti", ".txt"), "KITTI poses, for evo; without times", encode, holds_one_track=True)
+FORMAT = TrackFormat(
+    (".kitti", ".txt"), "KITTI poses, for evo; without times", encode_kitti_poses, holds_one_track=True
+)
 """The description of this format for the table of formats."""

@@ -18,7 +18,7 @@ KML_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 """Beginning of a KML document."""
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_kml_tracks(tracks: Sequence[Track]) -> bytes:
     """Encode each track as a `Placemark`: first all its times, then all its positions."""
     parts = [KML_HEAD]
     for track in tracks:
@@ -30,5 +30,5 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join([*parts, "</Document>\n</kml>\n"]).encode()
 
 
-FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode, is_geographic=True)
+FORMAT = TrackFormat((".kml",), "KML 2.2, for Google Earth", encode_kml_tracks, is_geographic=True)
 """The description of this format for the table of formats."""

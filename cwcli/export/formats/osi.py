@@ -42,7 +42,7 @@ GPS_EPOCH_NS = 315_964_800 * NS_PER_S
 """The GPS epoch as Unix time, ns; earlier stamps count from the start of a simulation, not from 1970."""
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_osi_mcap_trace(tracks: Sequence[Track]) -> bytes:
     """Encode all tracks at the times of the ego's states; without an ego, at those of all states.
 
     Other vehicles are interpolated between states that are at most a second apart. Ids that are no whole numbers are
@@ -172,6 +172,10 @@ def _interpolate_states(track: Track, at_ns: Int64Array) -> FloatArray:
 
 
 FORMAT = TrackFormat(
-    (".osi.mcap",), "ASAM OSI trace, for simulators and their tools", encode, is_text=False, holds_all_vehicles=True
+    (".osi.mcap",),
+    "ASAM OSI trace, for simulators and their tools",
+    encode_osi_mcap_trace,
+    is_text=False,
+    holds_all_vehicles=True,
 )
 """The description of this format for the table of formats."""

@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.export.formats.base import Track, TrackFormat
 
 
-def encode(tracks: Sequence[Track]) -> bytes:
+def encode_tum_trajectory(tracks: Sequence[Track]) -> bytes:
     """Encode positions in metres in the map frame, height 0; nine decimals of a second keep stamps exact."""
     (track,) = tracks
     half = 0.5 * track.heading_rad
@@ -24,5 +24,5 @@ def encode(tracks: Sequence[Track]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode, holds_one_track=True)
+FORMAT = TrackFormat((".tum",), "TUM trajectory, for evo and SLAM tools", encode_tum_trajectory, holds_one_track=True)
 """The description of this format for the table of formats."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 from cwcli.logs.write.byte_rows import ByteRows
-from cwcli.logs.write.ros_schemas import is_ros_message_name, ros2msg_schema_text
+from cwcli.logs.write.ros_schemas import is_ros2_message_name, ros2msg_schema_text
 from cwcli.signals.columns import OutputField
 
 PROTOBUF_MESSAGE_ENCODING = "protobuf"
@@ -42,7 +42,7 @@ def find_output_schema(name: str) -> OutputSchema:
     Raises:
         KeyError: There is no such message.
     """
-    if is_ros_message_name(name):
+    if is_ros2_message_name(name):
         from cwcli.logs.write.cdr_encoder import encode_cdr
 
         text = ros2msg_schema_text(name).encode()

@@ -70,7 +70,7 @@ _PROTOBUF_TYPE_MESSAGE = 11
 """The field type (`FieldDescriptorProto.Type`) of a message inside a message."""
 
 
-def is_ros_message_name(schema_name: str) -> bool:
+def is_ros2_message_name(schema_name: str) -> bool:
     """Tell whether a schema's name is that of a ROS 2 message: `package/msg/Name`."""
     return "/msg/" in schema_name
 

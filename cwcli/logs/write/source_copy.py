@@ -89,7 +89,7 @@ class SourceCopy:
                 yield item
             elif self._recover or not item.index_offsets or not self._index.has_complete_summary:
                 try:
-                    yield self._chunk_with_true_counts(item)
+                    yield self._verify_chunk_and_count(item)
                 except (ChunkError, RecordError) as error:
                     if not self._recover:
                         raise damaged_file_error(self._source, item.chunk_start, error) from error
@@ -104,7 +104,7 @@ class SourceCopy:
         else:
             yield item
 
-    def _chunk_with_true_counts(self, chunk: ChunkIndex) -> ChunkIndex:
+    def _verify_chunk_and_count(self, chunk: ChunkIndex) -> ChunkIndex:
         """Return the chunk with its true message counts, and mark it for new indexes if header or indexes are wrong."""
         entries = message_index_entries(self._decompress_with_log_ids(chunk))
         times = np.concatenate([np.zeros(0, "<u8"), *(each["log_time"] for each in entries.values())])

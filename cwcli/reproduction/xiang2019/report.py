@@ -15,7 +15,7 @@ from cwcli.reproduction.xiang2019.figures import (
     sensor_looks_plot,
 )
 from cwcli.reproduction.xiang2019.reproduce import Table, compute_tables
-from cwcli.reproduction.xiang2019.sentences import verdict_sentences
+from cwcli.reproduction.xiang2019.sentences import ukf_against_ekf_sentences
 
 TABLE_TITLES = {
     "figure_6": "Figures 5 and 6: error of the distance (paper: both together below 0.01 m)",
@@ -105,7 +105,7 @@ def reproduce_xiang2019(config: ReproduceConfig, tick: Callable[[str], None] = l
         parts.append(filter_tracks_part())
     sections = [_table_section(name, tables[name]) for name in TABLE_TITLES if name in tables]
     if not config.only:
-        findings: tuple[tuple[Cell, ...], ...] = tuple((text,) for text in verdict_sentences(tables))
+        findings: tuple[tuple[Cell, ...], ...] = tuple((text,) for text in ukf_against_ekf_sentences(tables))
         sections.append(SummaryTable("verdict", "Does the UKF beat the EKF?", ("finding",), findings))
     return assemble_reproduction(
         "xiang2019", parts, f"{config.seeds} paired seeds", sections=sections, only=config.only

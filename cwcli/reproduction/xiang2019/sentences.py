@@ -23,7 +23,7 @@ SMALL_BEND_SIGMAS = 0.1
 """Below this bend, in range sigmas, the linearisation error is negligible. Chosen by hand; not fitted."""
 
 
-def verdict_sentences(tables: dict[str, Table]) -> tuple[str, ...]:
+def ukf_against_ekf_sentences(tables: dict[str, Table]) -> tuple[str, ...]:
     """Say whether, where and why the UKF beats the EKF, one sentence or two an entry."""
     return (*_sentences_of_table_1(tables["table_1"]), *_sentences_of_figure_6(tables["figure_6"]),
         *_sentences_of_table_2(tables["table_2"]),
@@ -36,7 +36,7 @@ def _sentences_of_table_1(table: Table) -> list[str]:
     return [
         f"Table 1: of {len(better)} cells the UKF is better in {better.count('ukf')}, the EKF in "
         f"{better.count('ekf')}, neither in {better.count('neither')}; the UKF's mean square error differs by "
-        f"{-_mse_gap_percent(table):+.3f} % (paper: {-_mse_gap_percent(table, 'paper_'):+.0f} %)."
+        f"{-_ukf_mse_reduction_percent(table):+.3f} % (paper: {-_ukf_mse_reduction_percent(table, 'paper_'):+.0f} %)."
     ]
 
 
@@ -99,10 +99,13 @@ def _sentences_of_radar_scenes(table: Table) -> list[str]:
 def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     """Explain why both filters are alike in the paper's scene; [] if they are not."""
     bend = FARTHEST_TARGET_M * SCENE_NOISE.azimuth_rad**2 / (2.0 * SCENE_NOISE.range_m)
-    if abs(_mse_gap_percent(tables["table_1"])) >= EQUAL_MSE_PCT or bend >= SMALL_BEND_SIGMAS:
+    if abs(_ukf_mse_reduction_percent(tables["table_1"])) >= EQUAL_MSE_PCT or bend >= SMALL_BEND_SIGMAS:
         return []
     errors = _table_column(tables["settings"], "ekf")
-    gap, reach = _mse_gap_percent(tables["table_1"], "paper_"), 100.0 * (1.0 - float(errors.min() / errors.max()))
+    gap, reach = (
+        _ukf_mse_reduction_percent(tables["table_1"], "paper_"),
+        100.0 * (1.0 - float(errors.min() / errors.max())),
+    )
     return [
         "Why: the circle of equal range bends away from the tangent that the EKF uses by r a^2 / 2, at "
         f"{FARTHEST_TARGET_M:g} m in the paper's scene {bend:.4f} range sigmas. Both filters compute nearly the same "
@@ -114,7 +117,7 @@ def _explanation_sentences(tables: dict[str, Table]) -> list[str]:
     ]
 
 
-def _mse_gap_percent(table: Table, column_prefix: str = "") -> float:
+def _ukf_mse_reduction_percent(table: Table, column_prefix: str = "") -> float:
     """Return how much lower the UKF's mean square error is than the EKF's, in per cent of it."""
     return 100.0 * (
         1.0

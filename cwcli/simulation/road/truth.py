@@ -100,7 +100,7 @@ class LaneTruth:
             lanes.append(np.pad(at, (0, len(h_samples) - len(inside)), constant_values=-2).tolist())
         return lanes
 
-    def fit_boundary_parabola(self, side: str) -> tuple[float, float, float]:
+    def fit_boundary_parabola_px(self, side: str) -> tuple[float, float, float]:
         """Fit a, b, c of x = a y^2 + b y + c to a boundary by least squares (zhang2011, eq. 1).
 
         The fit uses the visible rows of the lower five eighths of the image. Pixels numbered from 1 at the bottom left,

@@ -39,11 +39,11 @@ def decide_by_contact_probability(
 ) -> Decision:
     """Decide by the probability of contact: it must be probable, serious and persistent."""
     armed = _is_contact_probable(measures.late_probability, config)
-    raised = armed & _is_serious_conflict(measures, config)
+    raised = armed & _is_probable_despite_gentle_braking(measures, config)
     held = measures.late_probability > RELEASE_SHARE * config.probability
     shown, at_once = measures, None
     if onset is not None:
-        at_once = _is_serious_conflict(onset, config)
+        at_once = _is_probable_despite_gentle_braking(onset, config)
         shown = _select_by_row(at_once & ~raised, onset, measures)
         held |= onset.probability > RELEASE_SHARE * config.probability
     return Decision(
@@ -63,7 +63,7 @@ def _is_contact_probable(probability: FloatArray, config: WarningConfig) -> Bool
     return np.asarray((probability > 0.0) & (probability >= config.probability))
 
 
-def _is_serious_conflict(measures: Measures, config: WarningConfig) -> BoolArray:
+def _is_probable_despite_gentle_braking(measures: Measures, config: WarningConfig) -> BoolArray:
     """Whether contact within the horizon is probable, and gentle braking does not avoid it, (m,)."""
     return np.asarray(
         _is_contact_probable(measures.probability, config) & ~(measures.braked_probability < AVOIDED_PROBABILITY)

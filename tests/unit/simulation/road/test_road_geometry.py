@@ -36,7 +36,7 @@ def test_paper_camera_puts_boundaries_into_the_papers_first_search_regions() -> 
     for width_m in (3.25, 3.5, 3.75, 3.9):
         for offset_m in (-0.5, 0.0, 0.5):
             truth = compute_lane_truth(CAMERA, straight(offset_m), width_m, (0.15, 0.15), "clear")
-            (a, b, c), (a2, b2, c2) = truth.fit_boundary_parabola("left"), truth.fit_boundary_parabola("right")
+            (a, b, c), (a2, b2, c2) = truth.fit_boundary_parabola_px("left"), truth.fit_boundary_parabola_px("right")
             assert abs(a) < 0.005
             assert 0.3 < b < 2.3
             assert -100 < c < 150
