@@ -196,6 +196,7 @@ cdef int forward(
     with nogil:
         cached[0] = -1.0
         memset(p, 0, sizeof(p))
+        memset(x, 0, sizeof(x))    # song2016's six states have no jerk, but `expect` multiplies it by a latency of 0
         for i in range(n):
             x[i] = state[i]
             for j in range(n):
