@@ -11,6 +11,7 @@ NPM_FOLDER = FOLDER / "peers" / "typescript" / "node_modules"
 PROGRAMS = {"node", "valgrind"}
 NEEDED: dict[str, tuple[str, ...]] = {
     "budget/test_planted.py": ("valgrind",),
+    "fuzz/test_uninitialised.py": ("valgrind",),
     "peers/test_cam.py": ("pycrate_asn1dir",),
     "peers/test_codec.py": ("pycrate_asn1dir",),
     "peers/test_denm.py": ("pycrate_asn1dir",),
