@@ -8,8 +8,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).parents[2]
 SIX_STATES = """
@@ -31,9 +31,9 @@ WITHOUT_WIDE_REGISTERS = "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"
 def errors_in_kernels(code: str, tmp_path: Path) -> list[str]:
     """Run Python code under memcheck and return the errors whose stack passes a kernel, one line each."""
     report = tmp_path / "memcheck.xml"
+    memcheck = ("valgrind", "--xml=yes", f"--xml-file={report}", "--error-limit=no", "--num-callers=14", "--quiet")
     subprocess.run(
-        ["valgrind", "--xml=yes", f"--xml-file={report}", "--error-limit=no", "--num-callers=14", "--quiet"]
-        + [sys.executable, "-c", code],
+        [*memcheck, sys.executable, "-c", code],
         env={
             **os.environ,
             "PYTHONMALLOC": "malloc",
