@@ -72,6 +72,10 @@ class OutputStream:
         self.position += len(view)
         return len(view)
 
+    def tell(self) -> int:
+        """Return how many bytes were written; a library that writes to a file asks for it."""
+        return self.position
+
     def copy_from_file(self, source: int, start: int, length: int) -> None:
         """Append `length` bytes of an open file from `start`, inside the kernel where it can.
 

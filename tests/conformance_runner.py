@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.records import Attachment
 
 from cwcli.input import InputFile
 from cwcli.logs.format import record_bytes, records
@@ -201,6 +203,15 @@ class SuiteWriter(RecordWriter):
         self._counts[channel_id] += 1
         self._first_ns = log_ns if self._first_ns is None else min(self._first_ns, log_ns)
         self._last_ns = max(self._last_ns, log_ns)
+
+    def write_attachment(self, log_ns: int, create_ns: int, name: str, media_type: str, data: bytes) -> None:
+        """A new attachment, encoded by the official library: cwcli only copies them."""
+        builder = RecordBuilder()
+        Attachment(create_time=create_ns, log_time=log_ns, name=name, media_type=media_type, data=data).write(builder)
+        encoded = builder.end()
+        place = self._output.position, len(encoded)
+        self._attachments.append(records.AttachmentIndex(*place, log_ns, create_ns, len(data), name, media_type))
+        self.write_raw_record(encoded)
 
 
 def supports(features: Collection[str]) -> bool:

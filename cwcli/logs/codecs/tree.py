@@ -72,20 +72,30 @@ def _decode_json(payload: bytes) -> object:
         raise UndecodableMessage("no JSON") from error
 
 
-def _make_protobuf_decoder(channel: ChannelLike) -> Decode:
+def make_protobuf_parser(channel: ChannelLike) -> Decode:
+    """Return a function that decodes single messages of a protobuf channel to objects of their class.
+
+    Raises:
+        SchemaError: The schema can't be used.
+    """
     from google.protobuf.message_factory import GetMessageClass
 
-    kind = GetMessageClass(find_message_descriptor(channel.schema_name, channel.schema_data))
+    message_class = GetMessageClass(find_message_descriptor(channel.schema_name, channel.schema_data))
 
-    def decode(payload: bytes) -> object:
-        message = kind()
+    def parse(payload: bytes) -> object:
+        message = message_class()
         try:
             message.ParseFromString(payload)
         except Exception as error:  # the parser's own error class has changed its place between versions
             raise UndecodableMessage("damaged") from error
-        return _message_to_dict(message, 0)
+        return message
 
-    return decode
+    return parse
+
+
+def _make_protobuf_decoder(channel: ChannelLike) -> Decode:
+    parse = make_protobuf_parser(channel)
+    return lambda payload: _message_to_dict(parse(payload), 0)
 
 
 def _message_to_dict(message: Any, depth: int) -> dict[str, object]:

@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Mapping
 
 from cwcli.logs.format.records import (
-    OPCODE_ATTACHMENT,
     OPCODE_ATTACHMENT_INDEX,
     OPCODE_CHANNEL,
     OPCODE_CHUNK,
@@ -75,18 +74,6 @@ def encode_chunk_head(start_ns: int, end_ns: int, size: int, crc: int, compressi
 def encode_message_index(channel_id: int, entries: bytes) -> bytes:
     """Encode a message index record; `entries` are (u64 log time, u64 offset) pairs."""
     return _encode_record(OPCODE_MESSAGE_INDEX, _pack_little_endian("H", channel_id), _with_length_prefix(entries))
-
-
-def encode_attachment(log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> bytes:
-    """Encode an attachment record with its CRC; times in ns."""
-    fields = (
-        _pack_little_endian("QQ", log_time_ns, create_time_ns)
-        + _encode_text(name)
-        + _encode_text(media_type)
-        + _pack_little_endian("Q", len(data))
-        + data
-    )
-    return _encode_record(OPCODE_ATTACHMENT, fields, _pack_little_endian("I", zlib.crc32(fields)))
 
 
 def encode_metadata(name: str, values: Mapping[str, str]) -> bytes:

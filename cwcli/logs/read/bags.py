@@ -7,12 +7,12 @@ Iron has no message definitions: those of the latest release that the library kn
 from __future__ import annotations
 
 import os
-import struct
 import tempfile
+from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, cast
 
 from cwcli.errors import CwcliError, InputError, UsageError, install_hint
 from cwcli.input import InputFile
@@ -22,19 +22,14 @@ from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
 from cwcli.logs.read.sqlite_files import copy_file, open_database, raise_copy_errors
 
 if TYPE_CHECKING:
-    from cwcli.logs.write.record_writer import RecordWriter
+    from mcap.writer import Writer
 
-TARGET_CHUNK_BYTES = 1 << 20
-"""The size in bytes at which a chunk is written. Chosen by hand."""
 ROS_HEADER_TYPE = "std_msgs/msg/Header"
 """The message type whose ROS 1 definition is replaced by that of ROS 2."""
-_MESSAGE_RECORD_HEAD = struct.Struct("<BQHIQQ")
-"""The bytes of a message record before its payload: opcode, length, channel id, sequence, log time, publish time (MCAP
-specification)."""
-OPCODE_MESSAGE = 0x05
-"""The opcode of a message record (MCAP specification)."""
-MESSAGE_HEADER_BYTES = 22
-"""Size in bytes of a message's channel id, sequence and times, which its length includes (MCAP specification)."""
+MAX_SEQUENCE = 0xFFFFFFFF
+"""The greatest sequence number of a message: the format has 32 bits for it (MCAP specification)."""
+MAX_LOG_TIME_NS = (1 << 64) - 1
+"""The greatest log time in ns: the format has 64 bits for it (MCAP specification)."""
 
 Message = tuple[int, int, bytes | memoryview]
 """The channel id, the log time in ns and the payload of a message."""
@@ -71,18 +66,19 @@ def convert_bag(
         raise UsageError(
             f"{kind} need a package that is not installed", where=file.name, hint=install_hint("bags")
         ) from error
-    from cwcli.logs.write.record_writer import RecordWriter
+    from mcap.writer import CompressionType, Writer
+
     from cwcli.output_stream import OutputStream
 
     output = OutputStream(target.fileno(), file.name)
-    writer = RecordWriter(output)
-    writer.write_header("ros2", "cwcli")
+    writer = Writer(cast("IO[bytes]", output), compression=CompressionType.LZ4)
+    writer.start("ros2", "cwcli")
     bag = _iter_ros1_content(file, notes) if journals is None else _iter_ros2_content(file, journals, notes, max_bytes)
     with closing(bag) as content:
         _write_content(
             writer, _iter_with_read_errors(content, file.name, "the library rosbags" if is_ros1 else "SQLite")
         )
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     output.flush()
 
 
@@ -137,12 +133,13 @@ def _iter_ros2_content(
 
 
 def _validate_message(channel_id: int, log_time_ns: int, data: bytes | memoryview) -> Message:
-    """Return a message, after a check that its id and time fit in a log and its payload is bytes.
+    """Return a message, after a check that its time fits in a log and its payload is bytes.
 
     Raises:
-        struct.error, TypeError: They don't.
+        ValueError, TypeError: They don't.
     """
-    _MESSAGE_RECORD_HEAD.pack(OPCODE_MESSAGE, MESSAGE_HEADER_BYTES, channel_id, 0, log_time_ns, log_time_ns)
+    if not 0 <= log_time_ns <= MAX_LOG_TIME_NS:
+        raise ValueError(f"a message has the time {log_time_ns} ns")
     return channel_id, log_time_ns, memoryview(data)
 
 
@@ -165,38 +162,20 @@ def _path_of_open_file(file: InputFile) -> Iterator[str]:
         os.close(descriptor)
 
 
-def _write_content(writer: RecordWriter, content: Iterator[Content]) -> None:
-    """Write schemas and channels, then the messages in chunks."""
-    import numpy as np
-
-    from cwcli.logs.write.message_merge import INDEX_ENTRY_DTYPE, ChunkPayload
-
-    data = bytearray()
-    entries: dict[int, list[tuple[int, int]]] = {}
-    sequence: dict[int, int] = {}
-
-    def flush() -> None:
-        if data:
-            times = [time_ns for each in entries.values() for time_ns, _ in each]
-            arrays = {channel_id: np.array(each, INDEX_ENTRY_DTYPE) for channel_id, each in entries.items()}
-            writer.write_chunk(ChunkPayload(np.frombuffer(bytes(data), np.uint8), min(times), max(times), arrays))
-            data.clear()
-            entries.clear()
-
+def _write_content(writer: Writer, content: Iterator[Content]) -> None:
+    """Write schemas, channels and messages; ids become those that the writer assigns."""
+    schema_ids: dict[int, int] = {0: 0}
+    channel_ids: dict[int, int] = {}
+    counts: Counter[int] = Counter()
     for item in content:
         if isinstance(item, Schema):
-            writer.write_schema(item)
-            continue
-        if isinstance(item, Channel):
-            writer.write_channel(item)
-            continue
-        channel_id, log_time_ns, payload = item
-        entries.setdefault(channel_id, []).append((log_time_ns, len(data)))
-        n = sequence[channel_id] = sequence.get(channel_id, -1) + 1
-        data += _MESSAGE_RECORD_HEAD.pack(
-            OPCODE_MESSAGE, MESSAGE_HEADER_BYTES + len(payload), channel_id, n & 0xFFFFFFFF, log_time_ns, log_time_ns
-        )
-        data += payload
-        if len(data) >= TARGET_CHUNK_BYTES:
-            flush()
-    flush()
+            schema_ids[item.id] = writer.register_schema(item.name, item.encoding, item.data)
+        elif isinstance(item, Channel):
+            channel_ids[item.id] = writer.register_channel(
+                item.topic, item.message_encoding, schema_ids[item.schema_id], item.metadata
+            )
+        else:
+            channel_id, log_time_ns, payload = item
+            sequence = counts[channel_id] & MAX_SEQUENCE
+            writer.add_message(channel_ids[channel_id], log_time_ns, bytes(payload), log_time_ns, sequence)
+            counts[channel_id] += 1

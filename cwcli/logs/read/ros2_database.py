@@ -17,7 +17,7 @@ from cwcli.errors import InputError
 from cwcli.input import MAX_CHUNK_BYTES
 from cwcli.logs.codecs.compressed_messages import ZSTD_MAGIC, decompress_message
 from cwcli.logs.format.records import Channel, Schema
-from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
+from cwcli.logs.read.ros_definitions import MAX_CHANNELS, iter_schemas_and_channels
 
 if TYPE_CHECKING:
     import numpy as np
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 CDR_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""
-MAX_CHANNELS = 0xFFFF
-"""The greatest number of channels of a log: their ids have 16 bits (MCAP specification)."""
 MAX_NAMES_SHOWN = 5
 """The number of topics, or of their ids, that a note lists. Chosen by hand."""
 MAX_SHOWN_VALUE_CHARS = 80

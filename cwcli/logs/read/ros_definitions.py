@@ -7,8 +7,8 @@ from typing import Any
 
 from cwcli.logs.format.records import Channel, Schema
 
-MAX_CHANNEL_ID = 0xFFFF
-"""The greatest id of a channel: the format has 16 bits for it (MCAP specification)."""
+MAX_CHANNELS = 0xFFFF
+"""The greatest number of channels: the format has 16 bits for their ids, from 1 on (MCAP specification)."""
 
 
 def iter_schemas_and_channels(connections: Any, store: Any, notes: dict[str, int]) -> Iterator[Schema | Channel]:
@@ -20,15 +20,15 @@ def iter_schemas_and_channels(connections: Any, store: Any, notes: dict[str, int
         notes: Gets undefined types, as text -> 1.
 
     Raises:
-        ValueError: An id does not fit in a log.
+        ValueError: There are more topics than a log has ids for.
     """
     from rosbags.typesys import TypesysError
 
     schema_ids: dict[str, int] = {}
     unknown: set[str] = set()
+    if len(connections) > MAX_CHANNELS:
+        raise ValueError(f"it has {len(connections)} topics, and a log has room for {MAX_CHANNELS}")
     for each in connections:
-        if not 0 <= each.id <= MAX_CHANNEL_ID:
-            raise ValueError(f"connection {each.id}: a log has ids up to {MAX_CHANNEL_ID}")
         if each.msgtype not in schema_ids:
             try:
                 text = store.generate_msgdef(each.msgtype, ros_version=2)[0]

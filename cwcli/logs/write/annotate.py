@@ -130,7 +130,7 @@ def annotate_log(
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
-    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new], by_channel=True)
+    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
     with open_output(target, force=force, inputs=source.file.disk_files, durable=durable, together=together) as output:
         writer = RecordWriter(output)

@@ -65,7 +65,7 @@ def annotate_parts(
         [each for each in channels if chosen_topics is None or each.topic in chosen_topics],
         {},
     )
-    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new], by_channel=True)
+    merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
     make_folder(folder)
     written = [Path(folder) / name for name in _part_file_names(file)]
     counted = [index.statistics for index in indexes]

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.logs.format.records import OPCODE_MESSAGE, RECORD_PREFIX
 from cwcli.logs.write.byte_rows import ByteArray, ByteRows, copy_rows, offsets_from_sizes, sliding_byte_windows
 from cwcli.signals.columns import Int64Array
 
-OPCODE_MESSAGE = 0x05
-"""The opcode of a message record (MCAP specification)."""
 MESSAGE_RECORD_DTYPE = np.dtype(
     [
         ("opcode", "u1"),
@@ -27,13 +26,11 @@ MESSAGE_RECORD_DTYPE = np.dtype(
     ]
 )
 """The bytes of a message record before its payload (MCAP specification)."""
-RECORD_PREFIX_BYTES = 9
-"""Size in bytes of a record's opcode and length (MCAP specification)."""
 INDEX_ENTRY_DTYPE = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 """An entry of a message index: log time in ns, and offset in the chunk (MCAP specification)."""
 
 NEW_CHUNK_BYTES = 1 << 20
-"""The expected size in bytes at which a new chunk is full. Chosen by hand."""
+"""The size in bytes at which a new chunk is full, in copies the expected one. Chosen by hand."""
 ENCODE_BLOCK_BYTES = 4 << 20
 """Bytes of messages that are encoded at a time. Chosen by hand."""
 N_PROBE_ROWS = 64
@@ -96,13 +93,29 @@ class MessageFeed:
             self._block_start, self._block = start, self.encode(start, min(start + ahead, len(self)))
         return slice(start, stop), self._block.slice_rows(start - self._block_start, stop - self._block_start)
 
+    def iter_messages(self, position: int) -> Iterator[tuple[int, int, int, int, bytes]]:
+        """Yield log time in ns, the given number, publish time in ns, sequence number and bytes of each message.
+
+        Args:
+            position: Orders messages of equal log time in a merge of several feeds.
+        """
+        n_ahead = max(int(ENCODE_BLOCK_BYTES / max(self.mean_message_bytes(), 1.0)), 1)
+        for start in range(0, len(self), n_ahead):
+            rows = slice(start, min(start + n_ahead, len(self)))
+            block = self.encode(rows.start, rows.stop)
+            data, offsets = block.data.data, block.offsets.tolist()
+            times = zip(self.log_time_ns[rows].tolist(), self.publish_time_ns[rows].tolist(), strict=True)
+            for k, (log_time_ns, publish_time_ns) in enumerate(times):
+                message = bytes(data[offsets[k] : offsets[k + 1]])
+                yield log_time_ns, position, publish_time_ns, self.first_sequence + start + k, message
+
 
 @dataclass(frozen=True)
 class ChunkPayload:
     """The content of a chunk, uncompressed.
 
     Attributes:
-        data: Message records in log-time order, with `by_channel` grouped by channel.
+        data: Message records grouped by channel, each channel's in log-time order.
         start_ns, end_ns: First and last log time.
         entries: Channel id -> (log time, offset in `data`) of its messages, dtype `INDEX_ENTRY_DTYPE`.
     """
@@ -114,19 +127,19 @@ class ChunkPayload:
 
 
 class MessageMerge:
-    """The messages of all feeds, in log-time order (feeds in the given order at equal times).
+    """The messages of all feeds in chunks that follow each other in log-time order.
+
+    Inside a chunk the messages are grouped by channel, each channel's in log-time order: similar messages are then
+    neighbours, which saves a twentieth of the compressed size. Message indexes give the time order.
 
     Args:
         feeds: The messages.
-        by_channel: Group the messages of a chunk by channel, each in log-time order. Similar messages are then
-            neighbours, which saves a twentieth of the compressed size. Message indexes give the time order.
 
     Attributes:
         log_time_ns: Shape (n,), non-decreasing.
     """
 
-    def __init__(self, feeds: Sequence[MessageFeed], *, by_channel: bool = False) -> None:
-        self._by_channel = by_channel
+    def __init__(self, feeds: Sequence[MessageFeed]) -> None:
         self._feeds = [feed for feed in feeds if len(feed)]
         times = [feed.log_time_ns for feed in self._feeds]
         all_times = np.concatenate([np.zeros(0, np.int64), *times])
@@ -161,9 +174,8 @@ class MessageMerge:
         log_time_ns = self.log_time_ns[self._position : self._position + n]
         start_ns, end_ns = int(log_time_ns[0]), int(log_time_ns[-1])
         self._position += n
-        if self._by_channel:
-            order = np.argsort(feed_of, kind="stable")
-            feed_of, log_time_ns = feed_of[order], log_time_ns[order]
+        order = np.argsort(feed_of, kind="stable")
+        feed_of, log_time_ns = feed_of[order], log_time_ns[order]
         header = np.zeros(n, MESSAGE_RECORD_DTYPE)
         header["opcode"] = OPCODE_MESSAGE
         header["log_time"] = log_time_ns
@@ -175,9 +187,9 @@ class MessageMerge:
             header["channel_id"][at] = feed.channel_id
             header["sequence"][at] = feed.first_sequence + np.arange(rows.start, rows.stop)
             header["publish_time"][at] = feed.publish_time_ns[rows]
-            header["length"][at] = messages.sizes + (MESSAGE_RECORD_DTYPE.itemsize - RECORD_PREFIX_BYTES)
+            header["length"][at] = messages.sizes + (MESSAGE_RECORD_DTYPE.itemsize - RECORD_PREFIX.size)
             taken.append((at, messages))
-        offsets = offsets_from_sizes(header["length"].astype(np.int64) + RECORD_PREFIX_BYTES)
+        offsets = offsets_from_sizes(header["length"].astype(np.int64) + RECORD_PREFIX.size)
         data = np.empty(int(offsets[-1]), np.uint8)
         sliding_byte_windows(data, MESSAGE_RECORD_DTYPE.itemsize)[offsets[:-1]] = header.view(
             np.dtype((np.void, MESSAGE_RECORD_DTYPE.itemsize))

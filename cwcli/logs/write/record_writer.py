@@ -108,13 +108,6 @@ class RecordWriter:
         self.copy_bytes(source, chunk.chunk_start, chunk.chunk_length + chunk.index_length)
         self._add_chunk_to_summary(chunk._replace(chunk_start=chunk.chunk_start + shift, index_offsets=offsets))
 
-    def write_attachment(self, log_time_ns: int, create_time_ns: int, name: str, media_type: str, data: bytes) -> None:
-        """Write a new attachment; times in ns."""
-        record = record_bytes.encode_attachment(log_time_ns, create_time_ns, name, media_type, data)
-        place = self._output.position, len(record)
-        self._attachments.append(AttachmentIndex(*place, log_time_ns, create_time_ns, len(data), name, media_type))
-        self._output.write(record)
-
     def copy_attachment(self, source: InputFile, index: AttachmentIndex) -> None:
         """Copy an attachment record byte for byte; `index` gives its place in the source."""
         self._attachments.append(index._replace(offset=self._output.position))

@@ -1,22 +1,22 @@
-"""Writes a new MCAP log from columns and messages."""
+"""Writes a new MCAP log from columns and messages, with the official library."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from heapq import merge
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import IO, Self, cast
 
 import numpy as np
+from mcap.writer import Writer
 
 import cwcli
-from cwcli.logs.format.records import Channel, Schema
 from cwcli.logs.write.byte_rows import ByteRows, join_rows
-from cwcli.logs.write.message_merge import MessageFeed, MessageMerge
+from cwcli.logs.write.message_merge import NEW_CHUNK_BYTES, MessageFeed
 from cwcli.logs.write.new_messages import feed_from_columns, feed_from_encoded_messages
 from cwcli.logs.write.output_schema import find_output_schema
-from cwcli.logs.write.record_writer import RecordWriter
 from cwcli.output import open_output
 from cwcli.signals.columns import Int64Array, OutputChannel
 
@@ -46,16 +46,13 @@ class LogWriter:
     def __init__(
         self, target: str | Path, *, profile: str = "", library: str = LIBRARY_NAME, force: bool = False
     ) -> None:
-        self._profile = profile
-        self._library = library
-        self._schemas: list[Schema] = []
-        self._channels: list[Channel] = []
+        self._schema_ids: dict[tuple[str, str, bytes], int] = {}
         self._feeds: list[MessageFeed] = []
         self._counts: dict[int, int] = {}
-        self._attachments: list[tuple[int, int, str, str, bytes]] = []
-        self._metadata: list[tuple[str, Mapping[str, str]]] = []
         self._open = ExitStack()
-        self._output = self._open.enter_context(open_output(target, force=force))
+        output = self._open.enter_context(open_output(target, force=force))
+        self._writer = Writer(cast("IO[bytes]", output), chunk_size=NEW_CHUNK_BYTES)
+        self._writer.start(profile, library)
 
     def __enter__(self) -> Self:
         return self
@@ -70,19 +67,16 @@ class LogWriter:
 
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Add a schema and return its id; an equal schema is used again."""
-        for schema in self._schemas:
-            if (schema.name, schema.encoding, schema.data) == (name, encoding, data):
-                return schema.id
-        self._schemas.append(Schema(len(self._schemas) + 1, name, encoding, data))
-        return len(self._schemas)
+        key = name, encoding, data
+        if key not in self._schema_ids:
+            self._schema_ids[key] = self._writer.register_schema(name, encoding, data)
+        return self._schema_ids[key]
 
     def add_channel(
         self, topic: str, message_encoding: str, schema_id: int = 0, metadata: Mapping[str, str] | None = None
     ) -> int:
         """Add a channel and return its id; schema id 0 means that it has no schema."""
-        channel_id = len(self._channels) + 1
-        self._channels.append(Channel(channel_id, schema_id, topic, message_encoding, dict(metadata or {})))
-        return channel_id
+        return self._writer.register_channel(topic, message_encoding, schema_id, dict(metadata or {}))
 
     def write_columns(self, channel: OutputChannel) -> int:
         """Add a channel with all its messages and return its id.
@@ -123,36 +117,22 @@ class LogWriter:
             feed_from_encoded_messages(channel_id, rows, log_time_ns, publish_time_ns, self._counts.get(channel_id, 0))
         )
 
-    def add_attachment(
-        self, name: str, media_type: str, data: bytes, *, log_time_ns: int = 0, create_time_ns: int = 0
-    ) -> None:
-        """Add an attachment: a file inside the log."""
-        self._attachments.append((log_time_ns, create_time_ns, name, media_type, data))
-
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record: named texts."""
-        self._metadata.append((name, values))
+        self._writer.add_metadata(name, dict(values))
 
     def close(self) -> None:
-        """Write everything.
+        """Write the messages and the summary.
 
         Raises:
             OutputError: The target can't be written.
         """
         with self._open:
-            writer = RecordWriter(self._output)
-            writer.write_header(self._profile, self._library)
-            for schema in self._schemas:
-                writer.write_schema(schema)
-            for channel in self._channels:
-                writer.write_channel(channel)
-            for payload in MessageMerge(self._feeds).iter_chunk_payloads_until(None):
-                writer.write_chunk(payload)
-            for attachment in self._attachments:
-                writer.write_attachment(*attachment)
-            for name, values in self._metadata:
-                writer.write_metadata(name, values)
-            writer.finish()
+            feeds = [feed.iter_messages(position) for position, feed in enumerate(self._feeds)]
+            for log_time_ns, position, publish_time_ns, sequence, data in merge(*feeds):
+                channel_id = self._feeds[position].channel_id
+                self._writer.add_message(channel_id, log_time_ns, data, publish_time_ns, sequence)
+            self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _add_feed(self, feed: MessageFeed) -> None:
         self._counts[feed.channel_id] = self._counts.get(feed.channel_id, 0) + len(feed)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zstandard
+from mcap.writer import Writer
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -23,8 +24,8 @@ from cwcli.cli.main import run_command_line
 from cwcli.errors import EXIT_USAGE, InputError, OutputError
 from cwcli.logs.codecs.compressed_messages import decompress_message
 from cwcli.logs.read.reader import Log
+from cwcli.logs.read.ros_definitions import iter_schemas_and_channels
 from cwcli.logs.write.annotate import annotate_log
-from cwcli.logs.write.record_writer import RecordWriter
 from tests.unit.logs_read.part_builders import official
 
 T0_NS = 1_700_000_000_000_000_000
@@ -230,7 +231,7 @@ def test_a_damaged_bag_is_an_error_or_read(tmp_path: Path, kind: str) -> None:
     assert n_errors > 5
 
 
-@pytest.mark.parametrize("method", ["write_schema", "write_channel", "write_chunk"])
+@pytest.mark.parametrize("method", ["register_schema", "register_channel", "add_message", "finish"])
 @pytest.mark.parametrize(("fault", "expected"), [(AttributeError, AttributeError), (OSError, OutputError)])
 def test_what_fails_in_writing_is_no_fault_of_the_bag(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, fault: type[Exception], expected: type[Exception]
@@ -239,7 +240,7 @@ def test_what_fails_in_writing_is_no_fault_of_the_bag(
         raise fault(errno.ENOSPC, "no room")
 
     path = bag(tmp_path / "drive.bag")
-    monkeypatch.setattr(RecordWriter, method, fails)
+    monkeypatch.setattr(Writer, method, fails)
     with pytest.raises(expected):
         Log.open(path)
 
@@ -267,8 +268,19 @@ def test_a_database_whose_messages_no_log_can_hold_is_refused(tmp_path: Path, ch
         Log.open(path)
 
 
-def test_a_connection_whose_id_no_log_can_hold_is_refused(tmp_path: Path) -> None:
+def test_a_connection_whose_id_no_log_can_hold_gets_another(tmp_path: Path) -> None:
+    """A log has ids of 16 bits, a bag of 32: the file that cwcli reads has its own ids."""
     path = bag(tmp_path / "drive.bag")
+    with Log.open(path) as log:
+        expected = {channel.topic: log.columns(channel.topic).log_time_ns.tolist() for channel in log.channels}
     path.write_bytes(path.read_bytes().replace(b"conn=\x01\0\0\0", b"conn=\x01\0\1\0"))
-    with pytest.raises(InputError, match="65537"):
-        Log.open(path)
+    with Log.open(path) as log:
+        found = {channel.topic: log.columns(channel.topic).log_time_ns.tolist() for channel in log.channels}
+    assert found == expected
+    assert {*found} == {"/fix", "/imu", "/tf_static"}
+
+
+def test_more_topics_than_a_log_has_ids_for_are_refused() -> None:
+    connections = range(0x10000)
+    with pytest.raises(ValueError, match="it has 65536 topics, and a log has room for 65535"):
+        next(iter_schemas_and_channels(connections, None, {}))
