@@ -8,6 +8,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.requirements import FOLDER, describe_left_out, find_missing, is_available, is_long, needs_more
 
@@ -35,7 +36,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Name the markers."""
+    """Name the markers, and let no example of Hypothesis fail because the machine is busy."""
+    settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+    settings.load_profile("any machine")
     config.addinivalue_line("markers", "long: takes many seconds; run by `pytest --long` and by .ci/run")
     config.addinivalue_line("markers", "peer(module): needs a module of the extra `[peers]`")
 
