@@ -1,4 +1,4 @@
-"""The tables in docs/scenarios.md and docs/v2x.md that the code holds (see `tools.reference`)."""
+"""The tables in docs/estimation.md, docs/scenarios.md and docs/v2x.md that the code holds (see `tools.reference`)."""
 
 from __future__ import annotations
 
@@ -75,3 +75,23 @@ def _element_table(elements: Mapping[str, Element]) -> str:
         codes = (each.unavailable, each.out_of_range) if has_out_of_range else (each.unavailable,)
         rows.append((*cells, *(", ".join(map(str, some)) or "none" for some in codes)))
     return format_markdown_table((*head, "out of range") if has_out_of_range else head, rows)
+
+
+def estimation_page(text: str) -> str:
+    """docs/estimation.md with the ranges of what is found from a log."""
+    from cwcli.estimation import sensor_limits
+
+    ranges = {
+        "speed: scale": sensor_limits.SPEED_SCALE_RANGE,
+        "speed: lever arm": sensor_limits.SPEED_LEVER_ARM_RANGE,
+        "accelerometer: bias": sensor_limits.ACCEL_BIAS_RANGE,
+        "accelerometer: grade": sensor_limits.GRADE_SIGMA_RANGE,
+        "gyroscope: bias": sensor_limits.YAW_RATE_BIAS_RANGE,
+        "position: slow error": sensor_limits.SLOW_POSITION_SIGMA_RANGE,
+        "position: stamps err by": sensor_limits.STAMP_SIGMA_RANGE,
+        "place ahead": sensor_limits.AHEAD_RANGE,
+        "latency": sensor_limits.LATENCY_RANGE,
+        **{f"white noise: {kind.name.lower()}": each for kind, each in sensor_limits.WHITE_NOISE_RANGES.items()},
+    }
+    rows = [(name, f"{each.low:g} to {each.high:g} {each.unit}".rstrip(), each.source) for name, each in ranges.items()]
+    return replace_marked_block(text, "bounds", format_markdown_table(("parameter", "range", "why"), rows))
