@@ -44,7 +44,7 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
     assert done.returncode == 0, done.stderr.decode()
     frames = SECONDS * RATE_HZ + 1
     sections = json.loads(done.stdout)["stages"]["warn-lane"]["sections"]
-    assert {"what_became_of_them": "frames", "count": frames} in sections["lane_frames"]
+    assert {"result": "frames", "count": frames} in sections["lane_frames"]
     found: dict[str, list[object]] = {}
     with (tmp_path / "warned.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
