@@ -84,7 +84,7 @@ def test_both_methods_show_their_errors_where_there_is_a_truth(cwcli: Run, lanes
 def test_the_shipped_car_is_noted_when_none_is_named(cwcli: Run, lanes: Path) -> None:
     done = cwcli("observe", lanes)
     assert done.returncode == 0
-    assert "the shipped example zhang2011 is assumed" in " ".join(done.stderr.decode().split())
+    assert "the bundled car zhang2011 is assumed" in " ".join(done.stderr.decode().split())
 
 
 def test_missing_speed_is_exit_code_4(cwcli: Run, tmp_path: Path) -> None:
