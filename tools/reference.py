@@ -1,9 +1,10 @@
 """Writes what is generated in the docs: `python -m tools.reference`.
 
 docs/commands.md from the commands, docs/channels.md from the schemas, docs/measures.md from the measures, the lists in
-docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the output of `cwcli
-info` and the exit codes in README.md, and the map in CONTRIBUTING.md. Plug-ins of other packages that are installed are
-left out: the pages are about cwcli.
+docs/evaluation.md, docs/lanes.md, docs/prediction.md, docs/signals.md and docs/warning.md, the tables of keys in
+docs/scenarios.md, of data elements in docs/v2x.md and of bounds in docs/estimation.md, the output of `cwcli info` and
+the exit codes in README.md, and the map in CONTRIBUTING.md. Installed plug-ins of other packages are left out: the
+pages are about cwcli.
 """
 
 from __future__ import annotations
@@ -101,13 +102,17 @@ def _pages() -> dict[Path, str]:
     from tools.house_reference import guide_page
     from tools.metric_reference import evaluation_page
     from tools.registry_reference import lanes_page, measures_page, prediction_page, signals_page, warning_page
+    from tools.table_reference import estimation_page, scenario_page, v2x_page
 
     docs = ROOT / "docs"
     lists = {
+        "estimation.md": estimation_page,
         "evaluation.md": evaluation_page,
         "lanes.md": lanes_page,
         "prediction.md": prediction_page,
+        "scenarios.md": scenario_page,
         "signals.md": signals_page,
+        "v2x.md": v2x_page,
         "warning.md": warning_page,
     }
     return {

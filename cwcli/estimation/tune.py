@@ -102,7 +102,8 @@ def tune_latencies_and_noise(
         s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.n_values_per_row)) for s in series
     )
     unknown = (
-        f"{s.source}: latency of {s.kind.name.lower()} not observable{_latency_bound_text(latency)}, not corrected"
+        f"{s.source}: the latency of {s.kind.name.lower()} is not observable{_latency_bound_text(latency)} "
+        "and not corrected"
         for s, latency in zip(series, latencies, strict=True)
         if latency.status is LatencyStatus.NOT_OBSERVABLE and len(s) and not config.blind
     )
@@ -127,7 +128,7 @@ def tune_latencies_and_noise(
 
 
 def _latency_bound_text(latency: Latency) -> str:
-    return f" (to {1e3 * latency.bound_s:.0f} ms at best)" if np.isfinite(latency.bound_s) else ""
+    return f" (sigma at least {1e3 * latency.bound_s:.0f} ms)" if np.isfinite(latency.bound_s) else ""
 
 
 def _pair_latencies_with_sources(series: Sequence[SensorSeries], latencies: Sequence[Latency]) -> list[SourceLatency]:

@@ -66,7 +66,7 @@ class InputMessageCount:
         """Count the messages of a channel of transforms; a message is used if it defines a new frame of reference."""
         rejected = {"not a transform": unreadable} if unreadable else {}
         aside = read - used - unreadable
-        known = {"a frame known already": aside} if aside else {}
+        known = {"transform of a known frame": aside} if aside else {}
         return cls(topic, "transform", read, used, rejected, {}, known)
 
 

@@ -203,7 +203,7 @@ LATERAL_KEYS: Keys = {
 }
 """Keys of a segment of `lateral`."""
 
-_COMMON_SENSOR_KEYS: Keys = {
+COMMON_SENSOR_KEYS: Keys = {
     "rate_hz": NumberKey(20, 0.1, 1000, "Hz", "Measurement rate."),
     "phase_s": NumberKey(0, 0, 10, "s", "Stamp of the first measurement."),
     "latency_s": NumberKey(0, -1, 5, "s", "Undeclared lag: the value stamped t is the truth at t - latency_s."),
@@ -222,7 +222,7 @@ _MOUNTING_PLACE_KEYS: Keys = {
 
 SENSOR_KEYS: Mapping[str, Keys] = {
     "gnss": {
-        **_COMMON_SENSOR_KEYS,
+        **COMMON_SENSOR_KEYS,
         "sigma_m": NumberKey(0.6, 0, 100, "m", "Noise of east, north and up, each, 1 sigma."),
         "bias_east_m": NumberKey(0, -100, 100, "m", "Constant error, east."),
         "bias_north_m": NumberKey(0, -100, 100, "m", "Constant error, north."),
@@ -233,12 +233,12 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         **_MOUNTING_PLACE_KEYS,
     },
     "gnss_heading": {
-        **_COMMON_SENSOR_KEYS,
+        **COMMON_SENSOR_KEYS,
         "sigma_deg": NumberKey(1.0, 0, 180, "deg", "Noise, 1 sigma."),
         "bias_deg": NumberKey(0, -180, 180, "deg", "Constant error, counter-clockwise positive."),
     },
     "speed": {
-        **_COMMON_SENSOR_KEYS,
+        **COMMON_SENSOR_KEYS,
         "sigma_mps": NumberKey(0.5, 0, 20, "m/s", "Noise, 1 sigma."),
         "bias_mps": NumberKey(0, -20, 20, "m/s", "Constant error."),
         "scale": NumberKey(None, 0.5, 2, "", "Ratio of the reading to the true speed; 1 if not given."),
@@ -247,7 +247,7 @@ SENSOR_KEYS: Mapping[str, Keys] = {
         ),
     },
     "imu": {
-        **_COMMON_SENSOR_KEYS,
+        **COMMON_SENSOR_KEYS,
         "accel_sigma_mps2": NumberKey(0.049, 0, 10, "m/s^2", "Noise of each axis, 1 sigma (0.5 % of g)."),
         "accel_bias_mps2": NumberKey(0, -5, 5, "m/s^2", "Constant error of the forward axis."),
         "yaw_rate_sigma_dps": NumberKey(0.1, 0, 50, "deg/s", "Noise of each axis, 1 sigma."),

@@ -293,8 +293,8 @@ def _build_summary(
     notes.extend(_shared_remote_notes(tracks))
     if online[0].parameters == PARAMETERS_FROM_LOG:
         notes.append(
-            "the online states' noise and latencies are those of the whole log; with --calibration or --latency none "
-            "they know nothing of what came later"
+            "noise and latencies of the online states were found from the whole log; with --calibration or "
+            "--latency none no online state depends on a later message"
         )
     notes.extend(note for each in online for note in each.late_state_notes)
     return StageSummary(

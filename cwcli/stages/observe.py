@@ -196,7 +196,7 @@ def _build_notes(
     """Return the notes on the inputs, the car and the frames."""
     notes = [*own.notes, *inputs.notes, *track.notes]
     if config.vehicle is None:
-        notes.append(f"no car was named: the shipped example {vehicle.name} is assumed (--vehicle)")
+        notes.append(f"no vehicle file was given: the bundled car {vehicle.name} is assumed (--vehicle FILE)")
     critical_mps = critical_speed_mps(vehicle)
     if np.nanmax(track.speed_mps) > critical_mps:
         notes.append(f"{vehicle.name} oversteers and is unstable above {critical_mps:.1f} m/s")

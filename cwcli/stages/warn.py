@@ -187,5 +187,5 @@ def _warnings_tables(found: FoundWarnings, start_ns: int, config: WarnConfig) ->
     title = f"Warnings (rule {found.config.rule}; times from the log's start: {times})"
     return (
         SummaryTable("events", title, columns, events),
-        SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("what became of them", "count"), counts),
+        SummaryTable("evaluations", "Evaluations of a pair of vehicles", ("result", "count"), counts),
     )

@@ -44,7 +44,7 @@ def test_the_whole_pipe_from_rendered_frames_to_warnings(cwcli: Run, tmp_path: P
     assert done.returncode == 0, done.stderr.decode()
     frames = SECONDS * RATE_HZ + 1
     sections = json.loads(done.stdout)["stages"]["warn-lane"]["sections"]
-    assert {"what_became_of_them": "frames", "count": frames} in sections["lane_frames"]
+    assert {"result": "frames", "count": frames} in sections["lane_frames"]
     found: dict[str, list[object]] = {}
     with (tmp_path / "warned.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -84,7 +84,7 @@ def test_both_methods_show_their_errors_where_there_is_a_truth(cwcli: Run, lanes
 def test_the_shipped_car_is_noted_when_none_is_named(cwcli: Run, lanes: Path) -> None:
     done = cwcli("observe", lanes)
     assert done.returncode == 0
-    assert "the shipped example zhang2011 is assumed" in " ".join(done.stderr.decode().split())
+    assert "the bundled car zhang2011 is assumed" in " ".join(done.stderr.decode().split())
 
 
 def test_missing_speed_is_exit_code_4(cwcli: Run, tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def test_the_commands_that_can_run_at_once_are_those_named(folder: Path) -> None
     plain, document = commands("What is in the log")
     assert "/gps/fix" in run_line(plain, folder)
     ready = [name for name, command in json.loads(run_line(document, folder))["commands"].items() if command["ready"]]
-    assert f"the commands that can run at once: {', '.join(f'`{name}`' for name in ready)}." in PAGE
+    assert f"the commands that can run at once: {', '.join(f'`{name}`' for name in ready)}." in " ".join(PAGE.split())
 
 
 def test_the_printed_numbers_are_those_of_the_page(folder: Path) -> None:

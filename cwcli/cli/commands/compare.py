@@ -285,9 +285,8 @@ def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     notes = []
     if 0 < comparison.n_pairs < MIN_LOGS and not exact:
         notes.append(
-            f"{format_count(comparison.n_pairs, 'log')} can't tell a change from chance; the differences are exact "
-            "for these "
-            "logs (--exact judges them as they are)"
+            f"with {format_count(comparison.n_pairs, 'log')} a change cannot be told from chance; --exact gives the "
+            "verdict on these logs alone"
         )
     for names, what in (
         (comparison.only_baseline, "only in the baseline"),

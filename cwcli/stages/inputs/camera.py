@@ -268,11 +268,11 @@ def _pose_from_transforms(
         return None, tuple(counts), (f"{fault}: the transforms are not used",)
     degrees = [math.degrees(angle) for angle in (pose.pitch_rad, pose.yaw_rad, pose.roll_rad)]
     note = (
-        f"the camera's mounting is that of {frame_id} in {body}: height {pose.height_m:.2f} m, offset "
+        f"the camera's mounting comes from the transform of {frame_id} in {body}: height {pose.height_m:.2f} m, offset "
         f"{pose.lateral_m:.2f} m, pitch {degrees[0]:.2f}, yaw {degrees[1]:.2f}, roll {degrees[2]:.2f} degrees"
     )
     if body != BODY_FRAME_NAMES[0]:
-        note += f" ({body} is taken to lie on the road)"
+        note += f" ({body} is assumed to be on the road)"
     return pose, tuple(counts), (note,)
 
 

@@ -26,7 +26,7 @@ def estimate_tables(tracks: Mapping[str, TrackSummary]) -> tuple[SummaryTable, .
 
 def online_states_table(online: Sequence[OnlineAvailability]) -> SummaryTable:
     """Return the table of the online states."""
-    columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "most")
+    columns = ("channel", "states", "parameters from", "known after [s]: median", "95 %", "max")
     title = "Online states: what could have been known, and when"
     rows: list[tuple[Cell, ...]] = [
         (each.topic, each.n_states, each.parameters, *each.delay_quantiles_s()) for each in online
@@ -50,8 +50,8 @@ def _sources_table(ego: TrackSummary) -> SummaryTable:
     ]
     columns = ("source", "quantity", "used", "gated", "latency [ms]", "latency status")
     gated = any(report.n_gated for report in ego.sources)
-    where = f" ({REJECTED.topic} names what was gated)" if gated else ""
-    return SummaryTable("sources", f"Ego sources: what was used and corrected{where}", columns, tuple(rows))
+    where = f" ({REJECTED.topic} lists the gated ones)" if gated else ""
+    return SummaryTable("sources", f"Ego sources: used and gated measurements, latencies{where}", columns, tuple(rows))
 
 
 def _parameters_table(ego: TrackSummary) -> SummaryTable:

@@ -87,7 +87,7 @@ def lanes_summary_table(frames: LaneFrames, *, n_searches: int, search_s: float)
         ),
         ("its sigma, median (m)", median_of_finite(frames.geometry.lateral_deviation_sigma_m)),
         *_lane_following_rows(frames),
-        ("searches begun", n_searches),
+        ("searches started", n_searches),
         ("time of the search per frame (ms)", 1e3 * search_s / n),
     ]
     return SummaryTable("lanes", "Lane boundaries", ("quantity", "value"), tuple(rows), is_timed=True)
@@ -100,6 +100,6 @@ def _lane_following_rows(frames: LaneFrames) -> list[tuple[Cell, ...]]:
         return []
     return [
         ("held, not seen (%)", 100.0 * float((fits.state == LaneState.HELD).mean())),
-        ("lanes found or found anew", int(np.count_nonzero(fits.steady_s == 0.0))),
+        ("lanes found or found again", int(np.count_nonzero(fits.steady_s == 0.0))),
         ("lane changes", int(np.count_nonzero(fits.lane_change))),
     ]

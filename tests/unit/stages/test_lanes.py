@@ -145,12 +145,12 @@ def test_change_of_size_starts_a_new_search_and_says_so(tmp_path: Path) -> None:
     assert any("320 x 240 to 640 x 480 at frame 3" in note for note in result.summary.notes)
     assert result.tables["lanes"].columns["image_width_px"].tolist() == [320] * 3 + [640] * 3
     sections = dict(result.summary.sections[0].rows)
-    assert sections["searches begun"] == 2
+    assert sections["searches started"] == 2
 
 
 def test_gap_starts_a_new_search(tmp_path: Path) -> None:
     result = run(write_log(tmp_path / "road.mcap", road_frames(3), step_ns=1_000_000_000))
-    assert dict(result.summary.sections[0].rows)["searches begun"] == 3
+    assert dict(result.summary.sections[0].rows)["searches started"] == 3
 
 
 def test_calibration_beside_the_camera_is_used(tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ def test_mounting_of_a_rendered_road(tmp_path: Path) -> None:
     assert found.mounting.height_m == pytest.approx(1.65)
     assert found.mounting.pitch_rad == pytest.approx(math.atan(1.65 / 33.5), abs=1e-9)
     assert (found.mounting.yaw_rad, found.mounting.roll_rad) == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert "taken to lie on the road" in found.notes[0]
+    assert "assumed to be on the road" in found.notes[0]
 
 
 def test_option_before_transform_before_default(tmp_path: Path) -> None:
