@@ -207,10 +207,10 @@ def _v2x_inputs(find: Callable[[], Fields], codec: str, *, says_who_is_ego: bool
 
 
 def _make_cam_fields_finder(paths: str) -> Callable[[], Fields]:
-    """Return a function that finds the leaf fields of a CAM in a table of `etsi`."""
+    """Return a function that finds the leaf fields of a CAM or VAM in a table of `etsi`."""
 
     def find_leaf_fields() -> Fields:
-        leaves = tuple(load_from_signals(f"etsi.{paths}").values())
+        leaves = load_from_signals("etsi.ros_fields")(load_from_signals(f"etsi.{paths}"))
         return {"cdr": leaves, "json": leaves}
 
     return find_leaf_fields
@@ -228,7 +228,7 @@ def _carma_bsm_fields() -> Fields:
     from cwcli.signals import j2735
     from cwcli.signals.bsm_flags import ros_event_flag_paths
 
-    presence = dict.fromkeys(path for path, _ in j2735.CARMA_PRESENCE_BITS.values())
+    presence = dict.fromkeys(path for _, path, _ in j2735.CARMA_PRESENCE_BITS)
     leaves = (*j2735.ROS_PATHS.values(), *presence, *ros_event_flag_paths())
     return {"cdr": leaves, "json": leaves}
 
@@ -343,8 +343,8 @@ _BUILTIN_INPUTS: dict[str, tuple[Input, ...] | str] = {
     "foxglove.CameraCalibration": (Input(Role.CAMERA_INFO, _CAMERA_CALIBRATION_FIELDS, _build_camera_info),),
     "foxglove_msgs/CameraCalibration": (Input(Role.CAMERA_INFO, _CAMERA_CALIBRATION_FIELDS, _build_camera_info),),
     **RECEIVER_INPUTS,
-    "etsi_its_cam_msgs/CAM": _v2x_inputs(_make_cam_fields_finder("EN_PATHS"), "etsi.CAM"),
-    "etsi_its_cam_ts_msgs/CAM": _v2x_inputs(_make_cam_fields_finder("TS_PATHS"), "etsi.CAM"),
+    "etsi_its_cam_msgs/CAM": _v2x_inputs(_make_cam_fields_finder("CAM_PATHS"), "etsi.CAM"),
+    "etsi_its_cam_ts_msgs/CAM": _v2x_inputs(_make_cam_fields_finder("CAM_TS_PATHS"), "etsi.CAM"),
     "etsi_its_vam_ts_msgs/VAM": _v2x_inputs(_make_cam_fields_finder("VAM_PATHS"), "etsi.CAM"),
     "etsi_its_denm_msgs/DENM": _perceived_object_inputs("denm", "ROS_DENM"),
     "etsi_its_cpm_ts_msgs/CollectivePerceptionMessage": _perceived_object_inputs("cpm", "ROS_CPM"),

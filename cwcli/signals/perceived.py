@@ -7,7 +7,7 @@ time is the message's reference time plus the object's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -30,13 +30,13 @@ OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
 
-def columns_per_object(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
+def columns_per_object(columns: Columns, rows: Int64Array, quantities: Mapping[str, Field]) -> Columns:
     """Return columns with one row for each object.
 
     Args:
         columns: The messages.
         rows: Shape (m,): the message that each object is in.
-        made: The objects' quantities, m rows each.
+        quantities: The objects' quantities, m rows each.
     """
     return Columns(
         topic=columns.topic,
@@ -45,7 +45,7 @@ def columns_per_object(columns: Columns, rows: Int64Array, made: dict[str, Field
         log_time_ns=columns.log_time_ns[rows],
         publish_time_ns=columns.publish_time_ns[rows],
         sequence=columns.sequence[rows],
-        fields=made,
+        fields=dict(quantities),
     )
 
 
