@@ -63,16 +63,18 @@ QUANTITIES_BY_VECTOR_FORM: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = 
 """The quantities of each form of a vector of the object (0 polar, 1 Cartesian), by vector."""
 
 
-def ros_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf of the ROS message that is read."""
-    of_sender = tuple(path for paths in ROS_SENDER_PATHS.values() for path in paths)
-    of_vectors = tuple(path for vector in QUANTITIES_BY_VECTOR_FORM for path in _vector_paths(vector))
-    return (*of_sender, *ROS_OBJECT_PATHS.values(), *ROS_PRESENCE_PATHS.values(), *of_vectors)
-
-
 def _vector_paths(vector: str) -> tuple[str, str]:
     """Return the leaf fields that say whether an object has a vector, and in which form."""
     return f"{ROS_OBJECTS_PATH}.{vector}_is_present", f"{ROS_OBJECTS_PATH}.{vector}.choice"
+
+
+LEAF_FIELDS = (
+    *(path for paths in ROS_SENDER_PATHS.values() for path in paths),
+    *ROS_OBJECT_PATHS.values(),
+    *ROS_PRESENCE_PATHS.values(),
+    *(path for vector in QUANTITIES_BY_VECTOR_FORM for path in _vector_paths(vector)),
+)
+"""The leaf fields of the ROS message that are read."""
 
 
 def read_ros_objects(columns: Columns) -> Objects:

@@ -15,7 +15,12 @@ from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
 from cwcli.signals.v2x_elements import decode_element, decode_whole_codes
-from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
+from cwcli.signals.v2x_tables import (
+    load_message_table,
+    ros_leaf_fields_of_components,
+    ros_leaf_path,
+    ros_presence_paths,
+)
 from cwcli.signals.v2x_time import NO_TIME_REASON, stamp_from_timestamp_its
 
 CAUSE_TEXTS_BY_CODE: dict[int, str] = {
@@ -63,11 +68,8 @@ DENM_PATHS = _TABLE.columns["denm"]
 """The component of a DENM, by quantity."""
 _PLACE_QUANTITIES = ("latitude_deg", "longitude_deg")
 """The quantities that are measured; all others are codes that must be whole numbers."""
-
-
-def ros_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf of the ROS message that is read."""
-    return (*map(ros_leaf_path, DENM_PATHS.values()), *ros_presence_paths(DENM_PATHS).values())
+LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
+"""The leaf fields of the ROS message that are read."""
 
 
 def read_ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:

@@ -5,8 +5,6 @@ Codes after TS 102 894-2 (common data dictionary). docs/v2x.md shows the table; 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
@@ -20,7 +18,12 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
 from cwcli.signals.v2x_elements import decode_element, read_station_ids
-from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
+from cwcli.signals.v2x_tables import (
+    load_message_table,
+    ros_leaf_fields_of_components,
+    ros_leaf_path,
+    ros_presence_paths,
+)
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_generation_delta_time
 
 _TABLE = load_message_table("cam", "etsi")
@@ -52,10 +55,8 @@ VEHICLE_CONTAINER_CHOICE = 0
 UNTRUSTED_POSITION_REASON = "position confidence out of range"
 """The reason for rejecting a message whose position can't be trusted."""
 
-
-def ros_fields(paths: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the paths of every leaf of a ROS message that is read, from its components."""
-    return (*map(ros_leaf_path, paths.values()), *ros_presence_paths(paths).values())
+CAM_LEAF_FIELDS, CAM_TS_LEAF_FIELDS, VAM_LEAF_FIELDS = map(ros_leaf_fields_of_components, _VERSIONS)
+"""The leaf fields of each ROS message that are read."""
 
 
 def identify_cam_senders(columns: Columns) -> Senders:

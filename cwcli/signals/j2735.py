@@ -62,13 +62,20 @@ M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
 EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
 """The quantities that give place and time of an event flag."""
-
-
-def json_bsm_leaf_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf in which a JSON BSM can have its data."""
-    leaves = (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
-    core = dict.fromkeys(prefix + leaf for prefix in JSON_BSM_PREFIXES for leaf in leaves)
-    return (ODE_SOURCE_PATH, *core, *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES))
+JSON_LEAF_FIELDS = (
+    ODE_SOURCE_PATH,
+    *dict.fromkeys(
+        prefix + leaf
+        for prefix in JSON_BSM_PREFIXES
+        for leaf in (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
+    ),
+    *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES),
+)
+"""The leaf fields in which a JSON message can have a BSM."""
+ROS_LEAF_FIELDS = (*ROS_PATHS.values(), *bsm_flags.ROS_EVENT_FLAG_PATHS)
+"""The leaf fields of `j2735_v2x_msgs/BSM` that are read."""
+CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CARMA_PRESENCE_BITS))
+"""The leaf fields of `carma_v2x_msgs/BSM` that are read."""
 
 
 def identify_json_senders(columns: Columns) -> Senders:

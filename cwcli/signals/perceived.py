@@ -18,7 +18,8 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import Element, decode_whole_codes, read_station_ids
+from cwcli.signals.v2x_elements import decode_whole_codes, read_station_ids
+from cwcli.signals.v2x_tables import Element
 
 WGS84_EQUATOR_RADIUS_M = 6_378_137.0
 """The radius of the WGS84 ellipsoid at the equator, in metres."""

@@ -50,16 +50,19 @@ MAX_FLAG_FIELD_VALUE = 2.0**32 - 1.0
 """The largest value of a presence field of 32 bits."""
 
 
-def ros_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf of the ROS messages that is read."""
-    flags = dict.fromkeys(path for _, path, _ in presence_bits(is_carma=True))
-    return (*ROS_PATHS.values(), *flags, *_TABLE.columns["carma_unavailable"].values(), _OBJECT_TYPE_PATH)
-
-
 def presence_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
     """Return the presence fields: quantity, path, and the bit that is set when the value is there."""
     columns = ("ros_flags", "carma_flags") if is_carma else ("ros_flags",)
     return [bit for column in columns for bit in parse_presence_bits(_TABLE.columns[column])]
+
+
+LEAF_FIELDS = (
+    *ROS_PATHS.values(),
+    *dict.fromkeys(path for _, path, _ in presence_bits(is_carma=True)),
+    *_TABLE.columns["carma_unavailable"].values(),
+    _OBJECT_TYPE_PATH,
+)
+"""The leaf fields of the ROS messages that are read."""
 
 
 def read_ros_objects(columns: Columns) -> Objects:

@@ -121,6 +121,11 @@ def ros_presence_paths(paths: Mapping[str, str]) -> dict[str, str]:
     return {name: f"{_snake_case(path.partition('?')[0])}_is_present" for name, path in paths.items() if "?" in path}
 
 
+def ros_leaf_fields_of_components(paths: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the leaf fields that the ROS messages of ETSI have for components, and the flags of the optional ones."""
+    return (*map(ros_leaf_path, paths.values()), *ros_presence_paths(paths).values())
+
+
 def parse_presence_bits(flags: Mapping[str, str]) -> list[tuple[str, str, int]]:
     """Return (quantity, path, bit) for each field of flags that a column of a table names."""
     cells = ((name, cell.partition("&")) for name, text in flags.items() for cell in text.split())
