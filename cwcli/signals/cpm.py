@@ -17,7 +17,7 @@ from cwcli.signals.etsi import UNTRUSTED_POSITION_REASON
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
-from cwcli.signals.v2x_elements import decode_element
+from cwcli.signals.v2x_elements import decode_element, decode_enumeration
 from cwcli.signals.v2x_tables import load_message_table, ros_leaf_path, ros_presence_paths
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_timestamp_its
 
@@ -114,6 +114,7 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
     ):
         value[name] = np.where(np.isin(raw[confidence], ELEMENTS[confidence].out_of_range), np.nan, value[name])
     yaw_code = read_numbers(columns, "yaw_rate_confidence")
+    yaw_rate_95 = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, yaw_code)
     yaw_rate = np.where(yaw_code == YAW_RATE_OUT_OF_RANGE_CODE, np.nan, value["yaw_rate_degps"])
     east, north, speed_sigma, direction_sigma = _velocity_and_sigmas(value)
     speed, direction = np.hypot(east, north), np.arctan2(north, east)
@@ -168,7 +169,7 @@ def decode_perceived_objects(columns: Columns, ledger: RowLedger) -> RemoteRows:
         speed_sigma_mps=speed_sigma,
         heading_sigma_rad=np.where(np.isfinite(own), heading_95 / SIGMAS_PER_95_PERCENT, direction_sigma),
         accel_sigma_mps2=accel_95 / SIGMAS_PER_95_PERCENT,
-        yaw_rate_sigma_radps=np.deg2rad(_yaw_rate_bounds_degps(yaw_code)) / SIGMAS_PER_95_PERCENT,
+        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95) / SIGMAS_PER_95_PERCENT,
     )
 
 
@@ -187,13 +188,6 @@ def _velocity_and_sigmas(value: dict[str, FloatArray]) -> tuple[FloatArray, Floa
     speed_95 = np.where(is_polar, value["speed_95_mps"], along)
     direction_95 = np.where(is_polar, np.deg2rad(value["direction_95_deg"]), across)
     return east, north, speed_95 / SIGMAS_PER_95_PERCENT, direction_95 / SIGMAS_PER_95_PERCENT
-
-
-def _yaw_rate_bounds_degps(code: FloatArray) -> FloatArray:
-    bound = np.full(len(code), np.nan)
-    for known, degps in YAW_RATE_95_DEGPS_BY_CODE.items():
-        bound[code == known] = degps
-    return bound
 
 
 OBJECT_CODEC = perceived.make_object_codec(decode_perceived_objects)

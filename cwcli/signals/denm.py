@@ -14,7 +14,7 @@ from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import decode_element, decode_whole_codes
+from cwcli.signals.v2x_elements import decode_element, decode_enumeration, decode_whole_codes
 from cwcli.signals.v2x_tables import (
     load_message_table,
     ros_leaf_fields_of_components,
@@ -57,11 +57,10 @@ EMERGENCY_BRAKING_SUB_CAUSES = (1, 5)
 engaged."""
 DEFAULT_VALIDITY_S = 600.0
 """The validity of a DENM that gives none, in seconds (EN 302 637-3)."""
-RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
+RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(
+    enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0, np.inf))
+)
 """The distance in metres within which a DENM matters, by RelevanceDistance; code 7 is over 10 km."""
-OVER_10_KM_CODE = 7
-"""The code of RelevanceDistance for more than 10 km."""
-
 _TABLE = load_message_table("denm", "etsi")
 """The quantities of a DENM: their data elements, and their paths."""
 DENM_PATHS = _TABLE.columns["denm"]
@@ -94,10 +93,6 @@ def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Ro
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
     validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
     validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
-    relevance_m = np.full(len(stamp_ns), np.nan)
-    for code, distance_m in RELEVANCE_DISTANCE_M_BY_CODE.items():
-        relevance_m[raw["relevance"] == code] = distance_m
-    relevance_m[raw["relevance"] == OVER_10_KM_CODE] = np.inf
     kinds = [cause_text(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
     station = [str(int(code)) if np.isfinite(code) else "unknown" for code in raw["station"].tolist()]
     return RoadEvents(
@@ -112,7 +107,7 @@ def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Ro
         sub_cause=raw["sub_cause"],
         latitude_deg=decode_element(_TABLE.elements["latitude_deg"], raw["latitude_deg"]),
         longitude_deg=decode_element(_TABLE.elements["longitude_deg"], raw["longitude_deg"]),
-        relevance_m=relevance_m,
+        relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, raw["relevance"]),
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.angles import heading_from_compass_deg, wrap_angle
-from cwcli.signals.columns import Columns, FloatArray
+from cwcli.signals.columns import Columns
 from cwcli.signals.covariances import (
     SIGMAS_PER_95_PERCENT,
     SIGMAS_PER_95_PERCENT_ELLIPSE,
@@ -17,7 +17,7 @@ from cwcli.signals.covariances import (
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import decode_element, read_station_ids
+from cwcli.signals.v2x_elements import decode_element, decode_enumeration, read_station_ids
 from cwcli.signals.v2x_tables import (
     load_message_table,
     ros_leaf_fields_of_components,
@@ -105,6 +105,7 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
     untrusted |= np.isin(raw["semi_minor_m"], ELEMENTS["semi_minor_m"].out_of_range)
     ledger.reject(untrusted, UNTRUSTED_POSITION_REASON)
 
+    yaw_rate_95_degps = decode_enumeration(YAW_RATE_95_DEGPS_BY_CODE, raw["yaw_rate_confidence"])
     is_backward = raw["drive_direction"] == DRIVE_BACKWARD_CODE
     motion_rad = heading_from_compass_deg(value["heading_compass_deg"])
     stamp_ns, has_time = stamp_from_generation_delta_time(raw["generation_delta_time"], columns.log_time_ns)
@@ -128,16 +129,9 @@ def decode_cam(columns: Columns, ledger: RowLedger) -> RemoteRows:
         speed_sigma_mps=value["speed_95_mps"] / SIGMAS_PER_95_PERCENT,
         heading_sigma_rad=np.deg2rad(value["heading_95_deg"]) / SIGMAS_PER_95_PERCENT,
         accel_sigma_mps2=value["accel_95_mps2"] / SIGMAS_PER_95_PERCENT,
-        yaw_rate_sigma_radps=np.deg2rad(_yaw_rate_bounds_degps(raw["yaw_rate_confidence"])) / SIGMAS_PER_95_PERCENT,
+        yaw_rate_sigma_radps=np.deg2rad(yaw_rate_95_degps) / SIGMAS_PER_95_PERCENT,
         message_count=np.full(len(columns), np.nan),
     )
-
-
-def _yaw_rate_bounds_degps(code: FloatArray) -> FloatArray:
-    bound = np.full(len(code), np.nan)
-    for known, degps in YAW_RATE_95_DEGPS_BY_CODE.items():
-        bound[code == known] = degps
-    return bound
 
 
 CAM = V2xCodec(identify_cam_senders, decode_cam)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cwcli.signals.columns import Columns, FloatArray, Strings
@@ -46,6 +48,14 @@ def decode_whole_codes(element: Element, raw: FloatArray, ledger: RowLedger | No
     """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))
     return decode_element(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
+
+
+def decode_enumeration(values_by_code: Mapping[int, float], code: FloatArray) -> FloatArray:
+    """Return the value of each code (n,) of an enumeration, NaN for other codes."""
+    values = np.full(len(code), np.nan)
+    for known, value in values_by_code.items():
+        values[code == known] = value
+    return values
 
 
 def read_station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:
