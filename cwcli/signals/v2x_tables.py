@@ -111,6 +111,7 @@ def component_path(path: str) -> str:
     return path.replace("?", "").removesuffix(":choice")
 
 
+@cache
 def ros_leaf_path(path: str) -> str:
     """Return the leaf field that the ROS messages of ETSI have for a component."""
     return _snake_case(component_path(path)) + (".choice" if path.endswith(":choice") else ".value")
