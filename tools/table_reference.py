@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from cwcli.cli.markdown import format_code, format_markdown_table, replace_marked_block
-from cwcli.signals.v2x_elements import Element
+from cwcli.signals.v2x_tables import Element
 from cwcli.simulation.spec import Key
 
 

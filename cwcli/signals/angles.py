@@ -40,21 +40,6 @@ def wrap_angle(angle_rad: FloatArray | float) -> FloatArray | float:
     return float(wrapped) if wrapped.ndim == 0 else wrapped
 
 
-def unwrap_angles(angle_rad: FloatArray) -> FloatArray:
-    """Make a sequence of angles continuous along its last axis; NaN entries stay NaN and are stepped over.
-
-    Args:
-        angle_rad: Shape (n,), radians.
-
-    Returns:
-        Shape (n,): each finite entry differs from the finite one before it by at most pi.
-    """
-    angle = np.array(angle_rad, dtype=np.float64)
-    is_finite = np.isfinite(angle)
-    angle[is_finite] = np.unwrap(angle[is_finite])
-    return angle
-
-
 @overload
 def heading_from_compass_deg(compass_deg: float) -> float: ...
 @overload

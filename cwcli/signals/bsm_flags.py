@@ -54,6 +54,8 @@ ROS_FLAGS_PATH = _ROS_EXTENSIONS_PREFIX + "events.vehicle_event_flag"
 """The path of the flags in a ROS BSM."""
 ROS_PRESENCE_PATH = _ROS_EXTENSIONS_PREFIX + "presence_vector"
 """The path of the bits that say which extensions a ROS BSM has."""
+ROS_EVENT_FLAG_PATHS = (ROS_FLAGS_PATH, ROS_PRESENCE_PATH)
+"""The leaf fields that hold the event flags of a ROS BSM."""
 EVENTS_PRESENT_BIT = 1
 """The bit of the presence field that says that the extension has event flags."""
 FLAG_NAMES_BY_ROS_BIT = {1 << (k - 1): flag for k, flag in enumerate(EVENT_FLAG_NAMES) if k}
@@ -85,11 +87,6 @@ def read_json_event_flags(columns: Columns, prefixes: tuple[str, ...]) -> tuple[
             is_set, is_odd = _read_single_flag(columns.fields.get(f"{place}.{flag}"), n)
             found, is_unread = found | is_set.astype(np.int64) << (N_EVENT_FLAGS - 1 - k), is_unread | is_odd
     return found, is_unread
-
-
-def ros_event_flag_paths() -> tuple[str, ...]:
-    """Return the paths of the leaves that hold the event flags of a ROS BSM."""
-    return (ROS_FLAGS_PATH, ROS_PRESENCE_PATH)
 
 
 def read_ros_event_flags(columns: Columns) -> tuple[Int64Array, BoolArray]:

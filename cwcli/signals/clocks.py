@@ -18,10 +18,10 @@ The rules, in order, for the rows of one sender (docs/signals.md has the table):
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,8 @@ from cwcli.signals.quality import S_PER_NS, BoolArray, Gap, Quality, RowLedger
 from cwcli.signals.units import NS_PER_S
 
 Clock = Literal["stamp", "log"]
+SignalT = TypeVar("SignalT")
+"""The type of a signal."""
 
 MAX_CLOCK_STEP_S = 30.0
 """The largest change of (stamp - log time) between neighbours that counts as a delay, in seconds; a larger one is a
@@ -77,6 +79,23 @@ class Timeline:
 
     rows: npt.NDArray[np.intp]
     stamp_ns: Int64Array
+
+
+def signal_with_quality(
+    kind: Callable[..., SignalT], ledger: RowLedger, timeline: Timeline, **quantities: FloatArray
+) -> tuple[SignalT, Quality]:
+    """Return the signal of the rows in use and the account of all.
+
+    Args:
+        kind: Makes the signal from its source, its times and its quantities.
+        ledger: The channel's ledger.
+        timeline: The rows in use, in time order.
+        quantities: One row for each of the channel's n messages.
+    """
+    rows, columns = timeline.rows, ledger.columns
+    values = {name: each[rows] for name, each in quantities.items()}
+    times = {"stamp_ns": timeline.stamp_ns, "log_time_ns": columns.log_time_ns[rows]}
+    return kind(source=columns.topic, **times, **values), ledger.quality
 
 
 def build_timeline(

@@ -55,28 +55,6 @@ def usable_plane_covariance_or_nan(ledger: RowLedger, xx: FloatArray, xy: FloatA
     return np.where((is_definite & ~is_absent)[:, None], covariance, np.nan)
 
 
-def is_positive_definite(covariance: FloatArray) -> BoolArray:
-    """Return which matrices are finite and have a Cholesky factor, shape (n,).
-
-    Args:
-        covariance: Shape (n, k, k), symmetric.
-    """
-    is_finite = np.asarray(np.isfinite(covariance).all(axis=(1, 2)), np.bool_)
-    if is_finite.all() and _has_cholesky_factor(covariance):
-        return is_finite
-    return np.array(
-        [bool(is_finite[k]) and _has_cholesky_factor(covariance[k]) for k in range(len(covariance))], np.bool_
-    )
-
-
-def _has_cholesky_factor(covariance: FloatArray) -> bool:
-    try:
-        np.linalg.cholesky(covariance)
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
 def rotate_plane_covariance(covariance: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Rotate plane covariances into axes that are turned counter-clockwise by an angle.
 

@@ -8,15 +8,20 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.signals.columns import Columns, FloatArray, Int64Array, encode_strings
-from cwcli.signals.etsi import ELEMENTS
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.perceived import unknown_senders
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents
 from cwcli.signals.units import NS_PER_S
 from cwcli.signals.v2x_codec import RemoteRows, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import STATION_ID_ELEMENT, Element, decode_element, decode_whole_codes
-from cwcli.signals.v2x_time import MAX_TIMESTAMP_ITS_MS, NO_TIME_REASON, stamp_from_timestamp_its
+from cwcli.signals.v2x_elements import decode_element, decode_enumeration, decode_whole_codes
+from cwcli.signals.v2x_tables import (
+    load_message_table,
+    ros_leaf_fields_of_components,
+    ros_leaf_path,
+    ros_presence_paths,
+)
+from cwcli.signals.v2x_time import NO_TIME_REASON, stamp_from_timestamp_its
 
 CAUSE_TEXTS_BY_CODE: dict[int, str] = {
     1: "traffic condition",
@@ -52,51 +57,18 @@ EMERGENCY_BRAKING_SUB_CAUSES = (1, 5)
 engaged."""
 DEFAULT_VALIDITY_S = 600.0
 """The validity of a DENM that gives none, in seconds (EN 302 637-3)."""
-RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0)))
+RELEVANCE_DISTANCE_M_BY_CODE: dict[int, float] = dict(
+    enumerate((50.0, 100.0, 200.0, 500.0, 1000.0, 5000.0, 10_000.0, np.inf))
+)
 """The distance in metres within which a DENM matters, by RelevanceDistance; code 7 is over 10 km."""
-OVER_10_KM_CODE = 7
-"""The code of RelevanceDistance for more than 10 km."""
-
-_MANAGEMENT_PREFIX = "denm.management."
-"""The path prefix of the management container in the ROS message."""
-_POSITION_PREFIX = _MANAGEMENT_PREFIX + "event_position."
-"""The path prefix of the event's position in the ROS message."""
-_EVENT_TYPE_PREFIX = "denm.situation.event_type."
-"""The path prefix of the event's type in the ROS message."""
-ROS_PATHS: dict[str, str] = {
-    "station": "header.station_id.value",
-    "action_station": _MANAGEMENT_PREFIX + "action_id.originating_station_id.value",
-    "action_number": _MANAGEMENT_PREFIX + "action_id.sequence_number.value",
-    "cause": _EVENT_TYPE_PREFIX + "cause_code.value",
-    "sub_cause": _EVENT_TYPE_PREFIX + "sub_cause_code.value",
-    "has_situation": "denm.situation_is_present",
-    "reference_time_ms": _MANAGEMENT_PREFIX + "reference_time.value",
-    "termination": _MANAGEMENT_PREFIX + "termination.value",
-    "has_termination": _MANAGEMENT_PREFIX + "termination_is_present",
-    "latitude_deg": _POSITION_PREFIX + "latitude.value",
-    "longitude_deg": _POSITION_PREFIX + "longitude.value",
-    "relevance": _MANAGEMENT_PREFIX + "relevance_distance.value",
-    "has_relevance": _MANAGEMENT_PREFIX + "relevance_distance_is_present",
-    "validity_s": _MANAGEMENT_PREFIX + "validity_duration.value",
-}
-"""The leaf fields of the ROS message, by quantity."""
-CODE_ELEMENTS: dict[str, Element] = {
-    "station": STATION_ID_ELEMENT,
-    "action_station": STATION_ID_ELEMENT,
-    "action_number": Element("SequenceNumber", 1.0, 1, 0, 65_535),
-    "cause": Element("CauseCodeType", 1.0, 1, 0, 255),
-    "sub_cause": Element("SubCauseCodeType", 1.0, 1, 0, 255),
-    "termination": Element("Termination", 1.0, 1, 0, 1),
-    "relevance": Element("RelevanceDistance", 1.0, 1, 0, OVER_10_KM_CODE),
-    "validity_s": Element("ValidityDuration", 1.0, 1, 0, 86_400),
-    "reference_time_ms": Element("TimestampIts", 1.0, 1, 0, MAX_TIMESTAMP_ITS_MS - 1),
-}
-"""The data elements of the codes that must be whole numbers."""
-
-
-def ros_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf of the ROS message that is read."""
-    return tuple(ROS_PATHS.values())
+_TABLE = load_message_table("denm", "etsi")
+"""The quantities of a DENM: their data elements, and their paths."""
+DENM_PATHS = _TABLE.columns["denm"]
+"""The component of a DENM, by quantity."""
+_PLACE_QUANTITIES = ("latitude_deg", "longitude_deg")
+"""The quantities that are measured; all others are codes that must be whole numbers."""
+LEAF_FIELDS = ros_leaf_fields_of_components(DENM_PATHS)
+"""The leaf fields of the ROS message that are read."""
 
 
 def read_ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
@@ -106,13 +78,12 @@ def read_ros_events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
 
 def _read_codes(columns: Columns, ledger: RowLedger | None = None) -> dict[str, FloatArray]:
     """Return the codes of the ROS fields, NaN where absent or not in the standard; the ledger counts the latter."""
-    raw = {name: read_numbers(columns, path) for name, path in ROS_PATHS.items()}
-    for flag, names in (("has_situation", ("cause", "sub_cause")), ("has_termination", ("termination",))):
-        for name in names:
-            raw[name] = np.where(raw[flag] == 0, np.nan, raw[name])
-    raw["relevance"] = np.where(raw["has_relevance"] == 0, np.nan, raw["relevance"])
-    for name, element in CODE_ELEMENTS.items():
-        raw[name] = decode_whole_codes(element, raw[name], ledger)
+    raw = {name: read_numbers(columns, ros_leaf_path(path)) for name, path in DENM_PATHS.items()}
+    for name, flag in ros_presence_paths(DENM_PATHS).items():
+        raw[name] = np.where(read_numbers(columns, flag) == 0, np.nan, raw[name])
+    for name, element in _TABLE.elements.items():
+        if name not in _PLACE_QUANTITIES:
+            raw[name] = decode_whole_codes(element, raw[name], ledger)
     return raw
 
 
@@ -122,10 +93,6 @@ def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Ro
     stamp_ns = np.where(has_time, stamp_ns, log_time_ns)
     validity_s = np.where(np.isfinite(raw["validity_s"]), raw["validity_s"], DEFAULT_VALIDITY_S)
     validity_s = np.where(np.isfinite(raw["termination"]), 0.0, validity_s)
-    relevance_m = np.full(len(stamp_ns), np.nan)
-    for code, distance_m in RELEVANCE_DISTANCE_M_BY_CODE.items():
-        relevance_m[raw["relevance"] == code] = distance_m
-    relevance_m[raw["relevance"] == OVER_10_KM_CODE] = np.inf
     kinds = [cause_text(*pair) for pair in zip(raw["cause"].tolist(), raw["sub_cause"].tolist(), strict=True)]
     station = [str(int(code)) if np.isfinite(code) else "unknown" for code in raw["station"].tolist()]
     return RoadEvents(
@@ -138,9 +105,9 @@ def events_from_codes(raw: dict[str, FloatArray], log_time_ns: Int64Array) -> Ro
         ),
         cause=raw["cause"],
         sub_cause=raw["sub_cause"],
-        latitude_deg=decode_element(ELEMENTS["latitude_deg"], raw["latitude_deg"]),
-        longitude_deg=decode_element(ELEMENTS["longitude_deg"], raw["longitude_deg"]),
-        relevance_m=relevance_m,
+        latitude_deg=decode_element(_TABLE.elements["latitude_deg"], raw["latitude_deg"]),
+        longitude_deg=decode_element(_TABLE.elements["longitude_deg"], raw["longitude_deg"]),
+        relevance_m=decode_enumeration(RELEVANCE_DISTANCE_M_BY_CODE, raw["relevance"]),
     )
 
 
@@ -177,8 +144,8 @@ def format_notice(events: RoadEvents) -> str:
 
 def _set_all_messages_aside(columns: Columns, ledger: RowLedger) -> RemoteRows:
     raw = _read_codes(columns, ledger)
-    for name in ("latitude_deg", "longitude_deg"):
-        decode_element(ELEMENTS[name], raw[name], ledger)
+    for name in _PLACE_QUANTITIES:
+        decode_element(_TABLE.elements[name], raw[name], ledger)
     ledger.count_repaired(np.isnan(raw["reference_time_ms"]), NO_TIME_REASON)
     said = format_notice(events_from_codes(raw, columns.log_time_ns))
     if said:

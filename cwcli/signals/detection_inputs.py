@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from cwcli.signals.builders.base import Build, Fields, Input
-from cwcli.signals.input_rows import lazy_builder, ros_leaf_fields
-from cwcli.signals.role import Role
+from cwcli.signals.builders.base import Fields, Input
+from cwcli.signals.input_rows import message_inputs, ros_leaf_fields
 from cwcli.signals.stamp_fields import CDR_FOXGLOVE_STAMP_FIELDS, JSON_STAMP_FIELDS, PROTOBUF_STAMP_FIELDS
-
-_build_boxes = lazy_builder("detections.build_boxes")
-_build_cubes = lazy_builder("detections.build_cubes")
-_build_json_detections = lazy_builder("detections.build_json")
-_build_radar_scan = lazy_builder("detections.build_radar_scan")
-_build_radar_tracks = lazy_builder("detections.build_radar_tracks")
 
 _AUTOWARE_OBJECT_FIELDS = ros_leaf_fields(
     *(
@@ -22,22 +15,6 @@ _AUTOWARE_OBJECT_FIELDS = ros_leaf_fields(
     "objects.kinematics.has_position_covariance",
 )
 """The leaf fields of Autoware's objects, by encoding."""
-_RADAR_SCAN_FIELDS = ros_leaf_fields(
-    "returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity"
-)
-"""The leaf fields of a `RadarScan`, by encoding."""
-_RADAR_TRACK_FIELDS = ros_leaf_fields(
-    *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
-    "tracks.position_covariance",
-    "tracks.velocity_covariance",
-)
-"""The leaf fields of `RadarTracks`, by encoding."""
-_BOX_FIELDS = ros_leaf_fields(
-    *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
-    *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
-    "detections.results.pose.covariance",
-)
-"""The leaf fields of a `Detection3DArray`, by encoding."""
 _CUBE_CENTRE_PATHS = ("entities.cubes.pose.position.x", "entities.cubes.pose.position.y")
 """The leaf paths of the centres of drawn cubes."""
 _CUBE_FIELDS: Fields = {
@@ -63,28 +40,37 @@ _JSON_DETECTION_FIELDS: Fields = {
 """The leaf fields of JSON detections, by encoding."""
 
 
-def _detection_inputs(fields: Fields, build: Build, rank: int = 0) -> tuple[Input, ...]:
-    return (Input(Role.DETECTIONS, fields, build, rank=rank),)
-
-
-# what is drawn for viewers counts only where no sensor reports for itself
-_SCENE_UPDATE_INPUTS = _detection_inputs(_CUBE_FIELDS, _build_cubes, rank=3)
-"""The registry rows of drawn cubes; they are used only where no sensor reports for itself."""
-
 DETECTION_INPUTS: dict[str, tuple[Input, ...]] = {
-    "radar_msgs/RadarScan": _detection_inputs(_RADAR_SCAN_FIELDS, _build_radar_scan),
-    "radar_msgs/RadarTracks": _detection_inputs(_RADAR_TRACK_FIELDS, _build_radar_tracks),
-    "vision_msgs/Detection3DArray": _detection_inputs(_BOX_FIELDS, _build_boxes),
+    "radar_msgs/RadarScan": message_inputs(
+        ros_leaf_fields("returns.range", "returns.azimuth", "returns.elevation", "returns.doppler_velocity"),
+        detections="detections.build_radar_scan",
+    ),
+    "radar_msgs/RadarTracks": message_inputs(
+        ros_leaf_fields(
+            *(f"tracks.{part}.{axis}" for part in ("position", "velocity") for axis in "xy"),
+            *("tracks.position_covariance", "tracks.velocity_covariance"),
+        ),
+        detections="detections.build_radar_tracks",
+    ),
+    "vision_msgs/Detection3DArray": message_inputs(
+        ros_leaf_fields(
+            *(f"detections.bbox.center.position.{axis}" for axis in "xy"),
+            *(f"detections.results.pose.pose.position.{axis}" for axis in "xy"),
+            "detections.results.pose.covariance",
+        ),
+        detections="detections.build_boxes",
+    ),
     **{
-        f"{package}/{name}": _detection_inputs(
-            _AUTOWARE_OBJECT_FIELDS, lazy_builder("autoware.build_objects"), rank=rank
-        )
+        f"{package}/{name}": message_inputs(_AUTOWARE_OBJECT_FIELDS, rank, detections="autoware.build_objects")
         for package in ("autoware_perception_msgs", "autoware_auto_perception_msgs")
         # the later ones are made from the first
         for rank, name in enumerate(("DetectedObjects", "TrackedObjects", "PredictedObjects"))
     },
-    "foxglove.SceneUpdate": _SCENE_UPDATE_INPUTS,
-    "foxglove_msgs/SceneUpdate": _SCENE_UPDATE_INPUTS,
-    "cwcli.Detections": _detection_inputs(_JSON_DETECTION_FIELDS, _build_json_detections),
+    # what is drawn for viewers counts only where no sensor reports for itself
+    **dict.fromkeys(
+        ("foxglove.SceneUpdate", "foxglove_msgs/SceneUpdate"),
+        message_inputs(_CUBE_FIELDS, 3, detections="detections.build_cubes"),
+    ),
+    "cwcli.Detections": message_inputs(_JSON_DETECTION_FIELDS, detections="detections.build_json"),
 }
 """The registry rows of messages with detections, by schema name."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from cwcli.registry import import_target
-from cwcli.signals.builders.base import Build, Fields, Reading
+from cwcli.signals.builders.base import Build, Fields, Input, Reading
+from cwcli.signals.role import Role
 from cwcli.signals.stamp_fields import (
     CDR_FOXGLOVE_STAMP_FIELDS,
     HEADER_STAMP_FIELDS,
@@ -56,47 +57,44 @@ def load_from_signals(name: str) -> Any:
     return import_target(":".join(f"cwcli.signals.{name}".rsplit(".", 1)))
 
 
-def lazy_builder(name: str) -> Build:
-    """Return the builder `module.name`, imported when a channel is built, because binding (`cwcli info`) needs no
+def lazy_builder(name: str, room: str = "builders") -> Build:
+    """Return the builder `room.module.name`, imported when a channel is built, because binding (`cwcli info`) needs no
     NumPy."""
 
     def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = load_from_signals(f"builders.{name}")(columns, reading)
-        return made
+        built: tuple[Signal, Quality] = load_from_signals(f"{room}.{name}")(columns, reading)
+        return built
 
     return build
 
 
-def lazy_v2x_builder(maker: str, codec: str) -> Build:
-    """Return the builder that `builders.v2x.<maker>` makes for a codec, both imported when a channel is built."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = load_from_signals(f"builders.v2x.{maker}")(load_from_signals(codec))(
-            columns, reading
-        )
-        return made
-
-    return build
+def message_inputs(fields: Fields, rank: int | None = 0, **builders: str) -> tuple[Input, ...]:
+    """Return the registry rows of a message: by name of the role, the builder `module.function` of `builders`."""
+    return tuple(Input(Role[role.upper()], fields, lazy_builder(name), rank=rank) for role, name in builders.items())
 
 
 class LazyFields(Mapping[str, tuple[str, ...]]):
-    """Leaf fields that are looked up in a codec's tables when they are first needed."""
+    """The leaf fields of a V2X message in CDR and JSON, which stand in its codec's module and are imported when they
+    are first needed."""
 
-    def __init__(self, find: Callable[[], Fields]) -> None:
-        self._find = find
+    def __init__(self, name: str, encodings: tuple[str, ...] = ("cdr", "json")) -> None:
+        self._name, self._encodings = name, encodings
 
     @cached_property
-    def _loaded_fields(self) -> Fields:
-        return self._find()
+    def _leaf_fields(self) -> tuple[str, ...]:
+        leaves: tuple[str, ...] = load_from_signals(self._name)
+        return leaves
 
     def __getitem__(self, encoding: str) -> tuple[str, ...]:
-        return self._loaded_fields[encoding]
+        if encoding not in self._encodings:
+            raise KeyError(encoding)
+        return self._leaf_fields
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._loaded_fields)
+        return iter(self._encodings)
 
     def __len__(self) -> int:
-        return len(self._loaded_fields)
+        return len(self._encodings)
 
 
 def is_gnss_topic(topic: str) -> bool:
@@ -128,6 +126,11 @@ def ros_leaf_fields(*leaves: str) -> Fields:
     """Return the leaf fields of a ROS message with a header, by encoding: CDR, and JSON with the same names."""
     leaf_names = (*HEADER_STAMP_FIELDS, "header.frame_id", *leaves)
     return {"cdr": leaf_names, "json": (*leaf_names, *JSON_STAMP_FIELDS)}
+
+
+def header_free_leaf_fields(*leaves: str) -> Fields:
+    """Return the leaf fields of a ROS message without a header, by encoding."""
+    return {"cdr": leaves, "json": leaves}
 
 
 def foxglove_leaf_fields(*leaves: str) -> Fields:

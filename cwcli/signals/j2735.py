@@ -20,25 +20,21 @@ from cwcli.signals.leaf_fields import is_accepted_text, numbers_to_bit_flags, re
 from cwcli.signals.quality import BoolArray, RowLedger
 from cwcli.signals.road_events import RoadEvents
 from cwcli.signals.v2x_codec import RemoteRows, Senders, V2xCodec
-from cwcli.signals.v2x_elements import Element, decode_element, validate_decoded
+from cwcli.signals.v2x_elements import decode_element, validate_decoded
+from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
 
-ELEMENTS: dict[str, Element] = {
-    "latitude_deg": Element("Latitude", 1e-7, 1, -900_000_000, 900_000_000, (900_000_001,)),
-    "longitude_deg": Element("Longitude", 1e-7, 1, -1_799_999_999, 1_800_000_000, (1_800_000_001,)),
-    "altitude_m": Element("Elevation", 0.1, 1, -4095, 61_439, (-4096,)),
-    "semi_major_m": Element("SemiMajorAxisAccuracy", 0.05, 1, 0, 254, (255,)),
-    "semi_minor_m": Element("SemiMinorAxisAccuracy", 0.05, 1, 0, 254, (255,)),
-    "semi_major_compass_deg": Element("SemiMajorAxisOrientation", 0.0054932479, 1, 0, 65_534, (65_535,)),
-    "speed_mps": Element("Speed", 0.02, 1, 0, 8190, (8191,)),
-    "heading_compass_deg": Element("Heading", 0.0125, 1, 0, 28_799, (28_800,)),
-    "accel_mps2": Element("Acceleration (long)", 0.01, 1, -2000, 2000, (2001,)),
-    "lateral_accel_mps2": Element("Acceleration (lat)", 0.01, -1, -2000, 2000, (2001,)),
-    "yaw_rate_degps": Element("YawRate", 0.01, -1, -32_767, 32_767),
-    "width_m": Element("VehicleWidth", 0.01, 1, 1, 1023, (0,)),
-    "length_m": Element("VehicleLength", 0.01, 1, 1, 4095, (0,)),
-}
+_TABLE = load_message_table("bsm", "sae")
+"""The quantities of a BSM: their data elements, and their paths per encoding."""
+ELEMENTS = _TABLE.elements
 """The data element of each coded quantity of a BSM (SAE J2735)."""
+JSON_RAW_PATHS, ROS_PATHS = _TABLE.columns["json"], _TABLE.columns["ros"]
+"""The leaf fields of a JSON BSM with the standard's names and codes, and those of `j2735_v2x_msgs/BSM` and
+`carma_v2x_msgs/BSM`, by quantity."""
+JSON_ODE_PATHS = JSON_RAW_PATHS | _TABLE.columns["ode"]
+"""The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
+CARMA_PRESENCE_BITS = parse_presence_bits(_TABLE.columns["carma_flags"])
+"""The presence fields of `carma_v2x_msgs`: quantity, path, and the bit that is set when the value is there."""
 MIN_SEMI_AXIS_M = 0.05
 """The least semi-axis of the position accuracy, in metres: a code of 0 means less than one step and counts as one."""
 REVERSE_GEARS_CODE = 3
@@ -56,90 +52,30 @@ JSON_BSM_PREFIXES = (
     "payload.data.MessageFrame.value.BasicSafetyMessage.",
 )
 """The path prefixes behind which a JSON message can have a BSM."""
-JSON_RAW_PATHS: dict[str, str] = {
-    "station": "coreData.id",
-    "count": "coreData.msgCnt",
-    "dsecond_ms": "coreData.secMark",
-    "transmission": "coreData.transmission",
-    "latitude_deg": "coreData.lat",
-    "longitude_deg": "coreData.long",
-    "altitude_m": "coreData.elev",
-    "semi_major_m": "coreData.accuracy.semiMajor",
-    "semi_minor_m": "coreData.accuracy.semiMinor",
-    "semi_major_compass_deg": "coreData.accuracy.orientation",
-    "speed_mps": "coreData.speed",
-    "heading_compass_deg": "coreData.heading",
-    "accel_mps2": "coreData.accelSet.long",
-    "lateral_accel_mps2": "coreData.accelSet.lat",
-    "yaw_rate_degps": "coreData.accelSet.yaw",
-    "width_m": "coreData.size.width",
-    "length_m": "coreData.size.length",
-}
-"""The leaf fields of a JSON BSM with the standard's names and codes, by quantity."""
-JSON_ODE_PATHS: dict[str, str] = JSON_RAW_PATHS | {
-    "latitude_deg": "coreData.position.latitude",
-    "longitude_deg": "coreData.position.longitude",
-    "altitude_m": "coreData.position.elevation",
-    "accel_mps2": "coreData.accelSet.accelLong",
-    "lateral_accel_mps2": "coreData.accelSet.accelLat",
-    "yaw_rate_degps": "coreData.accelSet.accelYaw",
-}
-"""The leaf fields of a BSM of the USDOT Operational Data Environment (ODE), by quantity."""
 REVERSE_GEAR_OBJECT_PATHS = ("coreData.transmission.reverseGears", "coreData.transmission.REVERSEGEARS")
 """The leaf fields of an enumeration written as an object (`{"reverseGears": ""}`), as in JSON made from XER."""
 ODE_SOURCE_PATH = "metadata.bsmSource"
 """The leaf field in which the ODE says who sent a BSM."""
 ODE_OWN_SOURCE = "ev"
 """The text of that field for the recording vehicle, in lower case."""
-
-ROS_PATHS: dict[str, str] = {
-    "station": "core_data.id",
-    "count": "core_data.msg_count",
-    "dsecond_ms": "core_data.sec_mark",
-    "transmission": "core_data.transmission.transmission_state",
-    "latitude_deg": "core_data.latitude",
-    "longitude_deg": "core_data.longitude",
-    "altitude_m": "core_data.elev",
-    "semi_major_m": "core_data.accuracy.semi_major",
-    "semi_minor_m": "core_data.accuracy.semi_minor",
-    "semi_major_compass_deg": "core_data.accuracy.orientation",
-    "speed_mps": "core_data.speed",
-    "heading_compass_deg": "core_data.heading",
-    "accel_mps2": "core_data.accel_set.longitudinal",
-    "lateral_accel_mps2": "core_data.accel_set.lateral",
-    "yaw_rate_degps": "core_data.accel_set.yaw_rate",
-    "width_m": "core_data.size.vehicle_width",
-    "length_m": "core_data.size.vehicle_length",
-}
-"""The leaf fields of `j2735_v2x_msgs/BSM` and `carma_v2x_msgs/BSM`, by quantity."""
-CARMA_PRESENCE_BITS: dict[str, tuple[str, int]] = {
-    "dsecond_ms": ("core_data.presence_vector", 1),
-    "latitude_deg": ("core_data.presence_vector", 2),
-    "longitude_deg": ("core_data.presence_vector", 4),
-    "altitude_m": ("core_data.presence_vector", 8),
-    "speed_mps": ("core_data.presence_vector", 16),
-    "heading_compass_deg": ("core_data.presence_vector", 32),
-    "semi_major_m": ("core_data.accuracy.presence_vector", 1),
-    "semi_minor_m": ("core_data.accuracy.presence_vector", 1),
-    "semi_major_compass_deg": ("core_data.accuracy.presence_vector", 2),
-    "accel_mps2": ("core_data.accel_set.presence_vector", 1),
-    "lateral_accel_mps2": ("core_data.accel_set.presence_vector", 1),
-    "yaw_rate_degps": ("core_data.accel_set.presence_vector", 4),
-    "width_m": ("core_data.size.presence_vector", 1),
-    "length_m": ("core_data.size.presence_vector", 2),
-}
-"""The presence field of `carma_v2x_msgs`, and the bit that is set when the value is there, by quantity."""
 M_PER_ODE_SIZE_STEP = 0.01
 """One step of a vehicle size in the ODE's messages, in metres."""
 EVENT_PLACE_AND_TIME = ("latitude_deg", "longitude_deg", "dsecond_ms")
 """The quantities that give place and time of an event flag."""
-
-
-def json_bsm_leaf_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf in which a JSON BSM can have its data."""
-    leaves = (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
-    core = dict.fromkeys(prefix + leaf for prefix in JSON_BSM_PREFIXES for leaf in leaves)
-    return (ODE_SOURCE_PATH, *core, *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES))
+JSON_LEAF_FIELDS = (
+    ODE_SOURCE_PATH,
+    *dict.fromkeys(
+        prefix + leaf
+        for prefix in JSON_BSM_PREFIXES
+        for leaf in (*JSON_RAW_PATHS.values(), *JSON_ODE_PATHS.values(), *REVERSE_GEAR_OBJECT_PATHS)
+    ),
+    *bsm_flags.json_event_flag_paths(JSON_BSM_PREFIXES),
+)
+"""The leaf fields in which a JSON message can have a BSM."""
+ROS_LEAF_FIELDS = (*ROS_PATHS.values(), *bsm_flags.ROS_EVENT_FLAG_PATHS)
+"""The leaf fields of `j2735_v2x_msgs/BSM` that are read."""
+CARMA_LEAF_FIELDS = (*ROS_LEAF_FIELDS, *dict.fromkeys(path for _, path, _ in CARMA_PRESENCE_BITS))
+"""The leaf fields of `carma_v2x_msgs/BSM` that are read."""
 
 
 def identify_json_senders(columns: Columns) -> Senders:
@@ -179,7 +115,7 @@ def decode_carma_bsm(columns: Columns, ledger: RowLedger) -> RemoteRows:
 def _read_carma_values(columns: Columns) -> dict[str, FloatArray]:
     """Read the values that the presence flags say are there."""
     value = {name: read_numbers(columns, ROS_PATHS[name]) for name in (*ELEMENTS, "dsecond_ms")}
-    for name, (path, bit) in CARMA_PRESENCE_BITS.items():
+    for name, path, bit in CARMA_PRESENCE_BITS:
         flags = read_numbers(columns, path)
         is_there = (numbers_to_bit_flags(flags) & bit) != 0
         value[name] = np.where(is_there, value[name], np.nan)

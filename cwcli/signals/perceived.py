@@ -7,7 +7,7 @@ time is the message's reference time plus the object's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,8 @@ from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.units import NS_PER_MS
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
-from cwcli.signals.v2x_elements import Element, decode_whole_codes, read_station_ids
+from cwcli.signals.v2x_elements import decode_whole_codes, read_station_ids
+from cwcli.signals.v2x_tables import Element
 
 WGS84_EQUATOR_RADIUS_M = 6_378_137.0
 """The radius of the WGS84 ellipsoid at the equator, in metres."""
@@ -30,13 +31,13 @@ OBJECT_ID_ELEMENT = Element("ObjectId", 1.0, 1, 0, 65_535)
 """The data element of an object's id, in CPM and SDSM alike."""
 
 
-def columns_per_object(columns: Columns, rows: Int64Array, made: dict[str, Field]) -> Columns:
+def columns_per_object(columns: Columns, rows: Int64Array, quantities: Mapping[str, Field]) -> Columns:
     """Return columns with one row for each object.
 
     Args:
         columns: The messages.
         rows: Shape (m,): the message that each object is in.
-        made: The objects' quantities, m rows each.
+        quantities: The objects' quantities, m rows each.
     """
     return Columns(
         topic=columns.topic,
@@ -45,7 +46,7 @@ def columns_per_object(columns: Columns, rows: Int64Array, made: dict[str, Field
         log_time_ns=columns.log_time_ns[rows],
         publish_time_ns=columns.publish_time_ns[rows],
         sequence=columns.sequence[rows],
-        fields=made,
+        fields=dict(quantities),
     )
 
 

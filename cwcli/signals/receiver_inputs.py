@@ -8,185 +8,161 @@ from cwcli.signals.input_rows import (
     NMEA_SENTENCE_RANK,
     RECEIVER_RANK,
     RECEIVER_SUMMARY_RANK,
-    lazy_builder,
+    header_free_leaf_fields,
+    message_inputs,
     ros_leaf_fields,
     xyz_leaf_paths,
 )
-from cwcli.signals.role import Role
 
-_GPS_FIX_FIELDS = ros_leaf_fields(
-    *("status.status", "latitude", "longitude", "altitude", "track", "speed", "err_horz", "err_track", "err_speed"),
-    *("position_covariance", "position_covariance_type"),
-)
-"""The leaf fields of a `GPSFix`, by encoding."""
-_NAV_PVT_PATHS = (
+_NAV_PVT_FIELDS = header_free_leaf_fields(
     *("year", "month", "day", "hour", "min", "sec", "valid", "nano", "flags", "lon", "lat", "height"),
     *("fix_type", "h_acc", "vel_n", "vel_e", "s_acc", "head_acc", "head_veh"),
     *("reserved1", "fixType", "hAcc", "velN", "velE", "sAcc", "headAcc", "headVeh"),
 )
-"""The leaf paths of a `NavPVT`."""
-_NAV_PVT_FIELDS: Fields = dict.fromkeys(("cdr", "json"), _NAV_PVT_PATHS)
 """The leaf fields of a `NavPVT`, by encoding."""
 _OEM7_TIME_PATHS = ("nov_header.gps_week_number", "nov_header.gps_week_milliseconds")
 """The leaf paths of the GPS time in messages of `novatel_oem7_msgs`."""
 _OEM6_TIME_PATHS = ("novatel_msg_header.gps_week_num", "novatel_msg_header.gps_seconds")
 """The leaf paths of the GPS time in messages of `novatel_gps_msgs`."""
-_BEST_POS_OEM7_FIELDS = ros_leaf_fields(
-    *(
-        *_OEM7_TIME_PATHS,
-        "sol_status.status",
-        "pos_type.type",
-        "lat",
-        "lon",
-        "hgt",
-        "undulation",
-        "lat_stdev",
-        "lon_stdev",
-    )
-)
-"""The leaf fields of BESTPOS in `novatel_oem7_msgs`, by encoding."""
-_BEST_POS_OEM6_FIELDS = ros_leaf_fields(
-    *(
-        *_OEM6_TIME_PATHS,
-        "solution_status",
-        "position_type",
-        "lat",
-        "lon",
-        "height",
-        "undulation",
-        "lat_sigma",
-        "lon_sigma",
-    )
-)
-"""The leaf fields of BESTPOS in `novatel_gps_msgs`, by encoding."""
-_BEST_VEL_OEM7_FIELDS = ros_leaf_fields(
-    *_OEM7_TIME_PATHS, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd"
-)
-"""The leaf fields of BESTVEL in `novatel_oem7_msgs`, by encoding."""
-_BEST_VEL_OEM6_FIELDS = ros_leaf_fields(
-    *_OEM6_TIME_PATHS, "solution_status", "velocity_type", "latency", "horizontal_speed", "track_ground"
-)
-"""The leaf fields of BESTVEL in `novatel_gps_msgs`, by encoding."""
 _INS_PATHS = ("latitude", "longitude", "undulation", "north_velocity", "east_velocity", "azimuth")
 """The leaf paths that all inertial solutions of NovAtel share."""
-_INSPVAX_OEM7_FIELDS = ros_leaf_fields(
-    *(*_OEM7_TIME_PATHS, "ins_status.status", *_INS_PATHS, "height"),
-    *(f"{name}_stdev" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
-)
-"""The leaf fields of INSPVAX in `novatel_oem7_msgs`, by encoding."""
-_INSPVAX_OEM6_FIELDS = ros_leaf_fields(
-    *(*_OEM6_TIME_PATHS, "ins_status", *_INS_PATHS, "altitude"),
-    *(f"{name}_std" for name in ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")),
-)
-"""The leaf fields of INSPVAX in `novatel_gps_msgs`, by encoding."""
+_INSPVAX_NAMES = ("latitude", "longitude", "north_velocity", "east_velocity", "azimuth")
+"""The names of the quantities of which an INSPVAX gives a standard deviation."""
 _INSPVA_PATHS = (*_INS_PATHS, "height", "status.status", "status")
 """The leaf paths of INSPVA."""
-_INSPVA_OEM7_FIELDS, _INSPVA_OEM6_FIELDS = (
-    ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS),
-    ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS),
+_SEPTENTRIO_PATHS = (
+    *("block_header.wnc", "block_header.tow", "error"),
+    *("latitude", "longitude", "height", "ve", "vn"),
 )
-"""The leaf fields of INSPVA in `novatel_oem7_msgs` and `novatel_gps_msgs`, by encoding."""
-_INS_NAV_GEOD_FIELDS = ros_leaf_fields(
-    *("block_header.wnc", "block_header.tow", "error", "latitude", "longitude", "height", "ve", "vn"),
-    *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn")),
-)
-"""The leaf fields of an `INSNavGeod`, by encoding."""
-_SBG_IMU_FIELDS = ros_leaf_fields(*xyz_leaf_paths("accel"), *xyz_leaf_paths("gyro"))
-"""The leaf fields of a `SbgImuData`, by encoding."""
-_PVT_GEODETIC_FIELDS = ros_leaf_fields(
-    *("block_header.wnc", "block_header.tow", "mode", "error", "latitude", "longitude", "height", "ve", "vn"),
-    "h_accuracy",
-)
-"""The leaf fields of a `PVTGeodetic`, by encoding."""
+"""The leaf paths that the position messages of Septentrio share."""
 _SBG_POSITION_PATHS = ("latitude", "longitude", "altitude", "undulation", "position_accuracy.x", "position_accuracy.y")
 """The leaf paths of an SBG position."""
 _SBG_VELOCITY_PATHS = tuple(f"{name}.{axis}" for name in ("velocity", "velocity_accuracy") for axis in "xy")
 """The leaf paths of an SBG velocity."""
-_SBG_POS_FIELDS = ros_leaf_fields("status.status", "status.type", *_SBG_POSITION_PATHS)
-"""The leaf fields of a `SbgGpsPos`, by encoding."""
-_SBG_VEL_FIELDS = ros_leaf_fields("status.vel_status", "status.vel_type", *_SBG_VELOCITY_PATHS)
-"""The leaf fields of a `SbgGpsVel`, by encoding."""
-_SBG_NAV_FIELDS = ros_leaf_fields(
-    *("status.position_valid", "status.velocity_valid", *_SBG_POSITION_PATHS, "position.x", "position.y", "position.z"),
-    *_SBG_VELOCITY_PATHS,
-)
-"""The leaf fields of a `SbgEkfNav`, by encoding."""
-_SBG_EULER_FIELDS = ros_leaf_fields("status.heading_valid", "angle.z", "accuracy.z")
-"""The leaf fields of a `SbgEkfEuler`, by encoding."""
 
 
-def _position_input(fields: Fields, name: str, rank: int) -> Input:
-    return Input(Role.EGO_POSITION, fields, lazy_builder(name), rank=rank)
-
-
-def _velocity_input(fields: Fields, name: str, rank: int) -> Input:
-    return Input(Role.EGO_VELOCITY, fields, lazy_builder(name), rank=rank)
-
-
-def _heading_input(fields: Fields, name: str, rank: int | None) -> Input:
-    return Input(Role.EGO_HEADING, fields, lazy_builder(name), rank=rank)
-
-
-def _gps_fix_inputs(fields: Fields) -> tuple[Input, ...]:
-    return (
-        _position_input(fields, "gps_fix.build_position", RECEIVER_SUMMARY_RANK),
-        _velocity_input(fields, "gps_fix.build_velocity", RECEIVER_SUMMARY_RANK),
+def _ins_inputs(fields: Fields, message: str) -> tuple[Input, ...]:
+    return message_inputs(
+        fields,
+        FUSED_INS_RANK,
+        ego_position=f"novatel.build_{message}_position",
+        ego_velocity=f"novatel.build_{message}_velocity",
+        ego_heading=f"novatel.build_{message}_heading",
     )
 
-
-def _ins_inputs(fields: Fields, message: str = "ins") -> tuple[Input, ...]:
-    return (
-        _position_input(fields, f"novatel.build_{message}_position", FUSED_INS_RANK),
-        _velocity_input(fields, f"novatel.build_{message}_velocity", FUSED_INS_RANK),
-        _heading_input(fields, f"novatel.build_{message}_heading", FUSED_INS_RANK),
-    )
-
-
-_NMEA_SENTENCE_FIELDS = ros_leaf_fields("sentence")
-"""The leaf fields of an NMEA `Sentence`, by encoding."""
 
 RECEIVER_INPUTS: dict[str, tuple[Input, ...]] = {
-    "gps_msgs/GPSFix": _gps_fix_inputs(_GPS_FIX_FIELDS),
-    "gps_common/GPSFix": _gps_fix_inputs(_GPS_FIX_FIELDS),
-    "nmea_msgs/Sentence": (
-        _position_input(_NMEA_SENTENCE_FIELDS, "nmea.build_position", NMEA_SENTENCE_RANK),
-        _velocity_input(_NMEA_SENTENCE_FIELDS, "nmea.build_velocity", NMEA_SENTENCE_RANK),
-        _heading_input(_NMEA_SENTENCE_FIELDS, "nmea.build_heading", NMEA_SENTENCE_RANK),
+    **dict.fromkeys(
+        ("gps_msgs/GPSFix", "gps_common/GPSFix"),
+        message_inputs(
+            ros_leaf_fields(
+                *("status.status", "latitude", "longitude", "altitude", "track", "speed"),
+                *("err_horz", "err_track", "err_speed", "position_covariance", "position_covariance_type"),
+            ),
+            RECEIVER_SUMMARY_RANK,
+            ego_position="gps_fix.build_position",
+            ego_velocity="gps_fix.build_velocity",
+        ),
+    ),
+    "nmea_msgs/Sentence": message_inputs(
+        ros_leaf_fields("sentence"),
+        NMEA_SENTENCE_RANK,
+        ego_position="nmea.build_position",
+        ego_velocity="nmea.build_velocity",
+        ego_heading="nmea.build_heading",
     ),
     "ublox_msgs/NavPVT": (
-        _position_input(_NAV_PVT_FIELDS, "ublox.build_position", RECEIVER_RANK),
-        _velocity_input(_NAV_PVT_FIELDS, "ublox.build_velocity", RECEIVER_RANK),
+        *message_inputs(
+            _NAV_PVT_FIELDS,
+            RECEIVER_RANK,
+            ego_position="ublox.build_position",
+            ego_velocity="ublox.build_velocity",
+        ),
         # only of receivers with an IMU or two antennas
-        _heading_input(_NAV_PVT_FIELDS, "ublox.build_heading", None),
+        *message_inputs(_NAV_PVT_FIELDS, None, ego_heading="ublox.build_heading"),
     ),
-    "novatel_oem7_msgs/BESTPOS": (_position_input(_BEST_POS_OEM7_FIELDS, "novatel.build_position", RECEIVER_RANK),),
-    "novatel_gps_msgs/NovatelPosition": (
-        _position_input(_BEST_POS_OEM6_FIELDS, "novatel.build_position", RECEIVER_RANK),
+    "novatel_oem7_msgs/BESTPOS": message_inputs(
+        ros_leaf_fields(
+            *(*_OEM7_TIME_PATHS, "sol_status.status", "pos_type.type"),
+            *("lat", "lon", "hgt", "undulation", "lat_stdev", "lon_stdev"),
+        ),
+        RECEIVER_RANK,
+        ego_position="novatel.build_position",
     ),
-    "novatel_oem7_msgs/BESTVEL": (_velocity_input(_BEST_VEL_OEM7_FIELDS, "novatel.build_velocity", RECEIVER_RANK),),
-    "novatel_gps_msgs/NovatelVelocity": (
-        _velocity_input(_BEST_VEL_OEM6_FIELDS, "novatel.build_velocity", RECEIVER_RANK),
+    "novatel_gps_msgs/NovatelPosition": message_inputs(
+        ros_leaf_fields(
+            *(*_OEM6_TIME_PATHS, "solution_status", "position_type"),
+            *("lat", "lon", "height", "undulation", "lat_sigma", "lon_sigma"),
+        ),
+        RECEIVER_RANK,
+        ego_position="novatel.build_position",
     ),
-    "novatel_oem7_msgs/INSPVAX": _ins_inputs(_INSPVAX_OEM7_FIELDS),
-    "novatel_gps_msgs/Inspvax": _ins_inputs(_INSPVAX_OEM6_FIELDS),
-    "novatel_oem7_msgs/INSPVA": _ins_inputs(_INSPVA_OEM7_FIELDS, "inspva"),
-    "novatel_gps_msgs/Inspva": _ins_inputs(_INSPVA_OEM6_FIELDS, "inspva"),
-    "septentrio_gnss_driver/PVTGeodetic": (
-        _position_input(_PVT_GEODETIC_FIELDS, "septentrio.build_position", RECEIVER_RANK),
-        _velocity_input(_PVT_GEODETIC_FIELDS, "septentrio.build_velocity", RECEIVER_RANK),
+    "novatel_oem7_msgs/BESTVEL": message_inputs(
+        ros_leaf_fields(*_OEM7_TIME_PATHS, "sol_status.status", "vel_type.type", "latency", "hor_speed", "trk_gnd"),
+        RECEIVER_RANK,
+        ego_velocity="novatel.build_velocity",
     ),
-    "septentrio_gnss_driver/INSNavGeod": (
-        _position_input(_INS_NAV_GEOD_FIELDS, "septentrio.build_ins_position", FUSED_INS_RANK),
-        _velocity_input(_INS_NAV_GEOD_FIELDS, "septentrio.build_ins_velocity", FUSED_INS_RANK),
+    "novatel_gps_msgs/NovatelVelocity": message_inputs(
+        ros_leaf_fields(
+            *(*_OEM6_TIME_PATHS, "solution_status", "velocity_type"), *("latency", "horizontal_speed", "track_ground")
+        ),
+        RECEIVER_RANK,
+        ego_velocity="novatel.build_velocity",
+    ),
+    "novatel_oem7_msgs/INSPVAX": _ins_inputs(
+        ros_leaf_fields(
+            *(*_OEM7_TIME_PATHS, "ins_status.status", *_INS_PATHS, "height"),
+            *(f"{name}_stdev" for name in _INSPVAX_NAMES),
+        ),
+        "ins",
+    ),
+    "novatel_gps_msgs/Inspvax": _ins_inputs(
+        ros_leaf_fields(
+            *(*_OEM6_TIME_PATHS, "ins_status", *_INS_PATHS, "altitude"), *(f"{name}_std" for name in _INSPVAX_NAMES)
+        ),
+        "ins",
+    ),
+    "novatel_oem7_msgs/INSPVA": _ins_inputs(ros_leaf_fields(*_OEM7_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
+    "novatel_gps_msgs/Inspva": _ins_inputs(ros_leaf_fields(*_OEM6_TIME_PATHS, *_INSPVA_PATHS), "inspva"),
+    "septentrio_gnss_driver/PVTGeodetic": message_inputs(
+        ros_leaf_fields(*_SEPTENTRIO_PATHS, "mode", "h_accuracy"),
+        RECEIVER_RANK,
+        ego_position="septentrio.build_position",
+        ego_velocity="septentrio.build_velocity",
+    ),
+    "septentrio_gnss_driver/INSNavGeod": message_inputs(
+        ros_leaf_fields(*_SEPTENTRIO_PATHS, *(f"{name}_std_dev" for name in ("latitude", "longitude", "ve", "vn"))),
+        FUSED_INS_RANK,
+        ego_position="septentrio.build_ins_position",
+        ego_velocity="septentrio.build_ins_velocity",
     ),
     # the driver sends a sensor_msgs/Imu of the same
-    "sbg_driver/SbgImuData": (Input(Role.IMU, _SBG_IMU_FIELDS, lazy_builder("sbg.build_imu"), rank=RECEIVER_RANK),),
-    "sbg_driver/SbgGpsPos": (_position_input(_SBG_POS_FIELDS, "sbg.build_position", RECEIVER_RANK),),
-    "sbg_driver/SbgGpsVel": (_velocity_input(_SBG_VEL_FIELDS, "sbg.build_velocity", RECEIVER_RANK),),
-    "sbg_driver/SbgEkfNav": (
-        _position_input(_SBG_NAV_FIELDS, "sbg.build_ekf_position", FUSED_INS_RANK),
-        _velocity_input(_SBG_NAV_FIELDS, "sbg.build_ekf_velocity", FUSED_INS_RANK),
+    "sbg_driver/SbgImuData": message_inputs(
+        ros_leaf_fields(*xyz_leaf_paths("accel"), *xyz_leaf_paths("gyro")), RECEIVER_RANK, imu="sbg.build_imu"
     ),
-    "sbg_driver/SbgEkfEuler": (_heading_input(_SBG_EULER_FIELDS, "sbg.build_heading", FUSED_INS_RANK),),
+    "sbg_driver/SbgGpsPos": message_inputs(
+        ros_leaf_fields("status.status", "status.type", *_SBG_POSITION_PATHS),
+        RECEIVER_RANK,
+        ego_position="sbg.build_position",
+    ),
+    "sbg_driver/SbgGpsVel": message_inputs(
+        ros_leaf_fields("status.vel_status", "status.vel_type", *_SBG_VELOCITY_PATHS),
+        RECEIVER_RANK,
+        ego_velocity="sbg.build_velocity",
+    ),
+    "sbg_driver/SbgEkfNav": message_inputs(
+        ros_leaf_fields(
+            *("status.position_valid", "status.velocity_valid", *xyz_leaf_paths("position")),
+            *(*_SBG_POSITION_PATHS, *_SBG_VELOCITY_PATHS),
+        ),
+        FUSED_INS_RANK,
+        ego_position="sbg.build_ekf_position",
+        ego_velocity="sbg.build_ekf_velocity",
+    ),
+    "sbg_driver/SbgEkfEuler": message_inputs(
+        ros_leaf_fields("status.heading_valid", "angle.z", "accuracy.z"),
+        FUSED_INS_RANK,
+        ego_heading="sbg.build_heading",
+    ),
 }
 """The registry rows of messages of receivers and inertial units, by schema name."""

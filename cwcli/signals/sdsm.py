@@ -11,24 +11,24 @@ import numpy as np
 
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, Field, FloatArray, encode_strings
+from cwcli.signals.columns import Columns, FloatArray, encode_strings
 from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
-from cwcli.signals.j2735 import ELEMENTS as BSM_ELEMENTS
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_codec import Objects, RemoteRows
-from cwcli.signals.v2x_elements import Element, decode_element, validate_decoded
+from cwcli.signals.v2x_elements import decode_element, validate_decoded
+from cwcli.signals.v2x_tables import load_message_table, parse_presence_bits
 from cwcli.signals.v2x_time import message_time_or_log_time, stamp_from_dsecond
 
-_DISTANCE_ELEMENT = Element("ObjectDistance", 0.1, 1, -32_767, 32_767)
-"""The data element of an offset from the reference position."""
-ELEMENTS: dict[str, Element] = BSM_ELEMENTS | {
-    "delta_time_ms": Element("MeasurementTimeOffset", 1.0, 1, -1500, 1500),
-    "north_m": _DISTANCE_ELEMENT,
-    "east_m": _DISTANCE_ELEMENT,
-}
+_TABLE = load_message_table("sdsm", "sae")
+"""The quantities of an SDSM's sender and objects: their data elements, and their paths per encoding."""
+ELEMENTS = _TABLE.elements
 """The data element of each coded quantity of an SDSM (SAE J3224, SAE J2735)."""
+SDSM_PATHS, ROS_PATHS = _TABLE.columns["packed"], _TABLE.columns["ros"]
+"""The component of the packed message and the leaf field of the ROS messages, by quantity."""
+OBJECTS_PATH, ROS_OBJECTS_PATH = "objects", "objects.detected_object_data"
+"""The path of the list of objects in the packed message and in the ROS messages."""
 CONFIDENCE_BOUNDS_BY_QUANTITY: dict[str, tuple[str, tuple[float, ...]]] = {
     "position_confidence": (
         "PositionConfidence",
@@ -42,73 +42,7 @@ CONFIDENCE_BOUNDS_BY_QUANTITY: dict[str, tuple[str, tuple[float, ...]]] = {
 """The standard's name and the 95 % bounds (m, m/s, degrees, m/s^2, degrees/s) by code from 1 on, by quantity; 0 is
 unavailable."""
 
-ROS_SENDER_PATHS: dict[str, str] = {
-    "station": "source_id.id",
-    "dsecond_ms": "sdsm_time_stamp.second.millisecond",
-    "latitude_deg": "ref_pos.latitude",
-    "longitude_deg": "ref_pos.longitude",
-    "altitude_m": "ref_pos.elevation",
-    "semi_major_m": "ref_pos_xy_conf.semi_major",
-    "semi_minor_m": "ref_pos_xy_conf.semi_minor",
-    "semi_major_compass_deg": "ref_pos_xy_conf.orientation",
-}
-"""The leaf fields of the ROS messages, by quantity of the sender."""
-OBJECTS_PATH = "objects.detected_object_data."
-"""The path prefix of the objects in the ROS messages."""
-_COMMON_DATA_PREFIX, _VEHICLE_DATA_PREFIX = "detected_object_common_data.", "detected_object_optional_data.det_veh."
-"""The path prefixes of an object's common data and of its vehicle data."""
-ROS_OBJECT_PATHS: dict[str, str] = {
-    "object": _COMMON_DATA_PREFIX + "detected_id.object_id",
-    "delta_time_ms": _COMMON_DATA_PREFIX + "measurement_time.measurement_time_offset",
-    "north_m": _COMMON_DATA_PREFIX + "pos.offset_x.object_distance",
-    "east_m": _COMMON_DATA_PREFIX + "pos.offset_y.object_distance",
-    "position_confidence": _COMMON_DATA_PREFIX + "pos_confidence.pos.confidence",
-    "speed_mps": _COMMON_DATA_PREFIX + "speed.speed",
-    "speed_confidence": _COMMON_DATA_PREFIX + "speed_confidence.speed_confidence",
-    "heading_compass_deg": _COMMON_DATA_PREFIX + "heading.heading",
-    "heading_confidence": _COMMON_DATA_PREFIX + "heading_conf.confidence",
-    "accel_mps2": _COMMON_DATA_PREFIX + "accel_4_way.longitudinal",
-    "lateral_accel_mps2": _COMMON_DATA_PREFIX + "accel_4_way.lateral",
-    "yaw_rate_degps": _COMMON_DATA_PREFIX + "accel_4_way.yaw_rate",
-    "accel_confidence": _COMMON_DATA_PREFIX + "acc_cfd_x.acceleration_confidence",
-    "yaw_rate_confidence": _COMMON_DATA_PREFIX + "acc_cfd_yaw.yaw_rate_confidence",
-    "width_m": _VEHICLE_DATA_PREFIX + "size.vehicle_width",
-    "length_m": _VEHICLE_DATA_PREFIX + "size.vehicle_length",
-}
-"""The leaf fields of an object in the ROS messages, behind the prefix of the objects, by quantity."""
-_ACCELERATION_QUANTITIES = ("accel_mps2", "lateral_accel_mps2")
-"""The quantities of an acceleration."""
-OBJECT_PRESENCE_BITS: tuple[tuple[str, int, tuple[str, ...]], ...] = (
-    (_COMMON_DATA_PREFIX + "presence_vector", 4, (*_ACCELERATION_QUANTITIES, "yaw_rate_degps")),
-    (_COMMON_DATA_PREFIX + "presence_vector", 8, ("accel_confidence",)),
-    (_COMMON_DATA_PREFIX + "presence_vector", 64, ("yaw_rate_confidence",)),
-    ("presence_vector", 1, ("width_m", "length_m")),
-    (_VEHICLE_DATA_PREFIX + "presence_vector", 32, ("width_m", "length_m")),
-)
-"""The presence fields of an object: path, the bit that is set when a value is there, and the quantities concerned."""
-CARMA_OBJECT_PRESENCE_BITS: tuple[tuple[str, int, tuple[str, ...]], ...] = (
-    (_COMMON_DATA_PREFIX + "accel_4_way.presence_vector", 1, _ACCELERATION_QUANTITIES),
-    (_COMMON_DATA_PREFIX + "accel_4_way.presence_vector", 4, ("yaw_rate_degps",)),
-    (_VEHICLE_DATA_PREFIX + "size.presence_vector", 1, ("width_m",)),
-    (_VEHICLE_DATA_PREFIX + "size.presence_vector", 2, ("length_m",)),
-)
-"""Further presence fields of an object in `carma_v2x_msgs`."""
-CARMA_UNAVAILABLE_PATHS = {
-    "speed_mps": _COMMON_DATA_PREFIX + "speed.unavailable",
-    "heading_compass_deg": _COMMON_DATA_PREFIX + "heading.unavailable",
-}
-"""The fields of `carma_v2x_msgs` that say that a quantity is unavailable, by quantity."""
-SENDER_PRESENCE_BITS: tuple[tuple[str, int, tuple[str, ...]], ...] = (
-    ("sdsm_time_stamp.presence_vector", 32, ("dsecond_ms",)),
-    ("ref_pos.elevation_exists", 1, ("altitude_m",)),
-)
-"""The presence fields of the sender: path, bit, and the quantities concerned."""
-CARMA_SENDER_PRESENCE_BITS: tuple[tuple[str, int, tuple[str, ...]], ...] = (
-    ("ref_pos_xy_conf.presence_vector", 1, ("semi_major_m", "semi_minor_m")),
-    ("ref_pos_xy_conf.presence_vector", 2, ("semi_major_compass_deg",)),
-)
-"""Further presence fields of the sender in `carma_v2x_msgs`."""
-_OBJECT_TYPE_PATH = "detected_object_optional_data.choice"
+_OBJECT_TYPE_PATH = f"{ROS_OBJECTS_PATH}.detected_object_optional_data.choice"
 """The path of an object's type: 0 is a vehicle."""
 CARMA_MS_PER_S = 1000.0
 """The milliseconds in a second; `carma_v2x_msgs` has time offsets in seconds."""
@@ -116,12 +50,19 @@ MAX_FLAG_FIELD_VALUE = 2.0**32 - 1.0
 """The largest value of a presence field of 32 bits."""
 
 
-def ros_fields() -> tuple[str, ...]:
-    """Return the paths of every leaf of the ROS messages that is read."""
-    flags = dict.fromkeys(path for path, *_ in (*OBJECT_PRESENCE_BITS, *CARMA_OBJECT_PRESENCE_BITS))
-    of_objects = (*ROS_OBJECT_PATHS.values(), *flags, *CARMA_UNAVAILABLE_PATHS.values(), _OBJECT_TYPE_PATH)
-    of_sender = dict.fromkeys(path for path, *_ in (*SENDER_PRESENCE_BITS, *CARMA_SENDER_PRESENCE_BITS))
-    return (*ROS_SENDER_PATHS.values(), *of_sender, *(OBJECTS_PATH + path for path in of_objects))
+def presence_bits(*, is_carma: bool) -> list[tuple[str, str, int]]:
+    """Return the presence fields: quantity, path, and the bit that is set when the value is there."""
+    columns = ("ros_flags", "carma_flags") if is_carma else ("ros_flags",)
+    return [bit for column in columns for bit in parse_presence_bits(_TABLE.columns[column])]
+
+
+LEAF_FIELDS = (
+    *ROS_PATHS.values(),
+    *dict.fromkeys(path for _, path, _ in presence_bits(is_carma=True)),
+    *_TABLE.columns["carma_unavailable"].values(),
+    _OBJECT_TYPE_PATH,
+)
+"""The leaf fields of the ROS messages that are read."""
 
 
 def read_ros_objects(columns: Columns) -> Objects:
@@ -136,37 +77,28 @@ def read_carma_objects(columns: Columns) -> Objects:
 
 
 def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
-    counts, rows = perceived.count_objects(columns, OBJECTS_PATH + ROS_OBJECT_PATHS["delta_time_ms"])
+    counts, rows = perceived.count_objects(columns, ROS_PATHS["delta_time_ms"])
     if not len(rows):
         return ()
-    value = {name: read_numbers(columns, path)[rows] for name, path in ROS_SENDER_PATHS.items() if name != "station"}
-    value |= {
-        name: perceived.read_object_leaf(columns, OBJECTS_PATH + path, counts)
-        for name, path in ROS_OBJECT_PATHS.items()
-    }
-    by_sender = (*SENDER_PRESENCE_BITS, *(CARMA_SENDER_PRESENCE_BITS if is_carma else ()))
-    by_object = (*OBJECT_PRESENCE_BITS, *(CARMA_OBJECT_PRESENCE_BITS if is_carma else ()))
-    flags = [(read_numbers(columns, path)[rows], bit, names) for path, bit, names in by_sender]
-    flags += [
-        (perceived.read_object_leaf(columns, OBJECTS_PATH + path, counts), bit, names) for path, bit, names in by_object
-    ]
-    for flag, bit, names in flags:
-        is_there = (np.clip(np.nan_to_num(flag), 0.0, MAX_FLAG_FIELD_VALUE).astype(np.int64) & bit) != 0
-        value |= {name: np.where(is_there, value[name], np.nan) for name in names}
-    is_vehicle = perceived.read_object_leaf(columns, OBJECTS_PATH + _OBJECT_TYPE_PATH, counts) == 0
+
+    def read_leaf(path: str) -> FloatArray:
+        if path.startswith(f"{ROS_OBJECTS_PATH}."):
+            return perceived.read_object_leaf(columns, path, counts)
+        return read_numbers(columns, path)[rows]
+
+    value = {name: read_leaf(path) for name, path in ROS_PATHS.items() if name != "station"}
+    for name, path, bit in presence_bits(is_carma=is_carma):
+        flags = np.clip(np.nan_to_num(read_leaf(path)), 0.0, MAX_FLAG_FIELD_VALUE).astype(np.int64)
+        value[name] = np.where((flags & bit) != 0, value[name], np.nan)
+    is_vehicle = read_leaf(_OBJECT_TYPE_PATH) == 0
     value |= {name: np.where(is_vehicle, value[name], np.nan) for name in ("width_m", "length_m")}
     if is_carma:
-        for name, path in CARMA_UNAVAILABLE_PATHS.items():
-            value[name] = np.where(
-                perceived.read_object_leaf(columns, OBJECTS_PATH + path, counts) != 0, np.nan, value[name]
-            )
+        for name, path in _TABLE.columns["carma_unavailable"].items():
+            value[name] = np.where(read_leaf(path) != 0, np.nan, value[name])
         value["delta_time_ms"] = CARMA_MS_PER_S * value["delta_time_ms"]
-    made: dict[str, Field] = dict(value)
-    station = read_texts(columns, ROS_SENDER_PATHS["station"]) or encode_strings([""] * len(columns))
-    made["station"] = station.select_rows(rows)
-    return (
-        (perceived.columns_per_object(columns, rows, made), CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),
-    )
+    station = read_texts(columns, ROS_PATHS["station"]) or encode_strings([""] * len(columns))
+    per_object = perceived.columns_per_object(columns, rows, {**value, "station": station.select_rows(rows)})
+    return ((per_object, CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),)
 
 
 def decode_object_codes(columns: Columns, ledger: RowLedger) -> RemoteRows:

@@ -1,40 +1,17 @@
-"""Converting between a quantity and its integer code in a V2X standard. The tables are the `ELEMENTS` of each
-standard."""
+"""Converting between a quantity and its integer code in a V2X standard."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.leaf_fields import find_field, format_numbers, read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
+from cwcli.signals.v2x_tables import Element, load_elements
 
-
-@dataclass(frozen=True)
-class Element:
-    """A data element of a standard.
-
-    Attributes:
-        element: Name in the standard.
-        unit: Size of one step, in the unit that the quantity's name says (degrees for angles, metres, ...).
-        sign: -1 where the standard counts the other way round than cwcli.
-        low, high: Range of the codes that are values.
-        unavailable: Codes that say that there is no value.
-        out_of_range: Codes that say that the value is not valid and must not be used.
-    """
-
-    element: str
-    unit: float
-    sign: int
-    low: int
-    high: int
-    unavailable: tuple[int, ...] = ()
-    out_of_range: tuple[int, ...] = ()
-
-
-STATION_ID_ELEMENT = Element("StationID", 1.0, 1, 0, 0xFFFF_FFFF)
+STATION_ID_ELEMENT = load_elements("etsi")["StationID"]
 """The data element of ETSI's station id (TS 102 894-2)."""
 
 
@@ -71,6 +48,14 @@ def decode_whole_codes(element: Element, raw: FloatArray, ledger: RowLedger | No
     """Convert codes that name something (a cause, a station): fractional codes are out of range, too."""
     is_whole = np.isfinite(raw) & (raw == np.floor(raw))
     return decode_element(element, np.where(is_whole | np.isnan(raw), raw, element.high + 1.0), ledger)
+
+
+def decode_enumeration(values_by_code: Mapping[int, float], code: FloatArray) -> FloatArray:
+    """Return the value of each code (n,) of an enumeration, NaN for other codes."""
+    values = np.full(len(code), np.nan)
+    for known, value in values_by_code.items():
+        values[code == known] = value
+    return values
 
 
 def read_station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = None) -> Strings:

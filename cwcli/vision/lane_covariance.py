@@ -51,8 +51,6 @@ MAX_SIGMA_STEPS = 1.0
 """Greatest sigma in steps: that of what no step makes worse. Chosen by hand; not fitted."""
 N_LANE_NUMBERS = 5
 """Number of a lane's numbers that have a covariance: all but the change of curvature."""
-N_FIT_NUMBERS = 7
-"""Number of a fit's numbers: a, b, c of the left and of the right boundary, and the pitch."""
 _PAIR_ROWS, _PAIR_COLUMNS = np.triu_indices(N_LANE_NUMBERS, 1)
 """Row and column of each pair of different numbers."""
 _STENCIL_STEPS = np.concatenate(

@@ -10,13 +10,13 @@ from math import cos, hypot, pi, sin
 from typing import Any
 
 from cwcli.signals.columns import Ragged
-from cwcli.signals.etsi import EN_PATHS, TS_PATHS, VAM_PATHS
+from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS, VAM_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
 from cwcli.signals.role import Role
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.laws.receiver_messages import RECEIVER_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS
-from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM, packed_bsm, packed_cam
+from tests.unit.signals.v2x_messages import CAM, CARMA_BSM, ODE_BSM, RAW_BSM, ROS_BSM, packed_bsm, packed_cam, ros_paths
 
 Message = dict[str, Any]
 Sample = tuple[Message, dict[Role, dict[str, Any]]]
@@ -380,7 +380,7 @@ def _v2x(paths: Mapping[str, str], values: Mapping[str, Any], prefix: str = "", 
     return sample
 
 
-VAM = {name: value for name, value in CAM.items() if name in VAM_PATHS} | {"has_yaw_rate": True}
+VAM = {name: value for name, value in CAM.items() if name in ros_paths(VAM_PATHS)} | {"has_yaw_rate_degps": True}
 
 
 def _without_size(sample_of_car: Callable[[int], Sample]) -> Callable[[int], Sample]:
@@ -398,7 +398,7 @@ def _radio(pack: Callable[[int], bytes], field: str) -> Callable[[int], Sample]:
     """A V2X message as a radio hands it over."""
 
     def sample(k: int) -> Sample:
-        _, means = _v2x(EN_PATHS, CAM)(k)
+        _, means = _v2x(ros_paths(CAM_PATHS), CAM)(k)
         return ros(k, {field: [*pack(k)]}), means
 
     return sample
@@ -443,7 +443,7 @@ def _nav_path(k: int) -> Sample:
 
 
 FLAGS: dict[str, int] = {}
-for _path, _bit in CARMA_PRESENCE_BITS.values():
+for _, _path, _bit in CARMA_PRESENCE_BITS:
     FLAGS[_path] = FLAGS.get(_path, 0) | _bit
 
 IN_FRAME = "value.BasicSafetyMessage."
@@ -473,9 +473,9 @@ SAMPLES: dict[str, Callable[[int], Sample]] = {
     "ackermann_msgs/AckermannDriveStamped": _ackermann,
     "sensor_msgs/CameraInfo": _camera_info,
     "foxglove.CameraCalibration": _calibration,
-    "etsi_its_cam_msgs/CAM": _v2x(EN_PATHS, CAM),
-    "etsi_its_cam_ts_msgs/CAM": _v2x(TS_PATHS, CAM),
-    "etsi_its_vam_ts_msgs/VAM": _without_size(_v2x(VAM_PATHS, VAM)),
+    "etsi_its_cam_msgs/CAM": _v2x(ros_paths(CAM_PATHS), CAM),
+    "etsi_its_cam_ts_msgs/CAM": _v2x(ros_paths(CAM_TS_PATHS), CAM),
+    "etsi_its_vam_ts_msgs/VAM": _without_size(_v2x(ros_paths(VAM_PATHS), VAM)),
     "j2735_v2x_msgs/BSM": _v2x(ROS_PATHS, ROS_BSM),
     "carma_v2x_msgs/BSM": _v2x(ROS_PATHS, CARMA_BSM, **FLAGS),
     "BasicSafetyMessage": _v2x(JSON_RAW_PATHS, RAW_BSM),

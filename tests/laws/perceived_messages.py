@@ -103,9 +103,11 @@ def ros_cpm(k: int, stamp_ns: int, **changes: int) -> Sample:
         "semi_minor_m": 245,
         "semi_major_compass_deg": 0,
     }
-    car = {cpm.ROS_OBJECT_PATHS[name]: code for name, code in cpm_object(**changes).items()}
-    flags = (*cpm.QUANTITIES_BY_PRESENCE_FLAG, "velocity_is_present", "acceleration_is_present")
-    car |= dict.fromkeys(flags, True) | {"velocity.choice": 0, "acceleration.choice": 0}
+    leaves = {cpm.ROS_OBJECT_PATHS[name]: code for name, code in cpm_object(**changes).items()}
+    leaves |= dict.fromkeys(cpm.ROS_PRESENCE_PATHS.values(), True)
+    car = {path.removeprefix(f"{cpm.ROS_OBJECTS_PATH}."): value for path, value in leaves.items()}
+    car |= dict.fromkeys(("velocity_is_present", "acceleration_is_present"), True)
+    car |= {"velocity.choice": 0, "acceleration.choice": 0}
     message = nested({cpm.ROS_SENDER_PATHS[name][0]: code for name, code in sender.items()})
     perceived = {"perceived_objects": {"array": [nested(car)]}}
     message["payload"]["cpm_containers"] = {
@@ -151,15 +153,15 @@ def ros_sdsm(*, is_carma: bool) -> Callable[[int, int], Sample]:
             "width_m": 1.8 if is_carma else 180,
             "length_m": 4.5 if is_carma else 450,
         }
-        values = {sdsm.ROS_OBJECT_PATHS[name]: value for name, value in car.items()}
-        for path, bit, _ in (*sdsm.OBJECT_PRESENCE_BITS, *sdsm.CARMA_OBJECT_PRESENCE_BITS):
-            values[path] = values.get(path, 0) | bit
-        values |= dict.fromkeys(sdsm.CARMA_UNAVAILABLE_PATHS.values(), False)
+        leaves = {sdsm.ROS_PATHS[name]: value for name, value in (sender | car).items()}
+        for _, path, bit in sdsm.presence_bits(is_carma=True):
+            leaves[path] = leaves.get(path, 0) | bit
+        of_objects = f"{sdsm.ROS_OBJECTS_PATH}."
+        values = {path.removeprefix(of_objects): leaves.pop(path) for path in [*leaves] if path.startswith(of_objects)}
+        common = "detected_object_common_data"
+        values |= {f"{common}.speed.unavailable": False, f"{common}.heading.unavailable": False}
         values["detected_object_optional_data.choice"] = 0
-        of_sender = {sdsm.ROS_SENDER_PATHS[name]: value for name, value in sender.items()}
-        for path, bit, _ in (*sdsm.SENDER_PRESENCE_BITS, *sdsm.CARMA_SENDER_PRESENCE_BITS):
-            of_sender[path] = of_sender.get(path, 0) | bit
-        message = nested(of_sender) | {"objects": {"detected_object_data": [nested(values)]}}
+        message = nested(leaves) | {"objects": {"detected_object_data": [nested(values)]}}
         more = {"accel_mps2": -3.0, "lateral_accel_mps2": 1.0, "speed_sigma_mps": 1.0 / 1.959964}
         spread = 4.0 + (1.0 / 1.959964) ** 2
         return message, means(k, stamp_ns, position_covariance_m2=[spread, 0.0, spread], **more)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from pycrate_asn1dir import ITS_CAM_2, ITS_DENM_3
 
-from cwcli.signals.radio import cam, tables
+from cwcli.signals.radio import tables
+from cwcli.signals.radio.etsi import CAM
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
 from cwcli.signals.radio.program import compile_type
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Seq, Sized, Type
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
 from tests.unit.signals.radio.vectors import CAM_ASN1TOOLS, CAM_OF_ISSUE, CAM_PYCRATE
-from tools.etsi_tables import MODULES, table
+from tools.etsi_tables import messages, table
 
 N_RANDOM = 150
 OFFICIAL = {"cam": ITS_CAM_2.CAM_PDU_Descriptions.CAM, "denm": ITS_DENM_3.DENM_PDU_Descriptions.DENM}
@@ -124,13 +125,13 @@ def test_any_message_of_the_official_encoder_is_decoded_exactly(message: str) ->
     check_random(message, N_RANDOM, seed=3)
 
 
-@pytest.mark.parametrize("message", sorted(MODULES))
+@pytest.mark.parametrize("message", messages())
 def test_the_tables_are_those_of_the_official_modules(message: str) -> None:
     assert files("cwcli.signals.radio").joinpath(f"{message}.json").read_text(encoding="utf-8") == table(message)
 
 
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
-    decoded = decode_messages(cam.compile_cam_program(), octets_of([CAM_ASN1TOOLS, CAM_PYCRATE]))
+    decoded = decode_messages(CAM.program, octets_of([CAM_ASN1TOOLS, CAM_PYCRATE]))
     assert not decoded.status.any()
     assert {name: int(decoded.component_codes(name)[0]) for name in CAM_OF_ISSUE} == CAM_OF_ISSUE
     assert decoded.component_codes("header.stationID")[1] == 55_552

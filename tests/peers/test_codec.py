@@ -18,7 +18,7 @@ from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteQuantities, RemoteSignal
 from cwcli.signals.clocks import Clock
 from cwcli.signals.columns import Columns, Strings
-from cwcli.signals.j2735 import json_bsm_leaf_fields
+from cwcli.signals.j2735 import JSON_LEAF_FIELDS
 from cwcli.signals.quality import Quality
 from cwcli.signals.radio.frames import OCTET_FIELD_NAMES
 from cwcli.signals.role import Role
@@ -244,13 +244,13 @@ def test_a_topic_of_any_schema_can_be_named_with_its_format(tmp_path: Path) -> N
 def test_the_same_drive_as_octets_gives_the_same_signal(tmp_path: Path) -> None:
     """The BSMs of a simulated drive, packed bit by bit and written by the official writer."""
     with Log.open(SAMPLES / "rear-end.mcap") as log:
-        said = log.columns("/v2x/bsm", fields=json_bsm_leaf_fields())
+        said = log.columns("/v2x/bsm", fields=JSON_LEAF_FIELDS)
     path = tmp_path / "packed.mcap"
     with path.open("wb") as stream:
         writer = Writer(stream)
         registered = writer.register_msgdef("carma_driver_msgs/msg/ByteArray", "string message_type\nuint8[] content")
         for row, at in enumerate(said.log_time_ns.tolist()):
-            codes = {name: code_of(said, name, row) for name in packing.CORE if name in json_bsm_leaf_fields()}
+            codes = {name: code_of(said, name, row) for name in packing.CORE if name in JSON_LEAF_FIELDS}
             packed = packing.framed(packing.bsm(dict.fromkeys(packing.CORE, 0) | codes))
             message = {"message_type": "BSM", "content": [*packed]}
             writer.write_message("/comms/inbound", registered, message, log_time=at, publish_time=at)

@@ -10,9 +10,9 @@ import pytest
 from pycrate_asn1dir import ITS_DENM_3
 
 from cwcli.logs.read.reader import Log
-from cwcli.signals import denm
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
+from cwcli.signals.denm import DENM_PATHS, LEAF_FIELDS
 from cwcli.signals.etsi import CAM
 from cwcli.signals.quality import Quality
 from cwcli.signals.road_events import HARD_BRAKING_KIND, RoadEvents, empty_road_events, hard_braking_states_mask
@@ -21,8 +21,9 @@ from tests.laws.input_logs import write_log
 from tests.laws.input_messages import DELAY_NS, stamp_of
 from tests.laws.perceived_messages import MS, nested
 from tests.unit.signals.signal_columns import columns_of
-from tests.unit.signals.v2x_messages import LOG_NS, radio
+from tests.unit.signals.v2x_messages import LOG_NS, radio, ros_paths
 
+ROS_PATHS = ros_paths(DENM_PATHS)
 ITS_EPOCH_MS = 1_072_915_200_000
 S = 1_000_000_000
 
@@ -35,7 +36,7 @@ def message(reference_ms: int, **changes: Any) -> dict[str, Any]:
         "action_number": 1,
         "cause": 99,
         "sub_cause": 1,
-        "has_situation": True,
+        "has_cause": True,
         "reference_time_ms": reference_ms - ITS_EPOCH_MS + 5000,
         "termination": 0,
         "has_termination": False,
@@ -45,7 +46,7 @@ def message(reference_ms: int, **changes: Any) -> dict[str, Any]:
         "has_relevance": True,
         "validity_s": 2,
     }
-    return nested({denm.ROS_PATHS[name]: code for name, code in (codes | changes).items()})
+    return nested({ROS_PATHS[name]: code for name, code in (codes | changes).items()})
 
 
 def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Quality]:
@@ -53,7 +54,7 @@ def notified(path: Path, messages: list[dict[str, Any]]) -> tuple[RoadEvents, Qu
     schema = "etsi_its_denm_msgs/DENM"
     write_log(path / "log.mcap", schema, "cdr", "/denm", messages)
     with Log.open(path / "log.mcap") as log:
-        signal, quality = build_signal(Role.REMOTE, log.columns("/denm", fields=denm.ros_fields()))
+        signal, quality = build_signal(Role.REMOTE, log.columns("/denm", fields=LEAF_FIELDS))
     assert isinstance(signal, RemoteSignal)
     assert signal.events is not None
     assert quality.read == sum(quality.set_aside.values()) == len(messages)
@@ -68,7 +69,7 @@ def test_a_ros_channel_is_events_with_place_and_validity(tmp_path: Path) -> None
         message(at_ms, sub_cause=2, action_number=2),  # pre-crash: no braking by itself
         message(at_ms, cause=94, station=7, action_number=3, has_relevance=False, validity_s=600),
         message(at_ms, action_number=4, has_termination=True),
-        message(at_ms, action_number=5, has_situation=False),
+        message(at_ms, action_number=5, has_cause=False),
     ]
     events, quality = notified(tmp_path, made)
     assert [events.kind.values[code] for code in events.kind.codes] == [
@@ -180,12 +181,10 @@ NO_CODES: dict[str, tuple[float, str]] = {
 @pytest.mark.parametrize("name", NO_CODES)
 def test_a_number_that_is_no_code_tells_nothing_and_is_counted(name: str) -> None:
     code, element = NO_CODES[name]
-    codes = {"station": 7, "cause": 94, "sub_cause": 0, "reference_time_ms": 0, "has_situation": 1, "validity_s": 60}
+    codes = {"station": 7, "cause": 94, "sub_cause": 0, "reference_time_ms": 0, "has_cause": 1, "validity_s": 60}
     codes |= {"action_station": 7, "action_number": 1, "termination": np.nan, "relevance": 3, "has_relevance": 1}
     codes |= {"has_termination": 1, "latitude_deg": 500_000_000, "longitude_deg": 80_000_000}
-    rows = {
-        denm.ROS_PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()
-    }
+    rows = {ROS_PATHS[each]: [float(value), code if each == name else float(value)] for each, value in codes.items()}
     signal, quality = build_signal(Role.REMOTE, columns_of("etsi_its_denm_msgs/DENM", rows, message_encoding="json"))
     assert isinstance(signal, RemoteSignal)
     events = signal.events

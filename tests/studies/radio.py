@@ -16,9 +16,11 @@ from functools import partial
 import numpy as np
 from pycrate_asn1dir import ITS_CAM_2
 
-from cwcli.signals.radio import bsm, cam, cpm, sdsm
+from cwcli.signals.radio.bsm import BSM
+from cwcli.signals.radio.etsi import CAM, CPM
 from cwcli.signals.radio.messages import Octets, decode_messages
 from cwcli.signals.radio.program import Program
+from cwcli.signals.radio.sdsm import SDSM
 from tests.unit.signals.pseudonyms import score
 from tests.unit.signals.radio import packing, test_bsm, test_cam, test_cpm, test_sdsm
 from tests.unit.signals.radio.sdsm_packing import any_sdsm
@@ -54,14 +56,12 @@ def main() -> None:
         for seed, n in parts_of(n_mutated // len(MUTATED)):
             total.update(count(n, seed))
         print(f"{n_mutated // len(MUTATED)} mutated {name}s: {dict(total)}", flush=True)
-    print(f"BSM: {rate(bsm.compile_core_program(), packing.bsm(dict.fromkeys(packing.CORE, 1))):,.0f} messages/s")
+    print(f"BSM: {rate(BSM.program, packing.bsm(dict.fromkeys(packing.CORE, 1))):,.0f} messages/s")
     objects = packing_of_objects()
-    print(f"CPM (ten objects): {rate(cpm.compile_cpm_program(), objects['CPM'], 20_000):,.0f} messages/s")
-    print(f"SDSM (five objects): {rate(sdsm.compile_sdsm_program(), objects['SDSM'], 20_000):,.0f} messages/s")
+    print(f"CPM (ten objects): {rate(CPM.program, objects['CPM'], 20_000):,.0f} messages/s")
+    print(f"SDSM (five objects): {rate(SDSM.program, objects['SDSM'], 20_000):,.0f} messages/s")
     for name, message in (("asn1tools #179, 23 path points", CAM_ASN1TOOLS), ("pycrate #156", CAM_PYCRATE)):
-        print(
-            f"CAM ({name}): {rate(cam.compile_cam_program(), message):,.0f} messages/s; pycrate {official_rate(message):,.0f}"
-        )
+        print(f"CAM ({name}): {rate(CAM.program, message):,.0f} messages/s; pycrate {official_rate(message):,.0f}")
     n_changes, n_right, n_wrong = score(n_scenes, SEED)
     print(f"{n_scenes} scenes: {n_right} of {n_changes} changed ids found, {n_wrong} wrong")
 

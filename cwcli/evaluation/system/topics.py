@@ -16,8 +16,6 @@ ROLE_DESCRIPTIONS = {
     "ego_state": "its state of the ego: an Odometry or another pose",
 }
 """Role -> description of the topics that fit it."""
-ROLE_NAMES_TEXT = ", ".join(ROLE_DESCRIPTIONS)
-"""Names of the roles, separated by commas."""
 
 
 @dataclass(frozen=True)

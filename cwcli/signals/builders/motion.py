@@ -12,7 +12,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import HeadingSignal, SpeedSignal, VelocitySignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_frame_id, read_matrix, read_numbers, read_stamps
@@ -113,15 +113,7 @@ def build_quaternion_heading(columns: Columns, reading: Reading) -> tuple[Headin
     ledger.reject(~np.isfinite(yaw_rad), NO_ORIENTATION_REASON)
     variance = usable_variances_or_nan(ledger, orientation_covariance[:, 8])
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [yaw_rad])
-    rows = timeline.rows
-    signal = HeadingSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        heading_rad=yaw_rad[rows],
-        variance_rad2=variance[rows],
-    )
-    return signal, ledger.quality
+    return signal_with_quality(HeadingSignal, ledger, timeline, heading_rad=yaw_rad, variance_rad2=variance)
 
 
 def read_yaw_rad(columns: Columns, base: str) -> FloatArray:
@@ -179,16 +171,9 @@ def _make_velocity_signal(
     reject_rows_beyond_limit(ledger, np.stack([east_mps, north_mps], axis=1), MAX_SPEED_MPS)
     plane = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [east_mps, north_mps])
-    rows = timeline.rows
-    signal = VelocitySignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        east_mps=east_mps[rows],
-        north_mps=north_mps[rows],
-        covariance_m2ps2=plane[rows],
+    return signal_with_quality(
+        VelocitySignal, ledger, timeline, east_mps=east_mps, north_mps=north_mps, covariance_m2ps2=plane
     )
-    return signal, ledger.quality
 
 
 def speed_signal_from_body_motion(
@@ -199,14 +184,12 @@ def speed_signal_from_body_motion(
     yaw_rate_radps = nan_beyond_limit(ledger, motion.yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     variances = usable_variances_or_nan(ledger, np.stack([motion.speed_variance, motion.yaw_rate_variance], axis=1))
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [motion.speed_mps, yaw_rate_radps])
-    rows = timeline.rows
-    signal = SpeedSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        speed_mps=motion.speed_mps[rows],
-        yaw_rate_radps=yaw_rate_radps[rows],
-        speed_variance_m2ps2=variances[rows, 0],
-        yaw_rate_variance_rad2ps2=variances[rows, 1],
+    return signal_with_quality(
+        SpeedSignal,
+        ledger,
+        timeline,
+        speed_mps=motion.speed_mps,
+        yaw_rate_radps=yaw_rate_radps,
+        speed_variance_m2ps2=variances[:, 0],
+        yaw_rate_variance_rad2ps2=variances[:, 1],
     )
-    return signal, ledger.quality

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.motion import BodyMotion, read_yaw_rad, speed_signal_from_body_motion
 from cwcli.signals.builders.odometry_twist import read_twist
 from cwcli.signals.canonical import PoseSignal, SpeedSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray, Int64Array
 from cwcli.signals.covariances import usable_plane_covariance_or_nan, usable_variances_or_nan
 from cwcli.signals.direction_of_travel import find_yaw_mounting, heading_and_speed, velocity_of_positions
@@ -110,22 +111,19 @@ def _make_pose_signal(
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
     timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
-    rows = timeline.rows
-    signal = PoseSignal(
-        source=columns.topic,
-        frame_id=read_frame_id(columns),
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        x_m=position_m[rows, 0],
-        y_m=position_m[rows, 1],
-        z_m=position_m[rows, 2],
-        yaw_rad=yaw_rad[rows],
-        speed_mps=speed_mps[rows],
-        yaw_rate_radps=yaw_rate_radps[rows],
-        covariance_m2=covariance_m2[rows],
-        **{name: values[rows] for name, values in more.items()},
+    return signal_with_quality(
+        partial(PoseSignal, frame_id=read_frame_id(columns)),
+        ledger,
+        timeline,
+        x_m=position_m[:, 0],
+        y_m=position_m[:, 1],
+        z_m=position_m[:, 2],
+        yaw_rad=yaw_rad,
+        speed_mps=speed_mps,
+        yaw_rate_radps=yaw_rate_radps,
+        covariance_m2=covariance_m2,
+        **more,
     )
-    return signal, ledger.quality
 
 
 def _with_direction_of_travel(signal: PoseSignal) -> PoseSignal:

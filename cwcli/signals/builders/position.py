@@ -6,7 +6,7 @@ import numpy as np
 
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.canonical import PositionSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.covariances import usable_plane_covariance_or_nan
 from cwcli.signals.leaf_fields import find_field, is_accepted_text, read_matrix, read_numbers, read_stamps
@@ -51,14 +51,12 @@ def build_fix(columns: Columns, reading: Reading) -> tuple[PositionSignal, Quali
     plane_m2 = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 4])
 
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [latitude_deg, longitude_deg, altitude_m])
-    rows = timeline.rows
-    signal = PositionSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        latitude_deg=latitude_deg[rows],
-        longitude_deg=longitude_deg[rows],
-        altitude_m=altitude_m[rows],
-        covariance_m2=plane_m2[rows],
+    return signal_with_quality(
+        PositionSignal,
+        ledger,
+        timeline,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_m,
+        covariance_m2=plane_m2,
     )
-    return signal, ledger.quality

@@ -23,7 +23,7 @@ from cwcli.signals.builders.gnss import (
     make_velocity_builder,
 )
 from cwcli.signals.canonical import ImuSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.leaf_fields import read_frame_id, read_numbers, read_stamps, read_vector
 from cwcli.signals.limits import MAX_ACCEL_MPS2, MAX_TURN_RATE_RADPS, reject_rows_beyond_limit
@@ -98,18 +98,16 @@ def build_imu(columns: Columns, reading: Reading) -> tuple[ImuSignal, Quality]:
     reject_rows_beyond_limit(ledger, accel_mps2, MAX_ACCEL_MPS2)
     reject_rows_beyond_limit(ledger, gyro_radps, MAX_TURN_RATE_RADPS)
     timeline = build_timeline(ledger, *read_stamps(columns), reading.clock, [accel_mps2, gyro_radps])
-    rows = timeline.rows
-    nothing = np.full((len(rows), 3), np.nan)
-    signal = ImuSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        accel_mps2=accel_mps2[rows],
-        gyro_radps=gyro_radps[rows],
+    nothing = np.full((len(columns), 3), np.nan)
+    return signal_with_quality(
+        ImuSignal,
+        ledger,
+        timeline,
+        accel_mps2=accel_mps2,
+        gyro_radps=gyro_radps,
         accel_variance=nothing,
         gyro_variance=nothing,
     )
-    return signal, ledger.quality
 
 
 build_position = make_position_builder(read_gps_pos)

@@ -7,13 +7,15 @@ counts where there is no other. A place on the globe alone (`vehicle_localizatio
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from cwcli.signals.angles import wrap_angle
 from cwcli.signals.builders.base import Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import PoseSignal, PositionSignal, SpeedSignal
-from cwcli.signals.clocks import build_timeline
+from cwcli.signals.clocks import build_timeline, signal_with_quality
 from cwcli.signals.columns import Columns, FloatArray
 from cwcli.signals.covariances import usable_variances_or_nan
 from cwcli.signals.leaf_fields import read_numbers
@@ -57,22 +59,19 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal | Positio
         leaves = ("position.x", "position.y", "orientation.yaw")
         variances = [_variances(ledger, read_numbers(columns, f"location_rmse.{leaf}")) for leaf in leaves]
     timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [place, yaw_rad])
-    rows = timeline.rows
-    signal = PoseSignal(
-        source=columns.topic,
-        frame_id=OSI_FRAME,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        x_m=place[rows, 0],
-        y_m=place[rows, 1],
-        z_m=np.zeros(len(rows)),
-        yaw_rad=yaw_rad[rows],
-        speed_mps=nothing[rows],
-        yaw_rate_radps=nothing[rows],
-        covariance_m2=np.stack([variances[0], np.where(np.isnan(variances[0]), np.nan, 0.0), variances[1]], 1)[rows],
-        yaw_variance_rad2=variances[2][rows],
+    return signal_with_quality(
+        partial(PoseSignal, frame_id=OSI_FRAME),
+        ledger,
+        timeline,
+        x_m=place[:, 0],
+        y_m=place[:, 1],
+        z_m=np.zeros(len(columns)),
+        yaw_rad=yaw_rad,
+        speed_mps=nothing,
+        yaw_rate_radps=nothing,
+        covariance_m2=np.stack([variances[0], np.where(np.isnan(variances[0]), np.nan, 0.0), variances[1]], 1),
+        yaw_variance_rad2=variances[2],
     )
-    return signal, ledger.quality
 
 
 def _build_geodetic_position(columns: Columns, reading: Reading, ledger: RowLedger) -> tuple[PositionSignal, Quality]:
@@ -84,17 +83,15 @@ def _build_geodetic_position(columns: Columns, reading: Reading, ledger: RowLedg
         ledger, read_numbers(columns, f"{GEODETIC_POSITION_PATH}.altitude"), MAX_ALTITUDE_M, "altitude"
     )
     timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [latitude_deg, longitude_deg])
-    rows = timeline.rows
-    signal = PositionSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        latitude_deg=latitude_deg[rows],
-        longitude_deg=longitude_deg[rows],
-        altitude_m=altitude_m[rows],
-        covariance_m2=np.full((len(rows), 3), np.nan),
+    return signal_with_quality(
+        PositionSignal,
+        ledger,
+        timeline,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        altitude_m=altitude_m,
+        covariance_m2=np.full((len(columns), 3), np.nan),
     )
-    return signal, ledger.quality
 
 
 def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
@@ -109,18 +106,16 @@ def build_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Qualit
     reject_rows_beyond_limit(ledger, speed_mps[:, None], MAX_SPEED_MPS)
     yaw_rate_radps = nan_beyond_limit(ledger, read_numbers(columns, yaw_rate), MAX_TURN_RATE_RADPS, "yaw rate")
     timeline = build_timeline(ledger, *read_world_times(columns), reading.clock, [speed_mps, yaw_rate_radps])
-    rows = timeline.rows
-    nothing = np.full(len(rows), np.nan)
-    signal = SpeedSignal(
-        source=columns.topic,
-        stamp_ns=timeline.stamp_ns,
-        log_time_ns=columns.log_time_ns[rows],
-        speed_mps=speed_mps[rows],
-        yaw_rate_radps=yaw_rate_radps[rows],
+    nothing = np.full(len(columns), np.nan)
+    return signal_with_quality(
+        SpeedSignal,
+        ledger,
+        timeline,
+        speed_mps=speed_mps,
+        yaw_rate_radps=yaw_rate_radps,
         speed_variance_m2ps2=nothing,
         yaw_rate_variance_rad2ps2=nothing,
     )
-    return signal, ledger.quality
 
 
 def _variances(ledger: RowLedger, rmse: FloatArray) -> FloatArray:

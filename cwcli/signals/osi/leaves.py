@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from cwcli.signals.builders.base import Build, Fields, Input, Reading
-from cwcli.signals.input_rows import load_from_signals
+from cwcli.signals.builders.base import Fields, Input
+from cwcli.signals.input_rows import lazy_builder
 from cwcli.signals.role import Role
-
-if TYPE_CHECKING:  # binding channels to roles takes no numpy
-    from cwcli.signals.canonical import Signal
-    from cwcli.signals.columns import Columns
-    from cwcli.signals.quality import Quality
 
 SENSOR_VIEW_PREFIX = "global_ground_truth."
 """The path prefix of the GroundTruth in a SensorView."""
@@ -86,20 +79,10 @@ _HOST_VEHICLE_DATA_FIELDS: Fields = {
 """The leaf fields of a HostVehicleData, by encoding."""
 
 
-def _lazy_osi_builder(name: str) -> Build:
-    """Return the builder `osi.module.name`, imported when a channel is built."""
-
-    def build(columns: Columns, reading: Reading) -> tuple[Signal, Quality]:
-        made: tuple[Signal, Quality] = load_from_signals(name)(columns, reading)
-        return made
-
-    return build
-
-
 def _ground_truth_inputs(fields: Fields, module: str, rank: int) -> tuple[Input, ...]:
     """Return the registry rows of ego and truth in a GroundTruth; a sensor of the same log is preferred."""
     return tuple(
-        Input(role, fields, _lazy_osi_builder(f"osi.{module}.build_{name}"), rank=rank, says_what_it_is=True)
+        Input(role, fields, lazy_builder(f"{module}.build_{name}", "osi"), rank=rank, says_what_it_is=True)
         for role, name in (
             (Role.EGO_POSITION, "pose"),
             (Role.EGO_SPEED, "speed"),
@@ -110,14 +93,14 @@ def _ground_truth_inputs(fields: Fields, module: str, rank: int) -> tuple[Input,
 
 
 def _remote_input(fields: Fields, module: str, rank: int) -> Input:
-    return Input(Role.REMOTE, fields, _lazy_osi_builder(f"osi.{module}.build_remote"), rank=rank, says_what_it_is=True)
+    return Input(Role.REMOTE, fields, lazy_builder(f"{module}.build_remote", "osi"), rank=rank, says_what_it_is=True)
 
 
 HOST_VEHICLE_DATA = tuple(
     Input(
         role,
         _HOST_VEHICLE_DATA_FIELDS,
-        _lazy_osi_builder(f"osi.host_vehicle_data.build_{name}"),
+        lazy_builder(f"host_vehicle_data.build_{name}", "osi"),
         rank=3,
         says_what_it_is=True,
     )
@@ -139,7 +122,7 @@ SENSOR_DATA = (
     Input(
         Role.DETECTIONS,
         _DETECTED_OBJECT_FIELDS,
-        _lazy_osi_builder("osi.sensor_data.build_detections"),
+        lazy_builder("sensor_data.build_detections", "osi"),
         says_what_it_is=True,
     ),
 )

@@ -1,1 +1,1 @@
-"""V2X messages in the packed encoding as radios receive them, from octets to columns, one file a message."""
+"""V2X messages in the packed encoding as radios receive them, from octets to columns."""

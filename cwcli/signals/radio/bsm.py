@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
 from cwcli.signals.bsm_flags import CODED_FLAGS_PATHS, N_EVENT_FLAGS
-from cwcli.signals.columns import Field, Strings
+from cwcli.signals.columns import Field
 from cwcli.signals.j2735 import JSON_RAW_PATHS
-from cwcli.signals.radio.messages import MISSING_CODE, DecodedMessages
-from cwcli.signals.radio.program import Program, compile_type
+from cwcli.signals.radio.messages import DecodedMessages, PackedMessage, format_station_ids
 from cwcli.signals.radio.types import Enum, Int, ListOf, Open, Sized, bit_string_type, sequence_type
 
-BSM_MESSAGE_ID = 20
-"""The DSRCmsgID of a BSM (SAE J2735)."""
 VEHICLE_SAFETY_EXTENSIONS_ID = 0
 """The PartII-Id of the vehicle safety extensions."""
 LATITUDE_TYPE = Int(-900_000_000, 900_000_001)
@@ -140,52 +135,17 @@ BSM_TYPE = sequence_type(
 )
 """The ASN.1 type of a BasicSafetyMessage; of part II only the vehicle safety extensions are read."""
 
-CORE_DATA_PATHS = tuple(
-    f"coreData.{name}"
-    for name in (
-        *("msgCnt", "id", "secMark", "lat", "long", "elev", "transmission", "speed", "heading", "angle"),
-        *("accuracy.semiMajor", "accuracy.semiMinor", "accuracy.orientation"),
-        *("accelSet.long", "accelSet.lat", "accelSet.vert", "accelSet.yaw"),
-        *("brakes.wheelBrakes", "brakes.traction", "brakes.abs", "brakes.scs", "brakes.brakeBoost", "brakes.auxBrakes"),
-        *("size.width", "size.length"),
-    )
-)
-"""The components of the core data that are decoded."""
 STATION_PATH = JSON_RAW_PATHS["station"]
 """The component of the sender's temporary id."""
 EVENTS_PATH = CODED_FLAGS_PATHS[0]
 """The component of the event flags."""
-PATH_PREDICTION_PATH = "partII.partII-Value.pathPrediction"
-"""The component of the path prediction."""
-PATH_HISTORY_CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
-"""The component of the path history's points."""
-
-
-@cache
-def compile_core_program() -> Program:
-    """Compile the program for part I and the event flags of part II."""
-    return compile_type(
-        BSM_TYPE,
-        (*CORE_DATA_PATHS, EVENTS_PATH, f"{PATH_PREDICTION_PATH}.radiusOfCurve", f"{PATH_PREDICTION_PATH}.confidence"),
-    )
-
-
-@cache
-def compile_path_history_program() -> Program:
-    """Compile the program for the points of the path history."""
-    names = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
-    return compile_type(
-        BSM_TYPE, tuple(f"{PATH_HISTORY_CRUMBS_PATH}.{name}" for name in names), (PATH_HISTORY_CRUMBS_PATH,)
-    )
+BSM = PackedMessage(lambda: BSM_TYPE, JSON_RAW_PATHS | {"events": EVENTS_PATH})
+"""The packed BSM: its core data (part I) and the event flags of part II."""
 
 
 def bsm_fields_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the leaf fields of a JSON BSM that `signals.j2735` reads, from decoded messages."""
-    made: dict[str, Field] = {
-        path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values() if path != STATION_PATH
-    }
-    distinct, codes = np.unique(decoded.component_codes(STATION_PATH), return_inverse=True)
-    names = tuple("" if code == MISSING_CODE else f"{code:08x}" for code in distinct)
-    made[STATION_PATH] = Strings(codes.astype(np.int32), names)
-    made[EVENTS_PATH] = np.nan_to_num(decoded.component_numbers(EVENTS_PATH)).astype(np.int64)
-    return made
+    fields: dict[str, Field] = {path: decoded.component_numbers(path) for path in JSON_RAW_PATHS.values()}
+    fields[STATION_PATH] = format_station_ids(decoded.component_codes(STATION_PATH))
+    fields[EVENTS_PATH] = np.nan_to_num(decoded.component_numbers(EVENTS_PATH)).astype(np.int64)
+    return fields

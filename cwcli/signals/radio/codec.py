@@ -12,14 +12,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals import cpm as cpm_objects
-from cwcli.signals import etsi, j2735, perceived
-from cwcli.signals import sdsm as sdsm_objects
+from cwcli.signals import cpm, etsi, j2735, perceived, sdsm
 from cwcli.signals.columns import Columns, Field, Strings
-from cwcli.signals.denm import format_notice
+from cwcli.signals.denm import events_from_codes, format_notice
 from cwcli.signals.quality import BoolArray, RowLedger
-from cwcli.signals.radio import bsm, cam, cpm, denm, frames, messages, sdsm, vam
-from cwcli.signals.radio.program import Program
+from cwcli.signals.radio import bsm, frames, messages
+from cwcli.signals.radio import etsi as packed_etsi
+from cwcli.signals.radio import sdsm as packed_sdsm
 from cwcli.signals.road_events import RoadEvents, join_road_events
 from cwcli.signals.v2x_codec import Objects, RemoteRows, Senders, V2xCodec, empty_remote_rows
 
@@ -53,32 +52,18 @@ MESSAGE_NAMES_BY_FORMAT: dict[str, dict[int, str]] = {
 
 
 @dataclass(frozen=True)
-class PackedMessage:
-    """A message in the packed encoding that is decoded.
-
-    Attributes:
-        program: The program that decodes its components.
-        message_id, versions: The required values of the header, for ETSI's messages.
-    """
-
-    program: Callable[[], Program]
-    message_id: int | None = None
-    versions: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoadUserMessage(PackedMessage):
+class RoadUserMessage:
     """A message that describes road users.
 
     Attributes:
-        fields: Decoded messages -> the leaf fields that `codec` reads.
+        packed: The packed message, whose objects are the road users, if it has any, else its sender.
+        read_fields: Returns the leaf fields that `codec` reads of decoded messages.
         codec: The codec of the same message in a form with named fields.
-        rows: The list whose elements are the road users; "": the message's sender is the one.
     """
 
-    fields: Callable[[messages.DecodedMessages], dict[str, Field]]
+    packed: messages.PackedMessage
+    read_fields: Callable[[messages.DecodedMessages], dict[str, Field]]
     codec: V2xCodec
-    elements_path: str = ""
 
 
 OTHER_MESSAGE_STATUS, OTHER_VERSION_STATUS = 254, 255
@@ -90,42 +75,16 @@ MESSAGE_FAULT_TEXTS: dict[int, str] = {
 }
 """The reason for rejecting a message, by status code."""
 SENDER_MESSAGES: dict[str, RoadUserMessage] = {
-    "BSM": RoadUserMessage(bsm.compile_core_program, fields=bsm.bsm_fields_from_decoded, codec=j2735.JSON_BSM),
-    "CAM": RoadUserMessage(
-        cam.compile_cam_program,
-        cam.CAM_MESSAGE_ID,
-        cam.CAM_PROTOCOL_VERSIONS,
-        fields=cam.cam_fields_from_decoded,
-        codec=etsi.CAM,
-    ),
-    "VAM": RoadUserMessage(
-        vam.compile_vam_program,
-        vam.VAM_MESSAGE_ID,
-        vam.VAM_PROTOCOL_VERSIONS,
-        fields=vam.vam_fields_from_decoded,
-        codec=etsi.CAM,
-    ),
+    "BSM": RoadUserMessage(bsm.BSM, bsm.bsm_fields_from_decoded, j2735.JSON_BSM),
+    "CAM": RoadUserMessage(packed_etsi.CAM, packed_etsi.cam_fields_from_decoded, etsi.CAM),
+    "VAM": RoadUserMessage(packed_etsi.VAM, packed_etsi.vam_fields_from_decoded, etsi.CAM),
 }
 """The messages that describe their sender, by name."""
 PERCEPTION_MESSAGES: dict[str, RoadUserMessage] = {
-    "CPM": RoadUserMessage(
-        cpm.compile_cpm_program,
-        cpm.CPM_MESSAGE_ID,
-        cpm.CPM_PROTOCOL_VERSIONS,
-        fields=cpm.cpm_objects_from_decoded,
-        codec=cpm_objects.OBJECT_CODEC,
-        elements_path=cpm.OBJECTS_PATH,
-    ),
-    "SDSM": RoadUserMessage(
-        sdsm.compile_sdsm_program,
-        fields=sdsm.sdsm_objects_from_decoded,
-        codec=sdsm_objects.CODED_OBJECT_CODEC,
-        elements_path=sdsm.OBJECTS_PATH,
-    ),
+    "CPM": RoadUserMessage(packed_etsi.CPM, packed_etsi.CPM.read_quantities, cpm.OBJECT_CODEC),
+    "SDSM": RoadUserMessage(packed_sdsm.SDSM, packed_sdsm.sdsm_objects_from_decoded, sdsm.CODED_OBJECT_CODEC),
 }
 """The messages that describe objects that their sender perceived, by name."""
-DENM_MESSAGE = PackedMessage(denm.compile_denm_program, denm.DENM_MESSAGE_ID, denm.DENM_PROTOCOL_VERSIONS)
-"""The message that notifies events."""
 
 
 def make_radio_codec(form: str) -> V2xCodec:
@@ -160,7 +119,7 @@ def make_radio_codec(form: str) -> V2xCodec:
         if len(notified):
             ledger.add_note(format_notice(notified))
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded_objects = _decode_messages_by_name(found, form, name, kind)
+            rows, decoded_objects = _decode_messages_by_name(found, form, name, kind.packed)
             _reject_undecodable_rows(ledger, rows, decoded_objects.status)
         _set_aside_other_messages(ledger, found, is_known, form)
         n_signed = int(np.count_nonzero(found.is_signed & ledger.keep))
@@ -172,10 +131,11 @@ def make_radio_codec(form: str) -> V2xCodec:
         found = frames.unwrap_frames(columns, form)
         made = []
         for name, kind in PERCEPTION_MESSAGES.items():
-            rows, decoded = _decode_messages_by_name(found, form, name, kind)
-            of_row = decoded.rows[kind.elements_path]
+            rows, decoded = _decode_messages_by_name(found, form, name, kind.packed)
+            of_row = decoded.rows[kind.packed.objects_path]
             if len(of_row):
-                made.append((perceived.columns_per_object(columns, rows[of_row], kind.fields(decoded)), kind.codec))
+                quantities = kind.read_fields(decoded)
+                made.append((perceived.columns_per_object(columns, rows[of_row], quantities), kind.codec))
         return tuple(made)
 
     def events(columns: Columns) -> tuple[RoadEvents, BoolArray]:
@@ -190,15 +150,13 @@ def make_radio_codec(form: str) -> V2xCodec:
 
 
 def _decode_messages_by_name(
-    found: frames.UnwrappedFrames, form: str, name: str, kind: PackedMessage
+    found: frames.UnwrappedFrames, form: str, name: str, kind: messages.PackedMessage
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages]:
     """Decode the messages with a name; return their rows and their contents."""
     wanted = [number for number, other in MESSAGE_NAMES_BY_FORMAT[form].items() if other == name]
     rows = np.flatnonzero(np.isin(found.message, wanted) & (found.status == 0))
     octets = found.octets.select_messages(rows)
-    return rows, messages.decode_messages(
-        kind.program(), octets, _header_mismatch_status(octets, kind.message_id, kind.versions)
-    )
+    return rows, messages.decode_messages(kind.program, octets, _header_mismatch_status(octets, kind))
 
 
 def _decode_sender_messages(
@@ -211,13 +169,13 @@ def _decode_sender_messages(
         kind = SENDER_MESSAGES.get(name)
         if kind is None or not (found.message == number).any():
             continue
-        rows, decoded = _decode_messages_by_name(found, form, name, kind)
+        rows, decoded = _decode_messages_by_name(found, form, name, kind.packed)
         part = replace(
             columns,
             log_time_ns=columns.log_time_ns[rows],
             publish_time_ns=columns.publish_time_ns[rows],
             sequence=columns.sequence[rows],
-            fields=kind.fields(decoded),
+            fields=kind.read_fields(decoded),
             n_undecodable=0,
         )
         parts.append((kind, part, rows, decoded.status))
@@ -228,22 +186,22 @@ def _decode_denms(
     columns: Columns, found: frames.UnwrappedFrames, form: str
 ) -> tuple[npt.NDArray[np.intp], messages.DecodedMessages, RoadEvents]:
     """Decode the DENMs; return their rows, their contents, and the events that they notify."""
-    rows, decoded = _decode_messages_by_name(found, form, "DENM", DENM_MESSAGE)
-    return rows, decoded, denm.events_from_decoded(decoded, columns.log_time_ns[rows])
+    rows, decoded = _decode_messages_by_name(found, form, "DENM", packed_etsi.DENM)
+    is_ok = decoded.status == 0
+    codes = {name: decoded.component_numbers(path)[is_ok] for name, path in packed_etsi.DENM.components.items()}
+    return rows, decoded, events_from_codes(codes, columns.log_time_ns[rows][is_ok])
 
 
-def _header_mismatch_status(
-    octets: messages.Octets, message_id: int | None, versions: tuple[int, ...]
-) -> messages.UInt8Array:
-    """Return the status (n,) of messages whose header does not fit the message id or versions, 0 for the rest."""
+def _header_mismatch_status(octets: messages.Octets, kind: messages.PackedMessage) -> messages.UInt8Array:
+    """Return the status (n,) of messages whose header has another message id or version, 0 for the rest."""
     status = np.zeros(len(octets), np.uint8)
-    if message_id is not None and len(octets.data):
+    if kind.message_id is not None and len(octets.data):
         last = len(octets.data) - 1
         has_header = octets.ends - octets.starts >= 2
         version = octets.data[np.minimum(octets.starts, last)]
         said_id = octets.data[np.minimum(octets.starts + 1, last)]
-        status[has_header & ~np.isin(version, versions)] = OTHER_VERSION_STATUS
-        status[has_header & (said_id != message_id)] = OTHER_MESSAGE_STATUS
+        status[has_header & (version != kind.version)] = OTHER_VERSION_STATUS
+        status[has_header & (said_id != kind.message_id)] = OTHER_MESSAGE_STATUS
     return status
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import uper
-from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.radio.program import Program
+from cwcli.signals.columns import Field, FloatArray, Int64Array, Strings
+from cwcli.signals.radio.program import Program, compile_type
+from cwcli.signals.radio.types import Type
 
 MISSING_CODE = int(np.iinfo(np.int64).min)
 """The code of a component that a message does not have."""
@@ -63,6 +65,46 @@ class DecodedMessages:
         """Return a component as numbers, NaN where it is absent."""
         codes = self.components[path]
         return np.where(codes == MISSING_CODE, np.nan, codes.astype(np.float64))
+
+
+@dataclass(frozen=True)
+class PackedMessage:
+    """A message in the packed encoding, and the components of it that are read.
+
+    Attributes:
+        load_type: Returns its ASN.1 type.
+        components: The path of each quantity's component.
+        objects_path: The list of the road users that it describes; "" where it describes its sender.
+        message_id, version: The required values of the header, for ETSI's messages.
+    """
+
+    load_type: Callable[[], Type]
+    components: Mapping[str, str]
+    objects_path: str = ""
+    message_id: int | None = None
+    version: int = 0
+
+    @cached_property
+    def program(self) -> Program:
+        """The program that decodes the components."""
+        lists = (self.objects_path,) if self.objects_path else ()
+        return compile_type(self.load_type(), tuple(self.components.values()), lists)
+
+    def read_quantities(self, decoded: DecodedMessages) -> dict[str, Field]:
+        """Return the numbers of each quantity, NaN where it is absent: one row a message, or one row an object."""
+        values = {name: decoded.component_numbers(path) for name, path in self.components.items()}
+        if not self.objects_path:
+            return dict(values)
+        rows = decoded.rows[self.objects_path]
+        is_of_object = {name: path.startswith(f"{self.objects_path}.") for name, path in self.components.items()}
+        return {name: each if is_of_object[name] else each[rows] for name, each in values.items()}
+
+
+def format_station_ids(codes: Int64Array) -> Strings:
+    """Return ids of four octets as texts in hexadecimal, "" where there is none."""
+    distinct, inverse = np.unique(codes, return_inverse=True)
+    names = tuple("" if code == MISSING_CODE else f"{code:08x}" for code in distinct)
+    return Strings(inverse.astype(np.int32), names)
 
 
 def decode_messages(program: Program, octets: Octets, status: UInt8Array | None = None) -> DecodedMessages:

@@ -5,11 +5,7 @@ What its sender detected of others: each object is a road user of its own (`sign
 
 from __future__ import annotations
 
-from functools import cache
-
-import numpy as np
-
-from cwcli.signals.columns import Field, Strings
+from cwcli.signals.columns import Field
 from cwcli.signals.radio.bsm import (
     ACCELERATIONS_TYPE,
     ACCURACY_TYPE,
@@ -20,12 +16,9 @@ from cwcli.signals.radio.bsm import (
     LONGITUDE_TYPE,
     VELOCITY_TYPE,
 )
-from cwcli.signals.radio.messages import MISSING_CODE, DecodedMessages
-from cwcli.signals.radio.program import Program, compile_type
+from cwcli.signals.radio.messages import DecodedMessages, PackedMessage, format_station_ids
 from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Open, Sized, bit_string_type, sequence_type
-
-SDSM_MESSAGE_ID = 41
-"""The DSRCmsgID of an SDSM (SAE J2735)."""
+from cwcli.signals.sdsm import OBJECTS_PATH, SDSM_PATHS
 
 _CONFIDENCE_TYPE = Enum(8)
 """The ASN.1 type of the confidences of speed, heading, acceleration, yaw rate and other rates."""
@@ -164,54 +157,11 @@ SDSM_TYPE = sequence_type(
 )
 """The ASN.1 type of a SensorDataSharingMessage."""
 
-OBJECTS_PATH = "objects"
-"""The path of the list of detected objects."""
-SENDER_COMPONENT_PATHS: dict[str, str] = {
-    "station": "sourceID",
-    "dsecond_ms": "sDSMTimeStamp.second",
-    "latitude_deg": "refPos.lat",
-    "longitude_deg": "refPos.long",
-    "altitude_m": "refPos.elevation",
-    "semi_major_m": "refPosXYConf.semiMajor",
-    "semi_minor_m": "refPosXYConf.semiMinor",
-    "semi_major_compass_deg": "refPosXYConf.orientation",
-}
-"""The component of the packed message, by quantity of the sender in `signals.sdsm`."""
-OBJECT_COMPONENT_PATHS: dict[str, str] = {
-    "object": "detObjCommon.objectID",
-    "delta_time_ms": "detObjCommon.measurementTime",
-    "north_m": "detObjCommon.pos.offsetX",
-    "east_m": "detObjCommon.pos.offsetY",
-    "position_confidence": "detObjCommon.posConfidence.pos",
-    "speed_mps": "detObjCommon.speed",
-    "speed_confidence": "detObjCommon.speedConfidence",
-    "heading_compass_deg": "detObjCommon.heading",
-    "heading_confidence": "detObjCommon.headingConf",
-    "accel_mps2": "detObjCommon.accel4way.long",
-    "accel_confidence": "detObjCommon.accCfdX",
-    "lateral_accel_mps2": "detObjCommon.accel4way.lat",
-    "yaw_rate_degps": "detObjCommon.accel4way.yaw",
-    "yaw_rate_confidence": "detObjCommon.accCfdYaw",
-    "width_m": "detObjOptData.detVeh.size.width",
-    "length_m": "detObjOptData.detVeh.size.length",
-}
-"""The component of a packed object, by quantity of the object in `signals.sdsm`."""
-
-
-@cache
-def compile_sdsm_program() -> Program:
-    """Compile the program that decodes the components of sender and objects."""
-    of_objects = (f"{OBJECTS_PATH}.{path}" for path in OBJECT_COMPONENT_PATHS.values())
-    return compile_type(SDSM_TYPE, (*SENDER_COMPONENT_PATHS.values(), *of_objects), (OBJECTS_PATH,))
+SDSM = PackedMessage(lambda: SDSM_TYPE, SDSM_PATHS, OBJECTS_PATH)
+"""The packed SDSM: its sender and its objects."""
 
 
 def sdsm_objects_from_decoded(decoded: DecodedMessages) -> dict[str, Field]:
     """Return the quantities that `signals.sdsm` reads, one row an object, from decoded messages."""
-    rows = decoded.rows[OBJECTS_PATH]
-    made: dict[str, Field] = {
-        name: decoded.component_numbers(path)[rows] for name, path in SENDER_COMPONENT_PATHS.items()
-    }
-    made |= {name: decoded.component_numbers(f"{OBJECTS_PATH}.{path}") for name, path in OBJECT_COMPONENT_PATHS.items()}
-    distinct, codes = np.unique(decoded.component_codes(SENDER_COMPONENT_PATHS["station"])[rows], return_inverse=True)
-    made["station"] = Strings(codes.astype(np.int32), tuple(f"{code:08x}" for code in distinct if code != MISSING_CODE))
-    return made
+    station = format_station_ids(decoded.component_codes(SDSM_PATHS["station"])[decoded.rows[OBJECTS_PATH]])
+    return SDSM.read_quantities(decoded) | {"station": station}

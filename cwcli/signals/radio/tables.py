@@ -2,7 +2,8 @@
 
 A node is a list: its kind and what follows. `["int", low, high, extensible]`, `["enum", n, extensible]`,
 `["sized", bits of a unit, low, high, extensible]`, `["list", node, low, high, extensible]`,
-`["sequence", [[name, node, optional], ...], extensible]`, `["choice", [[name, node], ...], extensible]` and `["null"]`.
+`["sequence", [[name, node, optional], ...], extensible]`, `["choice", [[name, node], ...], extensible]`, `["null"]`,
+`["open", [[number, node], ...]]` (contents by the number before it) and `["unread"]` (everything from here on).
 
 The types are those of ETSI's ASN.1 modules (3-clause BSD licence, copyright ETSI).
 """
@@ -13,11 +14,11 @@ import json
 from importlib.resources import files
 from typing import Any
 
-from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Part, Seq, Sized, Type
+from cwcli.signals.radio.types import Choice, Enum, Int, ListOf, Null, Open, Part, Seq, Sized, Type, Unread
 
 
 def load_message_type(message: str) -> Type:
-    """Read the type of a message: `cam` or `denm`."""
+    """Read the type of a message of ETSI: `cam`, `cpm`, `denm` or `vam`."""
     return _parse_type_node(json.loads(files(__package__).joinpath(f"{message}.json").read_text(encoding="utf-8")))
 
 
@@ -39,5 +40,9 @@ def _parse_type_node(node: list[Any]) -> Type:  # noqa: PLR0911 - one for each k
             return Choice(tuple(Part(name, _parse_type_node(inner)) for name, inner in parts), extensible)
         case ["null"]:
             return Null()
+        case ["open", cases]:
+            return Open({number: _parse_type_node(inner) for number, inner in cases})
+        case ["unread"]:
+            return Unread()
         case _:
             raise ValueError(f"unknown node {node!r}")

@@ -90,11 +90,6 @@ class Unread:
 
 Type = Int | Enum | Sized | Seq | Choice | ListOf | Open | Null | Unread
 
-BOOLEAN_TYPE = Int(0, 1)
-"""The type BOOLEAN, as the number 0 or 1."""
-FORBIDDEN_TYPE = Int(0, -1)
-"""The type of a component that a constraint on its parent forbids: a message that has it is out of range."""
-
 
 def bit_string_type(n: int, *, extensible: bool = False) -> Sized:
     """Return the type BIT STRING of `n` bits, whose value is the first `n` bits as a number, the first bit the

@@ -16,8 +16,6 @@ BoolArray = npt.NDArray[np.bool_]
 VISIBLE_RANGE_M = 60.0
 """Distance beyond which a boundary counts as not visible, m: a marking of 0.15 m is 2 pixels wide there at 320 x
 240."""
-LANE_SIDES = ("left", "right")
-"""Names of the boundaries of the own lane."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from cwcli.signals.angles import compass_deg_from_heading, heading_from_compass_deg, unwrap_angles, wrap_angle
+from cwcli.signals.angles import compass_deg_from_heading, heading_from_compass_deg, wrap_angle
 
 ATOL_RAD = 1e-12
 ATOL_DEG = 1e-10
@@ -51,11 +51,6 @@ def test_wrap_angle_keeps_the_bits_of_angles_inside() -> None:
 
 def test_wrap_angle_nan_and_infinity_become_nan() -> None:
     assert np.isnan(wrap_angle(np.array([np.nan, np.inf, -np.inf]))).all()
-
-
-def test_unwrap_steps_over_nan() -> None:
-    unwrapped = unwrap_angles(np.array([3.0, np.nan, -3.0, -2.5]))
-    np.testing.assert_allclose(unwrapped, [3.0, np.nan, 2 * np.pi - 3.0, 2 * np.pi - 2.5], atol=ATOL_RAD)
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from tests.unit.signals.v2x_messages import (
     packed_cam,
     radio,
     ros_bsm,
+    ros_paths,
 )
 
 
@@ -83,9 +84,10 @@ def test_every_dress_of_the_same_message_gives_the_same_car(columns: Columns) ->
 
 
 def test_a_vam_has_a_yaw_rate_only_where_it_says_so() -> None:
-    values = {name: value for name, value in CAM.items() if name in VAM_PATHS}
+    paths = ros_paths(VAM_PATHS)
+    values = {name: value for name, value in CAM.items() if name in paths}
     for is_there in (True, False):
-        fields = {VAM_PATHS[name]: [value] for name, value in values.items()} | {VAM_PATHS["has_yaw_rate"]: [is_there]}
+        fields = {paths[name]: [value] for name, value in values.items()} | {paths["has_yaw_rate_degps"]: [is_there]}
         signal, _ = remote(columns_of("etsi_its_vam_ts_msgs/msg/VAM", fields, log_time_ns=LOG_NS))
         assert signal.station.values == ("1001",)
         assert np.isfinite(signal.yaw_rate_radps[0]) == is_there
@@ -234,7 +236,7 @@ def test_cam_driving_backward_turns_the_heading_of_the_velocity_round(is_ts: boo
         ({"heading_95_deg": 126}, "heading_rad"),
         ({"accel_95_mps2": 101}, "accel_mps2"),
         ({"yaw_rate_confidence": 7}, "yaw_rate_radps"),
-        ({"has_lateral_accel": 0}, "lateral_accel_mps2"),
+        ({"has_lateral_accel_mps2": 0}, "lateral_accel_mps2"),
     ],
 )
 def test_cam_value_that_is_not_to_be_trusted_is_left_out(changes: dict[str, int], quantity: str) -> None:

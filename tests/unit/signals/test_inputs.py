@@ -10,19 +10,13 @@ from cwcli.signals.input_rows import load_from_signals
 
 
 def test_every_named_builder_exists() -> None:
-    wanted = [
-        cell.cell_contents
-        for entries in inputs.INPUTS.values()
-        for entry in entries
-        for cell in (getattr(entry.build, "__closure__", None) or ())
-    ]
-    assert len(wanted) > 40
-    for name in wanted:
-        dotted = name if "." in name else f"v2x.{name}"
-        place = (
-            "" if dotted.startswith(("j2735.", "etsi.", "cpm.", "sdsm.", "denm.", "osi.", "radio.")) else "builders."
-        )
-        assert load_from_signals(place + dotted) is not None
+    builds = {entry.build for entries in inputs.INPUTS.values() for entry in entries if entry.build is not None}
+    assert len(builds) > 40
+    for build in builds:
+        names = dict(zip(build.__code__.co_freevars, (cell.cell_contents for cell in build.__closure__), strict=True))
+        places = [names["codec"], f"builders.v2x.{names['maker']}"] if "codec" in names else ["{room}.{name}"]
+        for place in places:
+            assert load_from_signals(place.format(**names)) is not None
 
 
 def test_fields_of_every_input_can_be_looked_up() -> None:

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from cwcli.signals import cpm, etsi, j2735, sdsm
-from cwcli.signals.v2x_elements import Element, decode_element
+from cwcli.signals.v2x_elements import decode_element
+from cwcli.signals.v2x_tables import (
+    Element,
+    load_message_table,
+    parse_presence_bits,
+    ros_leaf_path,
+    ros_presence_paths,
+)
 
 DOCS = Path(__file__).parents[3] / "docs" / "v2x.md"
 
@@ -67,6 +74,37 @@ def test_docs_confidences_of_an_sdsm_are_the_code_s() -> None:
         found = re.search(rf"^\| {name} \| ([\d., ]+) \S+ \|$", text, flags=re.MULTILINE)
         assert found is not None, name
         assert tuple(map(float, found[1].split(","))) == bounds
+
+
+@pytest.mark.parametrize(
+    ("path", "leaf", "flag"),
+    [
+        ("header.stationID", "header.station_id.value", None),
+        ("management.actionID.originatingStationID", "management.action_id.originating_station_id.value", None),
+        ("cam.highFrequencyContainer:choice", "cam.high_frequency_container.choice", None),
+        ("lateralAcceleration?.value", "lateral_acceleration.value.value", "lateral_acceleration_is_present"),
+        ("management.termination?", "management.termination.value", "management.termination_is_present"),
+        ("zAngularVelocity?.value", "z_angular_velocity.value.value", "z_angular_velocity_is_present"),
+        ("objectDimensionX?.value", "object_dimension_x.value.value", "object_dimension_x_is_present"),
+    ],
+)
+def test_leaf_fields_of_ros_messages_are_those_of_etsi_its_messages(path: str, leaf: str, flag: str | None) -> None:
+    assert ros_leaf_path(path) == leaf
+    assert ros_presence_paths({"quantity": path}) == ({} if flag is None else {"quantity": flag})
+
+
+def test_a_row_gives_a_path_for_each_encoding_and_containers_are_resolved() -> None:
+    table = load_message_table("cam", "etsi")
+    motion = "cam.camParameters.highFrequencyContainer.basicVehicleContainerHighFrequency"
+    assert table.columns["cam"]["heading_compass_deg"] == f"{motion}.heading.headingValue"
+    assert table.columns["cam_ts"]["accel_mps2"] == f"{motion}.longitudinalAcceleration.value"
+    assert table.columns["vam"]["latitude_deg"] == "vam.vamParameters.basicContainer.referencePosition.latitude"
+    assert "length_m" not in table.columns["vam"]
+    flags = parse_presence_bits(load_message_table("sdsm", "sae").columns["ros_flags"])
+    assert [(path.rpartition("objects.")[2], bit) for name, path, bit in flags if name == "width_m"] == [
+        ("detected_object_data.presence_vector", 1),
+        ("detected_object_data.detected_object_optional_data.det_veh.presence_vector", 32),
+    ]
 
 
 # Element, code, value: worked out by hand from the standards' definitions.

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from cwcli.signals.columns import Columns, Ragged
-from cwcli.signals.etsi import EN_PATHS, TS_PATHS
+from cwcli.signals.etsi import CAM_PATHS, CAM_TS_PATHS
 from cwcli.signals.j2735 import CARMA_PRESENCE_BITS, JSON_ODE_PATHS, JSON_RAW_PATHS, ROS_PATHS
+from cwcli.signals.v2x_tables import ros_leaf_path, ros_presence_paths
 from tests.unit.signals.radio import packing
 from tests.unit.signals.signal_columns import T0_NS, columns_of
 
@@ -73,12 +75,18 @@ CAM: dict[str, Any] = {
     "accel_mps2": -35,
     "accel_95_mps2": 2,
     "lateral_accel_mps2": 10,
-    "has_lateral_accel": 1,
+    "has_lateral_accel_mps2": 1,
     "yaw_rate_degps": 1000,
     "yaw_rate_confidence": 3,
     "length_m": 45,
     "width_m": 18,
 }
+
+
+def ros_paths(paths: Mapping[str, str]) -> dict[str, str]:
+    """Leaf fields of a ROS message of ETSI by quantity, and the flags of optional ones as `has_...`."""
+    flags = {f"has_{name}": flag for name, flag in ros_presence_paths(paths).items()}
+    return {name: ros_leaf_path(path) for name, path in paths.items()} | flags
 
 
 def message(schema: str, paths: dict[str, str], values: dict[str, Any], encoding: str, **more: Any) -> Columns:
@@ -102,7 +110,7 @@ def ros_bsm(changes: dict[str, Any] | None = None) -> Columns:
 
 def carma_bsm(changes: dict[str, Any] | None = None, absent: tuple[str, ...] = ()) -> Columns:
     flags: dict[str, int] = {}
-    for name, (path, bit) in CARMA_PRESENCE_BITS.items():
+    for name, path, bit in CARMA_PRESENCE_BITS:
         flags[path] = flags.get(path, 0) | (0 if name in absent else bit)
     more = {path: [flag] for path, flag in flags.items()}
     return message("carma_v2x_msgs/msg/BSM", ROS_PATHS, CARMA_BSM | (changes or {}), "cdr", **more)
@@ -110,7 +118,7 @@ def carma_bsm(changes: dict[str, Any] | None = None, absent: tuple[str, ...] = (
 
 def cam(changes: dict[str, Any] | None = None, *, is_ts: bool = False) -> Columns:
     schema = "etsi_its_cam_ts_msgs/msg/CAM" if is_ts else "etsi_its_cam_msgs/msg/CAM"
-    return message(schema, TS_PATHS if is_ts else EN_PATHS, CAM | (changes or {}), "cdr")
+    return message(schema, ros_paths(CAM_TS_PATHS if is_ts else CAM_PATHS), CAM | (changes or {}), "cdr")
 
 
 def packed_bsm(k: int = 0) -> bytes:

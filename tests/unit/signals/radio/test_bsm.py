@@ -8,12 +8,22 @@ import pytest
 from cwcli.signals.bsm_flags import HARD_BRAKING_BIT
 from cwcli.signals.radio import bsm
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, DecodedMessages, Octets, decode_messages
+from cwcli.signals.radio.program import compile_type
 from tests.unit.signals.radio import packing
 from tests.unit.signals.radio.vectors import BSM_ODE, CORE_ODE, CRUMBS_ODE, PREDICTION_ODE
 
 N_RANDOM = 1500
 N_MUTATED = 20_000
 CRUMB_NAMES = ("latOffset", "lonOffset", "elevationOffset", "timeOffset")
+CRUMBS_PATH = "partII.partII-Value.pathHistory.crumbData"
+PREDICTION_PATH = "partII.partII-Value.pathPrediction"
+CORE_PROGRAM = compile_type(
+    bsm.BSM_TYPE,
+    (*packing.CORE, bsm.EVENTS_PATH, *(f"{PREDICTION_PATH}.{name}" for name in ("radiusOfCurve", "confidence"))),
+)
+"""All components of part I, and some of part II, more than cwcli reads."""
+HISTORY_PROGRAM = compile_type(bsm.BSM_TYPE, tuple(f"{CRUMBS_PATH}.{name}" for name in CRUMB_NAMES), (CRUMBS_PATH,))
+"""The points of the path history."""
 
 
 def octets_of(messages: list[bytes]) -> Octets:
@@ -27,8 +37,8 @@ def core_of(decoded: DecodedMessages, row: int) -> dict[str, int]:
 
 
 def crumbs_of(decoded: DecodedMessages, row: int) -> list[tuple[int, ...]]:
-    mine = decoded.rows[bsm.PATH_HISTORY_CRUMBS_PATH] == row
-    columns = [decoded.component_codes(f"{bsm.PATH_HISTORY_CRUMBS_PATH}.{name}")[mine].tolist() for name in CRUMB_NAMES]
+    mine = decoded.rows[CRUMBS_PATH] == row
+    columns = [decoded.component_codes(f"{CRUMBS_PATH}.{name}")[mine].tolist() for name in CRUMB_NAMES]
     return list(zip(*columns, strict=True))
 
 
@@ -38,18 +48,14 @@ def check_random(n: int, seed: int) -> None:
     values = [packing.random_bsm(rng) for _ in range(n)]
     octets = octets_of([packing.bsm(each) for each in values])
     core, history = (
-        decode_messages(bsm.compile_core_program(), octets),
-        decode_messages(bsm.compile_path_history_program(), octets),
+        decode_messages(CORE_PROGRAM, octets),
+        decode_messages(HISTORY_PROGRAM, octets),
     )
     assert not core.status.any()
     assert not history.status.any()
-    radius, confidence = (
-        core.component_codes(f"{bsm.PATH_PREDICTION_PATH}.{name}") for name in ("radiusOfCurve", "confidence")
-    )
-    first = np.searchsorted(history.rows[bsm.PATH_HISTORY_CRUMBS_PATH], np.arange(n + 1))
-    crumbs = np.stack(
-        [history.component_codes(f"{bsm.PATH_HISTORY_CRUMBS_PATH}.{name}") for name in CRUMB_NAMES], axis=1
-    )
+    radius, confidence = (core.component_codes(f"{PREDICTION_PATH}.{name}") for name in ("radiusOfCurve", "confidence"))
+    first = np.searchsorted(history.rows[CRUMBS_PATH], np.arange(n + 1))
+    crumbs = np.stack([history.component_codes(f"{CRUMBS_PATH}.{name}") for name in CRUMB_NAMES], axis=1)
     for row, value in enumerate(values):
         assert core_of(core, row) == {name: value[name] for name in packing.CORE}
         safety = value.get("safety", {})
@@ -64,8 +70,8 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     values = [packing.random_bsm(rng) for _ in range(500)]
     messages = [mutated(rng, packing.bsm(values[int(rng.integers(len(values)))])) for _ in range(n)]
-    decoded = decode_messages(bsm.compile_core_program(), octets_of(messages))
-    history = decode_messages(bsm.compile_path_history_program(), octets_of(messages))
+    decoded = decode_messages(CORE_PROGRAM, octets_of(messages))
+    history = decode_messages(HISTORY_PROGRAM, octets_of(messages))
     assert (decoded.status == history.status).all()
     for row, message in enumerate(messages):
         core = core_of(decoded, row)
@@ -102,14 +108,14 @@ def mutated(rng: np.random.Generator, message: bytes) -> bytes:
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
     octets = octets_of([BSM_ODE[4:]])  # 00 14: BSM; 80 b8: 184 octets
     core, history = (
-        decode_messages(bsm.compile_core_program(), octets),
-        decode_messages(bsm.compile_path_history_program(), octets),
+        decode_messages(CORE_PROGRAM, octets),
+        decode_messages(HISTORY_PROGRAM, octets),
     )
     assert core_of(core, 0) == CORE_ODE
     assert crumbs_of(history, 0) == CRUMBS_ODE
-    assert [
-        int(core.component_codes(f"{bsm.PATH_PREDICTION_PATH}.{name}")[0]) for name in ("radiusOfCurve", "confidence")
-    ] == [*PREDICTION_ODE]
+    assert [int(core.component_codes(f"{PREDICTION_PATH}.{name}")[0]) for name in ("radiusOfCurve", "confidence")] == [
+        *PREDICTION_ODE
+    ]
     assert core.component_codes(bsm.EVENTS_PATH)[0] == MISSING_CODE
 
 
@@ -132,19 +138,19 @@ def test_hard_braking_is_the_eighth_flag() -> None:
 def test_a_cut_message_is_truncated(n_octets: int) -> None:
     whole = packing.bsm(dict.fromkeys(packing.CORE, 0))
     assert len(whole) == 37
-    decoded = decode_messages(bsm.compile_core_program(), octets_of([whole, whole[:n_octets], whole]))
+    decoded = decode_messages(CORE_PROGRAM, octets_of([whole, whole[:n_octets], whole]))
     assert [DECODE_FAULT_TEXTS.get(int(code), "") for code in decoded.status] == ["", "truncated message", ""]
 
 
 @pytest.mark.parametrize(("name", "code"), [("coreData.heading", 28_801), ("coreData.brakes.brakeBoost", 3)])
 def test_a_code_beyond_the_type_is_no_value(name: str, code: int) -> None:
     message = packing.bsm(dict.fromkeys(packing.CORE, 0) | {name: code})
-    decoded = decode_messages(bsm.compile_core_program(), octets_of([message]))
+    decoded = decode_messages(CORE_PROGRAM, octets_of([message]))
     assert DECODE_FAULT_TEXTS[int(decoded.status[0])] == "code outside its range"
 
 
 def test_an_open_type_that_is_longer_than_its_contents_is_told() -> None:
     contents = packing.safety_bits({"prediction": (5, 6)}) + "0" * 16
     message = packing.bsm(dict.fromkeys(packing.CORE, 0) | {"part_two": [(0, contents)]})
-    decoded = decode_messages(bsm.compile_core_program(), octets_of([message]))
+    decoded = decode_messages(CORE_PROGRAM, octets_of([message]))
     assert DECODE_FAULT_TEXTS[int(decoded.status[0])] == "length disagrees with the contents"

@@ -11,7 +11,7 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio import cpm
+from cwcli.signals.radio.etsi import CPM
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import mutated, octets_of
@@ -239,15 +239,14 @@ def check_random(n: int, seed: int) -> None:
     """Every component of any message is what the independent encoder packed."""
     rng = np.random.default_rng(seed)
     made = [any_cpm(rng) for _ in range(n)]
-    decoded = decode_messages(cpm.compile_cpm_program(), octets_of([packed(each) for each in made]))
+    decoded = decode_messages(CPM.program, octets_of([packed(each) for each in made]))
     assert not decoded.status.any()
-    for path in cpm.SENDER_COMPONENT_PATHS.values():
-        assert decoded.component_codes(path).tolist() == [code_of(each, path) for each in made], path
     objects = [(row, one) for row, each in enumerate(made) for one in each["objects"]]
-    assert decoded.rows[cpm.OBJECTS_PATH].tolist() == [row for row, _ in objects]
-    for path in cpm.OBJECT_COMPONENT_PATHS.values():
-        expected = [code_of(one, path) for _, one in objects]
-        assert decoded.component_codes(f"{cpm.OBJECTS_PATH}.{path}").tolist() == expected, path
+    assert decoded.rows[CPM.objects_path].tolist() == [row for row, _ in objects]
+    for path in CPM.components.values():
+        below = path.removeprefix(f"{CPM.objects_path}.")
+        expected = [code_of(each, path) for each in made] if below == path else [code_of(o, below) for _, o in objects]
+        assert decoded.component_codes(path).tolist() == expected, path
 
 
 def check_mutated(n: int, seed: int) -> dict[str, int]:
@@ -255,19 +254,19 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     some = [packed(any_cpm(rng)) for _ in range(50)]
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
-    decoded = decode_messages(cpm.compile_cpm_program(), octets_of(broken))
+    decoded = decode_messages(CPM.program, octets_of(broken))
     assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
-    east = decoded.component_codes(f"{cpm.OBJECTS_PATH}.{cpm.OBJECT_COMPONENT_PATHS['east_m']}")
+    east = decoded.component_codes(CPM.components["east_m"])
     assert ((east >= -131_072) & (east <= 131_071)).all()
-    assert not decoded.status[decoded.rows[cpm.OBJECTS_PATH]].any()
+    assert not decoded.status[decoded.rows[CPM.objects_path]].any()
     counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
     return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 
 
 def test_a_published_message_is_what_its_publisher_decoded() -> None:
-    decoded = decode_messages(cpm.compile_cpm_program(), octets_of([PUBLISHED]))
+    decoded = decode_messages(CPM.program, octets_of([PUBLISHED]))
     assert not decoded.status.any()
-    found = cpm.cpm_objects_from_decoded(decoded)
+    found = CPM.read_quantities(decoded)
     assert {name: int(found[name][0]) for name in PUBLISHED_CODES} == PUBLISHED_CODES
     assert np.isnan(found["speed_mps"]).all()
 

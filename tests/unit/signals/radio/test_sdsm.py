@@ -7,8 +7,8 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio import sdsm
 from cwcli.signals.radio.messages import DECODE_FAULT_TEXTS, MISSING_CODE, decode_messages
+from cwcli.signals.radio.sdsm import SDSM
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.packing import framed
 from tests.unit.signals.radio.sdsm_packing import any_sdsm
@@ -23,15 +23,15 @@ def check_random(n: int, seed: int) -> None:
     """Every component of any message is what the encoder packed."""
     rng = np.random.default_rng(seed)
     made = [any_sdsm(rng) for _ in range(n)]
-    decoded = decode_messages(sdsm.compile_sdsm_program(), octets_of([message for *_, message in made]))
+    decoded = decode_messages(SDSM.program, octets_of([message for *_, message in made]))
     assert not decoded.status.any()
-    for path in sdsm.SENDER_COMPONENT_PATHS.values():
-        assert decoded.component_codes(path).tolist() == [values.get(path, MISSING_CODE) for values, *_ in made], path
     objects = [(row, one) for row, (_, each, _) in enumerate(made) for one in each]
-    assert decoded.rows[sdsm.OBJECTS_PATH].tolist() == [row for row, _ in objects]
-    for path in sdsm.OBJECT_COMPONENT_PATHS.values():
-        found = decoded.component_codes(f"{sdsm.OBJECTS_PATH}.{path}").tolist()
-        assert found == [one.get(path, MISSING_CODE) for _, one in objects], path
+    assert decoded.rows[SDSM.objects_path].tolist() == [row for row, _ in objects]
+    for path in SDSM.components.values():
+        below = path.removeprefix(f"{SDSM.objects_path}.")
+        owners = [values for values, *_ in made] if below == path else [one for _, one in objects]
+        expected = [one.get(below, MISSING_CODE) for one in owners]
+        assert decoded.component_codes(path).tolist() == expected, path
 
 
 def check_mutated(n: int, seed: int) -> dict[str, int]:
@@ -39,11 +39,11 @@ def check_mutated(n: int, seed: int) -> dict[str, int]:
     rng = np.random.default_rng(seed)
     some = [any_sdsm(rng)[2] for _ in range(50)]
     broken = [mutated(rng, some[int(rng.integers(len(some)))]) for _ in range(n)]
-    decoded = decode_messages(sdsm.compile_sdsm_program(), octets_of(broken))
+    decoded = decode_messages(SDSM.program, octets_of(broken))
     assert set(decoded.status.tolist()) <= {0, *DECODE_FAULT_TEXTS}
-    offset = decoded.component_codes(f"{sdsm.OBJECTS_PATH}.{sdsm.OBJECT_COMPONENT_PATHS['east_m']}")
+    offset = decoded.component_codes(SDSM.components["east_m"])
     assert (np.abs(offset) <= 32_767).all()
-    assert not decoded.status[decoded.rows[sdsm.OBJECTS_PATH]].any()
+    assert not decoded.status[decoded.rows[SDSM.objects_path]].any()
     counts = np.bincount(decoded.status, minlength=max(DECODE_FAULT_TEXTS) + 1)
     return {"decoded": int(counts[0])} | {reason: int(counts[code]) for code, reason in DECODE_FAULT_TEXTS.items()}
 

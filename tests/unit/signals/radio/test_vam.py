@@ -8,7 +8,7 @@ import pytest
 
 from cwcli.signals.build import build_signal
 from cwcli.signals.canonical import RemoteSignal
-from cwcli.signals.radio import vam
+from cwcli.signals.radio.etsi import VAM
 from cwcli.signals.radio.messages import MISSING_CODE, decode_messages
 from cwcli.signals.role import Role
 from tests.unit.signals.radio.test_bsm import octets_of
@@ -17,7 +17,10 @@ from tests.unit.signals.v2x_messages import radio
 TYPE = """
 Part DEFINITIONS AUTOMATIC TAGS ::= BEGIN
 Angle ::= SEQUENCE { value INTEGER (0..3601), confidence INTEGER (1..127) }
-Acceleration ::= SEQUENCE { value INTEGER (-160..161), confidence INTEGER (0..102) }
+Longitudinal ::= SEQUENCE {
+  longitudinalAccelerationValue INTEGER (-160..161), longitudinalAccelerationConfidence INTEGER (0..102) }
+Lateral ::= SEQUENCE {
+  lateralAccelerationValue INTEGER (-160..161), lateralAccelerationConfidence INTEGER (0..102) }
 Position ::= SEQUENCE {
   latitude INTEGER (-900000000..900000001), longitude INTEGER (-1800000000..1800000001),
   positionConfidenceEllipse SEQUENCE {
@@ -26,11 +29,11 @@ Position ::= SEQUENCE {
   altitude SEQUENCE { altitudeValue INTEGER (-100000..800001), altitudeConfidence INTEGER (0..15) } }
 HighFrequency ::= SEQUENCE {
   heading Angle, speed SEQUENCE { speedValue INTEGER (0..16383), speedConfidence INTEGER (1..127) },
-  longitudinalAcceleration Acceleration,
+  longitudinalAcceleration Longitudinal,
   curvature SEQUENCE { curvatureValue INTEGER (-1023..1023), curvatureConfidence INTEGER (0..7) } OPTIONAL,
   curvatureCalculationMode ENUMERATED { a, b, c, ... } OPTIONAL,
   yawRate SEQUENCE { yawRateValue INTEGER (-32766..32767), yawRateConfidence INTEGER (0..8) } OPTIONAL,
-  lateralAcceleration Acceleration OPTIONAL, verticalAcceleration Acceleration OPTIONAL,
+  lateralAcceleration Lateral OPTIONAL, verticalAcceleration Angle OPTIONAL,
   vruLanePosition INTEGER (0..255) OPTIONAL, environment INTEGER (0..255) OPTIONAL,
   movementControl INTEGER (0..255) OPTIONAL, orientation Angle OPTIONAL, rollAngle Angle OPTIONAL,
   deviceUsage INTEGER (0..255) OPTIONAL, ... }
@@ -62,10 +65,10 @@ def test_any_message_of_an_independent_encoder_is_decoded_exactly() -> None:
         made = any_vam(rng)
         packed.append(codec.encode("VAM", made))
         expected.append(made)
-    decoded = decode_messages(vam.compile_vam_program(), octets_of(packed))
+    decoded = decode_messages(VAM.program, octets_of(packed))
     assert not decoded.status.any()
     for row, made in enumerate(expected):
-        for path in vam.VAM_COMPONENT_PATHS.values():
+        for path in VAM.components.values():
             value = made
             for name in path.split("."):
                 value = value.get(name, {}) if isinstance(value, dict) else value
@@ -80,7 +83,7 @@ def test_the_smallest_message_has_269_bits() -> None:
     made["vam"]["vamParameters"].pop("low", None)
     packed = asn1tools.compile_string(TYPE, "uper").encode("VAM", made)
     assert len(packed) == 34
-    decoded = decode_messages(vam.compile_vam_program(), octets_of([packed, packed[:-1]]))
+    decoded = decode_messages(VAM.program, octets_of([packed, packed[:-1]]))
     assert decoded.status.tolist()[0] == 0
     assert decoded.status.tolist()[1] != 0
 
@@ -119,17 +122,20 @@ def any_vam(rng: np.random.Generator) -> dict:
     def whole(low: int, high: int) -> int:
         return int(rng.integers(low, high, endpoint=True))
 
+    def acceleration(way: str) -> dict[str, int]:
+        return {f"{way}AccelerationValue": whole(-160, 161), f"{way}AccelerationConfidence": whole(0, 102)}
+
     high = {
         "heading": {"value": whole(0, 3601), "confidence": whole(1, 127)},
         "speed": {"speedValue": whole(0, 16_383), "speedConfidence": whole(1, 127)},
-        "longitudinalAcceleration": {"value": whole(-160, 161), "confidence": whole(0, 102)},
+        "longitudinalAcceleration": acceleration("longitudinal"),
     }
     optional = {
         "curvature": {"curvatureValue": whole(-1023, 1023), "curvatureConfidence": whole(0, 7)},
         "curvatureCalculationMode": "abc"[whole(0, 2)],
         "yawRate": {"yawRateValue": whole(-32_766, 32_767), "yawRateConfidence": whole(0, 8)},
-        "lateralAcceleration": {"value": whole(-160, 161), "confidence": whole(0, 102)},
-        "verticalAcceleration": {"value": whole(-160, 161), "confidence": whole(0, 102)},
+        "lateralAcceleration": acceleration("lateral"),
+        "verticalAcceleration": {"value": whole(0, 161), "confidence": whole(1, 102)},
         "deviceUsage": whole(0, 255),
     }
     high |= {name: value for name, value in optional.items() if rng.random() < 0.5}
