@@ -29,6 +29,7 @@ from cwcli.logs.write.row_assembly import (
 )
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import replace_surrogates
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -132,7 +133,7 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
 def _encode_string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
     """Return tag, length and text; no bytes where the string is absent."""
     prefix = _encode_tag(descriptor, WIRE_LENGTH)
-    texts = [text.encode() for text in column.values]
+    texts = [replace_surrogates(text).encode() for text in column.values]
     entries = join_rows([prefix + encode_varint(len(text)) + text for text in texts] + [b""])
     codes = np.where(column.codes < 0, len(texts), column.codes)
     if len(codes) and (codes == codes[0]).all():
