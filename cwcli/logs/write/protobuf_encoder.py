@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.write.byte_rows import ByteRows, encode_varint, encode_varints, join_rows
 from cwcli.logs.write.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
 from cwcli.logs.write.row_assembly import (
@@ -92,7 +93,7 @@ def _encode_field_pieces(descriptor: FieldDescriptor, column: OutputField | Tree
         return _encode_submessage_pieces(descriptor, column, n)
     if isinstance(column, Mapping | Repeated):
         raise ColumnError("it is not a message")
-    if descriptor.is_repeated:
+    if is_repeated_field(descriptor):
         return _encode_packed_pieces(descriptor, column)
     if descriptor.type == TYPE_BYTES and isinstance(column, Ragged):
         return _encode_bytes_pieces(descriptor, column)
@@ -111,7 +112,7 @@ def _encode_field_pieces(descriptor: FieldDescriptor, column: OutputField | Tree
 def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField | Tree, n: int) -> list[Piece]:
     message = descriptor.message_type
     tag = _encode_tag_piece(descriptor, WIRE_LENGTH)
-    if descriptor.is_repeated:
+    if is_repeated_field(descriptor):
         repeated = column if isinstance(column, Repeated) else repeated_from_ragged_leaves(column)
         total = int(repeated.offsets[-1])
         inner = _encode_message_pieces(message, build_column_tree(repeated.fields), total)
