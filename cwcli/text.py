@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+
+_SURROGATE = re.compile("[\ud800-\udfff]")
+"""Code points that are halves of a pair and no characters."""
 
 
 def escape_control_characters(text: str) -> str:
@@ -18,6 +22,14 @@ def escape_control_characters(text: str) -> str:
 def shorten_and_escape(text: str, most: int = 1000) -> str:
     """Escape a text like `escape_control_characters`, cut after `most` characters; a log may hold huge names."""
     return escape_control_characters(text if len(text) <= most else f"{text[:most]}... ({len(text):,} characters)")
+
+
+def replace_surrogates(text: str) -> str:
+    """Return a text that UTF-8 can encode: each lone surrogate becomes its escape, `\\xff` or `\\ud800`.
+
+    Python keeps bytes of a file name that are not UTF-8 as surrogates, and JSON may hold halves of a pair.
+    """
+    return _SURROGATE.sub(lambda found: _escape_character(found.group()), text)
 
 
 def _escape_character(char: str) -> str:

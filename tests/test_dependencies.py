@@ -132,3 +132,9 @@ def test_what_is_not_imported_is_run_or_found_by_name(name: str) -> None:
     file, _, words = RUN[name].partition(": ")
     assert words in (ROOT / file).read_text(encoding="utf-8")
     assert name in declared("dev")
+
+
+def test_no_module_asks_protobuf_for_what_only_new_versions_have() -> None:
+    """`FieldDescriptor.is_repeated` came with protobuf 6.31; `is_repeated_field` works with all that are allowed."""
+    sources = [path for path in (ROOT / "cwcli").rglob("*.py") if ".is_repeated" in path.read_text()]
+    assert sources == []

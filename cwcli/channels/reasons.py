@@ -80,6 +80,10 @@ class UnboundReason(NamedTuple):
     tries: tuple[str, ...] = ()
 
 
+EGO_STATION_OPTION = "--ego-station ID"
+"""The suggestion to name the ego's station; its ID is known only to who reads messages."""
+
+
 def unbound_reasons_by_topic(channels: Sequence[ChannelWithDefinition], bindings: Bindings) -> dict[str, UnboundReason]:
     """Explain for each channel without a role why it has none, by topic.
 
@@ -116,7 +120,7 @@ def _explain_unbound_channel(channel: ChannelWithDefinition, bindings: Bindings)
             texts.append(f"{role} is taken from {', '.join(each.topic for each in others)}")
         elif entry.needs_ego_station:
             texts.append(f"{role}, if you name the ego's station")
-            tries.append("--ego-station ID")
+            tries.append(EGO_STATION_OPTION)
         else:
             texts.append(f"{role}, only if you name it")
             tries.append(f"--topic {role}={channel.topic}")

@@ -25,6 +25,7 @@ from cwcli.errors import InputError, UsageError
 from cwcli.estimation.measurements import Kind
 from cwcli.input import read_file
 from cwcli.metrics.student import student_factor
+from cwcli.text import replace_surrogates
 from cwcli.toml_text import parse_toml
 
 FORMAT_VERSION_KEY, FORMAT_VERSION = "cwcli_calibration", 1
@@ -372,4 +373,4 @@ def _format_toml_float(value: float) -> str:
 
 
 def _quote_toml_string(value: str) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(replace_surrogates(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -18,6 +18,7 @@ from cwcli.errors import UsageError
 from cwcli.output import AtomicGroup, open_output
 from cwcli.output_stream import Bytes, OutputStream
 from cwcli.signals.columns import NumericArray, Ragged, Strings
+from cwcli.text import replace_surrogates
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -253,7 +254,7 @@ def to_arrow_table(table: Table) -> pa.Table:
 
     arrays = {name: _arrow_array(column) for name, column in table.columns.items()}
     fields = [_arrow_field(name, array.type, table.docs.get(name, NO_DOC)) for name, array in arrays.items()]
-    metadata = {"name": table.name, **table.metadata}
+    metadata = {key: replace_surrogates(text) for key, text in {"name": table.name, **table.metadata}.items()}
     return pa.Table.from_arrays(list(arrays.values()), schema=pa.schema(fields, metadata=metadata))
 
 
@@ -274,15 +275,22 @@ def _arrow_array(column: TableColumn) -> pa.Array:
         # Arrow leaves memory as it found it behind a dictionary with equal values, and writes that into the file
         distinct = column.merge_equal()
         codes = pa.array(distinct.codes, mask=distinct.codes < 0)
-        return pa.DictionaryArray.from_arrays(codes, pa.array(distinct.values, pa.string()))
+        return pa.DictionaryArray.from_arrays(codes, _text_array(distinct.values))
     if isinstance(column, Ragged):
         return pa.ListArray.from_arrays(pa.array(column.offsets, pa.int32()), pa.array(column.values))
     if not isinstance(column, np.ndarray):
-        return pa.array(column, pa.string())
+        return _text_array(column)
     if column.ndim == 2:
         values = pa.array(np.ascontiguousarray(column).reshape(-1))
         return pa.FixedSizeListArray.from_arrays(values, column.shape[1])
     return pa.array(column)
+
+
+def _text_array(texts: Sequence[str | None]) -> pa.Array:
+    """Return texts as an Arrow array; what UTF-8 can't encode is escaped."""
+    import pyarrow as pa
+
+    return pa.array([None if text is None else replace_surrogates(text) for text in texts], pa.string())
 
 
 def _flatten_columns_for_csv(table: Table) -> pa.Table:
@@ -292,7 +300,7 @@ def _flatten_columns_for_csv(table: Table) -> pa.Table:
     flat: dict[str, pa.Array] = {}
     for name, column in table.columns.items():
         if isinstance(column, Strings):
-            flat[name] = pa.array([None if code < 0 else column.values[code] for code in column.codes], pa.string())
+            flat[name] = _text_array([None if code < 0 else column.values[code] for code in column.codes])
         elif isinstance(column, Ragged):
             rows = zip(column.offsets[:-1], column.offsets[1:], strict=True)
             flat[name] = pa.array([" ".join(map(str, column.values[start:stop].tolist())) for start, stop in rows])
@@ -302,7 +310,7 @@ def _flatten_columns_for_csv(table: Table) -> pa.Table:
         elif isinstance(column, np.ndarray):
             flat[name] = _csv_array(column)
         else:
-            flat[name] = pa.array(column, pa.string())
+            flat[name] = _text_array(column)
     return pa.table(flat)
 
 

@@ -85,7 +85,9 @@ class SignalCheck:
                 command="run",
             )
         except MissingSignalError as error:
-            return add_stations_to_error(error, log) if role == Role.EGO_POSITION else error
+            if role == Role.EGO_POSITION:
+                return add_stations_to_error(error, log, given=self.ego_station)
+            return error
         return None
 
     def _format_reason(self, stage: str, role: str, log: Log, selection: Selection) -> str:

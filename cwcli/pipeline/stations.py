@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
+from collections.abc import Collection
 
 import numpy as np
 
@@ -19,13 +21,23 @@ MAX_NAMED_STATIONS = 5
 """Greatest number of stations that an error message names; chosen by hand."""
 
 
-def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalError:
+def add_stations_to_error(
+    error: MissingSignalError, log: Log, *, given: str | None, topics: Collection[str] | None = None
+) -> MissingSignalError:
     """Return the error with the V2X stations of the log, and a hint at the option that makes one of them the ego.
+
+    Args:
+        error: That the ego's position is missing or ambiguous.
+        log: The log.
+        given: The ego's station that the user named. If it was heard, another one is no way out, so there is no hint.
+        topics: Only stations of these topics count; None for all.
 
     Returns:
         The error as it is where the log holds no V2X message that can be read.
     """
-    heard = count_messages_by_station(log)
+    heard = sum(
+        (n for topic, n in count_stations_by_topic(log).items() if topics is None or topic in topics), Counter()
+    )
     if not heard:
         return error
     named = ", ".join(
@@ -33,30 +45,44 @@ def add_stations_to_error(error: MissingSignalError, log: Log) -> MissingSignalE
         for station, n in heard.most_common(MAX_NAMED_STATIONS)
     )
     more = f" and {len(heard) - MAX_NAMED_STATIONS} more" if len(heard) > MAX_NAMED_STATIONS else ""
-    first = escape_control_characters(heard.most_common(1)[0][0])
+    first = heard.most_common(1)[0][0]
+    is_heard = given is not None and given.lower() in {station.lower() for station in heard}
     return MissingSignalError(
         error.what,
         where=error.where,
         found=(*error.found, f"V2X stations {named}{more}"),
-        hint=f"if the ego is one of the stations, name it: --ego-station {first}",
+        hint=error.hint
+        if is_heard
+        else f"if the ego is one of the stations, name it: --ego-station {quote_station(first)}",
     )
+
+
+def quote_station(station: str) -> str:
+    """Return a station's ID as a shell takes it after `--ego-station`, without control characters."""
+    return shlex.quote(escape_control_characters(station))
 
 
 def count_messages_by_station(log: Log) -> Counter[str]:
     """Count the usable messages of each station over all V2X channels of the log."""
+    return sum(count_stations_by_topic(log).values(), Counter[str]())
+
+
+def count_stations_by_topic(log: Log) -> dict[str, Counter[str]]:
+    """Count the usable messages of each station, for each V2X topic of the log."""
     topics = {
         channel.topic: entry.fields.get(channel.message_encoding, ())
         for channel in log.channels
         if (entry := find_input_for_role(Role.REMOTE, channel.schema_name)) is not None
     }
-    heard: Counter[str] = Counter()
+    heard: dict[str, Counter[str]] = {}
     try:
-        for columns in log.load_topics(topics).values() if topics else ():
+        for topic, columns in log.load_topics(topics).items() if topics else ():
             signal, _ = build_signal(Role.REMOTE, columns)
             assert isinstance(signal, RemoteSignal)
             sent = signal.station.codes[~perceived_rows_mask(signal)]
+            counts = heard.setdefault(topic, Counter())
             for station, n in zip(signal.station.values, np.bincount(sent), strict=False):
-                heard[station] += int(n)
+                counts[station] += int(n)
     except CwcliError:  # the channel is damaged: what was missing is still what is wrong
         return heard
     return heard

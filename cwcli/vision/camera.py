@@ -17,6 +17,7 @@ import numpy as np
 from cwcli.errors import UsageError
 from cwcli.signals.canonical import CameraInfoSignal
 from cwcli.signals.columns import FloatArray
+from cwcli.vision.opencv_versions import undistort_points
 
 DEFAULT_FIELD_OF_VIEW_RAD = math.radians(60.0)
 """Horizontal field of view that is assumed where the log holds no calibration, in radians. Chosen by hand; not
@@ -136,7 +137,7 @@ class Camera:
         if self.is_fisheye():
             ideal = cv2.fisheye.undistortPoints(points, self.intrinsic_matrix(), coefficients, criteria=stop)
         else:
-            ideal = cv2.undistortPoints(points, self.intrinsic_matrix(), coefficients, criteria=stop)
+            ideal = undistort_points(points, self.intrinsic_matrix(), coefficients, stop)
         return np.column_stack([ideal.reshape(-1, 2), np.ones(len(points))])
 
     def ground_points_from_image(self, u_px: FloatArray, v_px: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,6 +20,7 @@ from cwcli.vision.depth_images import COMPRESSED_DEPTH_HEADER as DEPTH_HEADER
 from cwcli.vision.depth_images import DepthImageError, decode_compressed_depth, is_compressed_depth
 from cwcli.vision.encoded import FrameLike, Image
 from cwcli.vision.image_header import ImageHeader, has_image_end, read_image_header
+from cwcli.vision.opencv_versions import print_errors_only
 from cwcli.vision.ordered_threads import run_jobs_in_order
 from cwcli.vision.raw_images import GREY_ENCODINGS, RawImageError, decode_raw_as_colour, decode_raw_as_grey
 from cwcli.vision.video import CODEC_OF_VIDEO_FORMAT, UNSUPPORTED_CODECS, decode_video
@@ -109,7 +110,7 @@ def decode_frames(
 
     n = n_threads or min(os.cpu_count() or 1, MAX_DECODING_THREADS)
     cv2.setNumThreads(1)  # the threads are ours: one frame each
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)  # damaged frames are counted, not warned of
+    print_errors_only()
 
     jobs = _iter_decoding_jobs(frames, size_of, _ColourClock(colour_every_ns), where)
     batches = (

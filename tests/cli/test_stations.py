@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -122,3 +123,64 @@ def test_the_egos_own_octets_are_its_position_and_its_speed(cwcli: Run, tmp_path
     nobody = cwcli("estimate", log, *roles)
     assert nobody.returncode == 4
     assert "--ego-station" in nobody.stderr.decode()
+
+
+SECOND_STATION = "00 '0A7"
+"""An ID that a shell takes apart unless it is quoted."""
+
+
+def two_receivers(path: Path) -> Path:
+    """A log without fixes whose two V2X topics hold a station each."""
+    with Path(path).open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("BasicSafetyMessage", "jsonschema", b"{}")
+        channels = [writer.register_channel(topic, "json", schema) for topic in ("/a/bsm", "/b/bsm")]
+        for k in range(100):
+            time_ns = 1_700_000_000_000_000_000 + k * 100_000_000
+            for channel, station, lane_deg in zip(channels, (OWN_STATION, SECOND_STATION), (0.0, 1e-4), strict=True):
+                core = {
+                    "msgCnt": k, "id": station, "secMark": (time_ns // 10**6) % 60_000,
+                    "lat": round((51.0 + 1e-5 * k) * 1e7), "long": round((13.7 + lane_deg) * 1e7), "elev": 1000,
+                    "speed": 556, "heading": 0,
+                }  # fmt: skip
+                writer.add_message(channel, time_ns, json.dumps({"coreData": core}).encode(), time_ns)
+        writer.finish()
+    return path
+
+
+def ego_options(words: list[str]) -> list[str]:
+    """`words` with each role of the ego taken from the second topic."""
+    roles = [f"ego_{quantity}=/b/bsm" for quantity in ("position", "speed", "heading")]
+    return [*words, "--topic", "remote=/a/bsm", *(word for role in roles for word in ("--topic", role))]
+
+
+def test_info_names_a_station_of_the_topic_and_the_line_works_when_pasted(cwcli: Run, tmp_path: Path) -> None:
+    two_receivers(tmp_path / "d.mcap")
+    shown = cwcli("info", "d.mcap", "--topic", "remote=/a/bsm")
+    (tried,) = re.findall(r"^try: (--ego-station .*)$", shown.stdout.decode(), re.MULTILINE)
+    assert shlex.split(tried) == ["--ego-station", SECOND_STATION]
+    noted = " ".join(shown.stderr.decode().split())
+    assert f"can be the ego: --ego-station {OWN_STATION} or {shlex.quote(SECOND_STATION)}" in noted
+    done = cwcli("estimate", "d.mcap", *ego_options(shlex.split(tried)), "-o", "o.mcap")
+    assert done.returncode == 0, done.stderr.decode()
+
+
+def test_an_error_names_a_station_of_the_topic_that_was_chosen(cwcli: Run, tmp_path: Path) -> None:
+    two_receivers(tmp_path / "d.mcap")
+    done = cwcli("estimate", "d.mcap", *ego_options([]), "-o", "o.mcap")
+    assert done.returncode == 4
+    said = " ".join(done.stderr.decode().split())
+    assert f"V2X stations {SECOND_STATION} (100 messages) hint:" in said
+    (tried,) = re.findall(r"name it: (--ego-station .*)$", said)
+    assert shlex.split(tried) == ["--ego-station", SECOND_STATION]
+
+
+def test_an_error_does_not_offer_the_station_that_was_given(cwcli: Run, tmp_path: Path) -> None:
+    """Two topics could be the ego's position: another station is no way out, a choice of the topic is."""
+    two_receivers(tmp_path / "d.mcap")
+    done = cwcli("estimate", "d.mcap", "--ego-station", OWN_STATION, "-o", "o.mcap")
+    assert done.returncode == 4
+    said = done.stderr.decode()
+    assert "name it: --ego-station" not in said
+    assert "--topic ego_position=/a/bsm" in said

@@ -13,6 +13,7 @@ from cwcli.cli.text import (
     wrap_paragraph,
     wrap_text,
 )
+from cwcli.text import replace_surrogates
 
 
 @pytest.mark.parametrize(
@@ -32,6 +33,20 @@ from cwcli.cli.text import (
 )
 def test_printable_escapes_what_moves_the_cursor(text: str, shown: str) -> None:
     assert escape_control_characters(text) == shown
+
+
+@pytest.mark.parametrize(
+    ("text", "encoded"),
+    [
+        ("Straße 東京 \x1b", "Straße 東京 \x1b".encode()),
+        ("bad\udcffbyte", rb"bad\xffbyte"),
+        ("half\ud800", rb"half\ud800"),
+        ("\U0001f600", b"\xf0\x9f\x98\x80"),
+    ],
+    ids=["letters", "not-utf8", "half a pair", "whole pair"],
+)
+def test_replaced_surrogates_can_be_encoded(text: str, encoded: bytes) -> None:
+    assert replace_surrogates(text).encode() == encoded
 
 
 @pytest.mark.parametrize(

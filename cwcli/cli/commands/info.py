@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -120,18 +121,20 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
     if reading.dbc:
         _explain_can_channels(log, why, reading.dbc)
     duration_s = max(log.end_ns - log.start_ns, 0) / NS_PER_S
+    container = _container_document(log)
+    station_notes = _name_stations(log, why, bindings)
     return {
         "name": log.name,
         "size_bytes": sum(map(len, log.file.disk_files)),
-        "profile": log.profile,
-        "library": _converted_from_text(log) or log.library,
+        "profile": container["profile"],
+        "library": container["library"],
         "start_ns": log.start_ns,
         "end_ns": log.end_ns,
         "start": format_utc_time(log.start_ns),
         "duration_s": duration_s,
         "messages": log.n_messages,
-        "chunks": log.n_chunks,
-        "compression": [] if _converted_from_text(log) else list(log.compressions),
+        "chunks": container["chunks"],
+        "compression": container["compression"],
         "channels": [
             _channel_document(channel, duration_s, roles.get(channel.topic, []), why.get(channel.topic))
             for channel in log.channels
@@ -139,18 +142,29 @@ def describe_log(log: Log, reading: ReadingOptions, sensors: SensorOptions) -> D
         "attachments": [{"name": entry.name, "size_bytes": entry.size} for entry in log.attachments],
         "metadata": list(log.metadata_names),
         "commands": _readiness_of_commands(set(map(str, bindings.by_role)), set(map(str, bindings.undecided))),
-        "notes": [*bindings.notes, *_ego_station_notes(log, bindings)],
+        "notes": [*bindings.notes, *station_notes],
         "faults": log.faults.counts_by_reason(),
     }
 
 
-def _converted_from_text(log: Log) -> str:
-    """A text on the format that the log was converted from, by its first file; "" for an MCAP file."""
-    from cwcli.logs.read.converted import ROS1_BAG_MAGIC, SQLITE_MAGIC
+def _container_document(log: Log) -> Document:
+    """Describe how the messages are stored in the file that the user named, not in the copy of a converted one."""
+    from cwcli.logs.read.converted import source_formats
 
-    head = bytes(log.file.disk_files[0][:16])
-    kinds = {ROS1_BAG_MAGIC: "converted from a ROS 1 bag", SQLITE_MAGIC: "converted from a rosbag2 database"}
-    return next((words for magic, words in kinds.items() if head.startswith(magic)), "")
+    formats = source_formats(log.file)
+    if not formats:
+        return {
+            "profile": log.profile,
+            "library": log.library,
+            "chunks": log.n_chunks,
+            "compression": list(log.compressions),
+        }
+    return {
+        "profile": "",
+        "library": f"converted from {formats[0].name}",
+        "chunks": sum(each.n_chunks for each in formats),
+        "compression": list(dict.fromkeys(name for each in formats for name in each.compressions)),
+    }
 
 
 def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[str]) -> None:
@@ -170,28 +184,40 @@ def _explain_can_channels(log: Log, why: dict[str, UnboundReason], files: list[s
             why[channel.topic] = explain_can_frames(channel.topic, signals, files)
 
 
-def _ego_station_notes(log: Log, bindings: Bindings) -> list[str]:
-    """Notes on stations that may be the ego, for a log without the ego's position but with V2X messages."""
+def _name_stations(log: Log, why: dict[str, UnboundReason], bindings: Bindings) -> list[str]:
+    """Put a heard station's ID into the suggestions `--ego-station ID`; return notes on stations that may be the ego.
+
+    Messages are read only where the log lacks the ego's position and has V2X messages.
+    """
+    from cwcli.channels.reasons import EGO_STATION_OPTION
     from cwcli.signals.inputs import find_input_for_role
     from cwcli.signals.role import Role
-    from cwcli.text import escape_control_characters
 
-    role = Role.EGO_POSITION
-    if role in bindings or role in bindings.undecided:
-        return []
-    entries = {
-        each.topic: find_input_for_role(role, each.schema_name) for each in log.channels if each.message_count != 0
-    }
-    topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
-    if not topics:
+    lists_option = [topic for topic, reason in why.items() if EGO_STATION_OPTION in reason.tries]
+    role, topics = Role.EGO_POSITION, []
+    if role not in bindings and role not in bindings.undecided:
+        entries = {
+            each.topic: find_input_for_role(role, each.schema_name) for each in log.channels if each.message_count != 0
+        }
+        topics = [topic for topic, entry in entries.items() if entry is not None and entry.needs_ego_station]
+    if not topics and not lists_option:
         return []
     from cwcli.pipeline.stations import (  # imports numpy, which most logs do not need
         MAX_NAMED_STATIONS,
-        count_messages_by_station,
+        count_stations_by_topic,
+        quote_station,
     )
 
-    heard = count_messages_by_station(log).most_common(MAX_NAMED_STATIONS)
-    named = " or ".join(escape_control_characters(station) for station, _ in heard) or "ID"
+    heard = count_stations_by_topic(log)
+    for topic in lists_option:
+        for station, _ in heard.get(topic, Counter()).most_common(1):
+            option = EGO_STATION_OPTION.replace("ID", quote_station(station))
+            tries = (option if each == EGO_STATION_OPTION else each for each in why[topic].tries)
+            why[topic] = why[topic]._replace(tries=tuple(tries))
+    if not topics:
+        return []
+    most = sum(heard.values(), Counter[str]()).most_common(MAX_NAMED_STATIONS)
+    named = " or ".join(quote_station(station) for station, _ in most) or "ID"
     return [f"a station of {', '.join(topics)} can be the ego: --ego-station {named}"]
 
 
@@ -395,14 +421,12 @@ def _reason_counts_text(counted: Document) -> str:
 
 def _log_facts(document: Document) -> list[tuple[str, str]]:
     compression = join_names(document["compression"]) or "none"
+    chunks = f" in {format_count(document['chunks'], 'chunk')}" if document["chunks"] else ""
     facts = [
         ("size", format_byte_size(document["size_bytes"])),
         ("start", document["start"]),
         ("duration", format_duration(document["duration_s"])),
-        (
-            "messages",
-            f"{document['messages']} in {format_count(document['chunks'], 'chunk')}, compression {compression}",
-        ),
+        ("messages", f"{document['messages']}{chunks}, compression {compression}"),
         ("profile", document["profile"] or "-"),
         ("library", document["library"] or "-"),
     ]

@@ -24,6 +24,8 @@ from cwcli.logs.read.sqlite_files import copy_file, open_database, raise_copy_er
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
+    from cwcli.logs.read.source_format import SourceFormat
+
 ROS_HEADER_TYPE = "std_msgs/msg/Header"
 """The message type whose ROS 1 definition is replaced by that of ROS 2."""
 MAX_SEQUENCE = 0xFFFFFFFF
@@ -38,7 +40,7 @@ Content = Schema | Channel | Message
 
 def convert_bag(
     file: InputFile,
-    notes: dict[str, int],
+    source: SourceFormat,
     journals: Sequence[InputFile] | None,
     max_bytes: int,
     target: IO[bytes],
@@ -47,7 +49,7 @@ def convert_bag(
 
     Args:
         file: The bag or database.
-        notes: Gets what could not be converted, as text -> how often.
+        source: Gets what could not be converted, the compressions and the number of chunks.
         journals: The journals of a database; None for a bag of ROS 1.
         max_bytes: Total size in bytes to which the messages of a database may decompress.
         target: A file on the disk.
@@ -73,7 +75,10 @@ def convert_bag(
     output = OutputStream(target.fileno(), file.name)
     writer = Writer(cast("IO[bytes]", output), compression=CompressionType.LZ4)
     writer.start("ros2", "cwcli")
-    bag = _iter_ros1_content(file, notes) if journals is None else _iter_ros2_content(file, journals, notes, max_bytes)
+    if journals is None:
+        bag = _iter_ros1_content(file, source)
+    else:
+        bag = _iter_ros2_content(file, journals, source, max_bytes)
     with closing(bag) as content:
         _write_content(
             writer, _iter_with_read_errors(content, file.name, "the library rosbags" if is_ros1 else "SQLite")
@@ -97,7 +102,7 @@ def _iter_with_read_errors(content: Iterator[Content], name: str, reader: str) -
         yield item
 
 
-def _iter_ros1_content(file: InputFile, notes: dict[str, int]) -> Generator[Content, None, None]:
+def _iter_ros1_content(file: InputFile, source: SourceFormat) -> Generator[Content, None, None]:
     """Yield schemas, channels and converted messages of a ROS 1 bag."""
     from rosbags.interfaces import MessageDefinitionFormat
     from rosbags.rosbag1 import Reader
@@ -114,21 +119,41 @@ def _iter_ros1_content(file: InputFile, notes: dict[str, int]) -> Generator[Cont
             ROS_HEADER_TYPE
         ]  # the conversion takes `seq` out
         store.register(types)
-        yield from iter_schemas_and_channels(reader.connections, store, notes)
+        yield from iter_schemas_and_channels(reader.connections, store, source.notes)
+        source.n_chunks = len(reader.chunk_infos)
+        for chunk in reader.chunk_infos:
+            source.add_compression(_bag_chunk_compression(file, chunk.pos))
         for connection, log_time_ns, data in reader.messages():
             try:
                 yield _validate_message(connection.id, log_time_ns, store.ros1_to_cdr(data, connection.msgtype))
             except (SerdeError, AssertionError, UnicodeDecodeError):
                 what = f"messages that can't be converted on {connection.topic}"
-                notes[what] = notes.get(what, 0) + 1
+                source.notes[what] = source.notes.get(what, 0) + 1
+
+
+def _bag_chunk_compression(file: InputFile, at: int) -> str:
+    """Return the compression that a chunk's record names at byte `at` of a bag; "" for none.
+
+    The header is a list of fields `length (u32), name=value` (http://wiki.ros.org/Bags/Format/2.0).
+    """
+    (size,) = struct.unpack_from("<I", file[at : at + 4])
+    header, here = bytes(file[at + 4 : at + 4 + size]), 0
+    while here < len(header):
+        (length,) = struct.unpack_from("<I", header, here)
+        name, _, value = header[here + 4 : here + 4 + length].partition(b"=")
+        if name == b"compression":
+            compression = value.decode("ascii", "replace")
+            return "" if compression == "none" else compression
+        here += 4 + length
+    return ""
 
 
 def _iter_ros2_content(
-    file: InputFile, journals: Sequence[InputFile], notes: dict[str, int], max_bytes: int
+    file: InputFile, journals: Sequence[InputFile], source: SourceFormat, max_bytes: int
 ) -> Generator[Content, None, None]:
     """Yield schemas, channels and messages of a rosbag2 database."""
-    with open_database(file, journals, MAX_DATABASE_VALUE_BYTES, notes) as database:
-        for item in iter_database_content(database, file.name, notes, max_bytes):
+    with open_database(file, journals, MAX_DATABASE_VALUE_BYTES, source.notes) as database:
+        for item in iter_database_content(database, file.name, source, max_bytes):
             yield item if isinstance(item, Schema | Channel) else _validate_message(*item)
 
 

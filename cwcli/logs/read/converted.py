@@ -13,6 +13,8 @@ from typing import IO, cast
 
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile
+from cwcli.logs.format.joined_file import JoinedFile
+from cwcli.logs.read.source_format import SourceFormat
 
 COPY_BLOCK_BYTES = 1 << 20
 """Bytes that are copied at a time. Chosen by hand."""
@@ -36,7 +38,10 @@ class ConvertedFile(InputFile):
 
     Attributes:
         original: The file that the user named.
+        source_format: What the original was; None where it is MCAP inside a compressed file.
     """
+
+    source_format: SourceFormat | None = None
 
     def __init__(self, descriptor: int, original: InputFile, more: Sequence[InputFile] = ()) -> None:
         self.original = original
@@ -57,6 +62,15 @@ class ConvertedFile(InputFile):
         super()._close()
         for each in (self.original, *self._more):
             each.close()
+
+
+def source_formats(file: InputFile) -> list[SourceFormat]:
+    """Return the formats of the converted files that a log consists of; empty for a log of MCAP files alone."""
+    if isinstance(file, JoinedFile):
+        return [each for part in file.parts for each in source_formats(part)]
+    if isinstance(file, ConvertedFile) and file.source_format is not None:
+        return [file.source_format]
+    return []
 
 
 def convert_if_needed(file: InputFile, max_bytes: int) -> InputFile:
@@ -88,22 +102,25 @@ def _convert_bag_file(file: InputFile, max_bytes: int, *, is_ros1: bool) -> Inpu
     from cwcli.logs.read.bags import convert_bag
     from cwcli.logs.read.sqlite_files import open_journals
 
-    notes: dict[str, int] = {}
+    source = SourceFormat("a ROS 1 bag" if is_ros1 else "a rosbag2 database")
+    if isinstance(file, ConvertedFile):
+        source.add_compression("zstd")
     journals = [] if is_ros1 else open_journals(file)
     try:
-        fill = partial(convert_bag, file, notes, None if is_ros1 else journals, max(max_bytes, len(file)))
+        fill = partial(convert_bag, file, source, None if is_ros1 else journals, max(max_bytes, len(file)))
         log_file = _convert_into_temporary_file(file, fill, journals)
     except BaseException:
         for each in journals:
             each.close()
         raise
-    log_file.notes = {**file.notes, **notes}
+    log_file.source_format = source
+    log_file.notes = {**file.notes, **source.notes}
     return log_file
 
 
 def _convert_into_temporary_file(
     file: InputFile, fill: Callable[[IO[bytes]], None], more: Sequence[InputFile] = ()
-) -> InputFile:
+) -> ConvertedFile:
     """A temporary file that `fill` has written, in place of `file` and what was read with it."""
     import tempfile
 

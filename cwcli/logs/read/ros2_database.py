@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import numpy as np
     import numpy.typing as npt
 
+    from cwcli.logs.read.source_format import SourceFormat
+
 CDR_FORMAT = "cdr"
 """The serialization format of a topic that can be read."""
 MAX_NAMES_SHOWN = 5
@@ -48,14 +50,14 @@ class TopicRow(NamedTuple):
 
 
 def iter_database_content(
-    database: sqlite3.Connection, name: str, notes: dict[str, int], max_bytes: int
+    database: sqlite3.Connection, name: str, source: SourceFormat, max_bytes: int
 ) -> Generator[Content, None, None]:
     """Yield schemas, channels, and messages in the order of their times.
 
     Args:
         database: An open database.
         name: The file's name, for messages.
-        notes: Gets what could not be read, as text -> how often.
+        source: Gets what could not be read, and the compression of messages.
         max_bytes: Total size in bytes to which all messages may decompress.
 
     Raises:
@@ -64,10 +66,10 @@ def iter_database_content(
     """
     topics = _read_topics(database)
     usable = [each for each in topics if each.serialization_format.lower() == CDR_FORMAT]
-    yield from iter_schemas_and_channels(usable, _load_message_types(database), notes)
+    yield from iter_schemas_and_channels(usable, _load_message_types(database), source.notes)
     rows, topic_ids, times_ns = _read_message_rows_by_time(database)
     counts = Counter(topic_ids.tolist())
-    _note_unread_messages(topics, counts, notes)
+    _note_unread_messages(topics, counts, source.notes)
     channel_of = {each.topic_id: each.id for each in usable}
     n_left = max_bytes
     for row, topic_id, time_ns in zip(rows.tolist(), topic_ids.tolist(), times_ns.tolist(), strict=True):
@@ -76,7 +78,10 @@ def iter_database_content(
         found = database.execute("SELECT data FROM messages WHERE rowid = ?", (row,)).fetchone()
         if found is None or not isinstance(found[0], bytes):
             raise ValueError(f"message {row} holds no octets")
-        payload = decompress_message(found[0]) if found[0].startswith(ZSTD_MAGIC) else found[0]
+        payload = found[0]
+        if payload.startswith(ZSTD_MAGIC):
+            payload = decompress_message(payload)
+            source.add_compression("zstd")
         n_left -= len(payload)
         if n_left < 0:
             what = f"its messages unpack to more than {max_bytes / BYTES_PER_GIGABYTE:g} GB"

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.write.byte_rows import ByteRows, encode_varint, encode_varints, join_rows
 from cwcli.logs.write.column_tree import ColumnError, Tree, build_column_tree, repeated_from_ragged_leaves
 from cwcli.logs.write.row_assembly import (
@@ -29,6 +30,7 @@ from cwcli.logs.write.row_assembly import (
 )
 from cwcli.signals.columns import Int64Array, NumericArray, OutputField, Ragged, Repeated, Strings
 from cwcli.signals.units import NS_PER_S
+from cwcli.text import replace_surrogates
 
 if TYPE_CHECKING:
     from google.protobuf.descriptor import Descriptor, FieldDescriptor
@@ -91,7 +93,7 @@ def _encode_field_pieces(descriptor: FieldDescriptor, column: OutputField | Tree
         return _encode_submessage_pieces(descriptor, column, n)
     if isinstance(column, Mapping | Repeated):
         raise ColumnError("it is not a message")
-    if descriptor.is_repeated:
+    if is_repeated_field(descriptor):
         return _encode_packed_pieces(descriptor, column)
     if descriptor.type == TYPE_BYTES and isinstance(column, Ragged):
         return _encode_bytes_pieces(descriptor, column)
@@ -110,7 +112,7 @@ def _encode_field_pieces(descriptor: FieldDescriptor, column: OutputField | Tree
 def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField | Tree, n: int) -> list[Piece]:
     message = descriptor.message_type
     tag = _encode_tag_piece(descriptor, WIRE_LENGTH)
-    if descriptor.is_repeated:
+    if is_repeated_field(descriptor):
         repeated = column if isinstance(column, Repeated) else repeated_from_ragged_leaves(column)
         total = int(repeated.offsets[-1])
         inner = _encode_message_pieces(message, build_column_tree(repeated.fields), total)
@@ -132,7 +134,7 @@ def _encode_submessage_pieces(descriptor: FieldDescriptor, column: OutputField |
 def _encode_string_pieces(descriptor: FieldDescriptor, column: Strings) -> list[Piece]:
     """Return tag, length and text; no bytes where the string is absent."""
     prefix = _encode_tag(descriptor, WIRE_LENGTH)
-    texts = [text.encode() for text in column.values]
+    texts = [replace_surrogates(text).encode() for text in column.values]
     entries = join_rows([prefix + encode_varint(len(text)) + text for text in texts] + [b""])
     codes = np.where(column.codes < 0, len(texts), column.codes)
     if len(codes) and (codes == codes[0]).all():

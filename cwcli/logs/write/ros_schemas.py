@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.codecs.ros2msg import PRIMITIVE_DTYPES, STRING_TYPE, parse_message_definitions, short_message_name
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def _definition_lines(descriptor: Descriptor) -> list[str]:
     for field in sorted(descriptor.fields, key=lambda each: each.number):
         if field.enum_type is not None:
             lines += [f"int32 {value.name}={value.number}" for value in field.enum_type.values]
-        lines.append(f"{_ros_type_of_field(field)}{'[]' if field.is_repeated else ''} {field.name}")
+        lines.append(f"{_ros_type_of_field(field)}{'[]' if is_repeated_field(field) else ''} {field.name}")
     return lines
 
 

@@ -101,7 +101,9 @@ def read_sensor_signals(
             command=command,
         )
     except MissingSignalError as error:
-        raise (add_stations_to_error(error, log) if Role.EGO_POSITION in required else error) from None
+        if Role.EGO_POSITION in required:
+            raise add_stations_to_error(error, log, given=how.ego_station) from None
+        raise
     wanted = bound.fields_to_load()
     every = {role: [each for one in b for each in (one, *one.parts)] for role, b in bound.by_role.items()}
     for binding in (each for bindings in every.values() for each in bindings):
@@ -147,7 +149,10 @@ def read_sensor_signals(
                 try:
                     require_usable_rows(quality, where=log.name, is_cut=is_cut)
                 except MissingSignalError as error:
-                    raise (add_stations_to_error(error, log) if role is Role.EGO_POSITION else error) from None
+                    if role is Role.EGO_POSITION:
+                        topics = {quality.source}
+                        raise add_stations_to_error(error, log, given=how.ego_station, topics=topics) from None
+                    raise
     notes = (*bound.notes, *(f"{q.source}: {note}" for q in qualities for note in q.notes))
     others = {role: loaded[topic] for role, topic in own.items()}
     return SensorSignals(by_role, tuple(qualities), (*notes, *format_clock_disagreements(qualities)), others)

@@ -10,6 +10,7 @@ import pytest
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message_factory import GetMessageClass
 
+from cwcli.logs.codecs.protobuf_tables import is_repeated_field
 from cwcli.logs.write.byte_rows import ByteRows
 from cwcli.logs.write.protobuf_encoder import ColumnError, encode_protobuf
 from cwcli.logs.write.schemas import find_message_schema
@@ -48,11 +49,11 @@ WORDS = ("", "ego", "Fahrzeug 7 äöü", "x" * 200)
 def random_column(field: FieldDescriptor, n: int, rng: np.random.Generator) -> OutputField | dict[str, OutputField]:
     """A column for one field; nested messages as a mapping from inner paths."""
     if field.type == FieldDescriptor.TYPE_MESSAGE:
-        if field.is_repeated:
+        if is_repeated_field(field):
             offsets = np.concatenate([[0], np.cumsum(rng.integers(0, 4, n))])
             return Repeated(offsets, random_columns(field.message_type, int(offsets[-1]), rng))
         return dict(random_columns(field.message_type, n, rng))
-    if field.is_repeated:
+    if is_repeated_field(field):
         if rng.random() < 0.5:
             return np.stack([random_numbers(field, n, rng) for _ in range(3)], axis=1)
         offsets = np.concatenate([[0], np.cumsum(rng.integers(0, 5, n))])
@@ -76,7 +77,7 @@ def random_numbers(field: FieldDescriptor, n: int, rng: np.random.Generator) -> 
 def random_columns(message: Descriptor, n: int, rng: np.random.Generator) -> dict[str, OutputField]:
     columns: dict[str, OutputField] = {}
     for field in message.fields:
-        if field.is_repeated and field.type in (FieldDescriptor.TYPE_STRING, FieldDescriptor.TYPE_BYTES):
+        if is_repeated_field(field) and field.type in (FieldDescriptor.TYPE_STRING, FieldDescriptor.TYPE_BYTES):
             continue
         column = random_column(field, n, rng)
         if isinstance(column, Mapping):

@@ -109,9 +109,13 @@ def finely(state: FloatArray, n: int = 200) -> tuple[FloatArray, FloatArray]:
     return x + moved[0], y + moved[1]
 
 
-def test_against_samples_of_states() -> None:
-    """Errors of states, not of paths: to first order, and as one error all along, it is what is summed."""
-    rng = np.random.default_rng(9)
+@pytest.mark.parametrize(("seed", "largest"), [(9, 0.02), (10, 0.03), (11, 0.03), (12, 0.03)])
+def test_against_samples_of_states(seed: int, largest: float) -> None:
+    """Errors of states, not of paths: to first order, and as one error all along, it is what is summed.
+
+    docs/measures.md says the bounds of all seeds.
+    """
+    rng = np.random.default_rng(seed)
     own, theirs = sigmas(x=0.5, y=0.4, v=0.4, h=0.02, a=0.4, w=0.01), sigmas(x=0.4, y=0.6, v=0.3, h=0.03, a=0.3, w=0.02)
     differences = []
     for _ in range(8):
@@ -124,7 +128,7 @@ def test_against_samples_of_states() -> None:
         other[:2] = ends[0] - ends[1] + rng.normal(0.0, 1.5, 2)
         found = pair(host, other, own, theirs).evaluate_measure(MEASURE)[0]
         differences.append(found - sampled(host, other, own, theirs, rng))
-    assert np.abs(differences).max() < 0.02
+    assert np.abs(differences).max() < largest
     assert np.sqrt(np.mean(np.square(differences))) < 0.01
 
 

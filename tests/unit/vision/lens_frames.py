@@ -19,6 +19,7 @@ from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.vision.camera import Mounting
+from cwcli.vision.opencv_versions import undistort_points
 
 WIDTH_PX, HEIGHT_PX = 640, 360
 HEIGHT_M = 1.3
@@ -70,7 +71,7 @@ class Lens:
         if self.model == "equidistant":
             ideal = cv2.fisheye.undistortPoints(seen, self.matrix, np.array(self.coefficients), criteria=stop)
         else:
-            ideal = cv2.undistortPoints(seen, self.matrix, np.array(self.coefficients), criteria=stop)
+            ideal = undistort_points(seen, self.matrix, np.array(self.coefficients), stop)
         x, y = ideal.reshape(-1, 2).T
         cosine, sine = math.cos(self.roll_rad), math.sin(self.roll_rad)
         level = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
