@@ -14,11 +14,9 @@ from cwcli.cli.options.respelled import print_former_option_notes, replace_forme
 from cwcli.cli.options.shared import (
     CalibrationOptions,
     LogArgument,
-    MetricsDirOption,
-    MetricsOption,
     ReadingOptions,
     SensorOptions,
-    WritingOptions,
+    StageOutputOptions,
     source_of_logs,
 )
 from cwcli.cli.options.stage import (
@@ -44,13 +42,11 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
     def command(
         log: LogArgument,
         stages: dict[str, StageOptions],
-        writing: WritingOptions,
+        writing: StageOutputOptions,
         reading: ReadingOptions,
         sensors: SensorOptions,
         calibration: CalibrationOptions,
         talk: TalkOptions,
-        metrics: MetricsOption = None,
-        metrics_dir: MetricsDirOption = None,
     ) -> None:
         options, wanted, notes = replace_former_options(stages, (stage.name,))
         known = calibration.load_if_named()
@@ -67,8 +63,8 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
             reading,
             writing,
             talk,
-            metrics,
-            metrics_dir,
+            writing.metrics,
+            writing.metrics_dir,
             tuple(first),
         )
         if first:

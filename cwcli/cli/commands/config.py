@@ -58,7 +58,7 @@ def resolve_all_options(file: str | None) -> tuple[dict[str, Any], tuple[str, ..
         options = expand_dataclass_parameters(gather_all_options, "run", stages=make_all_stage_options_classes())(
             **values
         )
-        check_selection_options(options.reading.topics_and_mappings, options.reading.start, options.reading.end)
+        check_selection_options(options.inputs.topics_and_mappings, options.inputs.start, options.inputs.end)
         document: dict[str, Any] = options.to_document()
         notes: tuple[str, ...] = options.notes
     except UsageError as error:
