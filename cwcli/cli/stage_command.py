@@ -10,7 +10,6 @@ from typing import Any
 
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
-from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
     CalibrationOptions,
     LogArgument,
@@ -48,18 +47,15 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
         calibration: CalibrationOptions,
         talk: TalkOptions,
     ) -> None:
-        options, wanted, notes = replace_former_options(stages, (stage.name,))
         known = calibration.load_if_named()
         first = {
             name: stage_call_from_options(make_stage_options_class(name)(**values), sensors, known)
             for name, values in stage.first.items()
         }
-        calls = {name: stage_call_from_options(options[name], sensors, known) for name in wanted}
-        print_former_option_notes(talk, notes)
         job = Job(
             stage.name,
             source_of_logs(log, reading.as_one),
-            {**first, **calls},
+            {**first, stage.name: stage_call_from_options(stages[stage.name], sensors, known)},
             reading,
             writing,
             talk,
@@ -69,7 +65,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
         )
         if first:
             job = replace(job, missing=SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station))
-        run_write_and_print(replace(job, lenient=len(calls) > 1))
+        run_write_and_print(job)
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]
     without = [

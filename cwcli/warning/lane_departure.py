@@ -94,7 +94,7 @@ class LaneDepartureConfig:
     hold_off_s: float = 1.0
     min_speed_mps: Annotated[
         float,
-        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS", former="--lane-speed"),
+        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS"),
     ] = CLASS_II_MIN_SPEED_MPS
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3

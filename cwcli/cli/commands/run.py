@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
     LogsArgument,
     ReadingOptions,
@@ -107,14 +106,12 @@ class AllOptions:
         pipeline, inputs: Options that the stages share.
         options_of_stages: Stage -> its own options.
         wanted_stages: Names of the stages to run, in order.
-        notes: Notes on options that are spelled in an old way.
     """
 
     pipeline: PipelineOptions
     inputs: RunInputOptions
     options_of_stages: dict[str, StageOptions]
     wanted_stages: tuple[str, ...]
-    notes: tuple[str, ...]
 
     def stage_calls(self) -> dict[str, StageCall]:
         """Configure the stages to run, by name in order.
@@ -168,7 +165,7 @@ class AllOptions:
 def gather_all_options(
     pipeline: PipelineOptions, inputs: RunInputOptions, stages: dict[str, StageOptions]
 ) -> AllOptions:
-    """Collect all options of a run, and replace old spellings.
+    """Collect all options of a run.
 
     Raises:
         UsageError: There is no stage of a name.
@@ -179,8 +176,8 @@ def gather_all_options(
     for name in asked:
         if name not in STAGES:
             raise UsageError(f"there is no stage {name}", hint=closest_names_hint(name, list(STAGES)))
-    wanted = [name for name in STAGES if name in (asked or DEFAULT_STAGES)]
-    return AllOptions(pipeline, inputs, *replace_former_options(stages, wanted))
+    wanted = tuple(name for name in STAGES if name in (asked or DEFAULT_STAGES))
+    return AllOptions(pipeline, inputs, stages, wanted)
 
 
 def gather_default_options() -> AllOptions:
@@ -215,14 +212,12 @@ def command(
         _refuse_with_directory(writing, inputs, fleet)
         writing.channel_choice.check_patterns_before_run(STAGES[name] for name in options.wanted_stages)
         plan = options.fleet_plan(replace=writing.replace, choice=writing.channel_choice)
-        print_former_option_notes(talk, options.notes)
         return run_on_many_logs(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
     _refuse_without_directory(logs, pipeline, inputs, fleet)
     job = add_all_stages(
         Job("run", source_of_logs(logs, inputs.as_one), {}, inputs, writing, talk, metrics_dir=writing.metrics_dir),
         options,
     )
-    print_former_option_notes(talk, options.notes)
     run_write_and_print(job)
     return 0
 
