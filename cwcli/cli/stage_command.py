@@ -26,6 +26,7 @@ from cwcli.cli.options.stage import (
     uses_calibration,
 )
 from cwcli.cli.pipeline import Job, run_write_and_print
+from cwcli.pipeline.execute import SkipRules
 from cwcli.pipeline.missing import SkipStagesAlreadyRun
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
@@ -64,7 +65,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
             tuple(first),
         )
         if first:
-            job = replace(job, missing=SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station))
+            job = replace(job, skip=SkipRules(SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station)))
         run_write_and_print(job)
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]

@@ -20,7 +20,7 @@ from cwcli.cli.options.stage import StageOptions, make_all_stage_options_classes
 from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.errors import UsageError
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.execute import ALL_CHANNELS
+from cwcli.pipeline.execute import ALL_CHANNELS, SkipRules
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def add_all_stages(job: Job, options: AllOptions) -> Job:
     from cwcli.pipeline.missing import SignalCheck
 
     missing = SignalCheck(STAGES, options.inputs.ego_station)
-    return replace(job, stages=options.stage_calls(), missing=missing, lenient=True)
+    return replace(job, stages=options.stage_calls(), skip=SkipRules(missing, lenient=True))
 
 
 def _refuse_with_directory(writing: RunOutputOptions, reading: ReadingOptions, fleet: FleetOptions) -> None:
