@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures import fuzzy
+from cwcli.measures import fuzzy_safety
 from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
 
@@ -136,11 +136,11 @@ def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
         lateral_s = seen.lateral_gap_m / seen.approach_mps
         passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
     goes_by = beside & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
-    now = fuzzy.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
-    ahead = fuzzy.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
-    hard = fuzzy.HARDEST_BRAKING_MPS2 - fuzzy.COMFORTABLE_BRAKING_MPS2
+    now = fuzzy_safety.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
+    ahead = fuzzy_safety.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
+    hard = fuzzy_safety.HARDEST_BRAKING_MPS2 - fuzzy_safety.COMFORTABLE_BRAKING_MPS2
     wanted = np.where(
-        now > 0.0, fuzzy.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy.COMFORTABLE_BRAKING_MPS2
+        now > 0.0, fuzzy_safety.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy_safety.COMFORTABLE_BRAKING_MPS2
     )
     return np.where(seen.is_behind | goes_by, 0.0, wanted)
 
@@ -159,7 +159,7 @@ R157_DRIVER = DriverModel("driver of UN R157", _r157_braking_mps2, R157_REACTION
 RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
 """The driver of RSS (Shalev-Shwartz et al. 2017), who brakes as the careful human does."""
 FUZZY_SAFETY_DRIVER = DriverModel(
-    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
+    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy_safety.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
 )
 """The driver of the fuzzy safety model (Mattas et al. 2020), who brakes with the human's jerk."""
 

@@ -72,6 +72,6 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
 
 @pytest.mark.parametrize("step_s, kept", [(0.05, 5), (0.1, 2), (0.25, 1), (0.3, 1)])
 def test_points_are_a_quarter_of_a_second_apart_at_most(step_s: float, kept: int) -> None:
-    given = replace(planned(2), plan=replace(planned(2).plan, horizon_s=3.0, step_s=step_s))
+    given = replace(planned(2), plan=replace(planned(2).plan, settings=RolloutSettings(3.0, step_s)))
     channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
     assert np.asarray(channel.make_rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)
