@@ -13,7 +13,6 @@ from cwcli.cli.options.shared import ReadingOptions, WritingOptions, source_name
 from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import UsageError
-from cwcli.logs.write.annotate import CopyOptions
 from cwcli.pipeline.call import Call
 from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, SkipRules, run_stages
 from cwcli.pipeline.selection import resolve_selection
@@ -146,7 +145,7 @@ def _write_annotated_log(
     job: Job, log: Log, outcome: RunOutcome, progress: Progress, together: AtomicGroup
 ) -> list[str]:
     """Write the annotated log; returns the names of its files."""
-    from cwcli.logs.write.annotate import annotate_log
+    from cwcli.logs.write.annotate import CopyOptions, annotate_log
     from cwcli.logs.write.annotate_parts import annotate_parts
 
     writing = job.writing
