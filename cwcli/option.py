@@ -27,7 +27,6 @@ class Option:
         above, at_most: Bounds of the value, the lower one exclusive; None for no bound.
         kind: Type of the option's value, where it is not the field's.
         parse: Converts the option's value to the field's; called only if the option was given.
-        former: Former name of the option, such as `--lane-speed`; "" if it never had one.
     """
 
     flags: str
@@ -39,4 +38,3 @@ class Option:
     at_most: float | None = None
     kind: Any = None
     parse: Callable[[Any], Any] | None = None
-    former: str = ""

@@ -18,7 +18,7 @@ from cwcli.estimation.config import EstimatorConfig
 from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.call import Selection, StageCall
-from cwcli.pipeline.execute import run_stages
+from cwcli.pipeline.execute import SkipRules, run_stages
 from cwcli.pipeline.missing import SignalCheck
 from cwcli.stages import STAGES
 from cwcli.stages.estimate import EstimateConfig
@@ -121,8 +121,7 @@ def online_messages(source: Path, stages: Mapping[str, Any], folder: Path) -> di
                 log,
                 calls,
                 Selection(),
-                missing=SignalCheck(STAGES, station),
-                lenient=True,
+                skip=SkipRules(SignalCheck(STAGES, station), True),
                 strict=False,
                 step=lambda words: None,
             )

@@ -26,8 +26,8 @@ order, by the states' covariances). Where a measure is not defined the cell is e
 
 {symmetric}
 
-A measure is one file with a `MEASURE` and one line in `cwcli/measures/__init__.py`. A package adds one by an entry
-point in the group `cwcli.measures`.
+A measure is a `Measure` in a file of its own or of its family, and one line in `cwcli/measures/__init__.py`. A package
+adds one by an entry point in the group `cwcli.measures`.
 {sections}
 ## Where they peak
 

@@ -14,7 +14,7 @@ from cwcli.cli.progress import Progress
 from cwcli.cli.report import print_stage_summary, print_written_files
 from cwcli.errors import UsageError
 from cwcli.pipeline.call import Call
-from cwcli.pipeline.execute import Missed, RunOutcome, run_stages
+from cwcli.pipeline.execute import RUN_EVERY_STAGE, RunOutcome, SkipRules, run_stages
 from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
 
@@ -36,7 +36,7 @@ class Job:
         metrics: File of the stage's main table, or None.
         metrics_dir: Folder for all tables of all stages, or None.
         first: Names of the stages that only prepare inputs of the command's own stage.
-        missing, lenient: Which stages are left out; see `cwcli.pipeline.execute.run_stages`.
+        skip: Which stages are left out.
     """
 
     command: str
@@ -48,8 +48,7 @@ class Job:
     metrics: str | None = None
     metrics_dir: str | None = None
     preceding_stages: Collection[str] = ()
-    missing: Missed = lambda name, log, selection: None
-    lenient: bool = False
+    skip: SkipRules = RUN_EVERY_STAGE
 
 
 def run_write_and_print(job: Job) -> RunOutcome:
@@ -94,8 +93,7 @@ def run_and_write(job: Job) -> RunOutcome:
                 log,
                 job.stages,
                 resolve_selection(log, job.reading.topics_and_mappings, job.reading.start, job.reading.end),
-                missing=job.missing,
-                lenient=job.lenient,
+                skip=job.skip,
                 strict=job.reading.strict,
                 choice=job.writing.channel_choice,
                 step=progress.begin_step,
@@ -147,7 +145,7 @@ def _write_annotated_log(
     job: Job, log: Log, outcome: RunOutcome, progress: Progress, together: AtomicGroup
 ) -> list[str]:
     """Write the annotated log; returns the names of its files."""
-    from cwcli.logs.write.annotate import annotate_log
+    from cwcli.logs.write.annotate import CopyOptions, annotate_log
     from cwcli.logs.write.annotate_parts import annotate_parts
 
     writing = job.writing
@@ -170,8 +168,7 @@ def _write_annotated_log(
         output,
         replace=writing.replace,
         force=writing.force,
-        chosen_topics=writing.channel_choice,
-        together=together,
+        options=CopyOptions(chosen_topics=writing.channel_choice, together=together),
     )
     outcome.left_profile = report.dropped_profile
     return [output]

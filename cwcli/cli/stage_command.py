@@ -10,15 +10,12 @@ from typing import Any
 
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
-from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
     CalibrationOptions,
     LogArgument,
-    MetricsDirOption,
-    MetricsOption,
     ReadingOptions,
     SensorOptions,
-    WritingOptions,
+    StageOutputOptions,
     source_of_logs,
 )
 from cwcli.cli.options.stage import (
@@ -29,6 +26,7 @@ from cwcli.cli.options.stage import (
     uses_calibration,
 )
 from cwcli.cli.pipeline import Job, run_write_and_print
+from cwcli.pipeline.execute import SkipRules
 from cwcli.pipeline.missing import SkipStagesAlreadyRun
 from cwcli.pipeline.stage import Stage
 from cwcli.stages import STAGES
@@ -44,36 +42,31 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
     def command(
         log: LogArgument,
         stages: dict[str, StageOptions],
-        writing: WritingOptions,
+        writing: StageOutputOptions,
         reading: ReadingOptions,
         sensors: SensorOptions,
         calibration: CalibrationOptions,
         talk: TalkOptions,
-        metrics: MetricsOption = None,
-        metrics_dir: MetricsDirOption = None,
     ) -> None:
-        options, wanted, notes = replace_former_options(stages, (stage.name,))
         known = calibration.load_if_named()
         first = {
             name: stage_call_from_options(make_stage_options_class(name)(**values), sensors, known)
             for name, values in stage.first.items()
         }
-        calls = {name: stage_call_from_options(options[name], sensors, known) for name in wanted}
-        print_former_option_notes(talk, notes)
         job = Job(
             stage.name,
             source_of_logs(log, reading.as_one),
-            {**first, **calls},
+            {**first, stage.name: stage_call_from_options(stages[stage.name], sensors, known)},
             reading,
             writing,
             talk,
-            metrics,
-            metrics_dir,
+            writing.metrics,
+            writing.metrics_dir,
             tuple(first),
         )
         if first:
-            job = replace(job, missing=SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station))
-        run_write_and_print(replace(job, lenient=len(calls) > 1))
+            job = replace(job, skip=SkipRules(SkipStagesAlreadyRun(stage, STAGES, sensors.ego_station)))
+        run_write_and_print(job)
 
     command.__doc__ = re.split(r"\n\n(?:Args|Returns|Raises):\n", inspect.getdoc(stage.stage_function) or "")[0]
     without = [

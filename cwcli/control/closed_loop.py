@@ -184,9 +184,7 @@ def replay_with_policy(
         x, y, heading = path.position_and_heading_at(state.travelled_m)
         dx, dy = obstacle.x_m[i] - x, obstacle.y_m[i] - y
         distance = np.hypot(dx, dy)
-        situation = _pedal_situation_at_step(
-            now_s - warning_time_s, dx, dy, distance, heading, state.speed_mps, state.accel_mps2, other_car, i
-        )
+        situation = _pedal_situation_at_step(now_s - warning_time_s, (dx, dy, distance), heading, state, other_car, i)
         throttle, pressure = policy(situation)
         throttle, pressure = np.where(free, 0.0, throttle), np.where(free, 0.0, pressure)
         for name, value in zip(
@@ -222,16 +220,23 @@ def replay_with_policy(
 
 def _pedal_situation_at_step(
     since_warning_s: FloatArray,
-    dx_m: FloatArray,
-    dy_m: FloatArray,
-    distance_m: FloatArray,
+    offset_m: tuple[FloatArray, FloatArray, FloatArray],
     heading_rad: FloatArray,
-    speed_mps: FloatArray,
-    accel_mps2: FloatArray,
+    car: CarState,
     obstacle: _OtherCar,
     i: int,
 ) -> PedalSituation:
-    """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv."""
+    """Compute a policy's inputs at step i from the cars' relative motion: time to collision and eq. 11's dv.
+
+    Args:
+        since_warning_s: Shape (n,).
+        offset_m: The other car's position minus the controlled car's: x, y and distance, map frame, shape (n,) each.
+        heading_rad: Heading of the controlled car, shape (n,).
+        car: State of the controlled car.
+        obstacle: The other car.
+        i: Index of the step.
+    """
+    (dx_m, dy_m, distance_m), speed_mps, accel_mps2 = offset_m, car.speed_mps, car.accel_mps2
     cosine, sine = np.cos(heading_rad), np.sin(heading_rad)
     relative_vx = obstacle.vx_mps[i] - speed_mps * cosine
     relative_vy = obstacle.vy_mps[i] - speed_mps * sine

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures import fuzzy
+from cwcli.measures import fuzzy_safety
 from cwcli.measures.outlines import Size, outline_separation_m
 from cwcli.signals.columns import FloatArray
 
@@ -136,10 +136,12 @@ def _fuzzy_braking_mps2(seen: DrivingSituation) -> FloatArray:
         lateral_s = seen.lateral_gap_m / seen.approach_mps
         passing_s = (seen.gap_m + 2.0 * seen.reach_m) / seen.closing_speed_mps
     goes_by = beside & (~(seen.approach_mps > 0.0) | (lateral_s > passing_s + 0.1))
-    now = fuzzy.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
-    ahead = fuzzy.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
-    hard = fuzzy.HARDEST_BRAKING_MPS2 - fuzzy.COMFORTABLE_BRAKING_MPS2
-    wanted = np.where(now > 0.0, fuzzy.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy.COMFORTABLE_BRAKING_MPS2)
+    now = fuzzy_safety.critical_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps, seen.accel_mps2)
+    ahead = fuzzy_safety.proactive_unsafety_of_gap(seen.gap_m, seen.speed_mps, seen.other_speed_mps)
+    hard = fuzzy_safety.HARDEST_BRAKING_MPS2 - fuzzy_safety.COMFORTABLE_BRAKING_MPS2
+    wanted = np.where(
+        now > 0.0, fuzzy_safety.COMFORTABLE_BRAKING_MPS2 + now * hard, ahead * fuzzy_safety.COMFORTABLE_BRAKING_MPS2
+    )
     return np.where(seen.is_behind | goes_by, 0.0, wanted)
 
 
@@ -157,7 +159,7 @@ R157_DRIVER = DriverModel("driver of UN R157", _r157_braking_mps2, R157_REACTION
 RSS_DRIVER = DriverModel("RSS", _rss_braking_mps2, RSS_REACTION_S, 0.0, HUMAN_JERK_MPS3)
 """The driver of RSS (Shalev-Shwartz et al. 2017), who brakes as the careful human does."""
 FUZZY_SAFETY_DRIVER = DriverModel(
-    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
+    "fuzzy safety model", _fuzzy_braking_mps2, fuzzy_safety.RESPONSE_TIME_S, 0.0, HUMAN_JERK_MPS3
 )
 """The driver of the fuzzy safety model (Mattas et al. 2020), who brakes with the human's jerk."""
 
@@ -192,39 +194,51 @@ class DriverOutcome:
     least_gap_m: FloatArray
 
 
+@dataclass(frozen=True)
+class EgoCases:
+    """The ego in n cases at the start.
+
+    Attributes:
+        speed_mps: Shape (n,).
+        pose_at: Distance along the ego's path, (n,) -> x_m, y_m, heading_rad there.
+        size: Length and width.
+        offset_m: Distance along the path, (n,); None: 0.
+    """
+
+    speed_mps: FloatArray
+    pose_at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+    size: Size
+    offset_m: FloatArray | None = None
+
+
 def simulate_driver_cases(
     driver: DriverModel,
-    *,
-    start_mps: FloatArray,
-    ego_at: Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]],
+    ego: EgoCases,
     other_at: Callable[[int], tuple[CasePoses, BoolArray, Size]],
-    ego_size: Size,
+    *,
     n_steps: int,
     step_s: float,
-    offset_m: FloatArray | None = None,
 ) -> DriverOutcome:
     """Simulate every case with one driver model.
 
     Args:
         driver: The driver model.
-        start_mps: The ego's speed at the start, (n,).
-        ego_at: Distance along the ego's path, (n,) -> x_m, y_m, heading_rad there.
+        ego: The ego of each case.
         other_at: Step -> the other's poses, whether the driver reacts to it, and its size.
-        ego_size: Length and width of the ego.
         n_steps: Number of steps.
         step_s: Duration of a step; positions follow from the speed at its end.
-        offset_m: The ego's distance along its path at the start, (n,); None: 0.
     """
-    n = len(start_mps)
-    speed, way = start_mps.astype(np.float64), np.zeros(n) if offset_m is None else offset_m.astype(np.float64)
+    n = len(ego.speed_mps)
+    speed = ego.speed_mps.astype(np.float64)
+    way = np.zeros(n) if ego.offset_m is None else ego.offset_m.astype(np.float64)
     before, decel = speed.copy(), np.zeros(n)
     left_s = np.full(n, driver.reaction_s)
     crash_s, impact, braked_s = (np.full(n, np.nan) for _ in range(3))
     least, over = np.full(n, np.inf), np.zeros(n, dtype=bool)
     for step in range(n_steps):
-        own = ego_at(way)
+        own = ego.pose_at(way)
         other, minded, other_size = other_at(step)
-        seen = _driving_situation(own, speed, (speed - before) / step_s, other, ego_size, other_size)
+        seen = _driving_situation(own, speed, (speed - before) / step_s, other, ego.size, other_size)
         if driver.is_no_longer_judged is not None:
             over |= minded & driver.is_no_longer_judged(seen)
         wanted = np.where(minded, driver.requested_deceleration_mps2(seen), 0.0)
@@ -234,7 +248,7 @@ def simulate_driver_cases(
         decel = np.where(acts, np.where(waits, driver.release_mps2, grown), decel)
         left_s = np.where(acts & waits, left_s - step_s, left_s)
         margin = outline_separation_m(
-            other.x_m - own[0], other.y_m - own[1], own[2], other.heading_rad, ego_size, other_size
+            other.x_m - own[0], other.y_m - own[1], own[2], other.heading_rad, ego.size, other_size
         )
         least = np.where(over, least, np.minimum(least, margin))
         hits = (margin < 0.0) & minded & np.isnan(crash_s) & ~over

@@ -20,6 +20,7 @@ from cwcli.control.driver_models import (
     CasePoses,
     DriverModel,
     DriverOutcome,
+    EgoCases,
     simulate_driver_cases,
 )
 from cwcli.measures.outlines import Size
@@ -91,13 +92,15 @@ def judge_preventability(
     for name, driver in drivers.items():
         outcome = simulate_driver_cases(
             driver,
-            start_mps=np.maximum(np.interp(starts, time, state[:, 2]), 0.0),
-            ego_at=_path_pose_function(way, state),
+            ego=EgoCases(
+                speed_mps=np.maximum(np.interp(starts, time, state[:, 2]), 0.0),
+                pose_at=_path_pose_function(way, state),
+                size=pair.host_size,
+                offset_m=np.interp(starts, time, way),
+            ),
             other_at=_recorded_pose_function(other, starts, pair.other_size),
-            ego_size=pair.host_size,
             n_steps=n_steps,
             step_s=SIMULATION_STEP_S,
-            offset_m=np.interp(starts, time, way),
         )
         found.append(_driver_verdict(name, outcome, starts))
     return found

@@ -11,7 +11,7 @@ import numpy as np
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input, run_filter_pass
+from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input
 from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
 from cwcli.estimation.start import find_start_with_parameter_states
@@ -141,7 +141,8 @@ def estimate_noise_and_manoeuvres(
 
         def run_filter(series: Sequence[SensorSeries], parameters: MotionParameters) -> PassResult:
             motion = parameters.to_process_model(walk)
-            return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=orders)
+            prepared = build_pass_input(series, start.time_s, np.zeros(0), reset_after=50, orders=orders)
+            return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=False))
 
         found = fit_stamp_errors(fit, may, run_filter, scale_manoeuvres)
         fit = fit if found is fit else refit_noise_and_motion(found)

@@ -196,7 +196,6 @@ def run_filter_pass(
     *,
     smooth: bool,
     reset_after: int,
-    orders: dict[float, RowTimeOrder] | None = None,
     restarts: Sequence[FilterStart] = (),
 ) -> PassResult:
     """Filter (and smooth) all series from `start` on.
@@ -208,12 +207,9 @@ def run_filter_pass(
         output_s: Shape (m,), increasing; rows before the start are taken at the start.
         smooth: Run the smoother too.
         reset_after: See `EstimatorConfig`.
-        orders: Cache of time orders by start time, for passes over the same times, outputs and patience.
         restarts: Starts that replace the motion states at their times, in time order: see `ekf.Restarts`.
     """
-    prepared = build_pass_input(
-        series, start.time_s, output_s, reset_after=reset_after, orders=orders, restarts=restarts
-    )
+    prepared = build_pass_input(series, start.time_s, output_s, reset_after=reset_after, restarts=restarts)
     return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=smooth))
 
 
@@ -276,7 +272,13 @@ def build_pass_input(
     orders: dict[float, RowTimeOrder] | None = None,
     restarts: Sequence[FilterStart] = (),
 ) -> PassInput:
-    """Put the series into time order from `start_s` on; for the arguments see `run_filter_pass`."""
+    """Put the series into time order from `start_s` on.
+
+    Args:
+        series, output_s, reset_after, restarts: See `run_filter_pass`.
+        start_s: Time of the start.
+        orders: Cache of time orders by start time, for passes over the same times, outputs and patience.
+    """
     known = None if orders is None else orders.get(start_s)
     order_of = known or order_rows_by_time(series, start_s, output_s, reset_after)
     if orders is not None:

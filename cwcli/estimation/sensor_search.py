@@ -23,7 +23,7 @@ from cwcli.estimation.noise import (
     noise_variance_factor,
 )
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, run_filter_pass
+from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input, run_filter_pass
 from cwcli.estimation.prepare import average_rows_to_rate
 from cwcli.estimation.score import GATE_PROBABILITY, MIN_LIKELIHOOD_GAIN_PER_PARAMETER, prediction_log_likelihood
 from cwcli.estimation.sensor_limits import range_of_sensor_error
@@ -322,7 +322,8 @@ class _SensorModelTrials:
     def _run_filter(self, series: Sequence[SensorSeries], layout: StateLayout) -> PassResult:
         start = find_start_with_parameter_states(series, layout.prior, causal=False)
         motion = layout.parameters.to_process_model(layout.walk)
-        return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50, orders=self._orders)
+        prepared = build_pass_input(series, start.time_s, np.zeros(0), reset_after=50, orders=self._orders)
+        return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=False))
 
 
 def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:

@@ -18,16 +18,21 @@ from cwcli.evaluation.knowledge import TRUTH, comparison_label, knowledge_of_est
 from cwcli.logs.read.reader import Log
 from cwcli.metrics.headline import HeadlineCollector, find_metric
 from cwcli.metrics.table import Table, TableColumn
-from cwcli.pipeline.paths import replanned_or_logged_paths
+from cwcli.pipeline.paths import path_starts_from_states, replanned_or_logged_paths
 from cwcli.pipeline.records import read_json_entry, read_run_records
 from cwcli.pipeline.result import Cell, StageResult, SummaryTable
 from cwcli.prediction.calibrate import initial_log_scale_of_each_row
-from cwcli.prediction.model_comparison import BASELINE_MODEL, compare_models_at_horizons, horizon_error_table
+from cwcli.prediction.model_comparison import (
+    BASELINE_MODEL,
+    ComparedStarts,
+    compare_models_at_horizons,
+    horizon_error_table,
+)
 from cwcli.prediction.models import DEFAULT_MODEL, MODELS
 from cwcli.prediction.outcome import ELLIPSE_90_SQUARED_RADIUS, HorizonErrors, horizon_errors
 from cwcli.prediction.outcome_history import measure_acting_time_s
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import Discretisation
+from cwcli.prediction.rollout import Discretisation, RolloutSettings
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.row_order import iter_rows_by_id, iter_track_rows
 from cwcli.signals.vehicle_state import EGO_ID
@@ -212,19 +217,10 @@ def compute_model_errors(
     """
     tracks = {} if actual_states is None else dict(iter_track_rows(actual_states.ids, actual_states.stamp_ns))
     horizons = error_horizons_s(settings.horizon_s)
-    acted = measure_acting_time_s(
-        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance
-    )
-    begin = initial_log_scale_of_each_row(
-        DEFAULT_MODEL,
-        states.ids.codes,
-        states.stamp_ns,
-        states.log_time_ns,
-        states.state,
-        states.covariance,
-        acted,
-        horizon_s=max(horizons),
-        step_s=settings.step_s,
+    starts = path_starts_from_states(states)
+    acting_s = measure_acting_time_s(starts)
+    log_scale = initial_log_scale_of_each_row(
+        DEFAULT_MODEL, starts, acting_s, RolloutSettings(max(horizons), settings.step_s)
     )
     records = []
     for vehicle, rows in iter_track_rows(states.ids, states.stamp_ns):
@@ -234,17 +230,19 @@ def compute_model_errors(
             track_ns, track_xy = actual_states.stamp_ns[tracks[vehicle]], actual_states.state[tracks[vehicle], :2]
         compared = compare_models_at_horizons(
             list(MODELS),
-            states.state[rows],
-            states.covariance[rows],
-            stamp_ns,
-            track_ns,
-            track_xy,
+            ComparedStarts(
+                stamp_ns,
+                states.state[rows],
+                states.covariance[rows],
+                track_ns,
+                track_xy,
+                acting_s[rows],
+                log_scale[rows],
+            ),
             horizons_s=horizons,
             step_s=settings.step_s,
             max_gap_s=MAX_TRACK_GAP_S,
             discretisation=settings.discretisation,
-            acting_s=acted[rows],
-            begin=begin[rows],
         )
         columns = horizon_error_table(compared)
         for i in range(len(columns["model"])):

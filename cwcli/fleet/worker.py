@@ -30,10 +30,10 @@ from cwcli.input import InputFile, remember_inputs
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source
-from cwcli.logs.write.annotate import annotate_log
+from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.output import make_folder
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.execute import RunOutcome, run_stages
+from cwcli.pipeline.execute import RunOutcome, SkipRules, run_stages
 from cwcli.pipeline.missing import SignalCheck
 from cwcli.pipeline.selection import resolve_selection
 from cwcli.stages import STAGES
@@ -134,8 +134,7 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: D
         log,
         calls,
         resolve_selection(log, plan.topic, plan.start, plan.end),
-        missing=SignalCheck(STAGES, plan.ego_station),
-        lenient=True,
+        skip=SkipRules(SignalCheck(STAGES, plan.ego_station), True),
         strict=plan.strict,
         choice=choice,
     )
@@ -146,8 +145,7 @@ def _run_stages_and_write(log: Log, plan: FleetPlan, folder: LogFolder, entry: D
         folder.annotated_log_path,
         replace=plan.replace,
         force=True,
-        chosen_topics=choice,
-        durable=False,
+        options=CopyOptions(chosen_topics=choice, durable=False),
     )
     outputs = [folder.annotated_log_path]
     tables = outcome.tables_by_name()

@@ -1,4 +1,4 @@
-"""The measures of two vehicles by their actual motion: one file each, and one line here.
+"""The measures of two vehicles by their actual motion: one file each or each family, and one line each here.
 
 Other packages add theirs in the group `cwcli.measures`. Tables, definitions of a conflict, the report, the help and
 docs/measures.md take them from here.
@@ -32,16 +32,16 @@ MEASURES: Registry[Measure] = Registry(
         "headway": "cwcli.measures.headway:MEASURE",
         "thw": "cwcli.measures.thw:MEASURE",
         "wttc": "cwcli.measures.wttc:MEASURE",
-        "ttb": "cwcli.measures.ttb:MEASURE",
-        "ttk": "cwcli.measures.ttk:MEASURE",
-        "tts": "cwcli.measures.tts:MEASURE",
-        "ttr": "cwcli.measures.ttr:MEASURE",
+        "ttb": "cwcli.measures.time_to_react:TTB",
+        "ttk": "cwcli.measures.time_to_react:TTK",
+        "tts": "cwcli.measures.time_to_react:TTS",
+        "ttr": "cwcli.measures.time_to_react:TTR",
         "pet": "cwcli.measures.pet:MEASURE",
         "ppet": "cwcli.measures.ppet:MEASURE",
         "et": "cwcli.measures.et:MEASURE",
         "gap-time": "cwcli.measures.gap_time:MEASURE",
-        "tet": "cwcli.measures.tet:MEASURE",
-        "tit": "cwcli.measures.tit:MEASURE",
+        "tet": "cwcli.measures.exposure:TET",
+        "tit": "cwcli.measures.exposure:TIT",
         "drac": "cwcli.measures.drac:MEASURE",
         "mdrac": "cwcli.measures.mdrac:MEASURE",
         "a-long-req": "cwcli.measures.a_long_req:MEASURE",
@@ -55,15 +55,15 @@ MEASURES: Registry[Measure] = Registry(
         "delta-v": "cwcli.measures.delta_v:MEASURE",
         "cpi": "cwcli.measures.cpi:MEASURE",
         "ci": "cwcli.measures.ci:MEASURE",
-        "long-jerk": "cwcli.measures.long_jerk:MEASURE",
-        "lat-jerk": "cwcli.measures.lat_jerk:MEASURE",
+        "long-jerk": "cwcli.measures.jerk:LONG_JERK",
+        "lat-jerk": "cwcli.measures.jerk:LAT_JERK",
         "rss-long": "cwcli.measures.rss_long:MEASURE",
         "rss-lat": "cwcli.measures.rss_lat:MEASURE",
         "rss-response": "cwcli.measures.rss_response:MEASURE",
         "p-mc": "cwcli.measures.p_mc:MEASURE",
         "p-contact": "cwcli.measures.p_contact:MEASURE",
-        "pfs": "cwcli.measures.pfs:MEASURE",
-        "cfs": "cwcli.measures.cfs:MEASURE",
+        "pfs": "cwcli.measures.fuzzy_safety:PFS",
+        "cfs": "cwcli.measures.fuzzy_safety:CFS",
     },
     _accept_plugin_measure,
 )

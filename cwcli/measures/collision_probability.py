@@ -26,6 +26,7 @@ samples: of 10^6 of each of 200 random encounters it differs by 0.0031 at most, 
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -48,15 +49,25 @@ MIN_VARIANCE_M2 = 1e-6
 """Smallest variance of a position, m^2, so that the covariance of an exact position can be inverted."""
 
 
+class UncertainPaths(NamedTuple):
+    """Headings, uncertain positions and outline of a vehicle on m paths of q points each.
+
+    Attributes:
+        heading_rad: Shape (m, q), continuous along a path.
+        covariance_m2: Shape (m, q, 3): xx, xy, yy of the positions.
+        size: Length and width, metres.
+    """
+
+    heading_rad: FloatArray
+    covariance_m2: FloatArray
+    size: Size
+
+
 def collision_probability(
     x_m: FloatArray,
     y_m: FloatArray,
-    host_heading_rad: FloatArray,
-    other_heading_rad: FloatArray,
-    host_covariance_m2: FloatArray,
-    other_covariance_m2: FloatArray,
-    host_size: Size,
-    other_size: Size,
+    host: UncertainPaths,
+    other: UncertainPaths,
     *,
     ends: npt.NDArray[np.intp] | None = None,
 ) -> FloatArray:
@@ -64,9 +75,7 @@ def collision_probability(
 
     Args:
         x_m, y_m: Shape (m, q): the other's centre minus the host's, map frame.
-        host_heading_rad, other_heading_rad: Shape (m, q), continuous along a path.
-        host_covariance_m2, other_covariance_m2: Shape (m, q, 3): xx, xy, yy of the positions.
-        host_size, other_size: Length and width, metres.
+        host, other: Both vehicles.
         ends: Shape (e,), increasing, at least 1: points up to which a contact counts; None: the last alone.
 
     Returns:
@@ -74,13 +83,13 @@ def collision_probability(
     """
     if ends is None:
         ends = np.array([x_m.shape[1] - 1])
-    arrays = (x_m, y_m, host_heading_rad, other_heading_rad, host_covariance_m2, other_covariance_m2)
+    arrays = (x_m, y_m, host.heading_rad, other.heading_rad, host.covariance_m2, other.covariance_m2)
     return contact_probability(
         *(np.ascontiguousarray(each, np.float64) for each in arrays),
-        host_length=host_size[0],
-        host_width=host_size[1],
-        other_length=other_size[0],
-        other_width=other_size[1],
+        host_length=host.size[0],
+        host_width=host.size[1],
+        other_length=other.size[0],
+        other_width=other.size[1],
         lines=np.concatenate([lines_through_errors(n) for n in LATTICE_GENERATORS]),
         n_lines=np.array([*LATTICE_GENERATORS], np.intp),
         enough_below=np.array(MAX_VARIANCE_SHARES_OF_FEW_LINES),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from cwcli.measures.base import Measure
-from cwcli.measures.collision_probability import collision_probability, is_touch_improbable
+from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
 from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
@@ -48,14 +48,10 @@ def contact_probability_within_horizon(pair: Pair) -> FloatArray:
         with np.errstate(invalid="ignore"):
             far = is_touch_improbable(_least_distance_m(dx, dy), variance, pair.host_size, pair.other_size)
         at = np.flatnonzero(~far & ~np.isnan(variance))
-        one, other = (dx[at], dy[at], heading[at], to_heading[at]), (-dx[at], -dy[at], to_heading[at], heading[at])
-        values[at] = (
-            0.5
-            * (
-                collision_probability(*one, spread[at], to_spread[at], pair.host_size, pair.other_size)
-                + collision_probability(*other, to_spread[at], spread[at], pair.other_size, pair.host_size)
-            )[:, 0]
-        )
+        host = UncertainPaths(heading[at], spread[at], pair.host_size)
+        other = UncertainPaths(to_heading[at], to_spread[at], pair.other_size)
+        both = collision_probability(dx[at], dy[at], host, other) + collision_probability(-dx[at], -dy[at], other, host)
+        values[at] = 0.5 * both[:, 0]
         found[rows] = values
     return pair.expand_to_all_rows(found)
 

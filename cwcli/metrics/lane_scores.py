@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -197,38 +198,42 @@ def share_of_rows_within_tolerance(
         return float(np.mean(np.abs(u_px[visible] - truth_u_px[visible]) <= reach_px))
 
 
+class BoundaryColumns(NamedTuple):
+    """One boundary in a frame, by row.
+
+    Attributes:
+        u_px: Shape (n,): found columns, NaN where not found.
+        truth_u_px: Shape (n,).
+        is_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the rows above count
+            as not visible.)
+        half_width_px: Of the painted stripe, shape (n,) or one number: then a line on the paint is no error, whichever
+            of the stripe's edges a method follows. 0: the truth is a line.
+    """
+
+    u_px: FloatArray
+    truth_u_px: FloatArray
+    is_visible: BoolArray
+    half_width_px: FloatArray | float = 0.0
+
+
 def visual_standard_score(
-    left_u_px: FloatArray,
-    right_u_px: FloatArray,
-    truth_left_u_px: FloatArray,
-    truth_right_u_px: FloatArray,
-    left_visible: BoolArray,
-    right_visible: BoolArray,
-    *,
-    width_px: int = VISUAL_WIDTH_PX,
-    half_widths_px: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0),
+    left: BoundaryColumns, right: BoundaryColumns, *, width_px: int = VISUAL_WIDTH_PX
 ) -> VisualScore:
     """Judge one frame by the visual standard.
 
     Args:
-        left_u_px, right_u_px: Shape (n,): found columns by row, NaN where not found.
-        truth_left_u_px, truth_right_u_px: Shape (n,).
-        left_visible, right_visible: Shape (n,): rows to judge. (zhang2011 searches the lower 150 rows of 240: let the
-            rows above count as not visible.)
+        left, right: The boundaries.
         width_px: Of the image: the tolerance of 6 pixels belongs to 320 and scales.
-        half_widths_px: Of the left and the right painted stripe, shape (n,) each: then a line on the paint is no error,
-            whichever of the stripe's edges a method follows. Without them the truth is a line.
     """
     tolerance = VISUAL_PIXELS * width_px / VISUAL_WIDTH_PX
-    left, right = (
-        share_of_rows_within_tolerance(found, truth, visible, tolerance_px=tolerance, half_width_px=half)
-        for found, truth, visible, half in (
-            (left_u_px, truth_left_u_px, left_visible, half_widths_px[0]),
-            (right_u_px, truth_right_u_px, right_visible, half_widths_px[1]),
+    shares = [
+        share_of_rows_within_tolerance(
+            each.u_px, each.truth_u_px, each.is_visible, tolerance_px=tolerance, half_width_px=each.half_width_px
         )
-    )
-    judged = [share for share in (left, right) if not math.isnan(share)]
-    return VisualScore(left, right, bool(judged) and all(share >= VISUAL_SHARE for share in judged))
+        for each in (left, right)
+    ]
+    judged = [share for share in shares if not math.isnan(share)]
+    return VisualScore(shares[0], shares[1], bool(judged) and all(share >= VISUAL_SHARE for share in judged))
 
 
 @dataclass(frozen=True)

@@ -53,13 +53,29 @@ class RunOutcome:
         return found
 
 
+@dataclass(frozen=True)
+class SkipRules:
+    """Which stages of a run are left out.
+
+    Attributes:
+        missing: Called before each stage; returns the reason for leaving the stage out, or None.
+        lenient: A stage that finds no signal when it runs is left out too; it is an error only if no stage can run.
+    """
+
+    missing: Missed = lambda name, log, selection: None
+    lenient: bool = False
+
+
+RUN_EVERY_STAGE = SkipRules()
+"""No stage is left out: one that misses a signal is an error."""
+
+
 def run_stages(
     log: Log,
     stages: Mapping[str, Call],
     selection: Selection,
     *,
-    missing: Missed = lambda name, log, selection: None,
-    lenient: bool = False,
+    skip: SkipRules = RUN_EVERY_STAGE,
     strict: bool = False,
     choice: ChannelChoice = ALL_CHANNELS,
     step: Callable[[str], None] = lambda text: None,
@@ -70,8 +86,7 @@ def run_stages(
         log: The log.
         stages: Name -> stage, in order.
         selection: The part of the log that is used.
-        missing: Called before each stage; returns the reason for leaving the stage out, or None.
-        lenient: A stage that finds no signal when it runs is left out too; it is an error only if no stage can run.
+        skip: Which stages are left out.
         strict: Rejected, repaired or lost data, and sources that contradict each other, are an error.
         choice: The channels that will be written, for the records.
         step: Called with a text on each step, for a progress display.
@@ -88,13 +103,13 @@ def run_stages(
     current = log
     first: MissingSignalError | None = None
     for k, (name, stage) in enumerate(stages.items(), 1):
-        lack = missing(name, current, selection)
+        lack = skip.missing(name, current, selection)
         if lack is None:
             step(f"{name} {log.name}" + (f", stage {k} of {len(stages)}" if len(stages) > 1 else ""))
             try:
                 result = stage(current, selection)
             except MissingSignalError as error:
-                if not lenient:
+                if not skip.lenient:
                     raise
                 lack = MissingSignals(error.what, error)
         if lack is not None:

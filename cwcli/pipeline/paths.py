@@ -23,7 +23,8 @@ from cwcli.logs.read.reader import Log
 from cwcli.pipeline.records import Record, read_configuration, read_run_records, to_int_or_none
 from cwcli.pipeline.states import StatesSelection, bind_state_channels, read_selected_states
 from cwcli.prediction.calibrate import plan_vehicle_paths
-from cwcli.prediction.rollout import Discretisation, check_rollout_options
+from cwcli.prediction.outcome_history import PathStarts
+from cwcli.prediction.rollout import Discretisation, RolloutSettings, check_rollout_options
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.row_order import iter_rows_by_id
 from cwcli.signals.units import NS_PER_S
@@ -56,18 +57,14 @@ class PathRequest:
 
 def plan_paths_from_states(states: VehicleStates, role: str, request: PathRequest) -> LazyPaths:
     """Plan a path from each state of the ego or of the remote vehicles; the points are computed when they are read."""
-    plan = plan_vehicle_paths(
-        request.model,
-        states.ids.codes,
-        states.stamp_ns,
-        states.state,
-        states.covariance,
-        horizon_s=request.horizon_s + (MAX_MESSAGE_AGE_S if role == REMOTE_STATE.role else 0.0),
-        step_s=request.step_s,
-        discretisation=request.discretisation,
-        log_time_ns=states.log_time_ns,
-    )
-    return LazyPaths.from_states(states, plan)
+    horizon_s = request.horizon_s + (MAX_MESSAGE_AGE_S if role == REMOTE_STATE.role else 0.0)
+    settings = RolloutSettings(horizon_s, request.step_s, request.discretisation)
+    return LazyPaths.from_states(states, plan_vehicle_paths(request.model, path_starts_from_states(states), settings))
+
+
+def path_starts_from_states(states: VehicleStates) -> PathStarts:
+    """Return the states as starts of paths."""
+    return PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns)
 
 
 def replanned_or_logged_paths(log: Log, topic: str, role: str) -> tuple[AnyPaths, tuple[str, ...]]:

@@ -25,10 +25,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from cwcli.kernels.paths import adapt_scale, stream_quantiles
-from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, QUANTILE_LEVELS, load_fleet_prior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
@@ -42,6 +40,7 @@ from cwcli.prediction.outcome import (
 )
 from cwcli.prediction.outcome_history import (
     NEVER_NS,
+    PathStarts,
     StateHistory,
     concatenate_histories,
     measure_acting_time_s,
@@ -50,10 +49,9 @@ from cwcli.prediction.outcome_history import (
 )
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.plan import PathPlan
-from cwcli.prediction.rollout import Discretisation, path_time_grid_s
+from cwcli.prediction.rollout import DEFAULT_SETTINGS, RolloutSettings
 from cwcli.prediction.scales import scale_covariance_in_place, scale_knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
-from cwcli.signals.packed_covariances import Covariances
 from cwcli.signals.units import NS_PER_S
 
 ELLIPSE_LEVELS = np.array([0.5, 0.9])
@@ -243,91 +241,30 @@ def _adapt_log_scale(
     return np.asarray(out + begin)
 
 
-def predict_vehicle_paths(
-    model: str,
-    vehicle: npt.NDArray[np.integer],
-    stamp_ns: Int64Array,
-    state: FloatArray,
-    covariance: Covariances | None,
-    *,
-    horizon_s: float = 2.5,
-    step_s: float = 0.05,
-    discretisation: Discretisation = "exact",
-    prior: DriverPrior | None = None,
-    calibration: ScaleAdaptation | None = None,
-    log_time_ns: Int64Array | None = None,
-    has_core: bool = False,
-) -> Paths:
-    """Predict the paths of all rows; the arguments are those of `plan_vehicle_paths`.
-
-    Args:
-        has_core: The paths have a `core_factor`.
-    """
-    plan = plan_vehicle_paths(
-        model,
-        vehicle,
-        stamp_ns,
-        state,
-        covariance,
-        horizon_s=horizon_s,
-        step_s=step_s,
-        discretisation=discretisation,
-        prior=prior,
-        calibration=calibration,
-        log_time_ns=log_time_ns,
-    )
-    return plan.take(slice(None), has_core=has_core)
-
-
-def plan_vehicle_paths(
-    model: str,
-    vehicle: npt.NDArray[np.integer],
-    stamp_ns: Int64Array,
-    state: FloatArray,
-    covariance: Covariances | None,
-    *,
-    horizon_s: float = 2.5,
-    step_s: float = 0.05,
-    discretisation: Discretisation = "exact",
-    prior: DriverPrior | None = None,
-    calibration: ScaleAdaptation | None = None,
-    log_time_ns: Int64Array | None = None,
-) -> PathPlan:
+def plan_vehicle_paths(model: str, starts: PathStarts, settings: RolloutSettings = DEFAULT_SETTINGS) -> PathPlan:
     """Plan the paths of all rows, with their measured gains and each vehicle's covariance scaled by its own outcomes.
 
     Args:
-        vehicle: Shape (n,): which vehicle a row is of.
-        stamp_ns: Shape (n,), any order; what is known first counts as the record (`record.state_histories_by_vehicle`).
-        state, covariance, horizon_s, step_s, discretisation, prior: As in `rollout`.
-        calibration: None: the default.
-        log_time_ns: Shape (n,): when the states were known; None: at their stamps.
+        model, settings: As in `rollout`.
+        starts: The rows; what is known first counts as the record (`outcome_history.state_histories_by_vehicle`).
     """
     learns = model in MODELS and MODELS[model].learns
-    plan = PathPlan(
-        model,
-        horizon_s,
-        step_s,
-        state,
-        covariance,
-        acting_s=measure_acting_time_s(vehicle, stamp_ns, log_time_ns, state, covariance) if learns else None,
-        discretisation=discretisation,
-        prior=prior,
-    )
-    known_ns = stamp_ns if log_time_ns is None else log_time_ns
-    time_s, settings = plan.time_s, calibration or ScaleAdaptation()
-    knots = scale_knots_s(float(time_s[-1]))
-    log_scale = np.tile(initial_log_scale(model, float(time_s[-1])), (len(state), 1, 1))
-    tracks = state_histories_by_vehicle(vehicle, stamp_ns, known_ns, state, None)
-    squared = [_unscaled_squared_distances(plan, track, settings) for track in tracks]
+    acting_s = measure_acting_time_s(starts) if learns else None
+    plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
+    horizon_s, adaptation = float(plan.time_s[-1]), ScaleAdaptation()
+    knots = scale_knots_s(horizon_s)
+    log_scale = np.tile(initial_log_scale(model, horizon_s), (len(plan), 1, 1))
+    tracks = state_histories_by_vehicle(replace(starts, covariance=None))
+    squared = [_unscaled_squared_distances(plan, track, adaptation) for track in tracks]
     if learns and len(tracks) > 1:
         every = concatenate_histories(tracks)
         log_scale[every.rows] = log_scale_from_other_vehicles(every, np.concatenate(squared), knots)
     for track, distances in zip(tracks, squared, strict=True):
-        own = _adapt_log_scale(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, settings)[0]
+        own = _adapt_log_scale(distances[None], log_scale[track.rows][None], track.stamp_ns, knots, adaptation)[0]
         # a state that a newer one overtook takes the scale of the newest state before it
-        rows = np.flatnonzero(vehicle == vehicle[track.rows[0]])
+        rows = np.flatnonzero(starts.vehicle == starts.vehicle[track.rows[0]])
         if len(rows) > len(track.rows):
-            newest = np.searchsorted(track.known_ns, known_ns[rows], side="right") - 1
+            newest = np.searchsorted(track.known_ns, starts.known_ns[rows], side="right") - 1
             log_scale[rows] = np.where((newest >= 0)[:, None, None], own[np.maximum(newest, 0)], log_scale[rows])
         log_scale[track.rows] = own
     return replace(plan, log_scale=log_scale)
@@ -341,27 +278,18 @@ def _unscaled_squared_distances(plan: PathPlan, track: StateHistory, settings: S
 
 
 def initial_log_scale_of_each_row(
-    model: str,
-    vehicle: npt.NDArray[np.integer],
-    stamp_ns: Int64Array,
-    known_ns: Int64Array,
-    state: FloatArray,
-    covariance: Covariances | None,
-    acting_s: FloatArray,
-    *,
-    horizon_s: float,
-    step_s: float,
+    model: str, starts: PathStarts, acting_s: FloatArray, settings: RolloutSettings
 ) -> FloatArray:
     """The log scales with which the ellipses of a model that learns begin at each row, (n, k, 2).
 
-    The arguments are those of `plan_vehicle_paths`; `acted` comes from `record.measure_acting_time_s`.
+    The arguments are those of `plan_vehicle_paths`; `acting_s` comes from `outcome_history.measure_acting_time_s`.
     """
-    time_s = path_time_grid_s(horizon_s, step_s)
-    knots = scale_knots_s(float(time_s[-1]))
-    out = np.tile(initial_log_scale(model, float(time_s[-1])), (len(state), 1, 1))
-    tracks = state_histories_by_vehicle(vehicle, stamp_ns, known_ns, state, None)
+    plan = PathPlan(model, settings, starts.state, starts.covariance, acting_s)
+    horizon_s = float(plan.time_s[-1])
+    knots = scale_knots_s(horizon_s)
+    out = np.tile(initial_log_scale(model, horizon_s), (len(plan), 1, 1))
+    tracks = state_histories_by_vehicle(replace(starts, covariance=None))
     if len(tracks) > 1:
-        plan = PathPlan(model, horizon_s, step_s, state, covariance, acting_s)
         every = concatenate_histories(tracks)
         squared = np.concatenate([_unscaled_squared_distances(plan, track, ScaleAdaptation()) for track in tracks])
         out[every.rows] = log_scale_from_other_vehicles(every, squared, knots)

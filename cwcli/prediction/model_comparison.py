@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.prediction.calibrate import actual_positions_at_knots, initial_log_scale, scale_covariance_by_outcomes
-from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import (
     ELLIPSE_50_SQUARED_RADIUS,
@@ -20,7 +20,7 @@ from cwcli.prediction.outcome import (
     repeat_for_path_sets,
 )
 from cwcli.prediction.paths import stack_paths
-from cwcli.prediction.rollout import Discretisation, path_time_grid_s, roll_out_paths
+from cwcli.prediction.rollout import Discretisation, RolloutSettings, roll_out_paths
 from cwcli.prediction.scales import scale_knots_s
 from cwcli.signals.columns import FloatArray, Int64Array
 
@@ -31,34 +31,48 @@ PATHS_PER_BATCH = 2048
 Chosen by hand."""
 
 
+@dataclass(frozen=True)
+class ComparedStarts:
+    """The starts of one vehicle's paths in time order, and where the vehicle was in fact.
+
+    Attributes:
+        stamp_ns, state, covariance: Shapes (n,), (n, 8), and (n, 8, 8) or None.
+        track_stamp_ns, track_xy_m: Shapes (m,) and (m, 2): the actual positions.
+        acting_s, log_scale: For how long the derivatives of the starts act, and the scales with which their ellipses
+            begin, for a model that learns (`outcome_history.measure_acting_time_s`,
+            `calibrate.initial_log_scale_of_each_row`); None: no record, the fleet's.
+    """
+
+    stamp_ns: Int64Array
+    state: FloatArray
+    covariance: FloatArray | None
+    track_stamp_ns: Int64Array
+    track_xy_m: FloatArray
+    acting_s: FloatArray | None = None
+    log_scale: FloatArray | None = None
+
+
 def compare_models_at_horizons(
     models: Sequence[str],
-    state: FloatArray,
-    covariance: FloatArray | None,
-    start_stamp_ns: Int64Array,
-    track_stamp_ns: Int64Array,
-    track_xy: FloatArray,
+    starts: ComparedStarts,
     *,
     horizons_s: Sequence[float] = (0.5, 1.0, 1.5, 2.0, 2.5),
     step_s: float = 0.05,
     max_gap_s: float = 0.5,
     discretisation: Discretisation = "exact",
-    prior: DriverPrior | None = None,
     calibrate: bool = True,
-    acting_s: FloatArray | None = None,
-    begin: FloatArray | None = None,
 ) -> dict[str, HorizonErrors]:
     """Compute `horizon_errors` of each model from the same starts; constant velocity always comes first.
 
-    The starts are of one vehicle in time order. "paper" applies to the models that the paper has; the others stay
-    exact. With `calibrate` each model's covariance follows its own record (`prediction.calibrate`).
-    `acted`, `begin`: the measured gains of the starts and the scales with which their ellipses begin, for a model that
-    learns (`record.measure_acting_time_s`, `calibrate.initial_log_scale_of_each_row`); None: no record, the fleet's.
+    "paper" applies to the models that the paper has; the others stay exact. With `calibrate` each model's covariance
+    follows its own record (`prediction.calibrate`).
     """
     errors: dict[str, HorizonErrors] = {}
-    actual = actual_positions(start_stamp_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s)
-    time_s = path_time_grid_s(max(horizons_s), step_s)
-    outcome = actual_positions_at_knots(float(time_s[-1]), start_stamp_ns, state[:, :2]) if calibrate else None
+    stamp_ns, state, track_ns, track_xy = starts.stamp_ns, starts.state, starts.track_stamp_ns, starts.track_xy_m
+    actual = actual_positions(stamp_ns, track_ns, track_xy, horizons_s, max_gap_s)
+    settings = RolloutSettings(max(horizons_s), step_s, "exact")
+    time_s = settings.time_s
+    outcome = actual_positions_at_knots(float(time_s[-1]), stamp_ns, state[:, :2]) if calibrate else None
     points = indices_of_needed_points(time_s, [*horizons_s, *scale_knots_s(float(time_s[-1]))])
     names = list(dict.fromkeys([BASELINE_MODEL, *models]))
     n = len(state)
@@ -70,29 +84,28 @@ def compare_models_at_horizons(
                 roll_out_paths(
                     name,
                     state,
-                    covariance,
-                    horizon_s=max(horizons_s),
-                    step_s=step_s,
-                    discretisation=discretisation if name not in MODELS or MODELS[name].in_paper else "exact",
-                    prior=prior,
+                    starts.covariance,
+                    replace(settings, discretisation=discretisation) if _is_in_paper(name) else settings,
                     points=points,
-                    acting_s=acting_s,
+                    acting_s=starts.acting_s,
                 )
                 for name in some
             ]
         )
         if calibrate:
-            begins = [_initial_log_scales(name, float(time_s[-1]), n, begin) for name in some]
-            paths = scale_covariance_by_outcomes(
-                paths, start_stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins)
-            )
-        starts_ns = np.tile(start_stamp_ns, len(some))
+            begins = [_initial_log_scales(name, float(time_s[-1]), n, starts.log_scale) for name in some]
+            paths = scale_covariance_by_outcomes(paths, stamp_ns, state[:, :2], outcome=outcome, begin=np.stack(begins))
+        starts_ns = np.tile(stamp_ns, len(some))
         together = horizon_errors(
-            paths, starts_ns, track_stamp_ns, track_xy, horizons_s, max_gap_s, repeat_for_path_sets(actual, len(some))
+            paths, starts_ns, track_ns, track_xy, horizons_s, max_gap_s, repeat_for_path_sets(actual, len(some))
         )
         for k, name in enumerate(some):
             errors[name] = together.select_starts(slice(k * n, (k + 1) * n))
     return errors
+
+
+def _is_in_paper(model: str) -> bool:
+    return model not in MODELS or MODELS[model].in_paper
 
 
 def _initial_log_scales(model: str, horizon_s: float, n: int, learned: FloatArray | None) -> FloatArray:

@@ -60,6 +60,29 @@ Rows = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True)
+class PathStarts:
+    """States of vehicles in any order, n rows; each can be the start of a path.
+
+    Attributes:
+        vehicle: Shape (n,): which vehicle a row is of.
+        stamp_ns: Shape (n,): time of the states.
+        state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
+        log_time_ns: Shape (n,): when the states were known; None: at their stamps.
+    """
+
+    vehicle: npt.NDArray[np.integer]
+    stamp_ns: Int64Array
+    state: FloatArray
+    covariance: Covariances | None
+    log_time_ns: Int64Array | None = None
+
+    @property
+    def known_ns(self) -> Int64Array:
+        """When the states were known, shape (n,)."""
+        return self.stamp_ns if self.log_time_ns is None else self.log_time_ns
+
+
+@dataclass(frozen=True)
 class StateHistory:
     """States of vehicles in the order in which they became known; states overtaken by a newer one are left out.
 
@@ -119,24 +142,19 @@ def derivative_clearness(state: FloatArray, covariance: Covariances | None) -> F
         return np.asarray(np.nan_to_num(1.0 / (1.0 + power), nan=1.0))
 
 
-def state_histories_by_vehicle(
-    vehicle: npt.NDArray[np.integer],
-    stamp_ns: Int64Array,
-    log_time_ns: Int64Array,
-    state: FloatArray,
-    covariance: Covariances | None,
-) -> list[StateHistory]:
+def state_histories_by_vehicle(starts: PathStarts) -> list[StateHistory]:
     """The history of each vehicle; rows whose state is not finite are left out, and vehicles without other rows too."""
+    stamp_ns, known_ns, state = starts.stamp_ns, starts.known_ns, starts.state
     is_finite = np.isfinite(state[:, : YAW_RATE + 1]).all(axis=1)
-    clear = derivative_clearness(state, covariance)
+    clear = derivative_clearness(state, starts.covariance)
     tracks = []
-    for one in np.unique(vehicle):
-        rows = np.flatnonzero((vehicle == one) & is_finite)
-        rows = rows[np.lexsort((stamp_ns[rows], log_time_ns[rows]))]
+    for one in np.unique(starts.vehicle):
+        rows = np.flatnonzero((starts.vehicle == one) & is_finite)
+        rows = rows[np.lexsort((stamp_ns[rows], known_ns[rows]))]
         newest = np.maximum.accumulate(stamp_ns[rows])
         rows = rows[np.concatenate([[True], stamp_ns[rows][1:] > newest[:-1]])[: len(rows)]]
         if len(rows):
-            tracks.append(StateHistory(rows, stamp_ns[rows], log_time_ns[rows], state[rows], clear[rows]))
+            tracks.append(StateHistory(rows, stamp_ns[rows], known_ns[rows], state[rows], clear[rows]))
     return tracks
 
 
@@ -216,27 +234,18 @@ def outcome_known_times_ns(track: StateHistory, knots_s: FloatArray = HORIZON_KN
     return np.append(track.known_ns, NEVER_NS)[rows_of_known_outcomes(track, knots_s)]
 
 
-def measure_acting_time_s(
-    vehicle: npt.NDArray[np.integer],
-    stamp_ns: Int64Array,
-    log_time_ns: Int64Array | None,
-    state: FloatArray,
-    covariance: Covariances | None,
-    prior: FleetPrior | None = None,
-) -> FloatArray:
+def measure_acting_time_s(starts: PathStarts, prior: FleetPrior | None = None) -> FloatArray:
     """Measure for how long acceleration and yaw rate of each row act by each knot, s, (n, 2, k); see
     `fleet.acting_time_s`.
 
     Args:
-        vehicle: Shape (n,): which vehicle a row is of.
-        stamp_ns, log_time_ns: Shape (n,), any order: time of the states; when they were known (None: at their stamps).
-        state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
+        starts: The states.
         prior: None: the fleet's.
     """
     chosen = prior or load_fleet_prior()
-    log_ns = stamp_ns if log_time_ns is None else log_time_ns
-    share = np.einsum("nai,aki->nak", _parts_without_history(derivative_clearness(state, covariance)), chosen.gain)
-    tracks = state_histories_by_vehicle(vehicle, stamp_ns, log_ns, state, covariance)
+    clear = derivative_clearness(starts.state, starts.covariance)
+    share = np.einsum("nai,aki->nak", _parts_without_history(clear), chosen.gain)
+    tracks = state_histories_by_vehicle(starts)
     if tracks:
         track = concatenate_histories(tracks)
         parts = derivative_parts(track)

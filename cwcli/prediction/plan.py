@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import Discretisation, path_time_grid_s, roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.prediction.scales import scale_covariance_in_place
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.packed_covariances import Covariances
@@ -26,27 +25,24 @@ class PathPlan:
     """The inputs of the paths of n starts.
 
     Attributes:
-        model, horizon_s, step_s, discretisation, prior: As in `rollout`.
+        model, settings: As in `rollout`.
         state, covariance: Shapes (n, 8) and (n, 8, 8) or None.
-        acted: Shape (n, 2, k) or None, as in `rollout`.
+        acting_s: Shape (n, 2, k) or None, as in `rollout`.
         log_scale: Shape (n, k, 2), of the ellipses (`calibrate.log_variance_scale_from_outcomes`); None: they are not
             scaled.
     """
 
     model: str
-    horizon_s: float
-    step_s: float
+    settings: RolloutSettings
     state: FloatArray
     covariance: Covariances | None
     acting_s: FloatArray | None = None
     log_scale: FloatArray | None = None
-    discretisation: Discretisation = "exact"
-    prior: DriverPrior | None = None
 
     @property
     def time_s(self) -> FloatArray:
         """The times of each path's points, from its start."""
-        return path_time_grid_s(self.horizon_s, self.step_s)
+        return self.settings.time_s
 
     def __len__(self) -> int:
         return len(self.state)
@@ -63,10 +59,7 @@ class PathPlan:
             self.model,
             self.state[rows],
             None if self.covariance is None else self.covariance[rows],
-            horizon_s=self.horizon_s,
-            step_s=self.step_s,
-            discretisation=self.discretisation,
-            prior=self.prior,
+            self.settings,
             points=points,
             acting_s=None if self.acting_s is None else self.acting_s[rows],
         )

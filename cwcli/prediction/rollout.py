@@ -28,6 +28,36 @@ N_DRIVER_VARIANCE_POINTS = 501
 """Number of times at which the driver's variance over the horizon is tabulated. Chosen by hand."""
 
 
+@dataclass(frozen=True)
+class RolloutSettings:
+    """How far, how finely and how paths are predicted.
+
+    Attributes:
+        horizon_s, step_s: The last point is the first that reaches the horizon.
+        discretisation: "exact" integrates the model; "paper" is song2016's recursion (eq. 2, 9, 10) with its step.
+        prior: What drivers do; None: the default.
+    """
+
+    horizon_s: float = 2.5
+    step_s: float = 0.05
+    discretisation: Discretisation = "exact"
+    prior: DriverPrior | None = None
+
+    @property
+    def time_s(self) -> FloatArray:
+        """The times of a path's points, see `path_time_grid_s`."""
+        return path_time_grid_s(self.horizon_s, self.step_s)
+
+    @property
+    def used_prior(self) -> DriverPrior:
+        """What drivers do."""
+        return self.prior or DriverPrior()
+
+
+DEFAULT_SETTINGS = RolloutSettings()
+"""The settings of paths where none are given."""
+
+
 def path_time_grid_s(horizon_s: float, step_s: float) -> FloatArray:
     """0, step, 2 step, ... up to the first point that reaches the horizon, shape (k,).
 
@@ -50,11 +80,8 @@ def roll_out_paths(
     model: str,
     state: FloatArray,
     covariance: Covariances | None,
+    settings: RolloutSettings = DEFAULT_SETTINGS,
     *,
-    horizon_s: float = 2.5,
-    step_s: float = 0.05,
-    discretisation: Discretisation = "exact",
-    prior: DriverPrior | None = None,
     points: npt.NDArray[np.intp] | None = None,
     acting_s: FloatArray | None = None,
 ) -> Paths:
@@ -68,13 +95,11 @@ def roll_out_paths(
         model: A key of `MODELS` or `HYPOTHESES`.
         state: Shape (n, 8): x_m, y_m, speed_mps, heading_rad, accel_mps2, yaw_rate_radps, jerk_mps3, yaw_accel_radps2.
         covariance: Shape (n, 8, 8), same order; None: the start is taken as known, only the driver's noise grows.
-        horizon_s, step_s: The last point is the first that reaches the horizon.
-        discretisation: "exact" integrates the model; "paper" is song2016's recursion (eq. 2, 9, 10) with its step.
-        prior: What drivers do; None: the default.
+        settings: Horizon, step, discretisation and prior.
         points: Shape (p,), increasing: which points of `path_time_grid_s` are wanted; None: all. They are the same
             numbers, and come sooner.
-        acted: Shape (n, 2, k): for how long acceleration and yaw rate act, by `record.measure_acting_time_s`; for a
-            model that learns, others ignore it. None: no record.
+        acting_s: Shape (n, 2, k): for how long acceleration and yaw rate act, by
+            `outcome_history.measure_acting_time_s`; for a model that learns, others ignore it. None: no record.
 
     Returns:
         Paths of shape (n, k). A row that is not finite in its state gives a row of NaN.
@@ -83,10 +108,9 @@ def roll_out_paths(
         UsageError: Unknown model, a bad horizon or step, or "paper" for a model that the paper doesn't have.
         ValueError: Shapes that don't fit.
     """
-    chosen = _require_model(model, discretisation)
-    prior = prior or DriverPrior()
+    chosen = _require_model(model, settings.discretisation)
+    prior, time_s = settings.used_prior, settings.time_s
     _check_shapes(state, covariance)
-    time_s = path_time_grid_s(horizon_s, step_s)
     kept_s = time_s if points is None else time_s[points]
     n, k = len(state), len(kept_s)
     x, y, heading, speed = (np.empty((n, k)) for _ in range(4))
@@ -100,7 +124,7 @@ def roll_out_paths(
         trust = np.ones((len(start), 4)) if own is not None else chosen.trust(start, start_covariance, prior)
         trust = trust * np.array(chosen.uses)
         path = integrate_paths(
-            chosen, _scale_derivatives_by_trust(start, trust), time_s, prior, discretisation, points, own
+            chosen, _scale_derivatives_by_trust(start, trust), time_s, prior, settings.discretisation, points, own
         )
         x[rows], y[rows], heading[rows], speed[rows] = path.x_m, path.y_m, path.heading_rad, path.speed_mps
         out = _driver_position_covariance(
@@ -112,22 +136,13 @@ def roll_out_paths(
     return Paths(kept_s, x, y, heading, speed, position_covariance)
 
 
-def path_jacobian(
-    model: str,
-    state: FloatArray,
-    *,
-    horizon_s: float = 2.5,
-    step_s: float = 0.05,
-    discretisation: Discretisation = "exact",
-    prior: DriverPrior | None = None,
-) -> FloatArray:
+def path_jacobian(model: str, state: FloatArray, settings: RolloutSettings = DEFAULT_SETTINGS) -> FloatArray:
     """Derivative of every predicted (x, y) with respect to the start state, shape (n, k, 2, 8)."""
-    chosen = _require_model(model, discretisation)
-    prior = prior or DriverPrior()
+    chosen, prior = _require_model(model, settings.discretisation), settings.used_prior
     _check_shapes(state, None)
     trust = chosen.trust(state, None, prior) * np.array(chosen.uses)
     path = integrate_paths(
-        chosen, _scale_derivatives_by_trust(state, trust), path_time_grid_s(horizon_s, step_s), prior, discretisation
+        chosen, _scale_derivatives_by_trust(state, trust), settings.time_s, prior, settings.discretisation
     )
     jacobian = np.moveaxis(path.jacobian, 0, 2)
     jacobian[..., DERIVATIVE_INDICES] *= trust[:, None, None, :]

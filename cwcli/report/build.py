@@ -32,7 +32,7 @@ from cwcli.report.overview import (
 )
 from cwcli.report.page import PageContent, PageRenderer
 from cwcli.report.pooled import SourceInLog, read_ego_sources
-from cwcli.report.section import DetailLevel, build_log_view
+from cwcli.report.section import DetailLevel, SectionOptions, build_log_view
 from cwcli.report.sensors import reasons_for_doubt, sensor_remarks_sentence
 from cwcli.report.source import LogEntry, ReportedRun, read_reported_run
 from cwcli.report.story import Badge, Story, build_story
@@ -152,7 +152,8 @@ def _build_report_of_one_log(
         results = check_gates(gates, [log_metrics_of_entry(entry)])
         section, story, badges = "", None, []
         for detail in (DetailLevel(), DetailLevel(n_pieces=400), FOLDED_DETAIL, MINIMAL_DETAIL):
-            view = _read_and_build_log_view(log, entry, "log-1", [], detail, system, is_alone=True, is_open=True)
+            options = SectionOptions("log-1", (), detail, is_alone=True, is_open=True)
+            view = _read_and_build_log_view(log, entry, options, system)
             if not entry.metrics:
                 note = "No metrics are shown; `cwcli evaluate` computes them."
                 view = replace(view, notes=(*view.notes, note))
@@ -266,10 +267,8 @@ def _render_section_within_budget(
     try:
         with Log.open(candidate.entry.log) as log:
             for detail in details:
-                entry, badges = candidate.entry, candidate.badges
-                view = _read_and_build_log_view(
-                    log, entry, anchor, badges, detail, system, is_alone=False, is_open=is_open
-                )
+                options = SectionOptions(anchor, candidate.badges, detail, is_alone=False, is_open=is_open)
+                view = _read_and_build_log_view(log, candidate.entry, options, system)
                 candidate.story = candidate.story or view.story.headline[:MAX_STORY_CHARACTERS]
                 made = renderer.render_log_section(view)
                 if len(made.encode()) <= budget:
@@ -283,15 +282,7 @@ def _render_section_within_budget(
 
 
 def _read_and_build_log_view(
-    log: Log,
-    entry: LogEntry,
-    anchor: str,
-    badges: Sequence[Badge],
-    detail: DetailLevel,
-    system: OtherSystemTopics | None,
-    *,
-    is_alone: bool,
-    is_open: bool,
+    log: Log, entry: LogEntry, options: SectionOptions, system: OtherSystemTopics | None
 ) -> LogView:
     """Read an annotated log and collect everything that its section shows."""
     drive = replace(read_drive(log), other_system=judge_other_system(log, system))
@@ -302,15 +293,5 @@ def _read_and_build_log_view(
     story = replace(
         story, more=(*story.more, *filter(None, (sensor_remarks_sentence(drive),)), *other_system_sentences(drive))
     )
-    return build_log_view(
-        log,
-        entry,
-        drive,
-        drive_encounters,
-        story,
-        anchor=anchor,
-        badges=[*badges, *story.badges],
-        detail=detail,
-        is_alone=is_alone,
-        is_open=is_open,
-    )
+    options = replace(options, badges=(*options.badges, *story.badges))
+    return build_log_view(log, entry, drive, drive_encounters, story, options)

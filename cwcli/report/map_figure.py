@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,9 +69,11 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
         tolerance = max(tolerance, float(np.ptp(xy, axis=0).max()) / TOLERANCES_PER_EXTENT)
         if drive.truth is not None:
             own.append(
-                _track_trace(drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", TRUTH_COLOUR, "dot")
+                _track_trace(
+                    drive, drive.truth.stamp_ns, drive.truth.xy, tolerance, "the truth", LineStyle(TRUTH_COLOUR, "dot")
+                )
             )
-        own.append(_track_trace(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", EGO_COLOUR, "solid"))
+        own.append(_track_trace(drive, drive.ego.stamp_ns, xy, tolerance, "the car, estimated", LineStyle(EGO_COLOUR)))
     for index, other in enumerate(shown):
         stamps, states = other.track.stamp_ns, other.track.state
         colour = OTHER_VEHICLE_COLOURS[index % len(OTHER_VEHICLE_COLOURS)]
@@ -81,9 +83,7 @@ def build_map_figure(drive: Drive, drive_encounters: DriveEncounters) -> tuple[F
             states[:, :2],
             tolerance,
             escaped_vehicle_name(other),
-            colour,
-            "solid",
-            width=OTHERS_LINE_WIDTH_PX,
+            LineStyle(colour, width_px=OTHERS_LINE_WIDTH_PX),
         )
         data.append(track if index < MAX_OTHERS_IN_LEGEND else {**track, "showlegend": False})
         data.append(_track_end_trace(other, index))
@@ -169,15 +169,16 @@ def _track_end_trace(other: OtherTrack, index: int) -> Trace:
     return end
 
 
+class LineStyle(NamedTuple):
+    """How a line is drawn: colour, `solid` or `dot`, and width."""
+
+    colour: str
+    dash: str = "solid"
+    width_px: float = 2.0
+
+
 def _track_trace(
-    drive: Drive,
-    stamp_ns: Int64Array,
-    xy: FloatArray,
-    tolerance: float,
-    name: str,
-    colour: str,
-    dash: str,
-    width: float = 2.0,
+    drive: Drive, stamp_ns: Int64Array, xy: FloatArray, tolerance: float, name: str, style: LineStyle
 ) -> Trace:
     """Return the simplified line of a track."""
     stamp_ns, xy = insert_line_breaks(stamp_ns, xy)
@@ -186,9 +187,9 @@ def _track_trace(
         rounded_json_numbers(xy[rows, 0], 2),
         rounded_json_numbers(xy[rows, 1], 2),
         name,
-        colour,
-        dash=dash,
-        width=width,
+        style.colour,
+        dash=style.dash,
+        width=style.width_px,
         customdata=rounded_json_numbers(drive.seconds_since_start(stamp_ns[rows]), 2),
         hovertemplate="%{customdata} s<br>%{x} m east, %{y} m north",
     )

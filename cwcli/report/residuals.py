@@ -279,13 +279,11 @@ def residual_figure(drive: Drive, found: SourceResiduals, n_pieces: int) -> Figu
             edge = rounded_json_numbers(np.array([-1.0, 1.0]) * INTERVAL_95_SIGMAS * found.sigma, 6)
             x, y = [span[0], span[1], span[1], span[0]], [edge[0], edge[0], edge[1], edge[1]]
             data.append(polygon_trace(x, y, "95 % of the noise", EGO_COLOUR, alpha=0.15, legendgroup="noise", **more))
-        for rows, label, colour, style in (
-            (~found.is_gated, "residual", MEASURED_COLOUR, {"size": 3, "opacity": 0.6}),
-            (found.is_gated, "gated", WARNING_COLOUR, {"size": 5, "symbol": "x"}),
+        for rows, label, style in (
+            (~found.is_gated, "residual", {"colour": MEASURED_COLOUR, "size": 3, "opacity": 0.6}),
+            (found.is_gated, "gated", {"colour": WARNING_COLOUR, "size": 5, "symbol": "x"}),
         ):
-            data += _residual_dot_traces(
-                at[rows], values[rows], limit, n_pieces, label, colour, {**style, **more}, unit
-            )
+            data += _residual_dot_traces(at[rows], values[rows], limit, n_pieces, label, {**style, **more}, unit)
     layout["xaxis"] = axis_settings("time since the log began [s]", anchor=f"y{n}" if n > 1 else "y", range=span)
     return {"data": data, "layout": layout}
 
@@ -298,7 +296,7 @@ def _axis_limit(believed: FloatArray, sigma: float) -> float:
 
 
 def _residual_dot_traces(
-    at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, colour: str, style: dict[str, Any],
+    at: FloatArray, values: FloatArray, limit: float, n_pieces: int, label: str, style: dict[str, Any],
     unit: str,
 ) -> list[Trace]:  # fmt: skip
     """Return the dots of residuals; those beyond the axis are drawn at its edge."""
@@ -309,4 +307,4 @@ def _residual_dot_traces(
     x, y = rounded_json_numbers(at[rows], 2), rounded_json_numbers(shown[rows], 4)
     text = [f"{value:.3g} {escape_figure_text(unit)}" for value in values[rows].tolist()] if label == "gated" else None
     hover = {"text": text, "hovertemplate": "%{x} s: %{text}, gated"} if text else {"hoverinfo": "skip"}
-    return [marker_trace(x, y, label, colour, legendgroup=label, **hover, **style)]
+    return [marker_trace(x, y, label, legendgroup=label, **hover, **style)]

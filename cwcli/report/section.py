@@ -69,20 +69,35 @@ class DetailLevel:
     has_residuals: bool = True
 
 
+@dataclass(frozen=True)
+class SectionOptions:
+    """How the section of a log is shown.
+
+    Attributes:
+        anchor: Name of the section in links.
+        badges: Badges beside the log's name.
+        detail: Level of detail.
+        is_alone: The page is of this log alone.
+        is_open: The section is unfolded.
+    """
+
+    anchor: str
+    badges: Sequence[Badge]
+    detail: DetailLevel
+    is_alone: bool
+    is_open: bool
+
+
 def build_log_view(
     log: Log,
     entry: LogEntry,
     drive: Drive,
     drive_encounters: DriveEncounters,
     story: Story,
-    *,
-    anchor: str,
-    badges: Sequence[Badge],
-    detail: DetailLevel,
-    is_alone: bool,
-    is_open: bool,
+    options: SectionOptions,
 ) -> LogView:
     """Collect everything that the page shows of a log."""
+    anchor, detail = options.anchor, options.detail
     notes = [*drive.notes, *(drive.other_system.notes if drive.other_system is not None else ())]
     chosen = sorted(
         encounters_by_criticality(drive_encounters)[: detail.n_events], key=lambda each: (each.raised_ns, each.event_id)
@@ -128,9 +143,9 @@ def build_log_view(
         anchor=anchor,
         name=entry.name,
         story=story,
-        badges=tuple(badges),
-        is_alone=is_alone,
-        is_open=is_open,
+        badges=tuple(options.badges),
+        is_alone=options.is_alone,
+        is_open=options.is_open,
         first=tuple(first),
         events=tuple(events),
         event_table=all_warnings_table(

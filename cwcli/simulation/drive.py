@@ -12,7 +12,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 from cwcli.simulation.sensors import SensorData, simulate_sensor_messages
-from cwcli.simulation.streams import seconds_to_ns
+from cwcli.simulation.streams import RunSpan, seconds_to_ns
 from cwcli.simulation.truth import TRUTH_GRID_STEP_S
 from cwcli.simulation.v2x_link import ReceivedMessages, simulate_received_messages
 
@@ -71,9 +71,7 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
             name,
             host.motion,
             settings,
-            start_ns=scenario.start_ns,
-            end_s=end_s,
-            seed=chosen,
+            run=RunSpan(scenario.start_ns, end_s, chosen),
             vehicle=HOST_NAME,
             attitude=host.attitude,
         )
@@ -90,9 +88,7 @@ def simulate_scenario(scenario: Scenario, seed: int | None = None) -> SimulatedD
                     station_id=vehicle.station_id,
                     length_m=vehicle.length_m,
                     width_m=vehicle.width_m,
-                    start_ns=scenario.start_ns,
-                    end_s=end_s,
-                    seed=chosen,
+                    run=RunSpan(scenario.start_ns, end_s, chosen),
                 )
     return SimulatedDrive(
         scenario=scenario,

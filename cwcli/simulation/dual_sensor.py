@@ -22,6 +22,16 @@ PAPER_STATIC_RANGES_M = (1.10, 3.20, 4.90, 9.30, 15.20)
 """Ranges of the paper's static comparison, m; xiang2019, section 4.1."""
 PAPER_SAMPLE_PERIOD_S = 0.05
 """Sampling period in which lidar and radar alternate, s; xiang2019, section 4.2."""
+N_CROSSING_TARGETS = 5
+"""Number of targets that cross; chosen by hand."""
+CROSSING_SCAN_PERIOD_S = 0.1
+"""Time from a scan of crossing targets to the next, s; chosen by hand."""
+CROSSING_HALF_WIDTH_M = 50.0
+"""Half the side of the square field in which targets cross, m; chosen by hand."""
+CROSSING_SPEED_MPS = 8.0
+"""Speed of crossing targets, m/s; chosen by hand."""
+CROSSING_DETECTION_PROBABILITY = 0.9
+"""Probability that a scan detects a crossing target; chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -151,12 +161,7 @@ def simulate_target_on_path(
 def simulate_crossing_targets(
     rng: np.random.Generator,
     *,
-    n_targets: int = 5,
     n_scans: int = 100,
-    period_s: float = 0.1,
-    half_width_m: float = 50.0,
-    speed_mps: float = 8.0,
-    detection_probability: float = 0.9,
     clutter_per_scan: float = 10.0,
     noise: SensorNoise | None = None,
     with_radar: bool = False,
@@ -167,19 +172,20 @@ def simulate_crossing_targets(
     through. Clutter is Poisson, uniform over the field (lidar) or over range, azimuth and +-15 m/s (radar).
     """
     noise = noise or SensorNoise(lidar_m=0.3, range_m=0.3, azimuth_rad=0.01, rate_mps=0.2)
-    t = period_s * np.arange(n_scans)
+    t = CROSSING_SCAN_PERIOD_S * np.arange(n_scans)
     stamp = np.round(t * NS_PER_S).astype(np.int64)
+    n_targets = N_CROSSING_TARGETS
     direction = 2.0 * np.pi * np.arange(n_targets) / n_targets + rng.uniform(-0.2, 0.2, n_targets)
-    velocity = speed_mps * np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    velocity = CROSSING_SPEED_MPS * np.stack([np.cos(direction), np.sin(direction)], axis=1)
     middle = rng.uniform(-3.0, 3.0, (n_targets, 2))
     truth = np.zeros((n_scans, n_targets, 4))
     truth[:, :, :2] = middle + velocity * (t - t[n_scans // 2])[:, None, None]
     truth[:, :, 2:] = velocity
     lidar, radar, lidar_at, radar_at = [], [], [], []
-    reach = half_width_m * np.sqrt(2.0)
+    reach = CROSSING_HALF_WIDTH_M * np.sqrt(2.0)
     for k in range(n_scans):
         use_radar = with_radar and k % 2 == 1
-        seen = truth[k][rng.random(n_targets) < detection_probability]
+        seen = truth[k][rng.random(n_targets) < CROSSING_DETECTION_PROBABILITY]
         n_clutter = int(rng.poisson(clutter_per_scan))
         if use_radar:
             low, high = (0.0, -np.pi, -15.0), (reach, np.pi, 15.0)
@@ -189,7 +195,7 @@ def simulate_crossing_targets(
             radar.append(rng.permutation(found))
             radar_at.append(np.full(len(found), stamp[k]))
         else:
-            clutter = rng.uniform(-half_width_m, half_width_m, (n_clutter, 2))
+            clutter = rng.uniform(-CROSSING_HALF_WIDTH_M, CROSSING_HALF_WIDTH_M, (n_clutter, 2))
             found = np.concatenate([measure_positions_with_lidar(seen, noise, rng), clutter])
             lidar.append(rng.permutation(found))
             lidar_at.append(np.full(len(found), stamp[k]))

@@ -15,7 +15,7 @@ import numpy as np
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.units import STANDARD_GRAVITY_MPS2
 from cwcli.simulation.attitude import LEVEL_ATTITUDE, Attitude
-from cwcli.simulation.streams import draw_message_schedule, random_stream
+from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
 from cwcli.simulation.truth import TrueMotion
 
 
@@ -131,10 +131,8 @@ def simulate_sensor_messages(
     sensor: str,
     motion: TrueMotion,
     settings: Mapping[str, Any],
+    run: RunSpan,
     *,
-    start_ns: int,
-    end_s: float,
-    seed: int,
     vehicle: str,
     attitude: Attitude = LEVEL_ATTITUDE,
 ) -> SensorData:
@@ -144,12 +142,12 @@ def simulate_sensor_messages(
         sensor: A key of `SENSORS`.
         motion: The vehicle's true motion.
         settings: As checked by `spec.SENSOR_KEYS`.
-        start_ns: Time of the run's start.
-        end_s: Length of the run.
-        seed, vehicle: Seed and vehicle name, which select the random streams.
+        run: Start and length of the run, and its seed.
+        vehicle: Name of the vehicle, which selects the random streams with the seed.
         attitude: Pitch and roll of the vehicle.
     """
-    plan = draw_message_schedule(settings, end_s=end_s, seed=seed, names=(vehicle, sensor))
+    seed, start_ns = run.seed, run.start_ns
+    plan = draw_message_schedule(settings, end_s=run.end_s, seed=seed, names=(vehicle, sensor))
     true_s = plan.time_s - settings["latency_s"]
     state = motion.states_at(true_s)
     exact, sigma = SENSOR_MODELS[sensor](state, attitude.pitch_roll_and_pitch_rate_at(true_s, state), settings)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,14 @@ class MessageSchedule:
 def seconds_to_ns(time_s: FloatArray) -> Int64Array:
     """Round seconds to whole nanoseconds."""
     return np.round(np.asarray(time_s) * NS_PER_S).astype(np.int64)
+
+
+class RunSpan(NamedTuple):
+    """Start, length and seed of a simulated run."""
+
+    start_ns: int
+    end_s: float
+    seed: int
 
 
 def draw_message_schedule(

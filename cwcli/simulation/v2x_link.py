@@ -16,7 +16,7 @@ import numpy as np
 from cwcli.signals.bsm_sender import FILTER_STEP_S, apply_low_pass_filter, latch_heading_at_standstill
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import ACCEL, HEADING, SPEED
-from cwcli.simulation.streams import draw_message_schedule, random_stream
+from cwcli.simulation.streams import RunSpan, draw_message_schedule, random_stream
 from cwcli.simulation.truth import TrueMotion
 
 
@@ -55,25 +55,23 @@ def simulate_received_messages(
     vehicle: str,
     motion: TrueMotion,
     settings: Mapping[str, Any],
+    run: RunSpan,
     *,
     station_id: str,
     length_m: float,
     width_m: float,
-    start_ns: int,
-    end_s: float,
-    seed: int,
 ) -> ReceivedMessages:
     """Simulate the messages of one vehicle that the host receives.
 
     Args:
-        vehicle, seed: Vehicle name and seed, which select the random streams.
+        vehicle: Name of the vehicle, which selects the random streams with the seed.
         motion: True motion of the vehicle.
         settings: As checked by `spec.V2X_KEYS`.
+        run: Start and length of the run, and its seed.
         station_id, length_m, width_m: Id and size that the vehicle sends.
-        start_ns: Time of the run's start.
-        end_s: Length of the run.
     """
-    plan = draw_message_schedule(settings, end_s=end_s, seed=seed, names=(vehicle, "v2x"))
+    seed, start_ns = run.seed, run.start_ns
+    plan = draw_message_schedule(settings, end_s=run.end_s, seed=seed, names=(vehicle, "v2x"))
     sigma = np.array(
         [
             settings["position_sigma_m"],

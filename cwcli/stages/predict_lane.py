@@ -6,7 +6,7 @@ the observed motion is added up from where the car was, and pointed, at its firs
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -207,8 +207,7 @@ def predict_lane(log: Log, config: PredictLaneConfig) -> StageResult:
             log_time_ns=observed.log_time_ns,
             width_m=vehicle.width_m,
             camera_forward_m=vehicle.camera_forward_m,
-            render=config.render,
-            topics=config.topics,
+            config=config,
         )
     summary = StageSummary(
         title="predict-lane",
@@ -238,8 +237,7 @@ def draw_paths_into_images(
     log_time_ns: Int64Array,
     width_m: float,
     camera_forward_m: float = 0.0,
-    render: str | None = None,
-    topics: Mapping[str, str] | None = None,
+    config: PredictLaneConfig | None = None,
 ) -> tuple[tuple[StreamedChannel, ...], tuple[str, ...]]:
     """Draw each path into the frame with its stamp.
 
@@ -252,8 +250,8 @@ def draw_paths_into_images(
         stamp_ns, log_time_ns: Shape (n,): of the frames that the paths start from. Paths without a frame are left out.
         width_m: Of the car.
         camera_forward_m: Of the camera ahead of the centre of gravity.
-        render: Topic for the frames with boundaries and path burnt in, or None.
-        topics: Role -> topic, the user's choices.
+        config: Names the topic for the frames with boundaries and path burnt in, and the user's choices of topics;
+            None: no such frames and no choices.
 
     Returns:
         The annotations, and the rendered frames if they were asked for; and notes for the user.
@@ -268,7 +266,8 @@ def draw_paths_into_images(
             where=log.name,
             hint="run `cwcli lanes` first",
         )
-    camera_topic, source = camera_used_by_lanes(log, topics or {}, is_needed=render is not None)
+    render, topics = (None, {}) if config is None else (config.render, config.topics)
+    camera_topic, source = camera_used_by_lanes(log, topics, is_needed=render is not None)
     check_render_topic(log, render, camera_topic)
     seen_from = Viewpoint(source.camera_for_size, width_m, camera_forward_m)
     frames = PathFrames.match_paths_to_frames(

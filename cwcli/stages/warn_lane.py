@@ -25,6 +25,7 @@ from cwcli.stages.summaries.warn import RuleOutcome, build_warnings_result
 from cwcli.vision.method import LaneState
 from cwcli.warning.lane_departure import (
     RULE,
+    FrontAxle,
     LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
@@ -88,8 +89,7 @@ def warn_lane(log: Log, config: WarnLaneConfig) -> StageResult:
         boundaries,
         matched.speed_mps[:, 0],
         config.rule,
-        width_m=vehicle.width_m,
-        front_axle_m=vehicle.front_axle_m,
+        host=FrontAxle(vehicle.width_m, vehicle.front_axle_m),
     )
     without = len(stamp_ns) - len(mine)
     set_aside = {NO_PATH: without} if without else {}

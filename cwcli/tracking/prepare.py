@@ -247,9 +247,9 @@ def _valid_rows_mask(
 
 
 def _transform_to_tracking_frame(data: Detections, model: SensorModel, ego: EgoStates | None, kept: Mask,
-    r: FloatArray, counts: DetectionCounts,
-         source: int, sources: tuple[str, ...]) -> DetectionRows:  # fmt: skip
+    counts: DetectionCounts, source: int, sources: tuple[str, ...]) -> DetectionRows:  # fmt: skip
     """Transform the kept rows of one sensor to the tracking frame."""
+    r = _measurement_covariances(data, model, counts)
     index = np.flatnonzero(kept)
     stamps = data.stamp_ns[index]
     pose, velocity, known = sensor_pose_and_velocity(model, ego, stamps)
@@ -340,11 +340,7 @@ def prepare_detections(
         count = counts[data.source]
         count.read = len(data)
         kept = _valid_rows_mask(data, model, count, max_scan, max_lateness_s)
-        parts.append(
-            _transform_to_tracking_frame(
-                data, model, ego, kept, _measurement_covariances(data, model, count), count, k, sources
-            )
-        )
+        parts.append(_transform_to_tracking_frame(data, model, ego, kept, count, k, sources))
     if not parts:
         empty = np.zeros(0, np.int64)
         rows = DetectionRows(empty, empty, np.zeros(0, np.int8), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0,

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -173,15 +174,27 @@ def lane_middle_places_ahead_m(lane: FloatArray, prior: LanePrior) -> FloatArray
     return np.asarray(u_px * COMPARISON_DISTANCES_M / focal_px)
 
 
+class FrameStep(NamedTuple):
+    """The step to a frame from the one before.
+
+    Attributes:
+        size: Width and height of the image.
+        dt_s: Time since the frame before.
+        sideways_mps: Greatest lateral speed at which the prediction may be wrong.
+    """
+
+    size: tuple[int, int]
+    dt_s: float
+    sideways_mps: float
+
+
 def update_from_lines(
     sides: LinePairState,
     evidence: StripeEvidence,
     found: FloatArray,
     prior: LanePrior,
-    size: tuple[int, int],
     driven: float,
-    dt_s: float,
-    sideways_mps: float,
+    step: FrameStep,
 ) -> tuple[FloatArray, LinePairState]:
     """Update the lane and the state of its lines from a new frame.
 
@@ -190,18 +203,17 @@ def update_from_lines(
         evidence: The stripes of the frame.
         found: The lane by both lines, shape (6,).
         prior: The prior of a followed lane.
-        size: Width and height of the image.
         driven: The bend in which the car drives (px^2).
-        dt_s: Time since the state before.
-        sideways_mps: Greatest lateral speed at which the prediction may be wrong.
+        step: The step from the state before.
 
     Returns:
         The lane, shape (6,), by both lines or by the one that stays; and the state after the frame.
     """
+    size, dt_s = step.size, step.dt_s
     lanes, shares = np.empty((2, 6)), [0.0, 0.0]
     for side in (LEFT, RIGHT):
         before = sides.lanes_by_line[side]
-        table = narrow_prior_table(prior, before, dt_s, sideways_mps)
+        table = narrow_prior_table(prior, before, dt_s, step.sideways_mps)
         lanes[side], shares[side] = find_lane_by_one_line(evidence, before, table, size, side, sides.width)
     if min(shares) >= MIN_PAINT_SHARE_FOR_SHAPE:
         sides = _update_line_comparison(

@@ -73,7 +73,13 @@ from cwcli.vision.lane_model import (
     fit_boundary_parabolas,
     pitch_from_horizon_rad,
 )
-from cwcli.vision.lane_sides import LinePairState, initial_line_pair_state, prior_with_known_width, update_from_lines
+from cwcli.vision.lane_sides import (
+    FrameStep,
+    LinePairState,
+    initial_line_pair_state,
+    prior_with_known_width,
+    update_from_lines,
+)
 from cwcli.vision.line_classifier import LineClassifier
 from cwcli.vision.method import LaneFit, LaneFrame, LaneState, Method
 
@@ -226,7 +232,8 @@ class LaneTracker:
             frames = 1 if sides is None or not sides.do_lines_agree else LINE_UPDATE_INTERVAL_FRAMES
             if sides is not None and self._n_frames % frames == 0:
                 driven = bend_px2_per_curvature(camera) * driven_curvature_1pm(frame.speed_mps, frame.yaw_rate_radps)
-                found, sides = update_from_lines(sides, evidence, found, own, size, driven, frames * dt_s, sideways_mps)
+                step = FrameStep(size, frames * dt_s, sideways_mps)
+                found, sides = update_from_lines(sides, evidence, found, own, driven, step)
                 last = float(lane_objectives(evidence, found[None], own.table)[0])
             if (
                 is_tight and self._n_frames % TIGHT_BEND_SEARCH_INTERVAL_FRAMES == 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.collision_probability import collision_probability, is_touch_improbable
+from cwcli.measures.collision_probability import UncertainPaths, collision_probability, is_touch_improbable
 from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray
 from cwcli.warning.remote_alignment import PathPoints, interpolate_covariances, interpolate_paths
@@ -108,12 +108,16 @@ class PathPairs:
         return collision_probability(
             theirs.x_m - own.x_m,
             theirs.y_m - own.y_m,
-            own.heading_rad,
-            theirs.heading_rad,
-            interpolate_covariances(self.host, self.host_row, none, covariances_s[0]),
-            interpolate_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
-            self.host_size,
-            self.other_size,
+            UncertainPaths(
+                own.heading_rad,
+                interpolate_covariances(self.host, self.host_row, none, covariances_s[0]),
+                self.host_size,
+            ),
+            UncertainPaths(
+                theirs.heading_rad,
+                interpolate_covariances(self.other, self.other_row, self.age_s, covariances_s[1]),
+                self.other_size,
+            ),
             ends=ends,
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -30,16 +31,28 @@ class EventSpan:
     cleared: int | None
 
 
+class EventTiming(NamedTuple):
+    """When events begin and end.
+
+    Attributes:
+        clock_ns: Shape (n,): all evaluation times of the host; decides whether the log went on long enough to clear.
+        persistence_s: How long an event must be armed before it begins.
+        hold_off_s: How long it must be neither held nor raised before it is over.
+    """
+
+    clock_ns: Int64Array
+    persistence_s: float
+    hold_off_s: float
+
+
 def find_events(
     stamp_ns: Int64Array,
     armed: BoolArray,
     raised: BoolArray,
     held: BoolArray,
+    timing: EventTiming,
     *,
     at_once: BoolArray | None = None,
-    clock_ns: Int64Array,
-    persistence_s: float,
-    hold_off_s: float,
 ) -> list[EventSpan]:
     """Find the events of one pair.
 
@@ -50,11 +63,11 @@ def find_events(
     Args:
         stamp_ns: Shape (m,), increasing: the evaluations of the pair.
         armed, raised, held: Shape (m,), see `rules.base.Decision`.
+        timing: When events begin and end.
         at_once: Shape (m,) or None: where an event begins without persistence.
-        clock_ns: Shape (n,): all evaluation times of the host; decides whether the log went on long enough to clear.
-        persistence_s, hold_off_s: See above.
     """
-    persistence_ns, hold_off_ns = round(persistence_s * NS_PER_S), round(hold_off_s * NS_PER_S)
+    clock_ns = timing.clock_ns
+    persistence_ns, hold_off_ns = round(timing.persistence_s * NS_PER_S), round(timing.hold_off_s * NS_PER_S)
     ready = np.flatnonzero(
         raised & armed & (_armed_duration_ns(stamp_ns, armed, hold_off_ns) >= persistence_ns - PERSISTENCE_TOLERANCE_NS)
     )

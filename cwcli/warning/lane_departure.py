@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from cwcli.signals.clocks import earliest_known_times_ns
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.normal_distribution import normal_cdf
 from cwcli.signals.units import NS_PER_S
-from cwcli.warning.events import EventSpan, find_events
+from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.lane_agreement import BoolArray, agreement_of_both_sides_s, approach_speed_bound_mps
 from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
 from cwcli.warning.output import NOT_CLEARED_NS
@@ -94,7 +94,7 @@ class LaneDepartureConfig:
     hold_off_s: float = 1.0
     min_speed_mps: Annotated[
         float,
-        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS", former="--lane-speed"),
+        Option("--min-speed", "No warning is raised below this speed.", metavar="MPS"),
     ] = CLASS_II_MIN_SPEED_MPS
     speed_hysteresis_mps: float = 1.0
     rate_over_s: float = 0.3
@@ -142,6 +142,29 @@ class LaneBoundaries:
     curvature_change_1pm2: FloatArray | None = None
 
 
+class FrontAxle(NamedTuple):
+    """The front axle of the warned vehicle.
+
+    Attributes:
+        width_m: Width over the outsides of the front tyres.
+        ahead_m: Distance of the axle ahead of the centre of gravity.
+        vehicle_id: Name of the vehicle.
+    """
+
+    width_m: float = DEFAULT_WIDTH_M
+    ahead_m: float = 1.2
+    vehicle_id: str = "ego"
+
+
+class _Frames(NamedTuple):
+    """What is evaluated at each frame: stamp, path from it, boundaries and speed."""
+
+    stamp_ns: Int64Array
+    paths: PathArrays
+    boundaries: LaneBoundaries
+    speed_mps: FloatArray
+
+
 @dataclass(frozen=True)
 class LaneDepartureResult:
     """Warnings of leaving the lane.
@@ -178,10 +201,7 @@ def evaluate_lane_departure(
     boundaries: LaneBoundaries,
     speed_mps: FloatArray,
     config: LaneDepartureConfig | None = None,
-    *,
-    width_m: float = DEFAULT_WIDTH_M,
-    front_axle_m: float = 1.2,
-    host_id: str = "ego",
+    host: FrontAxle = FrontAxle(),  # noqa: B008 - it can't change
 ) -> LaneDepartureResult:
     """Evaluate the rule for both boundaries at every frame.
 
@@ -192,9 +212,7 @@ def evaluate_lane_departure(
         boundaries: Both boundaries in the same frames.
         speed_mps: Shape (n,).
         config: Options; None: the defaults.
-        width_m: Width over the outsides of the front tyres.
-        front_axle_m: Distance of the front axle ahead of the centre of gravity.
-        host_id: The warned vehicle.
+        host: Front axle and name of the warned vehicle.
 
     Raises:
         UsageError: The paths are too short.
@@ -207,20 +225,17 @@ def evaluate_lane_departure(
     lines = _mask_implausible_boundaries(boundaries, config)
     both = (boundaries.left, boundaries.right)
     agreed = agreement_of_both_sides_s(stamp_ns, both, boundaries.is_seen, boundaries.steady_s, config.agree_s)
-    forward_m, change_1pm2 = boundaries.camera_forward_m, boundaries.curvature_change_1pm2
-    change_1pm2 = np.zeros(len(stamp_ns)) if change_1pm2 is None else change_1pm2
+    frames = _Frames(stamp_ns, paths, boundaries, speed_mps)
     sides = [
-        _evaluate_side(
-            stamp_ns, paths, line, change_1pm2, sign, agreed_s, forward_m, speed_mps, config, width_m, front_axle_m
-        )
+        _evaluate_side(frames, line, sign, agreed_s, config, host)
         for line, sign, agreed_s in zip(lines, (1.0, -1.0), agreed, strict=True)
     ]
     found = sorted((int(stamp_ns[span.raised]), at, span) for at, side in enumerate(sides) for span in side.spans)
     events = [(number, at, span) for number, (_, at, span) in enumerate(found, start=1)]
     known_ns = earliest_known_times_ns(stamp_ns, log_time_ns)
     return LaneDepartureResult(
-        rows=_build_rows(sides, events, stamp_ns, log_time_ns, known_ns, host_id),
-        events=_events_table(sides, events, stamp_ns, known_ns, host_id),
+        rows=_build_rows(sides, events, stamp_ns, log_time_ns, known_ns, host.vehicle_id),
+        events=_events_table(sides, events, stamp_ns, known_ns, host.vehicle_id),
         series=_series_table(sides, stamp_ns),
         counts=_count_frames(boundaries, lines, agreed, speed_mps, config),
     )
@@ -238,24 +253,22 @@ def _mask_implausible_boundaries(
 
 
 def _evaluate_side(
-    stamp_ns: Int64Array,
-    paths: PathArrays,
+    frames: _Frames,
     line: FloatArray,
-    change_1pm2: FloatArray,
     sign: float,
     agreed_s: FloatArray,
-    camera_forward_m: float,
-    speed_mps: FloatArray,
     config: LaneDepartureConfig,
-    width_m: float,
-    front_axle_m: float,
+    host: FrontAxle,
 ) -> _SideEvaluation:
     """Evaluate one boundary at every frame; `sign` is 1 for the left one and -1 for the right one."""
+    stamp_ns, paths, speed_mps = frames.stamp_ns, frames.paths, frames.speed_mps
+    change_1pm2 = frames.boundaries.curvature_change_1pm2
+    change_1pm2 = np.zeros(len(stamp_ns)) if change_1pm2 is None else change_1pm2
     t = paths.time_s
     cos, sin = np.cos(paths.heading_rad), np.sin(paths.heading_rad)
-    x = paths.x_m + front_axle_m * cos - sign * 0.5 * width_m * sin
-    y = paths.y_m + front_axle_m * sin + sign * 0.5 * width_m * cos
-    ahead = x - camera_forward_m
+    x = paths.x_m + host.ahead_m * cos - sign * 0.5 * host.width_m * sin
+    y = paths.y_m + host.ahead_m * sin + sign * 0.5 * host.width_m * cos
+    ahead = x - frames.boundaries.camera_forward_m
     line_y, direction = boundary_at_distances(line, ahead, change_1pm2)
     gap = sign * (line_y - y) * np.cos(direction)
     last = max(1, int(np.searchsorted(t, config.rate_over_s - 1e-9)))
@@ -273,15 +286,8 @@ def _evaluate_side(
         raised = near & (over | leaving) & fast & (agreed_s >= 0.0)
         held = (gap[:, 0] < config.release_m) | ((crossing <= config.effective_release_s) & (rate > 0.0))
         held &= speed_mps >= config.min_speed_mps - config.speed_hysteresis_mps
-    spans = find_events(
-        stamp_ns,
-        raised,
-        raised,
-        held,
-        clock_ns=stamp_ns,
-        persistence_s=config.persistence_s,
-        hold_off_s=config.hold_off_s,
-    )
+    timing = EventTiming(stamp_ns, config.persistence_s, config.hold_off_s)
+    spans = find_events(stamp_ns, raised, raised, held, timing)
     return _SideEvaluation(gap[:, 0], rate, crossing, last_known_gap_m(gap), chance, spans)
 
 

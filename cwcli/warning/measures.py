@@ -106,7 +106,7 @@ def measure_paths(
         min_distance_m=smallest,
         min_time_s=nearest_s,
         entry_s=segments.entry_time_s(radius_m),
-        overlap_s=_first_overlap_time_s(x, y, host, other, time_s, smallest <= reach, host_size, other_size),
+        overlap_s=_first_overlap_time_s(x, y, host, other, time_s, smallest <= reach, (host_size, other_size)),
         probability=np.full(len(x), np.nan),
         late_probability=np.full(len(x), np.nan),
         braked_probability=np.full(len(x), np.nan),
@@ -212,17 +212,14 @@ def _first_overlap_time_s(
     other: PathPoints,
     time_s: FloatArray,
     near: np.ndarray,
-    host_size: Size,
-    other_size: Size,
+    sizes: tuple[Size, Size],
 ) -> FloatArray:
     """Time (s) of the first overlap of the outlines, (m,), linear between points; infinity outside the rows `near`."""
     out = np.full(len(x), np.inf)
     rows = np.flatnonzero(near)
     if not len(rows):
         return out
-    margin = outline_separation_m(
-        x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], host_size, other_size
-    )
+    margin = outline_separation_m(x[rows], y[rows], host.heading_rad[rows], other.heading_rad[rows], *sizes)
     touching = margin <= 0.0
     hits = np.flatnonzero(touching.any(axis=1))
     first = touching[hits].argmax(axis=1)

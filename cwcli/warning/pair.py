@@ -14,7 +14,7 @@ from cwcli.measures.outlines import Size
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.warning.collision import PathPairs
-from cwcli.warning.events import EventSpan, find_events
+from cwcli.warning.events import EventSpan, EventTiming, find_events
 from cwcli.warning.measures import (
     MEASURE_ARRAY_NAMES,
     MIN_ONSET_DIFFERENCE_M,
@@ -208,9 +208,7 @@ def _join_windows(
             each.raised,
             each.held,
             at_once=each.at_once,
-            clock_ns=host.stamp_ns,
-            persistence_s=persistence_s,
-            hold_off_s=config.hold_off_s,
+            timing=EventTiming(host.stamp_ns, persistence_s, config.hold_off_s),
         )
         for each in (trusted, decision)
     )

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.warning import pair
 from cwcli.warning.collision import PathPairs
 from cwcli.warning.evaluate import FoundWarnings, find_warnings
@@ -37,7 +37,9 @@ def car(number: int, gap_m: float, rng: np.random.Generator) -> VehicleTrack:
     state += 0.2 * SIGMAS * rng.standard_normal(state.shape)
     covariance = np.tile(np.diag(SIGMAS**2), (N_STAMPS, 1, 1))
     stamp_ns = np.rint(time_s * 1e9).astype(np.int64)
-    paths, onset = (roll_out_paths(model, state, covariance, horizon_s=3.5) for model in ("auto", "onset"))
+    paths, onset = (
+        roll_out_paths(model, state, covariance, settings=RolloutSettings(horizon_s=3.5)) for model in ("auto", "onset")
+    )
     return VehicleTrack(str(number), stamp_ns, stamp_ns, state, paths, onset_paths=onset)
 
 

@@ -107,7 +107,7 @@ def test_ctrl_c_while_workers_start_is_one_line(short: Path, tmp_path: Path, del
         (["--warn-max-age", "-1"], "a max age of -1 is not positive"),
         (["--predict-horizon", "-1"], "a horizon of -1 s is not"),
         (["--predict-model", "nope"], "there is no motion model 'nope'"),
-        (["--predict-from", "observer", "--predict-model", "ctrv"], "does not start from the observer"),
+        (["--stage", "lanes,predict-lane", "--predict-lane-model", "ctrv"], "must be one of lateral"),
         (["--lanes-method", "nope"], "there is no lane method 'nope'"),
         (["--lanes-seed", "-1"], "--seed -1 must lie between"),
         (["--lanes-camera-height", "-3"], "--camera-height"),

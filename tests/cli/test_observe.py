@@ -159,9 +159,9 @@ def test_reversed_signs_in_the_cars_file_are_exit_code_2_and_one_line(
         (("observe", "--vehicle", "nothing"), "there is no vehicle 'nothing'"),
         (("observe", "--load", "ballast"), "load 'ballast' is unknown; permitted: empty, half, full"),
         (("observe", "--coast", "-1"), "--coast -1"),
-        (("predict", "--from", "observer", "--model", "ctra"), "does not start from the observer"),
+        (("predict-lane", "--model", "ctra"), "must be one of lateral"),
         (("predict-lane", "--horizon", "-2"), "horizon"),
-        (("warn", "--rules", "lane-departure,nonsense"), "there is no warning rule 'nonsense'"),
+        (("warn", "--rules", "ttc,nonsense"), "there is no warning rule 'nonsense'"),
         (("warn-lane", "--line-crossing", "-1"), "warn_s is -1"),
     ],
 )

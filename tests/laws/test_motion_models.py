@@ -6,7 +6,7 @@ import pytest
 
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.models import MODELS
-from cwcli.prediction.rollout import path_jacobian, roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, path_jacobian, roll_out_paths
 from cwcli.signals.vehicle_state import DERIVATIVE_INDICES
 
 FloatArray = npt.NDArray[np.float64]
@@ -54,12 +54,15 @@ def test_jacobian_equals_finite_differences(name: str, discretisation: str) -> N
     state = np.concatenate([moving_starts(20, 2), any_starts(40, 3)])
     state = state[np.abs(state[:, 2]) > 0.5]  # at v = 0 the clamp has a corner
     step = 1e-6
-    jacobian = path_jacobian(name, state, discretisation=discretisation)
+    jacobian = path_jacobian(name, state, settings=RolloutSettings(discretisation=discretisation))
     for column in range(8):
         ahead, behind = state.copy(), state.copy()
         ahead[:, column] += step
         behind[:, column] -= step
-        later, earlier = (roll_out_paths(name, start, None, discretisation=discretisation) for start in (ahead, behind))
+        later, earlier = (
+            roll_out_paths(name, start, None, settings=RolloutSettings(discretisation=discretisation))
+            for start in (ahead, behind)
+        )
         slope = np.stack([later.x_m - earlier.x_m, later.y_m - earlier.y_m], axis=-1) / (2.0 * step)
         np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=2e-5)
 
@@ -97,10 +100,10 @@ def test_covariance_matches_samples(name: str) -> None:
         cross_share=0.0,
     )
     samples = np.random.default_rng(7).multivariate_normal(start[0], covariance[0], size=40_000)
-    paths = roll_out_paths(name, samples, None, prior=steady)
+    paths = roll_out_paths(name, samples, None, settings=RolloutSettings(prior=steady))
     found = np.cov(paths.x_m[:, -1], paths.y_m[:, -1])
-    both = roll_out_paths(name, start, covariance, prior=steady).position_covariance_m2[0, -1]
-    driver = roll_out_paths(name, start, None, prior=steady).position_covariance_m2[0, -1]
+    both = roll_out_paths(name, start, covariance, settings=RolloutSettings(prior=steady)).position_covariance_m2[0, -1]
+    driver = roll_out_paths(name, start, None, settings=RolloutSettings(prior=steady)).position_covariance_m2[0, -1]
     scale = np.sqrt(found[0, 0] * found[1, 1])
     np.testing.assert_allclose(both - driver, [found[0, 0], found[0, 1], found[1, 1]], atol=0.03 * scale)
 
@@ -122,7 +125,7 @@ def test_stopped_car_stays_stopped(name: str) -> None:
 @pytest.mark.parametrize(("name", "discretisation"), FORMS)
 def test_no_car_changes_direction(name: str, discretisation: str) -> None:
     state = any_starts(500, 8)
-    paths = roll_out_paths(name, state, None, horizon_s=5.0, discretisation=discretisation)
+    paths = roll_out_paths(name, state, None, settings=RolloutSettings(horizon_s=5.0, discretisation=discretisation))
     assert (paths.speed_mps[state[:, 2] >= 0.0] >= 0.0).all()
     assert (paths.speed_mps[state[:, 2] < 0.0] <= 0.0).all()
     stopped = paths.speed_mps[:, 1:-1] == 0.0  # a car at rest may drive off at the start, and only there
@@ -151,7 +154,9 @@ def test_path_turns_and_moves_with_its_start(name: str) -> None:
 @pytest.mark.parametrize("name", MODELS)
 def test_path_does_not_depend_on_the_step(name: str) -> None:
     state, covariance = any_starts(100, 11), covariances(100, 12)
-    fine, coarse = (roll_out_paths(name, state, covariance, step_s=step) for step in (0.05, 0.25))
+    fine, coarse = (
+        roll_out_paths(name, state, covariance, settings=RolloutSettings(step_s=step)) for step in (0.05, 0.25)
+    )
     np.testing.assert_allclose(coarse.x_m, fine.x_m[:, ::5], atol=1e-6)
     np.testing.assert_allclose(coarse.y_m, fine.y_m[:, ::5], atol=1e-6)
     np.testing.assert_allclose(coarse.position_covariance_m2, fine.position_covariance_m2[:, ::5], rtol=0.01, atol=1e-3)
@@ -160,13 +165,13 @@ def test_path_does_not_depend_on_the_step(name: str) -> None:
 @pytest.mark.parametrize("name", ["cv", "ca", "ctrv", "ctra"])
 def test_two_legs_make_one_path(name: str) -> None:
     state = any_starts(100, 13)
-    whole = roll_out_paths(name, state, None, horizon_s=2.5)
+    whole = roll_out_paths(name, state, None, settings=RolloutSettings(horizon_s=2.5))
     middle = state.copy()
     middle[:, 0], middle[:, 1] = whole.x_m[:, 20], whole.y_m[:, 20]
     middle[:, 2], middle[:, 3] = whole.speed_mps[:, 20], whole.heading_rad[:, 20]
     stopped = middle[:, 2] == 0.0
     middle[np.ix_(stopped, [4, 5, 6, 7])] = 0.0
-    second = roll_out_paths(name, middle, None, horizon_s=1.5)
+    second = roll_out_paths(name, middle, None, settings=RolloutSettings(horizon_s=1.5))
     np.testing.assert_allclose(second.x_m, whole.x_m[:, 20:], atol=ATOL_M)
     np.testing.assert_allclose(second.y_m, whole.y_m[:, 20:], atol=ATOL_M)
 
@@ -174,10 +179,10 @@ def test_two_legs_make_one_path(name: str) -> None:
 @pytest.mark.parametrize("name", PAPER_MODELS)
 def test_paper_recursion_tends_to_the_exact_integral(name: str) -> None:
     state = any_starts(100, 14)
-    exact = roll_out_paths(name, state, None, step_s=0.5)
+    exact = roll_out_paths(name, state, None, settings=RolloutSettings(step_s=0.5))
     errors = []
     for step in (0.05, 0.025, 0.0125):
-        paper = roll_out_paths(name, state, None, step_s=step, discretisation="paper")
+        paper = roll_out_paths(name, state, None, settings=RolloutSettings(step_s=step, discretisation="paper"))
         stride = round(0.5 / step)
         errors.append(np.hypot(paper.x_m[:, ::stride] - exact.x_m, paper.y_m[:, ::stride] - exact.y_m).max())
     if name in ("cv", "ca"):

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.warning.evaluate import _evaluation_times_s
 from cwcli.warning.pair import PairEvaluation, evaluate_pairs
 from cwcli.warning.rules import RULES
@@ -38,7 +38,10 @@ def vehicle(name: str, state: FloatArray, *, model: str, shift_ns: int) -> Vehic
     """A vehicle with these states, and paths and onset paths from them."""
     covariance = np.tile(np.diag(SIGMAS**2), (len(state), 1, 1))
     stamp_ns = stamps(TIME_S) + shift_ns
-    paths, onset = (roll_out_paths(each, state, covariance, horizon_s=3.5, step_s=0.1) for each in (model, "onset"))
+    paths, onset = (
+        roll_out_paths(each, state, covariance, settings=RolloutSettings(horizon_s=3.5, step_s=0.1))
+        for each in (model, "onset")
+    )
     return VehicleTrack(name, stamp_ns, stamp_ns, state, paths, onset_paths=onset)
 
 

@@ -9,6 +9,7 @@ from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.simulation.lane_camera import simulate_lane_sensors
 from cwcli.simulation.lane_drive import LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.warning.lane_departure import (
+    FrontAxle,
     LaneBoundaries,
     LaneDepartureResult,
     earliest_warning_line_m,
@@ -33,8 +34,7 @@ def warn(truth: LaneDriveTruth, run: int, road: Road, seed: int) -> LaneDepartur
         predict_paths_from_observer(track, CAR),
         LaneBoundaries(sensed.left_body, sensed.right_body, CAR.camera_forward_m),
         track.speed_mps,
-        width_m=CAR.width_m,
-        front_axle_m=CAR.front_axle_m,
+        host=FrontAxle(CAR.width_m, CAR.front_axle_m),
     )
 
 

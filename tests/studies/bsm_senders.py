@@ -18,7 +18,7 @@ import numpy as np
 from cwcli.channels.vehicle_state import read_vehicle_states
 from cwcli.estimation.config import EstimatorConfig, Senders
 from cwcli.logs.read.reader import Log
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.geodesy import LocalMap
 from cwcli.simulate.sensor_log import write_simulated_log
@@ -70,7 +70,9 @@ def errors(seed: int, senders: Senders, folder: Path, **link: Any) -> dict[str, 
     motion = made.vehicles["lead"].motion
     truth, later = motion.states_at(time_s[rows]), motion.states_at(time_s[rows] + AHEAD_S)
     covariance = np.asarray(states.covariance[rows])
-    paths = roll_out_paths("auto", states.state[rows], covariance, horizon_s=AHEAD_S, step_s=0.1)
+    paths = roll_out_paths(
+        "auto", states.state[rows], covariance, settings=RolloutSettings(horizon_s=AHEAD_S, step_s=0.1)
+    )
     # the map begins at the first fix, which is off by its noise
     shift = np.array(true_map.map_from_wgs84(*_origin_of(result.evaluation_inputs.local_map)))[:2, 0]
     found = np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]]) + shift

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.measures.collision_probability import collision_probability
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.measures.collision_probability import UncertainPaths, collision_probability
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 Size = tuple[float, float]
@@ -44,8 +44,15 @@ class Encounter:
 
     def probability(self, every: int = 1) -> float:
         """What is judged here, from some of the points."""
-        arrays = (self.x_m, self.y_m, *self.headings_rad, *self.covariances_m2)
-        return float(collision_probability(*(each[None, ::every] for each in arrays), *self.sizes)[0, 0])
+        places = (each[None, ::every] for each in (self.x_m, self.y_m))
+        return float(collision_probability(*places, *self.uncertain_paths(every))[0, 0])
+
+    def uncertain_paths(self, every: int = 1) -> list[UncertainPaths]:
+        """Both vehicles, m = 1, from some of the points."""
+        return [
+            UncertainPaths(heading_rad[None, ::every], covariance_m2[None, ::every], size)
+            for heading_rad, covariance_m2, size in zip(self.headings_rad, self.covariances_m2, self.sizes, strict=True)
+        ]
 
 
 def random_encounter(rng: np.random.Generator) -> Encounter:
@@ -60,10 +67,10 @@ def random_encounter(rng: np.random.Generator) -> Encounter:
         sigma = [*np.exp(rng.normal(-0.5, 0.8, 2)), np.exp(rng.normal(-1.2, 0.6)), rng.uniform(0.02, 0.12)]
         sigma += [rng.uniform(0.2, 1.2), rng.uniform(0.01, 0.08), 0.3, 0.1]
         covariance = np.diag(np.square(sigma))[None]
-        mean = roll_out_paths("auto", state, None, horizon_s=4.0)
+        mean = roll_out_paths("auto", state, None, settings=RolloutSettings(horizon_s=4.0))
         at = round(meet_s / 0.05)
         state[0, :2] = rng.normal(0.0, 2.0, 2) - [mean.x_m[0, at], mean.y_m[0, at]]
-        paths.append(roll_out_paths("auto", state, covariance, horizon_s=HORIZON_S))
+        paths.append(roll_out_paths("auto", state, covariance, settings=RolloutSettings(horizon_s=HORIZON_S)))
     host, other = paths
     sizes = SIZES[rng.integers(len(SIZES))], SIZES[rng.integers(len(SIZES))]
     return Encounter(

@@ -29,17 +29,18 @@ import numpy as np
 
 from cwcli.channels.vehicle_state import VehicleStates
 from cwcli.prediction import fleet
-from cwcli.prediction.fleet import HORIZON_KNOTS_S, DERIVATIVE_PARTS, QUANTILE_LEVELS, FleetPrior, acting_time_s
+from cwcli.prediction.fleet import DERIVATIVE_PARTS, HORIZON_KNOTS_S, QUANTILE_LEVELS, FleetPrior, acting_time_s
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.outcome_history import (
+    PathStarts,
     actual_displacement_m,
-    state_histories_by_vehicle,
-    measure_acting_time_s,
     derivative_parts,
+    measure_acting_time_s,
     promised_displacement_m,
+    state_histories_by_vehicle,
 )
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.vehicle_state import SPEED
 from cwcli.simulation.catalogue import scenario_names
@@ -92,7 +93,9 @@ def group_of(several: Sequence[VehicleStates], too_sure: float) -> Group:
         track
         for states in several
         for track in state_histories_by_vehicle(
-            states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance * too_sure**2
+            PathStarts(
+                states.ids.codes, states.stamp_ns, states.state, states.covariance * too_sure**2, states.log_time_ns
+            )
         )
         if len(track.rows) > 1
     ]
@@ -188,13 +191,17 @@ def learned_quantiles(classes: Sequence[Sequence[VehicleStates]], prior: FleetPr
 def _squared(states: VehicleStates, prior: FleetPrior) -> FloatArray:
     """Squared Mahalanobis distances before any scale, (n, k)."""
     acted = measure_acting_time_s(
-        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance, prior
+        PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns), prior
     )
     paths = roll_out_paths(
-        DEFAULT_MODEL, states.state, states.covariance, horizon_s=HORIZON_KNOTS_S[-1], acting_s=acted
+        DEFAULT_MODEL,
+        states.state,
+        states.covariance,
+        settings=RolloutSettings(horizon_s=HORIZON_KNOTS_S[-1]),
+        acting_s=acted,
     )
     tracks = state_histories_by_vehicle(
-        states.ids.codes, states.stamp_ns, states.log_time_ns, states.state, states.covariance
+        PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns)
     )
     out = [
         horizon_errors(paths.take(t.rows), t.stamp_ns, t.stamp_ns, t.state[:, :2], HORIZON_KNOTS_S.tolist())

@@ -35,9 +35,9 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.metrics.lane_scores import VISUAL_PIXELS, VISUAL_SHARE, VISUAL_WIDTH_PX, share_of_rows_within_tolerance
 from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
-from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry, camera_with_pitch_error
-from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
+from cwcli.reproduction.zhang2011.rendered import camera_with_pitch_error, lane_samples_from_geometry
 from cwcli.signals.columns import FloatArray
+from cwcli.signals.lane_geometry import lateral_positions_of_arcs_m
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.road.car import OFFSET, YAW_RATE
 from cwcli.simulation.road.drive import RoadDrive, RoadDriveConfig, plan_road_drive
@@ -46,17 +46,17 @@ from cwcli.simulation.road.render import RoadFrame
 from cwcli.simulation.road.truth import BoolArray, LaneTruth
 from cwcli.simulation.streams import random_stream, seconds_to_ns
 from cwcli.vision.boundary_lines import BoundaryLines
-from cwcli.vision.fit_columns import FitColumns, FitCollector
+from cwcli.vision.fit_columns import FitCollector, FitColumns
 from cwcli.vision.ground import (
     LaneGeometry,
-    road_curves_in_image,
-    compute_lane_geometry,
     boundary_end_rows_px,
+    compute_lane_geometry,
     repeat_pinhole_per_frame,
+    road_curves_in_image,
 )
 from cwcli.vision.method import LaneFrame, LaneState
 from cwcli.vision.methods import DEFAULT_METHOD, METHODS
-from cwcli.warning.lane_departure import LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
+from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
 from tests.studies.rendered_motion import each
 
 KINDS: dict[str, dict[str, float | str]] = {
@@ -264,8 +264,7 @@ def departures(seen: Seen) -> LaneDepartureResult:
             -seen.geometry.curvature_change_1pm2,
         ),
         track.speed_mps,
-        width_m=car.width_m,
-        front_axle_m=car.front_axle_m,
+        host=FrontAxle(car.width_m, car.front_axle_m),
     )
 
 

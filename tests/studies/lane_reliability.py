@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from cwcli.metrics.lane_scores import VISUAL_SHARE, lanes_beside_ego, visual_standard_score
+from cwcli.metrics.lane_scores import VISUAL_SHARE, BoundaryColumns, lanes_beside_ego, visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.conditions import CONDITIONS
@@ -31,10 +31,10 @@ from cwcli.simulation.road.scene import Marking
 from cwcli.simulation.road.sets import FRAME_SETS, draw_scene, iter_set_frames
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.boundary import Boundary
+from cwcli.vision.boundary_probability import LAPSE_PROBABILITY, LOG_ODDS_COEFFICIENTS, probability_features
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.boundary_probability import LOG_ODDS_COEFFICIENTS, LAPSE_PROBABILITY, probability_features
-from cwcli.vision.lane_detect import search_first_frame, prior_with_vanishing_point
-from cwcli.vision.lane_model import fit_boundary_parabolas, pitch_from_horizon_rad, first_frame_prior
+from cwcli.vision.lane_detect import prior_with_vanishing_point, search_first_frame
+from cwcli.vision.lane_model import first_frame_prior, fit_boundary_parabolas, pitch_from_horizon_rad
 from cwcli.vision.lane_tracker import MIN_FOUND_PROBABILITY, search_size
 from cwcli.vision.method import LaneFit
 from tests.studies.lane_halves import LOG, labelled, matches
@@ -104,11 +104,8 @@ def samples(seed: int, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
                 u = _columns(fit_boundary_parabolas(lanes[0], camera))
                 truth, low = frame.truth, np.arange(240) >= 90
                 score = visual_standard_score(
-                    *u,
-                    truth.left_u_px,
-                    truth.right_u_px,
-                    truth.left_visible & low,
-                    truth.right_visible & low,
+                    BoundaryColumns(u[0], truth.left_u_px, truth.left_visible & low),
+                    BoundaryColumns(u[1], truth.right_u_px, truth.right_visible & low),
                 )
                 for side, share in enumerate((score.left_share, score.right_share)):
                     if np.isnan(share):

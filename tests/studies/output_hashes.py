@@ -62,11 +62,11 @@ STEPS = (
     Step("observe", "lanes", ("observe",)),
     Step("predict", "estimate", ("predict",)),
     Step("predict-targets", "track", ("predict", "--model", "ctra")),
-    Step("predict-observer", "observe", ("predict", "--from", "observer")),
+    Step("predict-observer", "observe", ("predict-lane",)),
     Step("warn", "predict", ("warn",)),
     Step("warn-ttc", "predict", ("warn", "--rule", "path-ttc")),
-    Step("warn-targets", "predict-targets", ("warn", "--source", "targets")),
-    Step("warn-lanes", "predict-observer", ("warn", "--rules", "lane-departure")),
+    Step("warn-targets", "predict-targets", ("warn-targets",)),
+    Step("warn-lanes", "predict-observer", ("warn-lane",)),
     Step("control", "warn", ("control",)),
 )
 
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     make = commands.add_parser("make", help="run everything and write the hashes")
     make.add_argument("target", type=Path)
     make.add_argument("--cwcli", default=str(Path(sys.executable).parent / "cwcli"), help="which cwcli")
-    make.add_argument("--only", default="", help="only logs whose name holds this")
+    make.add_argument("--only", default="", help="only logs whose name holds one of these, with commas")
     compare = commands.add_parser("compare", help="compare two lists")
     compare.add_argument("before", type=Path)
     compare.add_argument("after", type=Path)
@@ -108,7 +108,7 @@ def everything(cwcli: str, folder: Path, only: str) -> dict[str, dict[str, str]]
         subprocess.run([cwcli, *command, "-q", "-o", str(path)], check=True)
         logs.append(path)
     logs += sorted(SHARED.glob("*.mcap"))
-    logs = [log for log in logs if only in log.name]
+    logs = [log for log in logs if any(part in log.name for part in only.split(","))]
     found: dict[str, dict[str, str]] = {}
     for log in logs:
         print(log.name, file=sys.stderr, flush=True)
@@ -160,7 +160,7 @@ def one_log(cwcli: str, log: Path, work: Path) -> Iterator[tuple[str, dict[str, 
 
 def whole_run(cwcli: str, log: Path, work: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """`run` on one log, and the same stages in a pipe."""
-    lane = ("--predict-from", "observer", "--warn-rules", "lane-departure")
+    lane = ("--stage", "estimate,track,lanes,observe,predict-lane,warn-lane")
     control = ("--stage", "estimate", "--stage", "predict", "--stage", "warn", "--stage", "control")
     for name, more in (("run", ()), ("run-lane", lane), ("run-control", control)):
         run = subprocess.run(

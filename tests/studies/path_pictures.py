@@ -1,6 +1,6 @@
 """The pictures of the drawn path in the documentation: `python -m tests.studies.path_pictures [FOLDER]`.
 
-Writes path-overlay.jpg to docs/images: what `cwcli predict --from observer --render` makes of rendered drives, and in
+Writes path-overlay.jpg to docs/images: what `cwcli predict-lane --render` makes of rendered drives, and in
 yellow where the car then drove.
 """
 

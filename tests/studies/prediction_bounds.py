@@ -24,9 +24,11 @@ from cwcli.channels.vehicle_state import VehicleStates, read_vehicle_states
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import run_stage
-from cwcli.prediction.calibrate import predict_vehicle_paths
+from cwcli.prediction.calibrate import plan_vehicle_paths
 from cwcli.prediction.models import DEFAULT_MODEL
 from cwcli.prediction.outcome import ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_RADIUS, HorizonErrors, horizon_errors
+from cwcli.prediction.outcome_history import PathStarts
+from cwcli.prediction.rollout import RolloutSettings
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.row_order import iter_track_rows
 from cwcli.signals.units import NS_PER_S
@@ -145,16 +147,11 @@ def judged(log: str, states: dict[str, Known]) -> Iterator[Judged]:
 def _errors(model: str, known: Known) -> list[HorizonErrors]:
     """One per vehicle: online paths against how it really moved."""
     states, tracks = known.online, dict(iter_track_rows(known.happened.ids, known.happened.stamp_ns))
-    paths = predict_vehicle_paths(
+    paths = plan_vehicle_paths(
         model,
-        states.ids.codes,
-        states.stamp_ns,
-        states.state,
-        states.covariance,
-        horizon_s=HORIZONS_S[-1],
-        log_time_ns=states.log_time_ns,
-        has_core=True,
-    )
+        PathStarts(states.ids.codes, states.stamp_ns, states.state, states.covariance, states.log_time_ns),
+        settings=RolloutSettings(horizon_s=HORIZONS_S[-1]),
+    ).take(slice(None), has_core=True)
     found = []
     for name, rows in iter_track_rows(states.ids, states.stamp_ns):
         track_ns, track_xy = known.happened.stamp_ns[tracks[name]], known.happened.state[tracks[name], :2]

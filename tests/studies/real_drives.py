@@ -37,12 +37,12 @@ from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.reproduction.zhang2011.rendered import lane_samples_from_geometry
 from cwcli.signals.columns import FloatArray
 from cwcli.vision.camera import Camera, Mounting, default_camera
-from cwcli.vision.fit_columns import FitColumns, FitCollector
+from cwcli.vision.fit_columns import FitCollector, FitColumns
 from cwcli.vision.ground import compute_lane_geometry
 from cwcli.vision.lane_model import LANE_WIDTH_MEAN_AND_SIGMA_M
 from cwcli.vision.lane_tracker import LaneTracker, search_size
 from cwcli.vision.method import GreyImage, LaneFit, LaneFrame, LaneState
-from cwcli.warning.lane_departure import LaneBoundaries, evaluate_lane_departure
+from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, evaluate_lane_departure
 from tests.studies.lane_halves import GREEN, ORANGE, YELLOW, drawn
 from tests.studies.real_clips import SPEED_MPS, VIDEO_KINDS, Shot, read_video, video_clip
 from tests.studies.real_stills import read_stills, still_clip
@@ -176,8 +176,8 @@ def departures(seen: Seen) -> Table:
     boundaries = LaneBoundaries(
         *sides, car.camera_forward_m, is_seen, seen.fits.steady_s, -geometry.curvature_change_1pm2
     )
-    stamp_ns, wide = seen.stamp_ns, {"width_m": car.width_m, "front_axle_m": car.front_axle_m}
-    result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, boundaries, track.speed_mps, **wide)
+    stamp_ns, host = seen.stamp_ns, FrontAxle(car.width_m, car.front_axle_m)
+    result = evaluate_lane_departure(stamp_ns, stamp_ns, paths, boundaries, track.speed_mps, host=host)
     return result.events
 
 

@@ -27,16 +27,17 @@ from cwcli.dynamics.vehicle import load_vehicle
 from cwcli.prediction.lateral import predict_paths_from_observer
 from cwcli.prediction.lateral_calibrate import scale_lateral_covariance
 from cwcli.prediction.paths import Paths
-from cwcli.reproduction.zhang2011.drives import WINDING_ROAD as BENDS
 from cwcli.reproduction.zhang2011.drives import N_SETTLING_FRAMES, compute_drive_errors
-from cwcli.reproduction.zhang2011.rendered import RenderSettings, RenderedDrive, sense_rendered_drive
+from cwcli.reproduction.zhang2011.drives import WINDING_ROAD as BENDS
+from cwcli.reproduction.zhang2011.rendered import RenderedDrive, RenderSettings, sense_rendered_drive
 from cwcli.simulation.drivers import TargetLineDriver
-from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, Road, LaneRuns, LaneDriveTruth, simulate_lane_runs
+from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, LaneRuns, Road, simulate_lane_runs
 from cwcli.simulation.road.camera import wide_camera
 from cwcli.simulation.streams import random_stream
 from cwcli.vision.methods import DEFAULT_METHOD
 from cwcli.vision.path_overlay import BodyPath, project_path_into_image
 from cwcli.warning.lane_departure import (
+    FrontAxle,
     LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
@@ -172,8 +173,7 @@ def warned(
         ),
         track.speed_mps,
         rule,
-        width_m=CAR.width_m,
-        front_axle_m=CAR.front_axle_m,
+        host=FrontAxle(CAR.width_m, CAR.front_axle_m),
     )
 
 

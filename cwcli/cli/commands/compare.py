@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -60,6 +61,80 @@ PageOption = Annotated[
 Document = dict[str, Any]
 
 
+@dataclass(frozen=True)
+class JudgementOptions:
+    """How the runs are compared, and what fails."""
+
+    fail_on: Annotated[
+        list[str],
+        typer.Option(
+            "--fail-on",
+            metavar="VERDICT",
+            show_default=False,
+            help=f"Exit with 1 if a metric is this: {', '.join(FAILING_VERDICTS)}. Repeatable.",
+        ),
+    ] = field(default_factory=list)
+    tolerance: Annotated[
+        float,
+        typer.Option("--tolerance", metavar="SHARE", help="Changes up to this count as the same, e.g. 0.01 for 1 %."),
+    ] = 0.01
+    exact: Annotated[
+        bool,
+        typer.Option(
+            "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
+        ),
+    ] = False
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the resampling.")] = 0
+    truth: TruthOption = "auto"
+
+    def check(self) -> None:
+        """Check the values.
+
+        Raises:
+            UsageError: A verdict does not exist, or a number is out of its bounds.
+        """
+        for verdict in self.fail_on:
+            if verdict not in FAILING_VERDICTS:
+                raise UsageError(
+                    f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAILING_VERDICTS)
+                )
+        if not 0.0 <= self.tolerance < 1.0:
+            raise UsageError(f"--tolerance {self.tolerance:g} is not between 0 and 1")
+        if self.seed < 0:
+            raise UsageError(f"--seed {self.seed} is negative")
+
+
+@dataclass(frozen=True)
+class SummaryOptions:
+    """What is written and printed."""
+
+    markdown_file: MarkdownOption = None
+    report_at: PageOption = None
+    metrics: MetricsOption = None
+    everything: AllOption = False
+    force: ForceOption = False
+
+
+@dataclass(frozen=True)
+class ComparedRuns:
+    """Two runs and what differs between them.
+
+    Attributes:
+        before, after: The runs.
+        comparison: Their metrics.
+        failed: One line for each finding that `--fail-on` asks for.
+        differing: Their warnings; None: they are not compared.
+        is_exact: The differences are judged without statistics.
+    """
+
+    before: RunMetrics
+    after: RunMetrics
+    comparison: RunComparison
+    failed: Sequence[str]
+    differing: WarningDifferences | None
+    is_exact: bool
+
+
 def command(
     baseline: Annotated[
         str, typer.Argument(metavar="BASELINE", show_default=False, help="A run, as for `cwcli evaluate`.")
@@ -68,32 +143,8 @@ def command(
         str, typer.Argument(metavar="CANDIDATE", show_default=False, help="The run that is compared with it.")
     ],
     talk: TalkOptions,
-    fail_on: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fail-on",
-            metavar="VERDICT",
-            show_default=False,
-            help=f"Exit with 1 if a metric is this: {', '.join(FAILING_VERDICTS)}. Repeatable.",
-        ),
-    ] = None,
-    tolerance: Annotated[
-        float,
-        typer.Option("--tolerance", metavar="SHARE", help="Changes up to this count as the same, e.g. 0.01 for 1 %."),
-    ] = 0.01,
-    exact: Annotated[
-        bool,
-        typer.Option(
-            "--exact", help="No statistics: these logs are all that matters, and any change beyond --tolerance counts."
-        ),
-    ] = False,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the resampling.")] = 0,
-    truth: TruthOption = "auto",
-    markdown_file: MarkdownOption = None,
-    report_at: PageOption = None,
-    metrics: MetricsOption = None,
-    everything: AllOption = False,
-    force: ForceOption = False,
+    judging: JudgementOptions,
+    output: SummaryOptions,
 ) -> int:
     """Say what got better and what got worse between two runs over the same logs, and whether it could be chance.
 
@@ -106,60 +157,52 @@ def command(
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, write_file
 
-    _check_options(fail_on or (), tolerance, seed)
+    judging.check()
     pages = None
-    if report_at is not None:
+    if output.report_at is not None:
         from cwcli.report.addresses import PageAddresses, compare_warnings_of_runs
 
-        pages = PageAddresses(baseline, report_at), PageAddresses(candidate, report_at)
+        pages = PageAddresses(baseline, output.report_at), PageAddresses(candidate, output.report_at)
     differing: WarningDifferences | None = None
-    summary_file = normalise_stdout_name(markdown_file)
-    targets = check_output_files([baseline, candidate], talk, metrics=metrics, texts=(summary_file,), force=force)
+    summary_file = normalise_stdout_name(output.markdown_file)
+    targets = check_output_files(
+        [baseline, candidate], talk, metrics=output.metrics, texts=(summary_file,), force=output.force
+    )
     with Progress(quiet=talk.quiet) as progress:
         runs = []
         for source in (baseline, candidate):
             progress.begin_step(f"reading {source}")
-            runs.append(read_run_metrics(source, truth=truth, step=progress.begin_step))
+            runs.append(read_run_metrics(source, truth=judging.truth, step=progress.begin_step))
         if pages is not None:
             progress.begin_step("comparing warnings")
             differing = compare_warnings_of_runs(*pages)
     for run in runs:
         _require_stage_results(run)
     before, after = _pair_single_logs(*runs)
-    comparison = compare_runs(before.logs, after.logs, seed=seed, tolerance=tolerance, exact=exact)
-    if not comparison.n_pairs and not fail_on:
+    comparison = compare_runs(
+        before.logs, after.logs, seed=judging.seed, tolerance=judging.tolerance, exact=judging.exact
+    )
+    if not comparison.n_pairs and not judging.fail_on:
         raise UsageError(
             f"{before.source} and {after.source} have no log in common, so nothing can be compared",
             hint=f"logs are paired by their id: {_scored_log_ids_text(before)} in the first, "
             f"{_scored_log_ids_text(after)} in the second",
         )
-    failed = _failure_lines(comparison, fail_on or ())
+    failed = _failure_lines(comparison, judging.fail_on)
+    compared = ComparedRuns(before, after, comparison, failed, differing, judging.exact)
     with AtomicGroup() as together:
-        if metrics is not None:
-            write_table(comparison_table(comparison), metrics, force=force, together=together)
+        if output.metrics is not None:
+            write_table(comparison_table(comparison), output.metrics, force=output.force, together=together)
         if summary_file is not None:
-            text = _format_markdown_summary(before, after, comparison, failed, differing, exact=exact)
-            write_file(summary_file, text.encode(), force=force, together=together)
+            text = _format_markdown_summary(compared)
+            write_file(summary_file, text.encode(), force=output.force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        document = _comparison_document(before, after, comparison, failed, targets, differing)
-        console.print_document("compare", document)
+        console.print_document("compare", _comparison_document(compared, targets))
     else:
-        _print_comparison(console, before, after, comparison, failed, differing, everything=everything, exact=exact)
+        _print_comparison(console, compared, everything=output.everything)
         print_written_files(console, targets)
     return EXIT_GATE_FAILED if failed else EXIT_DONE
-
-
-def _check_options(fail_on: Sequence[str], tolerance: float, seed: int) -> None:
-    for verdict in fail_on:
-        if verdict not in FAILING_VERDICTS:
-            raise UsageError(
-                f"--fail-on {verdict} is not a verdict to fail on", hint=names_hint(verdict, FAILING_VERDICTS)
-            )
-    if not 0.0 <= tolerance < 1.0:
-        raise UsageError(f"--tolerance {tolerance:g} is not between 0 and 1")
-    if seed < 0:
-        raise UsageError(f"--seed {seed} is negative")
 
 
 def _require_stage_results(run: RunMetrics) -> None:
@@ -221,18 +264,11 @@ def _judged_changes(comparison: RunComparison, *, everything: bool) -> list[Metr
     return [change for change in comparison.changes if everything or change.verdict.value != "-"]
 
 
-def _print_comparison(
-    console: Console,
-    before: RunMetrics,
-    after: RunMetrics,
-    comparison: RunComparison,
-    failed: Sequence[str],
-    differing: WarningDifferences | None,
-    *,
-    everything: bool,
-    exact: bool,
-) -> None:
-    console.print_heading(f"{before.source} -> {after.source}: {format_count(comparison.n_pairs, 'log')} in both")
+def _print_comparison(console: Console, compared: ComparedRuns, *, everything: bool) -> None:
+    comparison, differing = compared.comparison, compared.differing
+    console.print_heading(
+        f"{compared.before.source} -> {compared.after.source}: {format_count(comparison.n_pairs, 'log')} in both"
+    )
     rows: list[tuple[Cell, ...]] = [
         (change.verdict.value, change.metric, change.baseline, change.candidate, *_change_cells(change))
         for change in _judged_changes(comparison, everything=everything)
@@ -248,12 +284,12 @@ def _print_comparison(
             for each in differing.listed
         ]
         console.print_summary(format_table(("what", "which", "where"), rows) if rows else "  none")
-    for note in [*_comparison_notes(comparison, exact=exact), *_unlisted_warning_notes(differing)]:
+    for note in [*_comparison_notes(comparison, exact=compared.is_exact), *_unlisted_warning_notes(differing)]:
         console.print_note(note)
-    if failed:
+    if compared.failed:
         console.print_summary("")
         console.print_summary("Failed")
-        for line in failed:
+        for line in compared.failed:
             console.print_summary(f"  {escape_control_characters(line)}")
     console.print_summary("")
 
@@ -299,15 +335,9 @@ def _comparison_notes(comparison: RunComparison, *, exact: bool) -> list[str]:
     return notes
 
 
-def _comparison_document(
-    before: RunMetrics,
-    after: RunMetrics,
-    comparison: RunComparison,
-    failed: Sequence[str],
-    written: Sequence[str],
-    differing: WarningDifferences | None,
-) -> Document:
+def _comparison_document(compared: ComparedRuns, written: Sequence[str]) -> Document:
     """Make the content of `--json`."""
+    comparison, differing = compared.comparison, compared.differing
     told: Document = {}
     if differing is not None:
         listed = [{"change": each.change, "what": each.words, "address": each.address} for each in differing.listed]
@@ -321,8 +351,8 @@ def _comparison_document(
             }
         }
     return {
-        "baseline": before.source,
-        "candidate": after.source,
+        "baseline": compared.before.source,
+        "candidate": compared.after.source,
         "written": list(written),
         "pairs": comparison.n_pairs,
         "only_baseline": list(comparison.only_baseline),
@@ -346,7 +376,7 @@ def _comparison_document(
             }
             for change in comparison.changes
         },
-        "failed": list(failed),
+        "failed": list(compared.failed),
         **told,
     }
 
@@ -375,16 +405,9 @@ def _join_first_names(names: Sequence[str]) -> str:
     return join_names([*names[:MAX_NAMED_LOGS], *(["others"] if len(names) > MAX_NAMED_LOGS else [])])
 
 
-def _format_markdown_summary(
-    before: RunMetrics,
-    after: RunMetrics,
-    comparison: RunComparison,
-    failed: Sequence[str],
-    differing: WarningDifferences | None,
-    *,
-    exact: bool,
-) -> str:
+def _format_markdown_summary(compared: ComparedRuns) -> str:
     """Format the summary for a CI job's page: changed metrics first, the others folded."""
+    comparison, differing = compared.comparison, compared.differing
     judged = _judged_changes(comparison, everything=False)
     told = [change for change in judged if change.verdict.value not in {"same", "new"}]
     counts = {
@@ -394,7 +417,7 @@ def _format_markdown_summary(
     heading = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n) or "nothing to compare"
     parts = [
         f"### cwcli compare: {heading}",
-        f"{markdown.format_code(before.source)} to {markdown.format_code(after.source)}, "
+        f"{markdown.format_code(compared.before.source)} to {markdown.format_code(compared.after.source)}, "
         f"{format_count(comparison.n_pairs, 'log')} in both",
     ]
     if told:
@@ -416,10 +439,10 @@ def _format_markdown_summary(
         parts.append("\n".join(["Warnings and conflicts that differ:", "", *lines]))
     parts += [
         f"- {markdown.format_code(note)}"
-        for note in [*_comparison_notes(comparison, exact=exact), *_unlisted_warning_notes(differing)]
+        for note in [*_comparison_notes(comparison, exact=compared.is_exact), *_unlisted_warning_notes(differing)]
     ]
-    if failed:
-        parts.append("\n".join(["Failed:", "", *(f"- {markdown.format_code(line)}" for line in failed)]))
+    if compared.failed:
+        parts.append("\n".join(["Failed:", "", *(f"- {markdown.format_code(line)}" for line in compared.failed)]))
     return "\n\n".join(parts) + "\n"
 
 

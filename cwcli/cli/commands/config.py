@@ -8,9 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cwcli.cli.console import Console
-from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.expand import expand_dataclass_parameters
-from cwcli.cli.options.respelled import print_former_option_notes
 from cwcli.cli.options.stage import make_all_stage_options_classes
 from cwcli.cli.options.toml import format_toml
 from cwcli.errors import UsageError
@@ -33,16 +31,15 @@ def command(
     What is printed is itself a pipeline file for `cwcli run --config` that means the same: values of the environment
     and defaults are in it too. An option without a value stands in a comment.
     """
-    document, notes = resolve_all_options(file)
-    print_former_option_notes(TalkOptions(), notes)
+    document = resolve_all_options(file)
     Console().print_data(json.dumps(document, indent=2, allow_nan=False) if as_json else format_toml(document).rstrip())
 
 
-def resolve_all_options(file: str | None) -> tuple[dict[str, Any], tuple[str, ...]]:
+def resolve_all_options(file: str | None) -> dict[str, Any]:
     """Resolve all options of `cwcli run` that change its results, from the file, the environment and the defaults.
 
     Returns:
-        The options as a document, and notes on options that are spelled in an old way.
+        The options as a document.
 
     Raises:
         UsageError: The file can't be read, or holds an unknown key or a value that does not fit.
@@ -58,9 +55,8 @@ def resolve_all_options(file: str | None) -> tuple[dict[str, Any], tuple[str, ..
         options = expand_dataclass_parameters(gather_all_options, "run", stages=make_all_stage_options_classes())(
             **values
         )
-        check_selection_options(options.reading.topics_and_mappings, options.reading.start, options.reading.end)
+        check_selection_options(options.inputs.topics_and_mappings, options.inputs.start, options.inputs.end)
         document: dict[str, Any] = options.to_document()
-        notes: tuple[str, ...] = options.notes
     except UsageError as error:
         raise UsageError(error.what, where=error.where or file or "", found=error.found, hint=error.hint) from error
-    return document, notes
+    return document

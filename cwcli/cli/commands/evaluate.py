@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -52,26 +52,35 @@ RunArgument = Annotated[
 ]
 
 
-def command(
-    source: RunArgument,
-    talk: TalkOptions,
-    truth: TruthOption = "auto",
-    topics: SystemOption = None,
-    gates: GatesOption = None,
+@dataclass(frozen=True)
+class JudgementOptions:
+    """What the run is compared with, and the gates."""
+
+    truth: TruthOption = "auto"
+    topics: SystemOption = None
+    gates: GatesOption = None
     allow_missing: Annotated[
         bool,
         typer.Option("--allow-missing", help="A gate on a metric that a log does not have is skipped, not failed."),
-    ] = False,
+    ] = False
+
+
+@dataclass(frozen=True)
+class SummaryOptions:
+    """What is written and printed."""
+
     junit: Annotated[
         str | None,
         typer.Option("--junit", metavar="FILE", show_default=False, help="Write the gates as JUnit XML here."),
-    ] = None,
-    markdown_file: MarkdownOption = None,
-    report_at: PageAddressOption = None,
-    metrics: MetricsOption = None,
-    everything: AllOption = False,
-    force: ForceOption = False,
-) -> int:
+    ] = None
+    markdown_file: MarkdownOption = None
+    report_at: PageAddressOption = None
+    metrics: MetricsOption = None
+    everything: AllOption = False
+    force: ForceOption = False
+
+
+def command(source: RunArgument, talk: TalkOptions, judging: JudgementOptions, output: SummaryOptions) -> int:
     """Score what the stages made of one log or of many, and check gates.
 
     Errors against the truth where the log has one, consistency, prediction errors, warnings against the conflicts that
@@ -88,36 +97,39 @@ def command(
     from cwcli.metrics.table import write_table
     from cwcli.output import AtomicGroup, write_file
 
-    for gate in gates or ():
+    for gate in judging.gates or ():
         parse_gate(gate)
-    system = parse_other_system_options(topics) if topics else None
-    summary_file = normalise_stdout_name(markdown_file)
+    system = parse_other_system_options(judging.topics) if judging.topics else None
+    summary_file = normalise_stdout_name(output.markdown_file)
     addresses = None
-    if report_at is not None:
+    if output.report_at is not None:
         from cwcli.report.addresses import PageAddresses
 
-        addresses = PageAddresses(source, report_at)
-    targets = check_output_files([source], talk, metrics=metrics, texts=(junit, summary_file), force=force)
+        addresses = PageAddresses(source, output.report_at)
+    targets = check_output_files(
+        [source], talk, metrics=output.metrics, texts=(output.junit, summary_file), force=output.force
+    )
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"reading {source}")
-        run = read_run_metrics(source, truth=truth, system=system, step=progress.begin_step)
-    results = check_gates(list(dict.fromkeys((*run.gates, *(gates or ())))), run.logs, allow_missing=allow_missing)
+        run = read_run_metrics(source, truth=judging.truth, system=system, step=progress.begin_step)
+    gates = list(dict.fromkeys((*run.gates, *(judging.gates or ()))))
+    results = check_gates(gates, run.logs, allow_missing=judging.allow_missing)
     pooled = pool_all_metrics([log for log in run.logs if not log.error])
     with AtomicGroup() as together:
-        if metrics is not None:
-            write_table(metrics_table_of_run(run.logs), metrics, force=force, together=together)
-        if junit is not None:
+        if output.metrics is not None:
+            write_table(metrics_table_of_run(run.logs), output.metrics, force=output.force, together=together)
+        if output.junit is not None:
             from cwcli.cli.junit import format_junit_xml
 
-            write_file(junit, format_junit_xml(results, addresses), force=force, together=together)
+            write_file(output.junit, format_junit_xml(results, addresses), force=output.force, together=together)
         if summary_file is not None:
             text = _format_markdown_summary(run, pooled, results, addresses)
-            write_file(summary_file, text.encode(), force=force, together=together)
+            write_file(summary_file, text.encode(), force=output.force, together=together)
     console = Console(quiet=talk.quiet, summary_to_stderr=summary_file == "-")
     if talk.json:
-        console.print_document("evaluate", _evaluation_document(run, truth, pooled, results, targets))
+        console.print_document("evaluate", _evaluation_document(run, judging.truth, pooled, results, targets))
     else:
-        _print_evaluation(console, run, pooled, results, everything=everything)
+        _print_evaluation(console, run, pooled, results, everything=output.everything)
         print_written_files(console, targets)
     if not results and pooled and all(name.startswith(QUALITY) for name in pooled):
         raise MissingSignalError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,9 +46,10 @@ MAX_NAMED_CHANNELS = 10
 """Largest number of channels that a note names; chosen by hand."""
 
 
-def command(
-    log: LogArgument,
-    talk: TalkOptions,
+@dataclass(frozen=True)
+class ContentOptions:
+    """What is exported, and in which format."""
+
     what: Annotated[
         str | None,
         typer.Option(
@@ -56,7 +58,7 @@ def command(
             show_default="ego; osi: ego, remote and targets; ros2: the whole log",
             help=f"What is exported: {CONTENT_NAMES_TEXT}. Several tracks with commas.",
         ),
-    ] = None,
+    ] = None
     form: Annotated[
         str | None,
         typer.Option(
@@ -66,11 +68,17 @@ def command(
             help=f"{', '.join(EXPORT_FORMATS[:-1])} or {EXPORT_FORMATS[-1]}. Tracks alone (ego, remote, targets) have "
             "all of them.",
         ),
-    ] = None,
+    ] = None
     vehicle: Annotated[
         str | None,
         typer.Option("--id", metavar="ID", show_default="all", help="The vehicle; tum and kitti hold one a file."),
-    ] = None,
+    ] = None
+
+
+def command(
+    log: LogArgument,
+    talk: TalkOptions,
+    content: ContentOptions,
     output: Annotated[
         str | None,
         typer.Option("--output", "-o", metavar="FILE", show_default="-", help="Write it here; - is standard output."),
@@ -93,8 +101,8 @@ def command(
     output = "-" if output is None else str(normalise_stdout_name(output))
     if output == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the file with -o FILE")
-    names = [] if what is None else what.split(",")
-    form = form or _format_of_file_name(output)
+    names = [] if content.what is None else content.what.split(",")
+    form, vehicle = content.form or _format_of_file_name(output), content.vehicle
     _check_format_and_contents(names, form, vehicle)
     is_text = load_track_format(form).is_text if form in TRACK_FORMATS else form == "csv"
     check_targets([] if output == "-" and is_text else [output], force=force, inputs=log)
@@ -109,14 +117,14 @@ def command(
                 names = names_of_ego_and_others(opened) if of_all else ["ego"]
             for name in names:
                 require_content_in_log(opened, name)
-            content, n = _encode_contents(opened, names, form, vehicle)
+            encoded, n = _encode_contents(opened, names, form, vehicle)
             said = {"what": ",".join(names), "rows": n}
             if output == "-" and is_text and is_terminal(sys.stdout):
                 console.print_data(
-                    "\n".join(map(escape_control_characters, bytes(content).decode().removesuffix("\n").split("\n")))
+                    "\n".join(map(escape_control_characters, bytes(encoded).decode().removesuffix("\n").split("\n")))
                 )
             else:
-                write_file(output, content, force=force)
+                write_file(output, encoded, force=force)
     if talk.json:
         console.print_document("export", {"format": form, "output": output, **said})
     elif output != "-":

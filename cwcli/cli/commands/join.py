@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -33,6 +34,44 @@ EXAMPLES = (
 """Command lines at the end of the command's `--help`."""
 
 
+@dataclass(frozen=True)
+class OtherCarOptions:
+    """What the other car is in the ego's log."""
+
+    role: Annotated[
+        Literal["remote"], typer.Option("--role", help="What the other car is in the ego's log: a remote vehicle.")
+    ] = "remote"
+    name: Annotated[
+        str | None,
+        typer.Option("--id", metavar="ID", show_default="its file's name", help="What the other car is called there."),
+    ] = None
+    late: Annotated[
+        float, typer.Option("--late", metavar="S", help="The other log's stamps are late by so many seconds.")
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class LimitOptions:
+    """Damage and limits of both logs."""
+
+    recover: Annotated[
+        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
+    ] = False
+    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB
+    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO
+    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB
+
+
+@dataclass(frozen=True)
+class OverwriteOptions:
+    """What may be overwritten."""
+
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
+    ] = False
+    force: ForceOption = False
+
+
 def command(
     log: Annotated[str, typer.Argument(metavar="LOG", show_default=False, help="Log of the ego; - is standard input.")],
     other: Annotated[str, typer.Argument(metavar="OTHER", show_default=False, help="Log of the other car.")],
@@ -47,26 +86,9 @@ def command(
             help="Write the ego's log with both cars' states here; - is standard output.",
         ),
     ],
-    role: Annotated[
-        Literal["remote"], typer.Option("--role", help="What the other car is in the ego's log: a remote vehicle.")
-    ] = "remote",
-    name: Annotated[
-        str | None,
-        typer.Option("--id", metavar="ID", show_default="its file's name", help="What the other car is called there."),
-    ] = None,
-    late: Annotated[
-        float, typer.Option("--late", metavar="S", help="The other log's stamps are late by so many seconds.")
-    ] = 0.0,
-    recover: Annotated[
-        bool, typer.Option("--recover", help="Read what is intact of damaged logs and say how much was lost.")
-    ] = False,
-    max_chunk: MaxChunkOption = DEFAULT_MAX_CHUNK_MB,
-    max_ratio: MaxRatioOption = DEFAULT_MAX_RATIO,
-    max_input: MaxInputOption = DEFAULT_MAX_INPUT_GB,
-    replace: Annotated[
-        bool, typer.Option("--replace", help="Leave out channels of an earlier run that the new ones replace.")
-    ] = False,
-    force: ForceOption = False,
+    other_car: OtherCarOptions,
+    limits: LimitOptions,
+    overwriting: OverwriteOptions,
 ) -> None:
     """Make one log of two cars' logs: the second car becomes a remote vehicle, with its own covariance.
 
@@ -85,28 +107,28 @@ def command(
     target = str(normalise_stdout_name(output))
     if target == "-" and talk.json:
         raise UsageError("--json and -o - both want standard output", hint="write the log to a file")
-    check_targets([target], force=force, inputs=[log, other])
+    check_targets([target], force=overwriting.force, inputs=[log, other])
     bound_array_memory()
     estimate = stage_call_from_options(make_stage_options_class("estimate")(), SensorOptions())
     console = Console(quiet=talk.quiet, summary_to_stderr=target == "-")
     opened = partial(
         Log.open,
-        recover=recover,
-        max_chunk_bytes=max_chunk * BYTES_PER_MEGABYTE,
-        max_pipe_bytes=int(max_input * BYTES_PER_GIGABYTE),
-        max_ratio=max_ratio,
+        recover=limits.recover,
+        max_chunk_bytes=limits.max_chunk * BYTES_PER_MEGABYTE,
+        max_pipe_bytes=int(limits.max_input * BYTES_PER_GIGABYTE),
+        max_ratio=limits.max_ratio,
     )
     with Progress(quiet=talk.quiet) as progress, opened(log) as ego:
         with opened(other) as second:
             progress.begin_step(f"estimating {ego.name} and {second.name}")
-            name = name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
-            joined = join_logs(ego, second, estimate, name=name, late_s=late)
+            name = other_car.name or Path(second.name.rstrip("/")).name.split(".")[0] or "other"
+            joined = join_logs(ego, second, estimate, name=name, late_s=other_car.late)
             faults = {each.name: each.faults.counts_by_reason() for each in (ego, second)}
         progress.begin_step(f"writing {target}")
-        annotate_log(joined.log, (), {}, target, replace=replace, force=force)
+        annotate_log(joined.log, (), {}, target, replace=overwriting.replace, force=overwriting.force)
     if talk.json:
         said = {
-            "role": role,
+            "role": other_car.role,
             "id": name,
             "clock_offset_s": joined.offset_ns / 1e9,
             "states": dict(joined.n_states),

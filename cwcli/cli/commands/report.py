@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -60,15 +61,22 @@ PdfOption = Annotated[bool, typer.Option("--pdf", help="Print a PDF instead, by 
 RecoverOption = Annotated[bool, typer.Option("--recover", help="Read what is intact of a single damaged log.")]
 
 
+@dataclass(frozen=True)
+class ContentOptions:
+    """What is on the page, and its form."""
+
+    topics: SystemOption = None
+    gates: GatesOption = None
+    tiles: TilesOption = None
+    tiles_attribution: AttributionOption = None
+    pdf: PdfOption = False
+
+
 def command(
     source: SourceArgument,
     output: PageOption,
     talk: TalkOptions,
-    topics: SystemOption = None,
-    gates: GatesOption = None,
-    tiles: TilesOption = None,
-    tiles_attribution: AttributionOption = None,
-    pdf: PdfOption = False,
+    content: ContentOptions,
     recover: RecoverOption = False,
     force: ForceOption = False,
 ) -> None:
@@ -86,11 +94,11 @@ def command(
     from cwcli.report.pdf import find_browser, print_pdf
     from cwcli.report.tiles import parse_tile_server
 
-    basemap = parse_tile_server(tiles, tiles_attribution)
+    basemap = parse_tile_server(content.tiles, content.tiles_attribution)
     target = str(normalise_stdout_name(output))
-    pdf = pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
+    pdf = content.pdf or (target != "-" and Path(target).suffix.lower() == PDF_SUFFIX)
     browser = find_browser() if pdf else None
-    system = parse_other_system_options(topics) if topics else None
+    system = parse_other_system_options(content.topics) if content.topics else None
     check_targets([target], force=force, inputs=[source])
     suffixes, what = ([PDF_SUFFIX], "a PDF") if pdf else (PAGE_SUFFIXES, "a page")
     check_file_suffix(target, suffixes, what=what, required=False)
@@ -99,7 +107,7 @@ def command(
     with Progress(quiet=talk.quiet) as progress:
         report = build_report(
             source,
-            gates=gates or (),
+            gates=content.gates or (),
             system=system,
             tiles=basemap,
             recover=recover,
@@ -107,11 +115,11 @@ def command(
         )
         if browser is not None:
             progress.begin_step("printing")
-        content = report.html if browser is None else print_pdf(report.html, browser)
-        write_file(target, content, force=force)
+        page = report.html if browser is None else print_pdf(report.html, browser)
+        write_file(target, page, force=force)
     document = {
         "written": target,
-        "bytes": len(content),
+        "bytes": len(page),
         "logs": report.n_logs,
         "with_figures": report.n_detailed,
         "failed": report.n_failed,

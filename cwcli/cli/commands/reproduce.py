@@ -122,31 +122,84 @@ def _find_figures(paper: str, only: list[str]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
+class ReproductionOptions:
+    """What is reproduced, and from how much."""
+
+    seeds: Annotated[
+        int | None,
+        typer.Option(
+            "--seeds",
+            metavar="N",
+            show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
+            help="Seeds of each scenario; a note tells where fewer are taken.",
+        ),
+    ] = None
+    jobs: Annotated[
+        int, typer.Option("--jobs", metavar="N", help="Number of processes; results don't depend on it.")
+    ] = 2
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            "--frames",
+            metavar="N",
+            show_default=", ".join(f"{name}: {entry.frames}" for name, entry in PAPERS.items() if entry.frames),
+            help="Frames to judge in each rendered set.",
+        ),
+    ] = None
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only", metavar="FIGURE", show_default=False, help="This figure or table alone: fig9, table1; repeatable."
+        ),
+    ] = None
+    labelled: Annotated[
+        str | None,
+        typer.Option(
+            "--labelled",
+            metavar="LOG",
+            show_default=False,
+            help="Real frames with labels of lanes in TuSimple's form, for zhang2011.",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
 class OutputTargets:
-    """Files and folders to write, as the options of the same names give them."""
+    """Files and folders to write."""
 
-    plots: str | None
-    plot_format: str
-    report: str | None
-    metrics: str | None
-    force: bool
+    plots: Annotated[
+        str | None,
+        typer.Option(
+            "--plots", metavar="DIR", show_default=False, help="Draw the figures into this folder (needs matplotlib)."
+        ),
+    ] = None
+    plot_format: Annotated[str, typer.Option("--plot-format", metavar="NAME", help="png or svg.")] = "png"
+    report: Annotated[
+        str | None,
+        typer.Option(
+            "--report",
+            metavar="DIR",
+            show_default=False,
+            help="Write PAPER.md into this folder: every figure and table next to ours (needs matplotlib).",
+        ),
+    ] = None
+    metrics: MetricsOption = None
+    force: ForceOption = False
 
 
-def _check_options(
-    paper: str, entry: PaperEntry, seeds: int, jobs: int, *, frames: int | None, labelled: str | None
-) -> None:
+def _check_options(paper: str, entry: PaperEntry, options: ReproductionOptions) -> None:
     """Check the options against what the paper takes.
 
     Raises:
         UsageError: A number is too small, or the paper has no frames or takes no labels.
     """
-    if seeds < 2 or jobs < 1:
+    if (options.seeds is not None and options.seeds < 2) or options.jobs < 1:
         raise UsageError("--seeds must be at least 2 and --jobs at least 1")
-    if frames is not None and not entry.frames:
+    if options.frames is not None and not entry.frames:
         raise UsageError(f"{paper} renders no frames", hint="leave out --frames")
-    if frames is not None and frames < 1:
+    if options.frames is not None and options.frames < 1:
         raise UsageError("--frames must be at least 1")
-    if labelled is not None and not entry.has_labelled:
+    if options.labelled is not None and not entry.has_labelled:
         raise UsageError(f"{paper} looks at no frames", hint="leave out --labelled")
 
 
@@ -227,60 +280,8 @@ def command(
         ),
     ],
     talk: TalkOptions,
-    seeds: Annotated[
-        int | None,
-        typer.Option(
-            "--seeds",
-            metavar="N",
-            show_default=", ".join(f"{name}: {entry.seeds}" for name, entry in PAPERS.items()),
-            help="Seeds of each scenario; a note tells where fewer are taken.",
-        ),
-    ] = None,
-    jobs: Annotated[
-        int, typer.Option("--jobs", metavar="N", help="Number of processes; results don't depend on it.")
-    ] = 2,
-    frames: Annotated[
-        int | None,
-        typer.Option(
-            "--frames",
-            metavar="N",
-            show_default=", ".join(f"{name}: {entry.frames}" for name, entry in PAPERS.items() if entry.frames),
-            help="Frames to judge in each rendered set.",
-        ),
-    ] = None,
-    plots: Annotated[
-        str | None,
-        typer.Option(
-            "--plots", metavar="DIR", show_default=False, help="Draw the figures into this folder (needs matplotlib)."
-        ),
-    ] = None,
-    plot_format: Annotated[str, typer.Option("--plot-format", metavar="NAME", help="png or svg.")] = "png",
-    only: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--only", metavar="FIGURE", show_default=False, help="This figure or table alone: fig9, table1; repeatable."
-        ),
-    ] = None,
-    labelled: Annotated[
-        str | None,
-        typer.Option(
-            "--labelled",
-            metavar="LOG",
-            show_default=False,
-            help="Real frames with labels of lanes in TuSimple's form, for zhang2011.",
-        ),
-    ] = None,
-    report: Annotated[
-        str | None,
-        typer.Option(
-            "--report",
-            metavar="DIR",
-            show_default=False,
-            help="Write PAPER.md into this folder: every figure and table next to ours (needs matplotlib).",
-        ),
-    ] = None,
-    metrics: MetricsOption = None,
-    force: ForceOption = False,
+    options: ReproductionOptions,
+    targets: OutputTargets,
 ) -> int:
     """Reproduce a paper's tables and figures, and compare the numbers with the paper's.
 
@@ -290,18 +291,17 @@ def command(
     entry = PAPERS.get(paper)
     if entry is None:
         raise UsageError(f"there is no reproduction of '{paper}'", hint=names_hint(paper, PAPERS))
-    n_seeds = entry.seeds if seeds is None else seeds
-    n_frames = entry.frames if frames is None else frames
-    _check_options(paper, entry, n_seeds, jobs, frames=frames, labelled=labelled)
-    if report is not None and only:
+    n_seeds = entry.seeds if options.seeds is None else options.seeds
+    n_frames = entry.frames if options.frames is None else options.frames
+    _check_options(paper, entry, options)
+    if targets.report is not None and options.only:
         raise UsageError("--report has every figure", hint="leave out --only, or take --plots")
-    wanted = _find_figures(paper, only or [])
-    targets = OutputTargets(plots, plot_format, report, metrics, force)
-    _check_output_targets(paper, targets, labelled)
+    wanted = _find_figures(paper, options.only or [])
+    _check_output_targets(paper, targets, options.labelled)
     with Progress(quiet=talk.quiet) as progress:
         progress.begin_step(f"reproducing {paper}")
-        where = None if labelled is None else Path(labelled)
-        made = entry.reproduce(ReproductionRequest(n_seeds, jobs, n_frames, wanted, where, progress.begin_step))
+        where = None if options.labelled is None else Path(options.labelled)
+        made = entry.reproduce(ReproductionRequest(n_seeds, options.jobs, n_frames, wanted, where, progress.begin_step))
         written = _write_outputs(made, paper, targets)
     console = Console(quiet=talk.quiet)
     if talk.json:

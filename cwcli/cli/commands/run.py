@@ -9,21 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from cwcli.cli.options.configfile import TalkOptions
-from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (
-    CalibrationOptions,
     LogsArgument,
-    MetricsDirOption,
     ReadingOptions,
-    SensorOptions,
-    WritingOptions,
+    RunInputOptions,
+    RunOutputOptions,
     source_of_logs,
 )
 from cwcli.cli.options.stage import StageOptions, make_all_stage_options_classes, stage_call_from_options
 from cwcli.cli.pipeline import Job, run_write_and_print
 from cwcli.errors import UsageError
 from cwcli.pipeline.channel_choice import ChannelChoice
-from cwcli.pipeline.execute import ALL_CHANNELS
+from cwcli.pipeline.execute import ALL_CHANNELS, SkipRules
 from cwcli.stages import DEFAULT_STAGES, STAGES
 
 if TYPE_CHECKING:
@@ -106,19 +103,15 @@ class AllOptions:
     """All options of a run.
 
     Attributes:
-        pipeline, reading, sensors, calibration: Options that the stages share.
-        of_stages: Stage -> its own options.
-        wanted: Names of the stages to run, in order.
-        notes: Notes on options that are spelled in an old way.
+        pipeline, inputs: Options that the stages share.
+        options_of_stages: Stage -> its own options.
+        wanted_stages: Names of the stages to run, in order.
     """
 
     pipeline: PipelineOptions
-    reading: ReadingOptions
-    sensors: SensorOptions
-    calibration: CalibrationOptions
+    inputs: RunInputOptions
     options_of_stages: dict[str, StageOptions]
     wanted_stages: tuple[str, ...]
-    notes: tuple[str, ...]
 
     def stage_calls(self) -> dict[str, StageCall]:
         """Configure the stages to run, by name in order.
@@ -130,16 +123,15 @@ class AllOptions:
 
         for gate in self.pipeline.gates:
             parse_gate(gate)
-        known = self.calibration.load_if_named()
+        known = self.inputs.load_if_named()
         return {
-            name: stage_call_from_options(self.options_of_stages[name], self.sensors, known)
+            name: stage_call_from_options(self.options_of_stages[name], self.inputs, known)
             for name in self.wanted_stages
         }
 
     def to_document(self) -> dict[str, Any]:
         """Convert all options and their values to the form of a configuration file."""
-        shared = {**asdict(self.reading), **asdict(self.sensors), **asdict(self.calibration)}
-        shared["gates"] = list(self.pipeline.gates)
+        shared = {**asdict(self.inputs), "gates": list(self.pipeline.gates)}
         run = {"stages": list(self.stage_calls()), "tables": self.pipeline.tables}
         return {
             **shared,
@@ -151,19 +143,19 @@ class AllOptions:
         """Make the plan of a run over many logs."""
         from cwcli.fleet.plan import FleetPlan
 
-        reading = self.reading
+        inputs = self.inputs
         return FleetPlan(
             stages=tuple(self.stage_calls().values()),
             pipeline={**self.to_document(), **({"channels": list(choice.patterns)} if choice else {})},
-            topic=tuple(reading.topics_and_mappings),
-            start=reading.start,
-            end=reading.end,
-            recover=reading.recover,
-            max_chunk_bytes=reading.max_chunk_bytes,
-            max_pipe_bytes=reading.max_pipe_bytes,
-            max_ratio=reading.max_ratio,
-            strict=reading.strict,
-            ego_station=self.sensors.ego_station,
+            topic=tuple(inputs.topics_and_mappings),
+            start=inputs.start,
+            end=inputs.end,
+            recover=inputs.recover,
+            max_chunk_bytes=inputs.max_chunk_bytes,
+            max_pipe_bytes=inputs.max_pipe_bytes,
+            max_ratio=inputs.max_ratio,
+            strict=inputs.strict,
+            ego_station=inputs.ego_station,
             replace=replace,
             tables=self.pipeline.tables,
             channels=choice.patterns,
@@ -171,13 +163,9 @@ class AllOptions:
 
 
 def gather_all_options(
-    pipeline: PipelineOptions,
-    reading: ReadingOptions,
-    sensors: SensorOptions,
-    calibration: CalibrationOptions,
-    stages: dict[str, StageOptions],
+    pipeline: PipelineOptions, inputs: RunInputOptions, stages: dict[str, StageOptions]
 ) -> AllOptions:
-    """Collect all options of a run, and replace old spellings.
+    """Collect all options of a run.
 
     Raises:
         UsageError: There is no stage of a name.
@@ -188,27 +176,24 @@ def gather_all_options(
     for name in asked:
         if name not in STAGES:
             raise UsageError(f"there is no stage {name}", hint=closest_names_hint(name, list(STAGES)))
-    wanted = [name for name in STAGES if name in (asked or DEFAULT_STAGES)]
-    return AllOptions(pipeline, reading, sensors, calibration, *replace_former_options(stages, wanted))
+    wanted = tuple(name for name in STAGES if name in (asked or DEFAULT_STAGES))
+    return AllOptions(pipeline, inputs, stages, wanted)
 
 
 def gather_default_options() -> AllOptions:
     """Collect the default values of all options."""
     stages = {kind.stage: kind() for kind in make_all_stage_options_classes()}
-    return gather_all_options(PipelineOptions(), ReadingOptions(), SensorOptions(), CalibrationOptions(), stages)
+    return gather_all_options(PipelineOptions(), RunInputOptions(), stages)
 
 
 def command(
     logs: LogsArgument,
     pipeline: PipelineOptions,
     fleet: FleetOptions,
-    writing: WritingOptions,
-    reading: ReadingOptions,
-    sensors: SensorOptions,
-    calibration: CalibrationOptions,
+    writing: RunOutputOptions,
+    inputs: RunInputOptions,
     talk: TalkOptions,
     stages: dict[str, StageOptions],
-    metrics_dir: MetricsDirOption = None,
 ) -> int:
     """Run every stage that a log has the signals for, on one log or many.
 
@@ -220,20 +205,19 @@ def command(
     second run does what is missing or has changed. The exit code is 0 if every log is done, else the highest of those
     that failed.
     """
-    options = gather_all_options(pipeline, reading, sensors, calibration, stages)
+    options = gather_all_options(pipeline, inputs, stages)
     if fleet.directory is not None:
         from cwcli.cli.fleet import run_on_many_logs
 
-        _refuse_with_directory(writing, reading, metrics_dir, fleet)
+        _refuse_with_directory(writing, inputs, fleet)
         writing.channel_choice.check_patterns_before_run(STAGES[name] for name in options.wanted_stages)
         plan = options.fleet_plan(replace=writing.replace, choice=writing.channel_choice)
-        print_former_option_notes(talk, options.notes)
         return run_on_many_logs(logs, plan, fleet.directory, fleet.jobs, fleet.ray, writing.force, talk)
-    _refuse_without_directory(logs, pipeline, reading, fleet)
+    _refuse_without_directory(logs, pipeline, inputs, fleet)
     job = add_all_stages(
-        Job("run", source_of_logs(logs, reading.as_one), {}, reading, writing, talk, metrics_dir=metrics_dir), options
+        Job("run", source_of_logs(logs, inputs.as_one), {}, inputs, writing, talk, metrics_dir=writing.metrics_dir),
+        options,
     )
-    print_former_option_notes(talk, options.notes)
     run_write_and_print(job)
     return 0
 
@@ -242,14 +226,12 @@ def add_all_stages(job: Job, options: AllOptions) -> Job:
     """Add to a job all stages of the options; those without signals in its log are left out later."""
     from cwcli.pipeline.missing import SignalCheck
 
-    missing = SignalCheck(STAGES, options.sensors.ego_station)
-    return replace(job, stages=options.stage_calls(), missing=missing, lenient=True)
+    missing = SignalCheck(STAGES, options.inputs.ego_station)
+    return replace(job, stages=options.stage_calls(), skip=SkipRules(missing, lenient=True))
 
 
-def _refuse_with_directory(
-    writing: WritingOptions, reading: ReadingOptions, metrics_dir: str | None, fleet: FleetOptions
-) -> None:
-    for option, value in (("-o", writing.output), ("--metrics-dir", metrics_dir)):
+def _refuse_with_directory(writing: RunOutputOptions, reading: ReadingOptions, fleet: FleetOptions) -> None:
+    for option, value in (("-o", writing.output), ("--metrics-dir", writing.metrics_dir)):
         if value is not None:
             raise UsageError(f"{option} and -d exclude each other", hint="-d holds the annotated logs and the tables")
     if writing.split != "one":

@@ -72,8 +72,8 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
             _check_writes_nothing(value, key)
             option = f"{prefix}{_parameter_name(key)}"
             if option not in own:
-                shown = [name.removeprefix(prefix) for name in own if not getattr(options[name], "hidden", False)]
-                raise _unknown_key_error(value, f"{table}.{key}", sorted(shown))
+                known = sorted(name.removeprefix(prefix) for name in own)
+                raise _unknown_key_error(value, f"{table}.{key}", known)
             defaults[option] = _check_entry(ctx, value, f"{table}.{key}", entry, options[option])
             origins[options[option].opts[0]] = f"{table}.{key} in {value}"
     _check_selection(value, defaults)

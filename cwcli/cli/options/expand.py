@@ -88,7 +88,8 @@ def _fields_as_parameters(kind: type[Any], command: str) -> list[tuple[str, insp
         if field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
         if stage is None:
-            hint = _set_help_heading(hint, getattr(kind, "heading", None))
+            if hasattr(kind, "heading"):
+                hint = _set_help_heading(hint, kind.heading)
             name, hint = field.name, _add_environment_variable(hint, ENVIRONMENT_PREFIX, field.name)
         else:
             hint = _set_help_heading(hint, "Options" if stage == command else f"Stage {stage}")

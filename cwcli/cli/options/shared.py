@@ -313,3 +313,23 @@ MetricsDirOption = Annotated[
         help="Write every table of every stage into this folder, as Parquet.",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class RunInputOptions(CalibrationOptions, SensorOptions, ReadingOptions):
+    """All options of what the stages of a run read."""
+
+
+@dataclass(frozen=True)
+class RunOutputOptions(WritingOptions):
+    """All options of what a run on one log writes."""
+
+    metrics_dir: MetricsDirOption = None
+
+
+@dataclass(frozen=True)
+class StageOutputOptions(WritingOptions):
+    """All options of what the command of one stage writes."""
+
+    metrics: MetricsOption = None
+    metrics_dir: MetricsDirOption = None

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import typer
 
 from cwcli.cli.options.entries import OptionEntry, option_entries_of_stage
-from cwcli.cli.options.former import former_option_fields
 from cwcli.cli.options.shared import SensorOptions
 from cwcli.errors import UsageError
 from cwcli.option import Option
@@ -32,32 +31,28 @@ class StageOptions:
 
     Attributes:
         stage: Name of the stage.
-        hidden: Names of old options, which help and documents leave out.
     """
 
     stage: ClassVar[str]
-    hidden: ClassVar[frozenset[str]] = frozenset()
 
     def option_values(self) -> dict[str, Any]:
         """All options and their values, in the form of a configuration file."""
-        return {name: value for name, value in vars(self).items() if name not in self.hidden}
+        return dict(vars(self))
 
 
 @functools.cache
 def make_stage_options_class(name: str) -> type[StageOptions]:
     """Make a dataclass of a stage's options; its instances are not validated."""
-    own = [
+    fields: list[Any] = [
         (entry.key, Annotated[entry.kind, _make_typer_option(entry)], _field_default(entry.default))
         for entry in option_entries_of_stage(name)
     ]
-    hidden = former_option_fields(name)
-    fields: list[Any] = [*own, *((key, kind, _field_default(value)) for key, kind, value in hidden)]
     return dataclasses.make_dataclass(
         f"{STAGES[name].python_name}_options",
         fields,
         bases=(StageOptions,),
         frozen=True,
-        namespace={"stage": name, "hidden": frozenset(key for key, _, _ in hidden)},
+        namespace={"stage": name},
     )
 
 

@@ -14,7 +14,7 @@ from cwcli.channels.published import OWN_TOPIC_PREFIX
 from cwcli.errors import DataError, MissingSignalError
 from cwcli.export.ros.messages import ROS_CONVERSIONS, fields_unknown_to_ros
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import ExcludedRecords, annotate_log
+from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.logs.write.cdr_fit import unrepresentable_row_masks
 from cwcli.logs.write.profile import matches_ros_profile
 from cwcli.pipeline.records import ORIGIN_NAMES, RUN_RECORD_PREFIX, map_from_record, read_run_records
@@ -103,11 +103,13 @@ def write_ros_log(log: Log, target: str | Path, *, force: bool = False) -> RosLo
         target,
         replace=True,
         force=force,
-        excluded=ExcludedRecords(
-            frozenset(each.id for each in foreign),
-            frozenset(name for name in log.metadata_names if name.startswith(RUN_RECORD_PREFIX)),
+        options=CopyOptions(
+            excluded_channel_ids=frozenset(each.id for each in foreign),
+            excluded_metadata_names=frozenset(
+                name for name in log.metadata_names if name.startswith(RUN_RECORD_PREFIX)
+            ),
+            profile=ROS_PROFILE,
         ),
-        profile=ROS_PROFILE,
     )
     left_out = {each.topic: each.schema_name for each in foreign if each.topic not in known} | unreadable
     return RosLogReport(

@@ -7,6 +7,7 @@ Iron has no message definitions: those of the latest release that the library kn
 from __future__ import annotations
 
 import os
+import struct
 import tempfile
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence

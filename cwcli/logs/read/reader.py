@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from cwcli.errors import InputError, MissingSignalError
 from cwcli.input import MAX_CHUNK_BYTES, MAX_RATIO, InputFile
@@ -52,6 +52,20 @@ if TYPE_CHECKING:
 __all__ = ["ChannelInfo", "Faults", "Log"]
 
 
+class AddedContents(NamedTuple):
+    """What a log holds in memory in addition to its file.
+
+    Attributes:
+        channels: Channels.
+        metadata: Metadata records by name.
+        owner: The log that has the file open.
+    """
+
+    channels: tuple[OutputChannel, ...]
+    metadata: Mapping[str, Mapping[str, str]]
+    owner: Log
+
+
 class Log:
     """An opened log. A context manager; returned arrays and frames stay valid after it is closed.
 
@@ -78,10 +92,9 @@ class Log:
         *,
         recover: bool,
         verify: bool,
-        added_channels: tuple[OutputChannel, ...] = (),
-        added_metadata: Mapping[str, Mapping[str, str]] | None = None,
-        owner: Log | None = None,
+        added: AddedContents | None = None,
     ) -> None:
+        owner = None if added is None else added.owner
         self._index = index
         self._verify = verify
         self._owner = owner
@@ -89,8 +102,8 @@ class Log:
         self._column_cache: ColumnCache = ColumnCache() if owner is None else owner._column_cache
         self.recover = recover
         self.faults = faults
-        self.added_channels = added_channels
-        self.added_metadata: Mapping[str, Mapping[str, str]] = added_metadata or {}
+        self.added_channels: tuple[OutputChannel, ...] = () if added is None else added.channels
+        self.added_metadata: Mapping[str, Mapping[str, str]] = {} if added is None else added.metadata
         self.file = file
         self.name = file.name
         self.profile = index.profile
@@ -104,12 +117,12 @@ class Log:
         used = dict.fromkeys(chunk.compression for chunk in chunks)
         self.compressions: tuple[str, ...] = tuple(name for name in used if name)
         self.attachments: tuple[AttachmentIndex, ...] = tuple(index.items_of_type(AttachmentIndex))
-        added = self._infos_of_added_channels()
-        hidden = {channel.topic for channel in added}
+        in_memory = self._infos_of_added_channels()
+        hidden = {channel.topic for channel in in_memory}
         self._in_file = channel_infos_from_index(index)
         self.channels: tuple[ChannelInfo, ...] = (
             *(channel for channel in self._in_file if channel.topic not in hidden),
-            *added,
+            *in_memory,
         )
 
     @classmethod
@@ -304,9 +317,11 @@ class Log:
             self.faults,
             recover=self.recover,
             verify=self._verify,
-            added_channels=tuple(by_topic.values()),
-            added_metadata={**self.added_metadata, **(metadata or {})},
-            owner=self if self._owner is None else self._owner,
+            added=AddedContents(
+                tuple(by_topic.values()),
+                {**self.added_metadata, **(metadata or {})},
+                self if self._owner is None else self._owner,
+            ),
         )
 
     def close(self) -> None:

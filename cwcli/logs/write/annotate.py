@@ -32,16 +32,24 @@ MIN_NEW_CHUNK_BYTES = 1 << 16
 chunks are slow to read. Chosen by hand."""
 
 
-class ExcludedRecords(NamedTuple):
-    """Channels and metadata records of the source that a copy leaves out, in addition to the replaced ones.
+class CopyOptions(NamedTuple):
+    """What a copy holds, and how its file appears.
 
     Attributes:
-        channel_ids: Ids of channels.
-        records: Names of metadata records.
+        chosen_topics: Topics of the new channels that are written; None for all. Channels of the source that the others
+            would replace are left out as well, so that the copy holds the channels of one run.
+        excluded_channel_ids: Ids of further channels of the source to leave out.
+        excluded_metadata_names: Names of further metadata records of the source to leave out.
+        profile: Profile of the copy, if its channels conform to it; None for that of the source.
+        durable, together: As in `cwcli.output.open_output`.
     """
 
-    channel_ids: frozenset[int] = frozenset()
-    metadata_names: frozenset[str] = frozenset()
+    chosen_topics: Container[str] | None = None
+    excluded_channel_ids: frozenset[int] = frozenset()
+    excluded_metadata_names: frozenset[str] = frozenset()
+    profile: str | None = None
+    durable: bool = True
+    together: AtomicGroup | None = None
 
 
 @dataclass(frozen=True)
@@ -78,11 +86,7 @@ def annotate_log(
     *,
     replace: bool = False,
     force: bool = False,
-    chosen_topics: Container[str] | None = None,
-    excluded: ExcludedRecords = ExcludedRecords(),  # noqa: B008 - it can't change
-    profile: str | None = None,
-    durable: bool = True,
-    together: AtomicGroup | None = None,
+    options: CopyOptions = CopyOptions(),  # noqa: B008 - it can't change
 ) -> AnnotateReport:
     """Write the source with more channels.
 
@@ -98,11 +102,7 @@ def annotate_log(
         replace: Leave the source's channels on the same topics, and its metadata records of the same names, out of the
             copy.
         force: Overwrite a file that exists. The source itself is never overwritten.
-        chosen: Topics of the new channels that are written; None for all. Channels that the others would replace are
-            left out as well, so that the copy holds the channels of one run.
-        left_out: Further channels and records of the source to leave out.
-        profile: Profile of the copy, if its channels conform to it; None for that of the source.
-        durable, together: As in `cwcli.output.open_output`.
+        options: What the copy holds, and how its file appears.
 
     Raises:
         OutputError: The target can't be written, or the source holds a topic or a record of the same name and
@@ -116,29 +116,36 @@ def annotate_log(
     faults = Faults()
     index = index_every_record(source.file, faults, recover=source.recover)
     replaced = {
-        each.id: each for each in index.channels.values() if each.topic in topics or each.id in excluded.channel_ids
+        each.id: each
+        for each in index.channels.values()
+        if each.topic in topics or each.id in options.excluded_channel_ids
     }
     check_no_existing_names(sorted({each.topic for each in replaced.values()}), "channel", source.name, replace)
     check_no_existing_names(
         sorted(set(metadata).intersection(index.metadata.names)), "metadata record", source.name, replace
     )
-    new = assign_channel_ids(
-        index, [each for each in channels if chosen_topics is None or each.topic in chosen_topics], replaced
-    )
+    chosen = options.chosen_topics
+    new = assign_channel_ids(index, [each for each in channels if chosen is None or each.topic in chosen], replaced)
     kept = profile_that_channels_keep(
-        index.profile if profile is None else profile,
+        index.profile if options.profile is None else options.profile,
         [*(each for each in index.channels.values() if each.id not in replaced), *(each.channel for each in new)],
         index.schemas | {each.schema.id: each.schema for each in new},
     )
     merge = MessageMerge([feed_from_columns(each.columns, each.channel.id) for each in new])
     copy = SourceCopy(source.file, index, faults, recover=source.recover)
-    with open_output(target, force=force, inputs=source.file.disk_files, durable=durable, together=together) as output:
+    with open_output(
+        target,
+        force=force,
+        inputs=source.file.disk_files,
+        durable=options.durable,
+        together=options.together,
+    ) as output:
         writer = RecordWriter(output)
         copy.write_beginning(
             writer,
             kept,
             replaced_ids=frozenset(replaced),
-            replaced_metadata=excluded.metadata_names.union(metadata),
+            replaced_metadata=options.excluded_metadata_names.union(metadata),
             written_schema_ids=frozenset(each.schema.id for each in new),
         )
         n_added = write_body_and_summary(writer, copy, new, merge, metadata)

@@ -14,13 +14,14 @@ from cwcli.estimation.song2016 import SAMPLING_TIME_S, filter_measurement_matrix
 from cwcli.estimation.track import estimate_track
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.outcome_history import measure_acting_time_s
+from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.simulation.drive import SimulatedDrive
 from cwcli.simulation.scenario import HOST_NAME, Scenario
 from cwcli.simulation.sensors import simulate_sensor_messages
+from cwcli.simulation.streams import RunSpan
 from cwcli.stages.inputs.vehicles import ONSET_MODEL
 from cwcli.warning.types import VehicleTrack
 
@@ -64,7 +65,7 @@ def measure_vehicle(scenario: Scenario, vehicle: str, seed: int) -> MeasuredRun:
     motion = scenario.vehicles[vehicle].motion
     data = {
         name: simulate_sensor_messages(
-            name, motion, settings, start_ns=0, end_s=scenario.duration_s, seed=seed, vehicle=vehicle
+            name, motion, settings, run=RunSpan(0, scenario.duration_s, seed), vehicle=vehicle
         )
         for name, settings in scenario.sensors.items()
     }
@@ -136,14 +137,18 @@ class KnownVehicle:
         acted = online_acting_durations_s(self.track, self.log_time_ns) if model == DEFAULT_MODEL else None
         state, covariance = self.track.state, self.track.covariance
         return roll_out_paths(
-            model, state, covariance, horizon_s=self.horizon_s, step_s=SAMPLING_TIME_S, acting_s=acted
+            model,
+            state,
+            covariance,
+            settings=RolloutSettings(horizon_s=self.horizon_s, step_s=SAMPLING_TIME_S),
+            acting_s=acted,
         )
 
 
 def online_acting_durations_s(track: Track, log_time_ns: Int64Array | None = None) -> FloatArray:
     """Return for how long derivatives act by the vehicle's own record, as in `predict`; for our default model."""
     vehicle = np.zeros(len(track.state), np.int64)
-    return measure_acting_time_s(vehicle, track.stamp_ns, log_time_ns, track.state, track.covariance)
+    return measure_acting_time_s(PathStarts(vehicle, track.stamp_ns, track.state, track.covariance, log_time_ns))
 
 
 def vehicle_known_without_delay(run: MeasuredRun, name: str) -> KnownVehicle:
@@ -210,6 +215,9 @@ def _measurements_of_kind(kind: Kind, stamp_ns: Int64Array, values: FloatArray, 
 def paper_predicted_points_m(states: FloatArray, family: str, horizon_s: float) -> FloatArray:
     """Predict positions `horizon_s` ahead by the paper's recursion (eq. 9, 2 or 10), shape (n, 2), m."""
     paths = roll_out_paths(
-        MODEL_BY_FAMILY[family], states, None, horizon_s=horizon_s, step_s=SAMPLING_TIME_S, discretisation="paper"
+        MODEL_BY_FAMILY[family],
+        states,
+        None,
+        settings=RolloutSettings(horizon_s=horizon_s, step_s=SAMPLING_TIME_S, discretisation="paper"),
     )
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

@@ -10,7 +10,7 @@ import numpy as np
 from cwcli.estimation.result import Track
 from cwcli.estimation.song2016 import SAMPLING_TIME_S
 from cwcli.prediction.models import DEFAULT_MODEL
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.reproduction.classes import MeasuredNumber
 from cwcli.reproduction.findings import Curve, Plot, StudyPart, is_strictly_increasing, median_with_interval
 from cwcli.reproduction.song2016.methods import (
@@ -180,8 +180,7 @@ def _default_predicted_points_m(track: Track) -> FloatArray:
         DEFAULT_MODEL,
         track.state,
         track.covariance,
-        horizon_s=PREDICTION_HORIZON_S,
-        step_s=SAMPLING_TIME_S,
+        settings=RolloutSettings(horizon_s=PREDICTION_HORIZON_S, step_s=SAMPLING_TIME_S),
         acting_s=acted,
     )
     return np.column_stack([paths.x_m[:, -1], paths.y_m[:, -1]])

@@ -15,7 +15,7 @@ from itertools import islice
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.metrics.lane_scores import visual_standard_score
+from cwcli.metrics.lane_scores import BoundaryColumns, visual_standard_score
 from cwcli.signals.columns import FloatArray
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.car import YAW_RATE
@@ -141,14 +141,19 @@ def is_fit_correct(frame: RoadFrame, fit: LaneFit, size: tuple[int, int], *, by_
     is_searched = rows >= height - round(N_SEARCHED_ROWS * height / 240)
     left, right = (boundary_columns_px(each, (width, height), size) for each in (fit.left, fit.right))
     return visual_standard_score(
-        left,
-        right,
-        truth.left_u_px,
-        truth.right_u_px,
-        truth.left_visible & is_searched,
-        truth.right_visible & is_searched,
+        BoundaryColumns(
+            left,
+            truth.left_u_px,
+            truth.left_visible & is_searched,
+            truth.left_half_width_px if by_stripe else 0.0,
+        ),
+        BoundaryColumns(
+            right,
+            truth.right_u_px,
+            truth.right_visible & is_searched,
+            truth.right_half_width_px if by_stripe else 0.0,
+        ),
         width_px=width,
-        half_widths_px=(truth.left_half_width_px, truth.right_half_width_px) if by_stripe else (0.0, 0.0),
     ).is_correct
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from cwcli.dynamics.samples import DEFAULT_PREVIEW_M, LaneSamples
 from cwcli.dynamics.vehicle import Vehicle
 from cwcli.signals.columns import FloatArray
-from cwcli.simulation.lane_camera import LaneSensorNoise, SensedDrive, simulate_lane_sensors
+from cwcli.simulation.lane_camera import SensedDrive, simulate_lane_sensors
 from cwcli.simulation.lane_drive import INTEGRATION_STEP_S, LaneDriveTruth, Road
 from cwcli.simulation.road.camera import RoadCamera
 from cwcli.simulation.road.drive import RoadDrive
-from cwcli.simulation.road.lane_frames import road_drive_from_lane_run
+from cwcli.simulation.road.lane_frames import LaneFrameSettings, road_drive_from_lane_run
 from cwcli.simulation.streams import seconds_to_ns
 from cwcli.vision.camera import Camera, Mounting
 from cwcli.vision.fit_columns import FitCollector, FitColumns
@@ -27,21 +27,13 @@ from cwcli.vision.methods import DEFAULT_METHOD, METHODS
 
 
 @dataclass(frozen=True)
-class RenderSettings:
-    """Settings of the rendered frames.
+class RenderSettings(LaneFrameSettings):
+    """Settings of the rendered frames, and of the lane method's camera.
 
     Attributes:
-        road: A key of `simulation.road.sets.SETS`.
-        weather: A key of `simulation.road.conditions.CONDITIONS`.
-        rate_hz: Of the camera.
-        camera: None: zhang2011's.
         pitch_error_rad: How much too steep the mounting that the lane method is told of is.
     """
 
-    road: str = "good"
-    weather: str = "clear"
-    rate_hz: float = 20.0
-    camera: RoadCamera | None = None
     pitch_error_rad: float = 0.0
 
 
@@ -72,7 +64,6 @@ def sense_rendered_drive(
     *,
     settings: RenderSettings | None = None,
     method: str = DEFAULT_METHOD,
-    noise: LaneSensorNoise | None = None,
     seed: int = 0,
 ) -> RenderedDrive:
     """Render one run, find its lanes, and sense speed and yaw rate.
@@ -81,23 +72,13 @@ def sense_rendered_drive(
         truth: From `simulate_lane_runs`.
         run: Which column of it.
         road, vehicle: As given to `simulate_lane_runs`.
-        look: None: the defaults.
+        settings: None: the defaults.
         method: A key of `vision.methods.METHODS`. It is told the speed, not the yaw rate.
-        noise: Of speed and gyroscope; None: the defaults.
         seed: Of everything.
     """
     settings = settings or RenderSettings()
-    drive = road_drive_from_lane_run(
-        truth,
-        run,
-        road,
-        look=settings.road,
-        weather=settings.weather,
-        seed=seed,
-        rate_hz=settings.rate_hz,
-        camera=settings.camera,
-    )
-    others = simulate_lane_sensors(truth, run, road, vehicle, noise=noise, seed=seed)
+    drive = road_drive_from_lane_run(truth, run, road, settings, seed=seed)
+    others = simulate_lane_sensors(truth, run, road, vehicle, seed=seed)
     speed_mps = np.interp(seconds_to_ns(drive.time_s), others.speed.stamp_ns, others.speed.values)
     camera = camera_with_pitch_error(drive.camera, settings.pitch_error_rad)
     fits = find_lanes_in_drive(drive, camera, method, speed_mps, seed)

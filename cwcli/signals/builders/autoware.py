@@ -34,6 +34,4 @@ def build_objects(columns: Columns, reading: Reading) -> tuple[DetectionSignal, 
     covariance = objects.read_numbers(f"{pose}.covariance", width=36)[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)
     is_left_out = objects.read_numbers("objects.kinematics.has_position_covariance") == 0
     covariance = np.where((is_left_out | ~covariance.any(axis=(1, 2)))[:, None, None], np.nan, covariance)
-    return make_detection_signal(
-        columns, reading, ledger, "position", objects, values, covariance, *read_stamps(columns)
-    )
+    return make_detection_signal(reading, ledger, "position", objects, values, covariance, read_stamps(columns))

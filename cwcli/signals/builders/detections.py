@@ -38,7 +38,7 @@ def build_radar_scan(columns: Columns, reading: Reading) -> tuple[DetectionSigna
     values = np.stack(
         [returns.read_numbers("returns.range") * cosine, returns.read_numbers("returns.azimuth"), rate / cosine], 1
     )
-    return make_detection_signal(columns, reading, ledger, "radar", returns, values, None, *read_stamps(columns))
+    return make_detection_signal(reading, ledger, "radar", returns, values, None, read_stamps(columns))
 
 
 def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -54,9 +54,7 @@ def build_radar_tracks(columns: Columns, reading: Reading) -> tuple[DetectionSig
     for name, part in (("position", slice(0, 2)), ("velocity", slice(2, 4))):
         triangle = tracks.read_numbers(f"tracks.{name}_covariance", width=6)
         covariance[:, part, part] = triangle[:, TRIANGLE_XY_INDICES].reshape(-1, 2, 2)
-    return make_detection_signal(
-        columns, reading, ledger, "radar_track", tracks, values, covariance, *read_stamps(columns)
-    )
+    return make_detection_signal(reading, ledger, "radar_track", tracks, values, covariance, read_stamps(columns))
 
 
 def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -75,7 +73,7 @@ def build_boxes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
             values = poses
     matrices = boxes.read_numbers("detections.results.pose.covariance", width=36)
     covariance = matrices[:, POSE_COVARIANCE_XY_INDICES].reshape(-1, 2, 2)
-    return make_detection_signal(columns, reading, ledger, "position", boxes, values, covariance, *read_stamps(columns))
+    return make_detection_signal(reading, ledger, "position", boxes, values, covariance, read_stamps(columns))
 
 
 def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -87,9 +85,7 @@ def build_cubes(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qu
     path = "entities.cubes.pose.position"
     cubes = Elements(columns, ledger, f"{path}.x", f"{path}.y")
     values = np.stack([cubes.read_numbers(f"{path}.{axis}") for axis in "xy"], axis=1)
-    return make_detection_signal(
-        columns, reading, ledger, "position", cubes, values, None, *_read_first_entity_stamps(columns)
-    )
+    return make_detection_signal(reading, ledger, "position", cubes, values, None, _read_first_entity_stamps(columns))
 
 
 def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Quality]:
@@ -104,43 +100,39 @@ def build_json(columns: Columns, reading: Reading) -> tuple[DetectionSignal, Qua
         # a rate that is not measured has no noise: 1 keeps the matrix whole, and nobody reads it
         rate_sigma = np.where(np.isnan(values[:, 2]) & np.isnan(rate_sigma), 1.0, rate_sigma)
         covariance = np.stack([*sigmas, rate_sigma], axis=1)[:, :, None] ** 2 * np.eye(3)
-        return make_detection_signal(
-            columns, reading, ledger, "radar", found, values, covariance, *read_stamps(columns)
-        )
+        return make_detection_signal(reading, ledger, "radar", found, values, covariance, read_stamps(columns))
     found = Elements(columns, ledger, "detections.x_m", "detections.y_m")
     values = np.stack([found.read_numbers("detections.x_m"), found.read_numbers("detections.y_m")], axis=1)
     parts = ("covariance_xx_m2", "covariance_xy_m2", "covariance_xy_m2", "covariance_yy_m2")
     covariance = np.stack([found.read_numbers(f"detections.{name}") for name in parts], axis=1).reshape(-1, 2, 2)
-    return make_detection_signal(columns, reading, ledger, "position", found, values, covariance, *read_stamps(columns))
+    return make_detection_signal(reading, ledger, "position", found, values, covariance, read_stamps(columns))
 
 
 def make_detection_signal(
-    columns: Columns,
     reading: Reading,
     ledger: RowLedger,
     kind: DetectionKind,
     elements: Elements,
     values: FloatArray,
     covariance: FloatArray | None,
-    stamp_ns: Int64Array,
-    has_stamp: BoolArray,
+    stamps: tuple[Int64Array, BoolArray],
 ) -> tuple[DetectionSignal, Quality]:
     """Build the detection signal of a channel, scan by scan, from the values of its detections.
 
     Args:
-        columns, reading, ledger: The channel of s messages, its settings and its ledger.
+        reading, ledger: Settings of the channel of s messages, and its ledger.
         kind: The contents of a row of `values`, see `DetectionSignal`.
         elements: The detections in each message, n together.
         values: Shape (n, k).
         covariance: Shape (n, k, k), or None where no message gives any.
-        stamp_ns, has_stamp: Shape (s,).
+        stamps: Stamps, and whether there is one, shape (s,) each.
     """
-    width = values.shape[1]
+    columns, width = ledger.columns, values.shape[1]
     if covariance is None:
         covariance = np.full((len(values), width, width), np.nan)
     with np.errstate(invalid="ignore", over="ignore"):
         marks = [elements.counts.astype(np.float64), *(elements.sum_per_message(column) for column in values.T)]
-    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, marks)
+    timeline = build_timeline(ledger, *stamps, reading.clock, marks)
     offsets, index = take_sequences(elements.offsets, timeline.rows)
     signal = DetectionSignal(
         source=columns.topic,

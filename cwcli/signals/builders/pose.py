@@ -52,15 +52,14 @@ def build_pose(columns: Columns, reading: Reading) -> tuple[PoseSignal, Quality]
     plane_m2 = usable_plane_covariance_or_nan(ledger, covariance[:, 0], covariance[:, 1], covariance[:, 7])
     heading_variance = usable_variances_or_nan(ledger, covariance[:, 35])
     signal, quality = _make_pose_signal(
-        columns,
         reading,
         ledger,
         position_m,
         yaw_rad,
         twist.speed_mps,
         twist.yaw_rate_radps,
-        plane_m2,
-        *read_stamps(columns),
+        read_stamps(columns),
+        covariance_m2=plane_m2,
         yaw_variance_rad2=heading_variance,
         velocity_mps=np.column_stack([twist.velocity.real, twist.velocity.imag]),
     )
@@ -73,14 +72,13 @@ def build_vehicle_state(columns: Columns, reading: Reading) -> tuple[PoseSignal,
     position_m = np.stack([read_numbers(columns, "x_m"), read_numbers(columns, "y_m"), np.zeros(len(columns))], axis=1)
     reject_rows_beyond_limit(ledger, position_m[:, :2], MAX_POSITION_M)
     stamp_ns, has_stamp = read_integers(columns, "stamp_ns")
-    nothing = np.full((len(columns), 3), np.nan)
     heading_rad = wrap_angle(read_numbers(columns, "heading_rad"))
     speed_mps, yaw_rate = read_numbers(columns, "speed_mps"), read_numbers(columns, "yaw_rate_radps")
     has_stamp &= stamp_ns > 0
     more = {name: read_numbers(columns, name) for name in ("latitude_deg", "longitude_deg", "accel_mps2")}
-    return _make_pose_signal(
-        columns, reading, ledger, position_m, heading_rad, speed_mps, yaw_rate, nothing, stamp_ns, has_stamp, **more
-    )
+    more["covariance_m2"] = np.full((len(columns), 3), np.nan)
+    stamps = stamp_ns, has_stamp
+    return _make_pose_signal(reading, ledger, position_m, heading_rad, speed_mps, yaw_rate, stamps, **more)
 
 
 def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSignal, Quality]:
@@ -96,21 +94,20 @@ def build_odometry_speed(columns: Columns, reading: Reading) -> tuple[SpeedSigna
 
 
 def _make_pose_signal(
-    columns: Columns,
     reading: Reading,
     ledger: RowLedger,
     position_m: FloatArray,
     yaw_rad: FloatArray,
     speed_mps: FloatArray,
     yaw_rate_radps: FloatArray,
-    covariance_m2: FloatArray,
-    stamp_ns: Int64Array,
-    has_stamp: BoolArray,
+    stamps: tuple[Int64Array, BoolArray],
     **more: Any,
 ) -> tuple[PoseSignal, Quality]:
+    """Make the signal; `stamps` are the stamps and whether there is one, `more` its other columns, by row."""
+    columns = ledger.columns
     speed_mps = nan_beyond_limit(ledger, speed_mps, MAX_SPEED_MPS, "speed")
     yaw_rate_radps = nan_beyond_limit(ledger, yaw_rate_radps, MAX_TURN_RATE_RADPS, "yaw rate")
-    timeline = build_timeline(ledger, stamp_ns, has_stamp, reading.clock, [position_m, yaw_rad])
+    timeline = build_timeline(ledger, *stamps, reading.clock, [position_m, yaw_rad])
     return signal_with_quality(
         partial(PoseSignal, frame_id=read_frame_id(columns)),
         ledger,
@@ -121,7 +118,6 @@ def _make_pose_signal(
         yaw_rad=yaw_rad,
         speed_mps=speed_mps,
         yaw_rate_radps=yaw_rate_radps,
-        covariance_m2=covariance_m2,
         **more,
     )
 

@@ -131,7 +131,7 @@ def read_moving_objects(columns: Columns, reading: Reading, ledger: RowLedger, p
     keep = is_placed & is_first & ledger.keep[message]
     values = {leaf: column[keep] for leaf, column in values.items()}
     message, ids, place = message[keep], ids[keep], place[keep]
-    host = _choose_host_id(columns, reading, ledger, prefix, message, ids, place, values["type"] == VEHICLE_TYPE_CODE)
+    host = _choose_host_id(columns, reading, ledger, prefix, ids, place, values["type"] == VEHICLE_TYPE_CODE)
     is_of_role = np.isin(ids, [] if host is None else [np.uint64(host)]) == (reading.role in OF_HOST)
     _leave_out_of_range(values, message, is_of_role, ledger)
     keep = ledger.keep[message]
@@ -243,7 +243,6 @@ def _choose_host_id(
     reading: Reading,
     ledger: RowLedger,
     prefix: str,
-    message: npt.NDArray[np.intp],
     ids: npt.NDArray[np.uint64],
     place: FloatArray,
     is_vehicle: BoolArray,

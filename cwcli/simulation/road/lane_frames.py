@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,16 +24,26 @@ MIN_KNOT_SPACING_M = 1e-6
 """Smallest distance of two stations that are kept as separate knots, m, against rounding."""
 
 
+@dataclass(frozen=True)
+class LaneFrameSettings:
+    """Settings of the rendered frames.
+
+    Attributes:
+        road: Name of a set of frames (good, complex, hard): surface, markings, traffic, crests and the body's motion on
+            its springs.
+        weather: A name of `CONDITIONS`.
+        rate_hz: Rate of the camera.
+        camera: The camera; None: zhang2011's.
+    """
+
+    road: str = "good"
+    weather: str = "clear"
+    rate_hz: float = 20.0
+    camera: RoadCamera | None = None
+
+
 def road_drive_from_lane_run(
-    truth: LaneDriveTruth,
-    run: int,
-    road: Road,
-    *,
-    look: str = "good",
-    weather: str = "clear",
-    seed: int = 0,
-    rate_hz: float = 20.0,
-    camera: RoadCamera | None = None,
+    truth: LaneDriveTruth, run: int, road: Road, settings: LaneFrameSettings, *, seed: int = 0
 ) -> RoadDrive:
     """Convert one run of a lane drive to a drive whose frames can be rendered.
 
@@ -41,13 +51,10 @@ def road_drive_from_lane_run(
         truth: The truth of all runs.
         run: Column of the run in the truth.
         road: The road of the runs; its curvature and the lane's width are kept.
-        look: Name of a set of frames (good, complex, hard): surface, markings, traffic, crests and the body's motion on
-            its springs.
-        weather: A name of `CONDITIONS`.
+        settings: Settings of the frames.
         seed: Seed of the look and of the frames' noise.
-        rate_hz: Rate of the camera.
-        camera: The camera; None: zhang2011's.
     """
+    look, weather, rate_hz = settings.road, settings.weather, settings.rate_hz
     duration_s = float(truth.time_s[-1])
     speed_mps = float(truth.speed_mps[0, run])
     accel_mps2 = (float(truth.speed_mps[-1, run]) - speed_mps) / duration_s
@@ -66,7 +73,7 @@ def road_drive_from_lane_run(
     )
     return RoadDrive(
         config=config,
-        camera=camera or paper_camera(),
+        camera=settings.camera or paper_camera(),
         scene=spread_scene_along_drive(draw_scene(spec, weather, rng), config, length_m, rng),
         time_s=time_s,
         fine_time_s=truth.time_s,

@@ -13,6 +13,7 @@ from cwcli.errors import DataError
 from cwcli.pipeline.paths import MAX_MESSAGE_AGE_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.plan import PathPlan, SelectedPaths
+from cwcli.prediction.rollout import RolloutSettings
 from cwcli.signals.columns import FloatArray
 from cwcli.signals.road_events import RoadEvents, hard_braking_states_mask
 from cwcli.signals.row_order import iter_track_rows
@@ -87,11 +88,14 @@ def predict_paths_like(states: VehicleStates, like: AnyPaths, *, where: str) -> 
     time_s = like.time_s
     horizon_s = float(time_s[-1]) + MAX_MESSAGE_AGE_S
     return LazyPaths.from_states(
-        states, PathPlan(like.model, horizon_s, float(time_s[1] - time_s[0]), states.state, states.covariance)
+        states,
+        PathPlan(like.model, RolloutSettings(horizon_s, float(time_s[1] - time_s[0])), states.state, states.covariance),
     )
 
 
 def _predict_onset_paths(states: VehicleStates, rows: npt.NDArray[np.intp], time_s: FloatArray) -> SelectedPaths:
     """Predict paths of the onset hypothesis from some states, over the same times as the predicted ones."""
     step_s = float(time_s[1] - time_s[0])
-    return SelectedPaths(PathPlan(ONSET_MODEL, float(time_s[-1]), step_s, states.state, states.covariance), rows)
+    return SelectedPaths(
+        PathPlan(ONSET_MODEL, RolloutSettings(float(time_s[-1]), step_s), states.state, states.covariance), rows
+    )

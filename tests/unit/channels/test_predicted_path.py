@@ -15,6 +15,7 @@ from cwcli.logs.read.reader import Log
 from cwcli.logs.write.annotate import annotate_log
 from cwcli.pipeline.paths import replanned_or_logged_paths
 from cwcli.prediction.plan import PathPlan
+from cwcli.prediction.rollout import RolloutSettings
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import N_STATES, SPEED
 from tests.unit.logs_read.builders import T0_NS, small_log
@@ -42,7 +43,7 @@ def planned(n: int) -> LazyPaths:
     state = np.zeros((n, N_STATES))
     state[:, 0], state[:, SPEED] = np.arange(n) * 100.0, 8.0
     stamps = T0_NS // (200 * MS) * 200 * MS + np.arange(n) * 50 * MS
-    plan = PathPlan("cv", 1.0, 0.05, state, np.tile(np.eye(N_STATES), (n, 1, 1)))
+    plan = PathPlan("cv", RolloutSettings(1.0, 0.05), state, np.tile(np.eye(N_STATES), (n, 1, 1)))
     return LazyPaths(Strings(np.arange(n, dtype=np.int32) % 2, ("7", "8")), stamps, stamps + 5, plan)
 
 
@@ -71,6 +72,6 @@ def test_a_log_gets_some_paths_and_whoever_reads_the_channel_in_the_run_the_same
 
 @pytest.mark.parametrize("step_s, kept", [(0.05, 5), (0.1, 2), (0.25, 1), (0.3, 1)])
 def test_points_are_a_quarter_of_a_second_apart_at_most(step_s: float, kept: int) -> None:
-    given = replace(planned(2), plan=replace(planned(2).plan, horizon_s=3.0, step_s=step_s))
+    given = replace(planned(2), plan=replace(planned(2).plan, settings=RolloutSettings(3.0, step_s)))
     channel = write_lazy_paths(REMOTE_PATH, given, rate_hz=5.0)
     assert np.asarray(channel.make_rows(0, 2)["step_s"]).tolist() == pytest.approx([kept * step_s] * 2)

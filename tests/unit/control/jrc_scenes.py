@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.control.driver_models import CasePoses, DriverModel, DriverOutcome, simulate_driver_cases
+from cwcli.control.driver_models import CasePoses, DriverModel, DriverOutcome, EgoCases, simulate_driver_cases
 
 FloatArray = npt.NDArray[np.float64]
 CAR_M = (4.3, 1.9)
@@ -54,13 +54,10 @@ def cut_in(
         outcomes.append(
             simulate_driver_cases(
                 driver,
-                start_mps=own[rows],
-                ego_at=straight,
+                ego=EgoCases(speed_mps=own[rows], pose_at=straight, size=CAR_M, offset_m=-before * own[rows] * STEP_S),
                 other_at=other_at,
-                ego_size=CAR_M,
                 n_steps=N_STEPS + before,
                 step_s=STEP_S,
-                offset_m=-before * own[rows] * STEP_S,
             )
         )
     return joined(outcomes, np.concatenate(order))
@@ -99,13 +96,10 @@ def following(
 
     return simulate_driver_cases(
         driver,
-        start_mps=own,
-        ego_at=straight,
+        ego=EgoCases(speed_mps=own, pose_at=straight, size=CAR_M, offset_m=own * STEP_S),
         other_at=other_at,
-        ego_size=CAR_M,
         n_steps=N_STEPS - 1,
         step_s=STEP_S,
-        offset_m=own * STEP_S,
     )
 
 
@@ -138,11 +132,8 @@ def cut_out(
 
     return simulate_driver_cases(
         driver,
-        start_mps=own,
-        ego_at=straight,
+        ego=EgoCases(speed_mps=own, pose_at=straight, size=CAR_M, offset_m=own * STEP_S),
         other_at=other_at,
-        ego_size=CAR_M,
         n_steps=N_STEPS - 1,
         step_s=STEP_S,
-        offset_m=own * STEP_S,
     )

@@ -13,7 +13,7 @@ import pytest
 from cwcli.errors import InputError, OutputError
 from cwcli.input import InputFile, check_unchanged, names_of_inputs_in_folder, note_input, read_file, remember_inputs
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate_log
+from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from cwcli.output import AtomicGroup, check_target, write_file
 from tests.unit.logs_read.builders import small_log
 from tests.unit.logs_write.builders import state_channel
@@ -81,7 +81,7 @@ def test_a_change_before_the_output_gets_its_name_is_told(path: Path, change: Ca
     target = path.with_name("out.mcap")
     log = Log.open(path)
     with pytest.raises(InputError, match=CHANGED), AtomicGroup() as together:
-        annotate_log(log, [state_channel()], {}, target, together=together)
+        annotate_log(log, [state_channel()], {}, target, options=CopyOptions(together=together))
         change(path)
     assert not target.exists()
     log.close()

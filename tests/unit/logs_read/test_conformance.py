@@ -11,7 +11,7 @@ from mcap.stream_reader import StreamReader
 
 from cwcli.logs.read.message_reader import MessageReader
 from cwcli.logs.read.reader import Log
-from cwcli.logs.write.annotate import annotate_log
+from cwcli.logs.write.annotate import CopyOptions, annotate_log
 from tests.unit.logs_read.conformance import CONTENTS, PAYLOAD, SHA256, Content, every_file
 
 FILES = {name: (content, data) for name, content, data in every_file()}
@@ -58,7 +58,7 @@ def test_every_file_is_read_and_copied(tmp_path: Path, content: str, recover: bo
         source.write_bytes(data)
         check(source, expected, recover=recover)
         with Log.open(source, recover=recover) as log:
-            report = annotate_log(log, [], {}, target, force=True, durable=False)
+            report = annotate_log(log, [], {}, target, force=True, options=CopyOptions(durable=False))
         assert (report.n_chunks_lost, report.n_bytes_lost) == (0, 0), name
         check(target, expected, recover=False)
         with target.open("rb") as stream:

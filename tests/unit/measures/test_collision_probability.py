@@ -12,6 +12,7 @@ from cwcli.measures.collision_probability import (
     MAX_TOUCH_SIGMAS,
     MAX_VARIANCE_SHARES_OF_FEW_LINES,
     MIN_VARIANCE_M2,
+    UncertainPaths,
     collision_probability,
     lines_through_errors,
 )
@@ -116,8 +117,7 @@ def test_against_samples() -> None:
 def test_kernel_against_its_plain_twin(seed: int) -> None:
     one = random_encounter(np.random.default_rng(seed))
     ends = np.array([17, 50])
-    arrays = (one.x_m, one.y_m, *one.headings_rad, *one.covariances_m2)
-    found = collision_probability(*(each[None] for each in arrays), *one.sizes, ends=ends)[0]
+    found = collision_probability(one.x_m[None], one.y_m[None], *one.uncertain_paths(), ends=ends)[0]
     points = straight_points(
         one.x_m,
         one.y_m,
@@ -152,28 +152,39 @@ def test_laws_of_random_encounters() -> None:
     """More time is no less probable; whichever is the host; however the map is turned or mirrored."""
     rng = np.random.default_rng(8)
     for one in (random_encounter(rng) for _ in range(30)):
-        arrays = [each[None] for each in (one.x_m, one.y_m, *one.headings_rad, *one.covariances_m2)]
-        x, y, own, theirs, own_m2, their_m2 = arrays
-        by_time = collision_probability(*arrays, *one.sizes, ends=np.array([1, 10, 30, 50]))[0]
+        x, y, (own, theirs) = one.x_m[None], one.y_m[None], one.uncertain_paths()
+        by_time = collision_probability(x, y, own, theirs, ends=np.array([1, 10, 30, 50]))[0]
         assert (np.diff(by_time) >= 0.0).all()
         assert 0.0 <= by_time[0] <= by_time[-1] <= 1.0
-        whole = collision_probability(*arrays, *one.sizes)[0, 0]
+        whole = collision_probability(x, y, own, theirs)[0, 0]
         assert whole == pytest.approx(by_time[-1], abs=0.001)  # the times asked for end steps
-        swapped = collision_probability(-x, -y, theirs, own, their_m2, own_m2, *one.sizes[::-1])[0, 0]
+        swapped = collision_probability(-x, -y, theirs, own)[0, 0]
         assert swapped == pytest.approx(whole, abs=2.0 * ATOL)  # each of the two within it
-        flipped = [np.array([1.0, -1.0, 1.0]) * each for each in (own_m2, their_m2)]
-        mirrored = collision_probability(x, -y, -own, -theirs, *flipped, *one.sizes)[0, 0]
+        flipped = [
+            UncertainPaths(-each.heading_rad, np.array([1.0, -1.0, 1.0]) * each.covariance_m2, each.size)
+            for each in (own, theirs)
+        ]
+        mirrored = collision_probability(x, -y, *flipped)[0, 0]
         assert mirrored == pytest.approx(whole, abs=1e-6)
-        turned = [each[..., ::-1] * np.array([1.0, -1.0, 1.0]) for each in (own_m2, their_m2)]
-        quarter = collision_probability(-y, x, own + np.pi / 2, theirs + np.pi / 2, *turned, *one.sizes)[0, 0]
+        turned = [
+            UncertainPaths(
+                each.heading_rad + np.pi / 2, each.covariance_m2[..., ::-1] * np.array([1.0, -1.0, 1.0]), each.size
+            )
+            for each in (own, theirs)
+        ]
+        quarter = collision_probability(-y, x, *turned)[0, 0]
         assert quarter == pytest.approx(whole, abs=1e-6)
 
 
 def test_a_path_that_is_no_number_has_no_probability_and_spoils_no_other() -> None:
     one = straight(x_m=-60.0, speed_mps=40.0)
-    arrays = [np.stack([each, each]) for each in (one.x_m, one.y_m, *one.headings_rad, *one.covariances_m2)]
-    arrays[0][0, 7] = np.nan
-    found = collision_probability(*arrays, *one.sizes)[:, 0]
+    x_m, y_m = (np.stack([each, each]) for each in (one.x_m, one.y_m))
+    x_m[0, 7] = np.nan
+    both = [
+        UncertainPaths(np.repeat(each.heading_rad, 2, axis=0), np.repeat(each.covariance_m2, 2, axis=0), each.size)
+        for each in one.uncertain_paths()
+    ]
+    found = collision_probability(x_m, y_m, *both)[:, 0]
     assert math.isnan(found[0])
     assert found[1] == one.probability()
 

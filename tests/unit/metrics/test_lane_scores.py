@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.metrics.lane_scores import (
+    BoundaryColumns,
     TuSimpleScore,
     lane_width_stability,
     lanes_beside_ego,
@@ -166,8 +167,10 @@ def test_visual_standard_needs_85_percent_of_the_visible_rows_of_both() -> None:
     good[:15] += 6.5  # 85 of 100 visible rows are right
     good[100:] += 50.0  # not judged
     bad[:16] += 6.5
-    assert visual_standard_score(good, truth, truth, truth, visible, visible).is_correct
-    judged = visual_standard_score(bad, truth, truth, truth, visible, visible)
+    assert visual_standard_score(
+        BoundaryColumns(good, truth, visible), BoundaryColumns(truth, truth, visible)
+    ).is_correct
+    judged = visual_standard_score(BoundaryColumns(bad, truth, visible), BoundaryColumns(truth, truth, visible))
     assert (judged.left_share, judged.right_share, judged.is_correct) == (0.84, 1.0, False)
 
 
@@ -175,15 +178,23 @@ def test_visual_standard_tolerance_includes_6_pixels_and_scales_with_the_width()
     truth, visible = np.zeros(10), np.ones(10, bool)
     assert share_of_rows_within_tolerance(truth + 6.0, truth, visible) == 1.0
     assert share_of_rows_within_tolerance(truth - 6.01, truth, visible) == 0.0
-    assert visual_standard_score(truth + 12.0, truth, truth, truth, visible, visible, width_px=640).is_correct
+    assert visual_standard_score(
+        BoundaryColumns(truth + 12.0, truth, visible), BoundaryColumns(truth, truth, visible), width_px=640
+    ).is_correct
 
 
 def test_visual_standard_not_found_is_a_miss_and_an_unseen_boundary_is_not_judged() -> None:
     truth, visible, none = np.zeros(10), np.ones(10, bool), np.zeros(10, bool)
     missing = np.full(10, NAN)
-    assert not visual_standard_score(missing, truth, truth, truth, visible, visible).is_correct
-    assert visual_standard_score(missing, truth, truth, truth, none, visible).is_correct
-    assert not visual_standard_score(truth, truth, truth, truth, none, none).is_correct
+    assert not visual_standard_score(
+        BoundaryColumns(missing, truth, visible), BoundaryColumns(truth, truth, visible)
+    ).is_correct
+    assert visual_standard_score(
+        BoundaryColumns(missing, truth, none), BoundaryColumns(truth, truth, visible)
+    ).is_correct
+    assert not visual_standard_score(
+        BoundaryColumns(truth, truth, none), BoundaryColumns(truth, truth, none)
+    ).is_correct
 
 
 def test_width_stability_by_hand() -> None:

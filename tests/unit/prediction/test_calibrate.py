@@ -10,16 +10,16 @@ from cwcli.prediction.calibrate import (
     ScaleAdaptation,
     initial_log_scale_of_each_row,
     log_variance_scale_from_outcomes,
-    predict_vehicle_paths,
+    plan_vehicle_paths,
     scale_covariance_by_outcomes,
 )
 from cwcli.prediction.fleet import load_fleet_prior
-from cwcli.prediction.model_comparison import compare_models_at_horizons
+from cwcli.prediction.model_comparison import ComparedStarts, compare_models_at_horizons
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.outcome import ELLIPSE_50_SQUARED_RADIUS, ELLIPSE_90_SQUARED_RADIUS, horizon_errors
-from cwcli.prediction.outcome_history import measure_acting_time_s
+from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 T0_NS = 1_700_000_000_000_000_000
@@ -128,7 +128,9 @@ def test_scale_is_linear_between_the_knots_and_nothing_at_the_start() -> None:
 
 
 def test_path_shorter_than_a_knot_is_judged_at_its_end() -> None:
-    paths = roll_out_paths("cv", np.zeros((50, 8)), np.tile(np.eye(8), (50, 1, 1)), horizon_s=0.3)
+    paths = roll_out_paths(
+        "cv", np.zeros((50, 8)), np.tile(np.eye(8), (50, 1, 1)), settings=RolloutSettings(horizon_s=0.3)
+    )
     scale = log_variance_scale_from_outcomes(paths, stamps(50), np.full((50, 2), 100.0))
     assert scale.shape == (50, 1, 2)
     assert (
@@ -138,14 +140,16 @@ def test_path_shorter_than_a_knot_is_judged_at_its_end() -> None:
 
 def test_default_begins_with_the_ellipse_of_the_fleet() -> None:
     state, covariance = np.zeros((3, 8)), np.tile(np.eye(8), (3, 1, 1))
-    args = (np.zeros(3, dtype=np.int64), stamps(3), state, covariance)
+    starts, settings = PathStarts(np.zeros(3, dtype=np.int64), stamps(3), state, covariance), RolloutSettings(5.0)
     for name, factor in (
         ("auto", np.exp(load_fleet_prior().log_squared[:, 4]) / ELLIPSE_90_SQUARED_RADIUS),
         ("cv", np.ones(4)),
     ):
         assert MODELS[name].learns == (name == "auto")
-        bare = roll_out_paths(name, state, covariance, horizon_s=5.0).position_covariance_m2[:, [0, 10, 20, 50, 100], 0]
-        found = predict_vehicle_paths(name, *args, horizon_s=5.0).position_covariance_m2[:, [10, 20, 50, 100], 0]
+        without_scale = roll_out_paths(name, state, covariance, settings)
+        bare = without_scale.position_covariance_m2[:, [0, 10, 20, 50, 100], 0]
+        scaled = plan_vehicle_paths(name, starts, settings).take(slice(None))
+        found = scaled.position_covariance_m2[:, [10, 20, 50, 100], 0]
         kept = np.maximum(1.0 - factor, 0.0) * bare[:, :1]  # of the start, where the factor is below 1
         np.testing.assert_allclose(found, factor * bare[:, 1:] + kept)
 
@@ -173,7 +177,9 @@ def test_vehicles_are_kept_apart_and_rows_may_be_mixed() -> None:
     vehicle = np.tile([0, 1], n)
     both_ns = np.repeat(stamps(n), 2)
     order = np.random.default_rng(4).permutation(2 * n)
-    mixed = predict_vehicle_paths("cv", vehicle[order], both_ns[order], state[order], covariance[order])
+    mixed = plan_vehicle_paths("cv", PathStarts(vehicle[order], both_ns[order], state[order], covariance[order])).take(
+        slice(None)
+    )
     for one in (0, 1):
         rows = np.flatnonzero(vehicle == one)
         alone = scale_covariance_by_outcomes(
@@ -190,12 +196,16 @@ def test_ellipses_of_a_vehicle_begin_with_what_the_others_showed() -> None:
     state, covariance = np.zeros((n + 100, 8)), np.tile(np.eye(8) * 25.0, (n + 100, 1, 1))
     vehicle = np.concatenate([np.arange(n) % 4, np.full(100, 4)])
     stamp_ns = np.concatenate([stamps(n), stamps(n)[-1] + stamps(100) + 1])
-    paths = predict_vehicle_paths("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5, has_core=True)
+    paths = plan_vehicle_paths(
+        "auto", PathStarts(vehicle, stamp_ns, state, covariance), settings=RolloutSettings(horizon_s=2.5)
+    ).take(slice(None), has_core=True)
     area = paths.position_covariance_m2[:, -1, 0]
     assert area[n] < 0.5 * area[0]
-    cut = predict_vehicle_paths(
-        "auto", vehicle[:n], stamp_ns[:n], state[:n], covariance[:n], horizon_s=2.5, has_core=True
-    )
+    cut = plan_vehicle_paths(
+        "auto",
+        PathStarts(vehicle[:n], stamp_ns[:n], state[:n], covariance[:n]),
+        settings=RolloutSettings(horizon_s=2.5),
+    ).take(slice(None), has_core=True)
     np.testing.assert_array_equal(paths.position_covariance_m2[:n], cut.position_covariance_m2)
     assert paths.core_factor is not None and cut.core_factor is not None
     np.testing.assert_array_equal(paths.core_factor[:n], cut.core_factor)
@@ -207,23 +217,19 @@ def test_errors_of_the_models_have_the_ellipses_of_the_published_paths() -> None
     state, covariance = np.zeros((n, 8)), np.tile(np.eye(8), (n, 1, 1))
     state[:, :2] = rng.normal(size=(n, 2))
     vehicle, stamp_ns = np.arange(n) % 3, stamps(n)
-    paths = predict_vehicle_paths("auto", vehicle, stamp_ns, state, covariance, horizon_s=2.5, has_core=True)
-    acted = measure_acting_time_s(vehicle, stamp_ns, stamp_ns, state, covariance)
-    begin = initial_log_scale_of_each_row(
-        "auto", vehicle, stamp_ns, stamp_ns, state, covariance, acted, horizon_s=2.5, step_s=0.05
-    )
+    paths = plan_vehicle_paths(
+        "auto", PathStarts(vehicle, stamp_ns, state, covariance), settings=RolloutSettings(horizon_s=2.5)
+    ).take(slice(None), has_core=True)
+    starts = PathStarts(vehicle, stamp_ns, state, covariance, stamp_ns)
+    acted = measure_acting_time_s(starts)
+    begin = initial_log_scale_of_each_row("auto", starts, acted, RolloutSettings(horizon_s=2.5, step_s=0.05))
     rows = np.flatnonzero(vehicle == 1)
     track = stamp_ns[rows], state[rows, :2]
     published = horizon_errors(paths.take(rows), stamp_ns[rows], *track, [1.0, 2.5])
     compared = compare_models_at_horizons(
         ["auto"],
-        state[rows],
-        covariance[rows],
-        stamp_ns[rows],
-        *track,
+        ComparedStarts(stamp_ns[rows], state[rows], covariance[rows], *track, acted[rows], begin[rows]),
         horizons_s=[1.0, 2.5],
-        acting_s=acted[rows],
-        begin=begin[rows],
     )["auto"]
     np.testing.assert_allclose(compared.mahalanobis2, published.mahalanobis2)
     np.testing.assert_allclose(compared.core_mahalanobis2, published.core_mahalanobis2)

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.model_comparison import compare_models_at_horizons, horizon_error_table
+from cwcli.prediction.model_comparison import ComparedStarts, compare_models_at_horizons, horizon_error_table
 from cwcli.prediction.outcome import horizon_errors
 from cwcli.prediction.paths import Paths
 from cwcli.prediction.rollout import roll_out_paths
@@ -79,7 +79,9 @@ def test_constant_velocity_is_always_compared() -> None:
     state = np.zeros((len(time), 8))
     state[:, 0], state[:, 2], state[:, 4] = 5.0 * time + time**2, 5.0 + 2.0 * time, 2.0
     covariance = np.tile(np.diag([0.01] * 4 + [1e-6] * 4), (len(time), 1, 1))
-    errors = compare_models_at_horizons(["ca"], state, covariance, stamps(time), stamps(time), state[:, :2])
+    errors = compare_models_at_horizons(
+        ["ca"], ComparedStarts(stamps(time), state, covariance, stamps(time), state[:, :2])
+    )
     assert list(errors) == ["cv", "ca"]
     table = horizon_error_table(errors)
     at = [name == "cv" and horizon == 2.5 for name, horizon in zip(table["model"], table["horizon_s"], strict=True)]
@@ -112,11 +114,7 @@ def test_coverage_of_drawn_outcomes_is_the_ellipses_level() -> None:
     time = np.array([0.0, 10.0])
     errors = compare_models_at_horizons(
         ["cv"],
-        state,
-        covariance,
-        np.full(n, T0_NS),
-        stamps(time),
-        np.zeros((2, 2)),
+        ComparedStarts(np.full(n, T0_NS), state, covariance, stamps(time), np.zeros((2, 2))),
         horizons_s=[1.0],
         max_gap_s=20.0,
         calibrate=False,

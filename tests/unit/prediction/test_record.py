@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from cwcli.prediction.calibrate import predict_vehicle_paths
+from cwcli.prediction.calibrate import plan_vehicle_paths
 from cwcli.prediction.fleet import (
     HORIZON_KNOTS_S,
     FleetPrior,
@@ -14,6 +14,7 @@ from cwcli.prediction.fleet import (
 )
 from cwcli.prediction.outcome_history import (
     PRIOR_WEIGHT_OUTCOMES,
+    PathStarts,
     StateHistory,
     actual_displacement_m,
     derivative_clearness,
@@ -24,7 +25,7 @@ from cwcli.prediction.outcome_history import (
     state_histories_by_vehicle,
 )
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 T0_NS = 1_700_000_000_000_000_000
@@ -56,13 +57,13 @@ def sure(n: int) -> FloatArray:
 
 def track_of(state: FloatArray) -> StateHistory:
     n = len(state)
-    (track,) = state_histories_by_vehicle(np.zeros(n, dtype=np.int64), stamps(n), stamps(n), state, sure(n))
+    (track,) = state_histories_by_vehicle(PathStarts(np.zeros(n, dtype=np.int64), stamps(n), state, sure(n), stamps(n)))
     return track
 
 
 def acted_of(state: FloatArray, log_time_ns: npt.NDArray[np.int64] | None = None) -> FloatArray:
     n = len(state)
-    return measure_acting_time_s(np.zeros(n, dtype=np.int64), stamps(n), log_time_ns, state, sure(n))
+    return measure_acting_time_s(PathStarts(np.zeros(n, dtype=np.int64), stamps(n), state, sure(n), log_time_ns))
 
 
 def test_prior_that_ships_has_gains_between_0_and_1_and_nothing_for_what_is_unclear() -> None:
@@ -185,11 +186,11 @@ def test_derivatives_that_carry_nothing_leave_constant_velocity() -> None:
     state = drive(np.zeros(n), np.zeros(n), speed=15.0)
     state[:, 4], state[:, 5] = rng.normal(size=n) * 2.0, rng.normal(size=n) * 0.1  # with a filter that is sure of them
     late = acted_of(state)[600:]
-    still = roll_out_paths("cv", state[600:], None, horizon_s=5.0)
-    moved = roll_out_paths("auto", state[600:], None, horizon_s=5.0, acting_s=late)
+    still = roll_out_paths("cv", state[600:], None, settings=RolloutSettings(horizon_s=5.0))
+    moved = roll_out_paths("auto", state[600:], None, settings=RolloutSettings(horizon_s=5.0), acting_s=late)
     error, bare = (
         np.hypot(p.x_m[:, -1] - still.x_m[:, -1], p.y_m[:, -1] - still.y_m[:, -1]).mean()
-        for p in (moved, roll_out_paths("ctra", state[600:], None, horizon_s=5.0))
+        for p in (moved, roll_out_paths("ctra", state[600:], None, settings=RolloutSettings(horizon_s=5.0)))
     )
     assert error < 0.02 * bare
 
@@ -201,7 +202,7 @@ def test_derivatives_that_hold_are_followed_though_the_fleet_doubts_them() -> No
     doubt = FleetPrior(np.zeros((2, 4, 3)), np.full((2, 4), 1.0), np.zeros((4, 6)))
     n = len(state)
     vehicle = np.zeros(n, dtype=np.int64)
-    acted = measure_acting_time_s(vehicle, stamps(n), None, state, sure(n), doubt)
+    acted = measure_acting_time_s(PathStarts(vehicle, stamps(n), state, sure(n), None), doubt)
     assert (acted[:5] == 0.0).all()
     assert np.median(acted[600:, :, 2]) > 0.8 * 2.5
 
@@ -214,7 +215,7 @@ def test_other_vehicles_of_the_log_teach_a_new_one() -> None:
     vehicle = np.concatenate([np.zeros(n), np.ones(100)]).astype(np.int64)
     state = np.concatenate([noisy, noisy[:100]])
     stamp_ns = np.concatenate([stamps(n), stamps(n)[-100:]])
-    acted = measure_acting_time_s(vehicle, stamp_ns, None, state, sure(n + 100))
+    acted = measure_acting_time_s(PathStarts(vehicle, stamp_ns, state, sure(n + 100), None))
     alone = acted_of(noisy[:100])
     assert np.abs(acted[n + 5 :, 0, 1]).mean() < 0.2 * np.abs(alone[5:, 0, 1]).mean()
 
@@ -226,11 +227,11 @@ def test_nothing_depends_on_what_was_known_later() -> None:
     vehicle = np.repeat([0, 1], n)
     stamp_ns = np.concatenate([stamps(n), stamps(n) + 37_000_000])
     log_time_ns = stamp_ns + rng.integers(0, 400_000_000, size=2 * n)  # some overtake others
-    whole = measure_acting_time_s(vehicle, stamp_ns, log_time_ns, state, sure(2 * n))
+    whole = measure_acting_time_s(PathStarts(vehicle, stamp_ns, state, sure(2 * n), log_time_ns))
     for cut_ns in rng.integers(T0_NS, stamp_ns[-1], size=50):
         kept = log_time_ns < cut_ns
         part = measure_acting_time_s(
-            vehicle[kept], stamp_ns[kept], log_time_ns[kept], state[kept], sure(int(kept.sum()))
+            PathStarts(vehicle[kept], stamp_ns[kept], state[kept], sure(int(kept.sum())), log_time_ns[kept])
         )
         np.testing.assert_array_equal(part, whole[kept])
 
@@ -244,8 +245,8 @@ def test_no_path_or_ellipse_depends_on_what_was_known_later() -> None:
     log_time_ns = stamp_ns + rng.integers(0, 400_000_000, size=2 * n)
 
     def predicted(rows: npt.NDArray[np.bool_]) -> Paths:
-        columns = vehicle[rows], stamp_ns[rows], state[rows], sure(int(rows.sum()))
-        return predict_vehicle_paths("auto", *columns, log_time_ns=log_time_ns[rows])
+        starts = PathStarts(vehicle[rows], stamp_ns[rows], state[rows], sure(int(rows.sum())), log_time_ns[rows])
+        return plan_vehicle_paths("auto", starts).take(slice(None))
 
     whole = predicted(np.full(2 * n, True))
     for cut_ns in rng.integers(T0_NS, stamp_ns[-1], size=10):
@@ -265,5 +266,5 @@ def test_rows_may_come_in_any_order_and_a_state_that_is_not_finite_teaches_nothi
     order = rng.permutation(n + 1)
     found = np.empty((n + 1, 2, 4))
     vehicle = np.zeros(n + 1, dtype=np.int64)
-    found[order] = measure_acting_time_s(vehicle, stamp_ns[order], None, broken[order], sure(n + 1))
+    found[order] = measure_acting_time_s(PathStarts(vehicle, stamp_ns[order], broken[order], sure(n + 1), None))
     np.testing.assert_allclose(np.delete(found, 100, axis=0), expected, atol=1e-12)

@@ -12,7 +12,7 @@ from cwcli.prediction.driver import DriverPrior, displacement_variance_s4, fadin
 from cwcli.prediction.fleet import HORIZON_KNOTS_S
 from cwcli.prediction.models import MODELS
 from cwcli.prediction.paths import Paths
-from cwcli.prediction.rollout import path_time_grid_s, roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, path_time_grid_s, roll_out_paths
 
 FloatArray = npt.NDArray[np.float64]
 ATOL_M = 1e-9
@@ -97,7 +97,7 @@ def test_measured_gains_against_scipy() -> None:
         return [speed * math.cos(heading), speed * math.sin(heading)]
 
     solution = solve_ivp(slope, (0.0, 4.0), state[0, :2], rtol=1e-11, atol=1e-11, max_step=0.01).y[:, -1]
-    paths = roll_out_paths("auto", state, None, horizon_s=4.0, acting_s=acted)
+    paths = roll_out_paths("auto", state, None, settings=RolloutSettings(horizon_s=4.0), acting_s=acted)
     assert end(paths) == pytest.approx(solution, abs=1e-6)
     assert paths.speed_mps[0, -1] == pytest.approx(11.5)
     assert paths.heading_rad[0, -1] == pytest.approx(0.4 + 0.3 * 0.8)  # 2 s at 2.5 s, 0 at 5 s
@@ -129,14 +129,14 @@ def paper_recursion(state: FloatArray, n_steps: int, step_s: float) -> FloatArra
 
 def test_paper_discretisation_is_equation_10() -> None:
     state = one(x=3.0, y=-2.0, v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
-    paths = roll_out_paths("cj-cya", state, None, discretisation="paper")
+    paths = roll_out_paths("cj-cya", state, None, settings=RolloutSettings(discretisation="paper"))
     expected = paper_recursion(state[0], 50, 0.05)
     np.testing.assert_allclose(np.column_stack([paths.x_m[0], paths.y_m[0]]), expected, atol=ATOL_M)
 
 
 def test_paper_discretisation_is_equation_2_without_the_rates() -> None:
     state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
-    paths = roll_out_paths("ctra", state, None, discretisation="paper", horizon_s=2.1)
+    paths = roll_out_paths("ctra", state, None, settings=RolloutSettings(horizon_s=2.1, discretisation="paper"))
     kept = state[0].copy()
     kept[6:] = 0.0
     np.testing.assert_allclose(
@@ -146,9 +146,9 @@ def test_paper_discretisation_is_equation_2_without_the_rates() -> None:
 
 def test_paper_discretisation_stops_too() -> None:
     # 1 m/s braking with 2 m/s^2 stands after 0.25 m
-    assert end(roll_out_paths("ca", one(v=1.03, a=-2.0), None, discretisation="paper")) == pytest.approx(
-        (1.03**2 / 4, 0.0), abs=ATOL_M
-    )
+    assert end(
+        roll_out_paths("ca", one(v=1.03, a=-2.0), None, settings=RolloutSettings(discretisation="paper"))
+    ) == pytest.approx((1.03**2 / 4, 0.0), abs=ATOL_M)
 
 
 @pytest.mark.parametrize(
@@ -180,9 +180,13 @@ def test_auto_trusts_nothing_that_drowns_in_noise() -> None:
 
 def test_auto_whose_derivatives_go_on_is_the_turn_rate_and_acceleration_model() -> None:
     state = one(v=12.0, heading=0.4, a=-1.0, w=0.3, j=0.8, dw=-0.25)
-    expected = roll_out_paths("ctra", state, None, horizon_s=5.0)
+    expected = roll_out_paths("ctra", state, None, settings=RolloutSettings(horizon_s=5.0))
     found = roll_out_paths(
-        "auto", state, np.zeros((1, 8, 8)), horizon_s=5.0, acting_s=np.tile(HORIZON_KNOTS_S, (1, 2, 1))
+        "auto",
+        state,
+        np.zeros((1, 8, 8)),
+        settings=RolloutSettings(horizon_s=5.0),
+        acting_s=np.tile(HORIZON_KNOTS_S, (1, 2, 1)),
     )
     np.testing.assert_allclose(found.x_m, expected.x_m, atol=ATOL_M)
     np.testing.assert_allclose(found.y_m, expected.y_m, atol=ATOL_M)
@@ -228,7 +232,7 @@ def test_time_grid_reaches_the_horizon() -> None:
 @pytest.mark.parametrize(("horizon", "step"), [(0.0, 0.05), (-1.0, 0.05), (2.5, 0.0), (math.nan, 0.1), (1.0, math.inf)])
 def test_bad_horizon_or_step_is_a_usage_error(horizon: float, step: float) -> None:
     with pytest.raises(UsageError):
-        roll_out_paths("cv", one(), None, horizon_s=horizon, step_s=step)
+        roll_out_paths("cv", one(), None, settings=RolloutSettings(horizon_s=horizon, step_s=step))
 
 
 def test_unknown_model_is_a_usage_error_that_names_the_models() -> None:
@@ -239,7 +243,7 @@ def test_unknown_model_is_a_usage_error_that_names_the_models() -> None:
 
 def test_auto_has_no_paper_form() -> None:
     with pytest.raises(UsageError, match="song2016"):
-        roll_out_paths("auto", one(), None, discretisation="paper")
+        roll_out_paths("auto", one(), None, settings=RolloutSettings(discretisation="paper"))
 
 
 def test_wrong_shapes_are_refused() -> None:

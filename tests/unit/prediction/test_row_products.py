@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, interpolate_acting_time_s
-from cwcli.prediction.outcome_history import measure_acting_time_s
+from cwcli.prediction.outcome_history import PathStarts, measure_acting_time_s
 from cwcli.prediction.row_products import multiply_rows_reproducibly
 from cwcli.prediction.scales import interpolate_log_scale
 
@@ -39,6 +39,8 @@ def test_the_first_state_of_a_vehicle_says_the_same_alone() -> None:
     n, stamp_ns = 40, 10**18 + 50_000_000 * np.arange(40)
     state = rng.normal([0.0, 0.0, 10.0, 0.0, 1.0, 0.1, 0.5, 0.05], 1.0, (n, 8))
     covariance = np.tile(np.diag([0.3, 0.3, 0.1, 0.01, 0.3, 0.01, 0.3, 0.01]), (n, 1, 1))
-    whole = measure_acting_time_s(np.zeros(n, np.intp), stamp_ns, stamp_ns, state, covariance)
-    alone = measure_acting_time_s(np.zeros(1, np.intp), stamp_ns[:1], stamp_ns[:1], state[:1], covariance[:1])
+    whole = measure_acting_time_s(PathStarts(np.zeros(n, np.intp), stamp_ns, state, covariance, stamp_ns))
+    alone = measure_acting_time_s(
+        PathStarts(np.zeros(1, np.intp), stamp_ns[:1], state[:1], covariance[:1], stamp_ns[:1])
+    )
     assert np.array_equal(alone, whole[:1])

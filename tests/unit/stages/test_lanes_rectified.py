@@ -26,7 +26,7 @@ from cwcli.report.frames import make_thumbnails
 from cwcli.signals.columns import Columns, Strings
 from cwcli.simulation.road.drive import RoadDrive
 from cwcli.stages.lanes import LanesConfig, lanes
-from cwcli.stages.predict_lane import draw_paths_into_images
+from cwcli.stages.predict_lane import PredictLaneConfig, draw_paths_into_images
 from cwcli.vision.method import Method
 from cwcli.vision.methods import METHODS
 from cwcli.vision.overlay import LEFT_BOUNDARY_RGB
@@ -201,7 +201,12 @@ def test_painted_frames_and_thumbnails_have_their_lines_on_the_markings(bent: Se
     zero = np.zeros((N_FRAMES, 21))
     paths = Paths(time_s, zero + 10.0 * time_s, zero, zero, zero + 10.0, np.zeros((N_FRAMES, 21, 3)))
     channels, _ = draw_paths_into_images(
-        bent.log, paths, stamp_ns=times, log_time_ns=times, width_m=1.6, render="/camera/painted"
+        bent.log,
+        paths,
+        stamp_ns=times,
+        log_time_ns=times,
+        width_m=1.6,
+        config=PredictLaneConfig(render="/camera/painted"),
     )
     data = channels[1].make_rows(3, 4)["data"]
     painted = cv2.imdecode(np.asarray(data.values, np.uint8), cv2.IMREAD_COLOR)

@@ -12,7 +12,7 @@ from cwcli.channels.binding import EVERY_ROLE, bind_roles
 from cwcli.errors import MissingSignalError
 from cwcli.logs.read.reader import Log
 from cwcli.pipeline.call import Selection, StageCall
-from cwcli.pipeline.execute import run_stages
+from cwcli.pipeline.execute import SkipRules, run_stages
 from cwcli.pipeline.missing import SignalCheck
 from cwcli.pipeline.needs import stage_readiness
 from cwcli.stages import STAGES
@@ -70,7 +70,7 @@ def test_a_stage_misses_a_signal_exactly_where_the_registry_says_so(kind: str, t
 def test_run_observes_with_the_speed_of_the_ego_state(tmp_path: Path) -> None:
     calls = {"observe": call("observe")}
     with log_of("lanes-and-state", tmp_path) as log:
-        outcome, _ = run_stages(log, calls, Selection(), missing=SignalCheck(STAGES), lenient=True)
+        outcome, _ = run_stages(log, calls, Selection(), skip=SkipRules(SignalCheck(STAGES), True))
     assert [result.stage for result in outcome.results] == ["observe"]
 
 

@@ -71,7 +71,7 @@ def test_annotations_and_rendered_frames_hold_the_projected_path(log: Log, tmp_p
     paths = straight(n)
     paths.y_m[4] = np.nan
     channels, notes = draw_paths_into_images(
-        log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, render=RENDERED
+        log, paths, stamp_ns=stamp_ns, log_time_ns=log_time_ns, width_m=1.6, config=PredictLaneConfig(render=RENDERED)
     )
     assert notes == ()
     annotate_log(log, channels, {}, tmp_path / "out.mcap")
@@ -128,8 +128,10 @@ def test_missing_lanes_and_the_cameras_own_topic_are_refused(log: Log) -> None:
     stamp_ns, log_time_ns = stamps(log)
     given = {"stamp_ns": stamp_ns, "log_time_ns": log_time_ns, "width_m": 1.6}
     with pytest.raises(UsageError, match="own topic"):
-        draw_paths_into_images(log, straight(len(stamp_ns)), **given, render="/camera/image")
+        draw_paths_into_images(log, straight(len(stamp_ns)), **given, config=PredictLaneConfig(render="/camera/image"))
     with pytest.raises(UsageError, match=r"the topic of cwcli\.v1\.PredictedPath"):
-        draw_paths_into_images(log, straight(len(stamp_ns)), **given, render="/cwcli/observer/path")
+        draw_paths_into_images(
+            log, straight(len(stamp_ns)), **given, config=PredictLaneConfig(render="/cwcli/observer/path")
+        )
     with Log.open(log.name) as bare, pytest.raises(MissingSignalError, match="/cwcli/lanes"):
         draw_paths_into_images(bare, straight(len(stamp_ns)), **given)

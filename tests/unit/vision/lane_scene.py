@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cwcli.metrics.lane_scores import VisualScore, visual_standard_score
+from cwcli.metrics.lane_scores import BoundaryColumns, VisualScore, visual_standard_score
 from cwcli.simulation.road.camera import paper_camera
 from cwcli.simulation.road.truth import LaneTruth
 from cwcli.vision.camera import Camera, Mounting
@@ -26,5 +26,6 @@ def score(fit: LaneFit, truth: LaneTruth) -> VisualScore:
     low = y_px <= SEARCHED_ROWS
     u = [side.x_px(y_px) - 1.0 if side.found else np.full(240, np.nan) for side in (fit.left, fit.right)]
     return visual_standard_score(
-        u[0], u[1], truth.left_u_px, truth.right_u_px, truth.left_visible & low, truth.right_visible & low
+        BoundaryColumns(u[0], truth.left_u_px, truth.left_visible & low),
+        BoundaryColumns(u[1], truth.right_u_px, truth.right_visible & low),
     )

@@ -15,6 +15,7 @@ from cwcli.vision.lane_sides import (
     LEFT,
     NO_LINE,
     RIGHT,
+    FrameStep,
     LinePairState,
     _update_line_comparison,
     find_lane_by_one_line,
@@ -124,7 +125,7 @@ def test_a_lane_beyond_its_limits_is_kept_at_them() -> None:
     grey = straight_road.picture([(0.5 * lane[WIDTH] - lane[MIDDLE]) / prior.place_units_per_m], 0.0, 0)
     evidence = measure_stripe_evidence(grey, sampled_road_rows(horizon_px + 5.0, size[1]), horizon_px, prior.pinhole)
     before = replace(initial_line_pair_state(lane), agreed_s=5.0, width=lane[WIDTH] + 0.2 * prior.place_units_per_m)
-    found, sides = update_from_lines(before, evidence, lane, prior, size, 0.0, 0.1, 0.8)
+    found, sides = update_from_lines(before, evidence, lane, prior, 0.0, FrameStep(size, 0.1, 0.8))
     assert sides.carried_side == RIGHT
     assert sides.by_one_line_s == 0.1
     assert found[MIDDLE] == table[MIDDLE, HIGH]

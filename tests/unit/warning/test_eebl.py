@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cwcli.prediction.rollout import RolloutSettings
 from cwcli.signals.vehicle_state import ACCEL
 from cwcli.warning.types import VehicleTrack, WarningConfig
 from tests.unit.warning.vehicles import evaluate, seconds, straight
@@ -91,7 +92,7 @@ def test_ahead_is_along_the_arc_that_the_host_drives_on() -> None:
     for track in (host(20.0), lead(x_m=100.0, speed_mps=20.0)):
         bent = on_arc(track, radius, 20.0 / radius)
         covariance = np.tile(np.eye(8) * 1e-4, (len(bent.stamp_ns), 1, 1))
-        paths = roll_out_paths("ca", bent.state, covariance, horizon_s=3.5, step_s=0.1)
+        paths = roll_out_paths("ca", bent.state, covariance, settings=RolloutSettings(horizon_s=3.5, step_s=0.1))
         tracks.append(replace(bent, paths=paths))
     own, other = tracks
     # 100 m on, an arc of 200 m has left the straight line by 24 m

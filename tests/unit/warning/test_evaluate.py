@@ -9,7 +9,7 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.evaluation.scored_warnings import ScoredWarnings
 from cwcli.measures.pair import ActualTrack
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.signals.columns import Strings
 from cwcli.signals.vehicle_state import StateFlag
 from cwcli.warning.rules import RULES
@@ -141,7 +141,7 @@ def braking_at_three(delay_s: float) -> VehicleTrack:
     state[:, 0] = 20.0 + 20.0 * np.minimum(time, 3.0) + 20.0 * since - 4.0 * since**2
     state[:, 2], state[:, 4] = 20.0 - 8.0 * since, np.where((time >= 3.0) & (since < 2.5), -8.0, 0.0)
     covariance = np.tile(np.diag([1e-4, 1e-4, *[0.0] * 6]), (len(time), 1, 1))
-    paths = roll_out_paths("ca", state, covariance, horizon_s=3.5)
+    paths = roll_out_paths("ca", state, covariance, settings=RolloutSettings(horizon_s=3.5))
     return VehicleTrack("lead", stamps(time), stamps(time + delay_s), state, paths)
 
 
@@ -154,7 +154,7 @@ def test_only_what_had_been_received_is_known(use: str, first: float) -> None:
 
 def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
     host, lead = straight("host", speed_mps=20.0, duration_s=7.0), braking_at_three(0.0)
-    mean = roll_out_paths("cv", lead.state, None, horizon_s=3.5)
+    mean = roll_out_paths("cv", lead.state, None, settings=RolloutSettings(horizon_s=3.5))
     slow = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean)
     quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
     assert raised_s(evaluate(host, [quick])) == [3.0]
@@ -166,7 +166,7 @@ def test_onset_hypothesis_warns_before_the_mean_path_does() -> None:
 def test_an_alert_tells_the_probabilities_of_the_hypothesis_that_raised_it() -> None:
     """Of the onset, like its time and its distance: the mean path of the lead never comes near."""
     host, lead = straight("host", speed_mps=20.0, duration_s=7.0), braking_at_three(0.0)
-    mean = roll_out_paths("cv", lead.state, None, horizon_s=3.5)
+    mean = roll_out_paths("cv", lead.state, None, settings=RolloutSettings(horizon_s=3.5))
     quick = VehicleTrack("lead", lead.stamp_ns, lead.log_time_ns, lead.state, mean, onset_paths=lead.paths)
     result = evaluate(host, [quick])
     assert raised_s(result) == [3.0]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cwcli.warning.events import EventSpan, find_events
+from cwcli.warning.events import EventSpan, EventTiming, find_events
 from tests.unit.warning.vehicles import stamps
 
 STEP_S = 0.1
@@ -15,9 +15,7 @@ def spans(
     up = np.array([c == "x" for c in armed])
     keep = up if held is None else np.array([c == "x" for c in held])
     clock = stamps(np.arange(len(armed) + 10) * STEP_S)
-    return find_events(
-        clock[: len(armed)], up, up, keep, clock_ns=clock, persistence_s=persistence_s, hold_off_s=hold_off_s
-    )
+    return find_events(clock[: len(armed)], up, up, keep, timing=EventTiming(clock, persistence_s, hold_off_s))
 
 
 def test_one_stretch_is_one_event() -> None:
@@ -47,14 +45,14 @@ def test_persistence_waits_and_forgets_after_a_break() -> None:
 def test_an_event_at_the_end_of_the_log_stays_open() -> None:
     clock = stamps(np.arange(5) * STEP_S)
     up = np.array([False, False, False, True, True])
-    assert find_events(clock, up, up, up, clock_ns=clock, persistence_s=0.0, hold_off_s=0.3) == [EventSpan(3, 4, None)]
+    assert find_events(clock, up, up, up, timing=EventTiming(clock, 0.0, 0.3)) == [EventSpan(3, 4, None)]
 
 
 def test_a_gap_in_the_data_longer_than_the_hold_off_ends_it() -> None:
     clock = stamps(np.arange(40) * STEP_S)
     rows = np.array([0, 1, 2, 10, 11])
     up = np.ones(5, dtype=bool)
-    found = find_events(clock[rows], up, up, up, clock_ns=clock, persistence_s=0.0, hold_off_s=0.3)
+    found = find_events(clock[rows], up, up, up, timing=EventTiming(clock, 0.0, 0.3))
     assert found == [EventSpan(0, 2, 5), EventSpan(3, 4, 14)]
 
 
@@ -63,11 +61,11 @@ def test_at_once_needs_no_persistence() -> None:
     none = np.zeros(10, dtype=bool)
     once = none.copy()
     once[4] = True
-    found = find_events(clock[:10], none, none, none, at_once=once, clock_ns=clock, persistence_s=0.5, hold_off_s=0.3)
+    found = find_events(clock[:10], none, none, none, at_once=once, timing=EventTiming(clock, 0.5, 0.3))
     assert found == [EventSpan(4, 4, 7)]
 
 
 def test_no_evaluations_give_no_events() -> None:
     none = np.zeros(0, dtype=bool)
     clock = stamps(np.arange(3) * STEP_S)
-    assert find_events(clock[:0], none, none, none, clock_ns=clock, persistence_s=0.1, hold_off_s=0.3) == []
+    assert find_events(clock[:0], none, none, none, timing=EventTiming(clock, 0.1, 0.3)) == []

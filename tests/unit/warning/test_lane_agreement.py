@@ -7,7 +7,7 @@ import pytest
 
 from cwcli.prediction.paths import Paths
 from cwcli.warning.lane_agreement import agreement_duration_s, approach_speed_bound_mps
-from cwcli.warning.lane_departure import LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
+from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartureResult, evaluate_lane_departure
 
 STEP_NS = 100_000_000
 N = 40
@@ -33,7 +33,7 @@ def judged(
     paths = Paths(T, np.tile(25.0 * T, (n, 1)), zero + rate_mps * T, zero, zero + 25.0, covariance)
     left, right = (np.column_stack([side, np.zeros(n), np.zeros(n)]) for side in (left_m, np.full(n, -1.8)))
     boundaries = LaneBoundaries(left, right, 0.0, seen, steady_s)
-    return evaluate_lane_departure(stamps(n), stamps(n), paths, boundaries, np.full(n, 25.0), width_m=1.8)
+    return evaluate_lane_departure(stamps(n), stamps(n), paths, boundaries, np.full(n, 25.0), host=FrontAxle(1.8))
 
 
 def test_agreement_by_hand() -> None:

@@ -6,6 +6,7 @@ import pytest
 from cwcli.errors import UsageError
 from cwcli.prediction.paths import Paths
 from cwcli.warning.lane_departure import (
+    FrontAxle,
     LaneBoundaries,
     LaneDepartureConfig,
     LaneDepartureResult,
@@ -39,7 +40,7 @@ def evaluate(offset_m, rate_mps, *, speed=V, found=(True, True), curvature=0.0, 
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
     boundaries = LaneBoundaries(*sides)
     return evaluate_lane_departure(
-        stamp_ns, stamp_ns + 5, paths, boundaries, speed, config, width_m=WIDTH_M, front_axle_m=1e-9
+        stamp_ns, stamp_ns + 5, paths, boundaries, speed, config, host=FrontAxle(WIDTH_M, 1e-9)
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cwcli.prediction.paths import Paths
-from cwcli.warning.lane_departure import LaneBoundaries, LaneDepartureConfig, evaluate_lane_departure
+from cwcli.warning.lane_departure import FrontAxle, LaneBoundaries, LaneDepartureConfig, evaluate_lane_departure
 from cwcli.warning.lane_gap import boundary_at_distances, first_crossing_time_s, last_known_gap_m
 
 RADIUS_M, HALF_LANE_M = 23.0, 1.8
@@ -62,7 +62,7 @@ def test_a_ramp_that_is_kept_is_silent_and_one_that_is_left_is_not(side: float, 
     stamp_ns = np.arange(n, dtype=np.int64) * 100_000_000
     speed_mps, rule = np.full(n, 10.0), LaneDepartureConfig(min_speed_mps=5.0)
     result = evaluate_lane_departure(
-        stamp_ns, stamp_ns, paths, LaneBoundaries(left, right), speed_mps, rule, width_m=1.8, front_axle_m=1e-9
+        stamp_ns, stamp_ns, paths, LaneBoundaries(left, right), speed_mps, rule, host=FrontAxle(1.8, 1e-9)
     )
     outer = "right" if side > 0.0 else "left"
     first = result.series.rows_as_dicts()[0]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from cwcli.evaluation.scored_warnings import ScoredWarnings, score_warnings
 from cwcli.measures.pair import ActualTrack
-from cwcli.prediction.rollout import roll_out_paths
+from cwcli.prediction.rollout import RolloutSettings, roll_out_paths
 from cwcli.warning.evaluate import find_warnings
 from cwcli.warning.types import VehicleTrack, WarningConfig
 
@@ -67,7 +67,7 @@ def straight(
         stamp_ns=stamps(time),
         log_time_ns=stamps(time + delay_s),
         state=state,
-        paths=roll_out_paths(model, state, covariance, horizon_s=horizon_s),
+        paths=roll_out_paths(model, state, covariance, settings=RolloutSettings(horizon_s=horizon_s)),
         length_m=length_m,
         width_m=width_m,
     )

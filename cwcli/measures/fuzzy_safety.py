@@ -1,9 +1,13 @@
-"""The fuzzy safety of a gap to a vehicle ahead (Mattas et al. 2020), which UN R157 names; arrays of one shape."""
+"""Proactive and critical fuzzy safety of the gap to a vehicle ahead (Mattas et al. 2020), which UN R157 names."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from cwcli.measures.base import Measure
+from cwcli.measures.pair import Pair
 from cwcli.signals.columns import FloatArray
 
 RESPONSE_TIME_S = 0.75
@@ -47,3 +51,53 @@ def _unsafe_share_of_gap(gap_m: FloatArray, safe_m: FloatArray, unsafe_m: FloatA
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (gap_m - safe_m) / (unsafe_m - safe_m)
     return np.where(gap_m > safe_m, 0.0, np.where(gap_m < unsafe_m, 1.0, share))
+
+
+def proactive_fuzzy_safety(pair: Pair) -> FloatArray:
+    """Proactive fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead brakes."""
+    at = pair.other_in_host_axes
+    ahead = at.vx_mps + at.host_speed_mps
+    return pair.expand_to_all_rows(proactive_unsafety_of_gap(at.headway_m, at.host_speed_mps, ahead))
+
+
+def critical_fuzzy_safety(pair: Pair) -> FloatArray:
+    """Critical fuzzy safety at each stamp, (n,), from 0 (safe) to 1 (unsafe): if the vehicle ahead keeps its speed."""
+    at = pair.other_in_host_axes
+    ahead = at.vx_mps + at.host_speed_mps
+    return pair.expand_to_all_rows(critical_unsafety_of_gap(at.headway_m, at.host_speed_mps, ahead, at.host_accel_mps2))
+
+
+PFS = Measure(
+    summary="how unsafe the gap would be if the vehicle ahead braked",
+    symbol="PFS",
+    column="pfs",
+    critical="high",
+    formula=(
+        "1 below u t + u^2 / (2 b_max) - u_l^2 / (2 b_l), 0 above u t + u^2 / (2 b_min) - u_l^2 / (2 b_l) + 2 m, "
+        "linear between, of HW - 2 m; t 0.75 s, b 4 to 6, b_l 7 m/s^2"
+    ),
+    source="Mattas et al. 2020; UN R157",
+    compute=proactive_fuzzy_safety,
+    is_symmetric=False,
+    threshold=0.99,
+    threshold_source="1 is unsafe by definition",
+    undefined="nothing is ahead of the host within the width of the two outlines",
+    misleads="in dense traffic, where everybody follows more closely",
+    is_pointwise=True,
+    clause=lambda threshold: (
+        f"the gap would have been unsafe (PFS above {threshold:g}) if the vehicle ahead had braked"
+    ),
+)
+CFS = replace(
+    PFS,
+    summary="how hard it is to avoid a vehicle ahead at its present speed",
+    symbol="CFS",
+    column="cfs",
+    formula=(
+        "1 below (u + a t / 2 - u_l) t + (u + a t - u_l)^2 / (2 b_max), 0 above the same with b_min, linear between, "
+        "of HW; 0 when not closing; t 0.75 s, b 4 to 6 m/s^2, a at least -b_min"
+    ),
+    compute=critical_fuzzy_safety,
+    misleads="for a vehicle ahead that brakes",
+    clause=lambda threshold: f"a vehicle ahead could hardly be avoided at its present speed (CFS above {threshold:g})",
+)

@@ -1,16 +1,19 @@
-"""How long the host may wait until a manoeuvre no longer avoids the contact, for pairs on a collision course.
+"""Time to brake, to kick down, to steer, and to react: how long the host may wait until a manoeuvre no longer helps.
 
-Until then both keep velocity and heading; the other does so afterwards, too. Each manoeuvre is a constant acceleration,
-so whether it avoids the contact has a closed form; the latest moment is found by bisection.
+The pairs are on a collision course. Until the manoeuvre both keep velocity and heading; the other does so afterwards,
+too. Each manoeuvre is a constant acceleration, so whether it avoids the contact has a closed form; the latest moment is
+found by bisection.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.measures.base import Measure
 from cwcli.measures.contact import EdgeProjections, accelerated_contact_time_s, straight_contact_time_s
 from cwcli.measures.limits import CAR_BRAKING_LIMIT_MPS2, CAR_LATERAL_LIMIT_MPS2
 from cwcli.measures.pair import Pair
@@ -83,9 +86,76 @@ def _steering_right_avoids_contact(start: EdgeProjections, host_mps: FloatArray)
     return np.isinf(accelerated_contact_time_s(start, zero, zero + CAR_LATERAL_LIMIT_MPS2))
 
 
-BRAKING = (_braking_avoids_contact,)
-"""The manoeuvre of `ttb`: full braking."""
-ACCELERATING = (_accelerating_avoids_contact,)
-"""The manoeuvre of `ttk`: full acceleration."""
-STEERING = (_steering_left_avoids_contact, _steering_right_avoids_contact)
-"""The manoeuvres of `tts`: full lateral acceleration to either side."""
+def time_to_brake(pair: Pair) -> FloatArray:
+    """Time (s) left to avoid contact by braking, at each stamp, (n,)."""
+    return latest_start_of_manoeuvre_s((_braking_avoids_contact,), pair)
+
+
+def time_to_kick_down(pair: Pair) -> FloatArray:
+    """Time (s) left to avoid contact by accelerating, at each stamp, (n,)."""
+    return latest_start_of_manoeuvre_s((_accelerating_avoids_contact,), pair)
+
+
+def time_to_steer(pair: Pair) -> FloatArray:
+    """Time (s) left to avoid contact by steering to one side, at each stamp, (n,)."""
+    return latest_start_of_manoeuvre_s((_steering_left_avoids_contact, _steering_right_avoids_contact), pair)
+
+
+def time_to_react(pair: Pair) -> FloatArray:
+    """Time (s) left to avoid contact by any manoeuvre, at each stamp, (n,)."""
+    return np.fmax(np.fmax(pair.evaluate_measure(TTB), pair.evaluate_measure(TTK)), pair.evaluate_measure(TTS))
+
+
+TTB = Measure(
+    summary="time left to avoid contact by braking",
+    symbol="TTB",
+    column="ttb_s",
+    critical="low",
+    formula=(
+        "latest t in [0, TTC] from which the manoeuvre avoids contact: a = 11.5 m/s^2 until it stands; the other keeps"
+        " velocity and heading"
+    ),
+    source="Tamke, Dang and Breuel 2011",
+    compute=time_to_brake,
+    is_symmetric=False,
+    undefined="the two are not on a collision course, or the manoeuvre no longer helps (then BTN, STN or TTR say so)",
+    misleads="where there is no room, or the road is wet",
+    is_pointwise=True,
+    is_stepped=True,
+)
+TTK = replace(
+    TTB,
+    summary="time left to avoid contact by accelerating",
+    symbol="TTK",
+    column="ttk_s",
+    formula=(
+        "latest t in [0, TTC] from which the manoeuvre avoids contact: a = 11.5 m/s^2; the other keeps velocity and "
+        "heading"
+    ),
+    compute=time_to_kick_down,
+    undefined="the two are not on a collision course, or the manoeuvre does not help",
+)
+TTS = replace(
+    TTK,
+    summary="time left to avoid contact by steering",
+    symbol="TTS",
+    column="tts_s",
+    formula=(
+        "latest t in [0, TTC] from which the manoeuvre avoids contact: 8 m/s^2 to the left or the right, the heading "
+        "kept; the other keeps velocity and heading"
+    ),
+    compute=time_to_steer,
+)
+TTR = replace(
+    TTB,
+    summary="time left to avoid contact somehow",
+    symbol="TTR",
+    column="ttr_s",
+    formula="max(TTB, TTK, TTS)",
+    source="Hillenbrand, Spieker and Kroschel 2006; Tamke, Dang and Breuel 2011",
+    compute=time_to_react,
+    threshold=0.5,
+    threshold_source="cwcli: below it hardly anybody reacts",
+    undefined="the two are not on a collision course, or nothing helps any more",
+    misleads="as for its parts",
+)

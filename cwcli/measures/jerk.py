@@ -1,6 +1,8 @@
-"""Longitudinal jerk of the host."""
+"""Longitudinal and lateral jerk of the host."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +16,13 @@ def longitudinal_jerk(pair: Pair) -> FloatArray:
     return pair.expand_to_all_rows(np.abs(pair.host_derivatives[pair.near_rows, 2]))
 
 
-MEASURE = Measure(
+def lateral_jerk(pair: Pair) -> FloatArray:
+    """Size of the host's lateral jerk (m/s^3) at each stamp, (n,): that of v w with a constant yaw rate w."""
+    accel, yaw_rate, _ = pair.host_derivatives[pair.near_rows].T
+    return pair.expand_to_all_rows(np.abs(accel * yaw_rate))
+
+
+LONG_JERK = Measure(
     summary="size of the host's longitudinal jerk",
     symbol="|j_x|",
     column="long_jerk_mps3",
@@ -27,4 +35,14 @@ MEASURE = Measure(
     undefined="the centres are more than 200 m apart",
     misleads="where the states are smoothed: peaks are lower",
     is_pointwise=True,
+)
+LAT_JERK = replace(
+    LONG_JERK,
+    summary="size of the host's lateral jerk at a constant yaw rate",
+    symbol="|j_y|",
+    column="lat_jerk_mps3",
+    formula="|a_e w_e|",
+    source="derivative of v w; CommonRoad-CriMe, LatJ",
+    compute=lateral_jerk,
+    misleads="while the yaw rate changes",
 )

@@ -1,6 +1,8 @@
-"""Time exposed to a small time to collision."""
+"""Time exposed to, and time-integrated, small times to collision."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +22,15 @@ def time_exposed_to_short_ttc(pair: Pair) -> FloatArray:
     return np.array(pair.stamp_weights_s[pair.evaluate_measure(TTC) <= EXPOSURE_TTC_S].sum())
 
 
-MEASURE = Measure(
+def time_integrated_ttc(pair: Pair) -> FloatArray:
+    """Integral of the pair over time of how far the time to collision is below 2 s, s^2, ()."""
+    if not np.isfinite(pair.distance_m).any():
+        return np.array(np.nan)
+    below = EXPOSURE_TTC_S - pair.evaluate_measure(TTC)
+    return np.array((pair.stamp_weights_s * np.where(below > 0.0, below, 0.0)).sum())
+
+
+TET = Measure(
     summary="time with a TTC of at most 2 s",
     symbol="TET",
     column="tet_s",
@@ -31,4 +41,13 @@ MEASURE = Measure(
     is_series=False,
     undefined="both positions were never known at the same time",
     misleads="for a long drive: it adds up many moments of which none was dangerous",
+)
+TIT = replace(
+    TET,
+    summary="how far TTC was below 2 s, times how long",
+    symbol="TIT",
+    column="tit_s2",
+    formula="sum of (2 s - TTC) dt where TTC <= 2 s",
+    compute=time_integrated_ttc,
+    misleads="as for TET",
 )
