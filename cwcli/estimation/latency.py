@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.estimation.config import EstimatorConfig
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE
+from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE
 from cwcli.estimation.passes import SensorSeries
 from cwcli.estimation.sensor_limits import LATENCY_RANGE
 from cwcli.signals.columns import FloatArray

@@ -34,13 +34,19 @@ from cwcli.estimation.latency import (
 )
 from cwcli.estimation.latency_evidence import LatencyEvidence
 from cwcli.estimation.measurements import RATE_KINDS, Kind
-from cwcli.estimation.model import MotionParameters
-from cwcli.estimation.noise import MIN_ROWS_FOR_NOISE, noise_variance_factor
-from cwcli.estimation.passes import PassResult, SensorSeries, run_filter_pass
-from cwcli.estimation.prepare import average_row_blocks, average_rows_to_rate
-from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
+from cwcli.estimation.passes import PassResult, SensorSeries
+from cwcli.estimation.prepare import average_rows_to_rate
+from cwcli.estimation.score import row_log_likelihoods
+from cwcli.estimation.sensor_model import StateLayout
+from cwcli.estimation.trial import (
+    MAX_NOISE_MATCHINGS,
+    SETTLED_NOISE_FACTOR,
+    FilterTrials,
+    cut_to_window,
+    gate_outliers,
+)
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 LATENCY_GRID_STEP_S = 0.25
@@ -61,12 +67,6 @@ COARSE_SEARCH_HZ = 10.0
 """Rate to which frequent sources are averaged for the grid, Hz. Chosen for speed; not fitted."""
 SEARCH_WINDOW_S = 300.0
 """Longest span of a log that is searched, s. Chosen for speed; not fitted."""
-GATE_PROBABILITY = 1.0 - 1e-5
-"""Probability with which the gate keeps a good row during the search. Chosen by hand; not fitted."""
-SETTLED_NOISE_FACTOR = 1.1
-"""The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-MAX_NOISE_MATCHINGS = 3
-"""Greatest number of rounds of innovation matching. Chosen for speed; not fitted."""
 MAX_KERNEL_STATES = 24
 """Greatest number of states of the kernel; the slow error takes two."""
 SLOW_ERROR_SIGMAS_M = (0.3, 1.0, 3.0)
@@ -89,34 +89,24 @@ SEARCH_SIDE_SLIP_M = 0.03
 """Position noise during the search, m per root s. Chosen below the filter's own: a latency needs a long memory."""
 
 
-def find_latencies(
-    series: Sequence[SensorSeries],
-    predetermined: Sequence[Latency | None],
-    parameters: MotionParameters,
-    walk: FloatArray,
-    prior: FloatArray,
-) -> list[Latency]:
-    """Replace every None of the roles by what the log says.
+def find_latencies(layout: StateLayout, predetermined: Sequence[Latency | None]) -> list[Latency]:
+    """Replace every None of the predetermined latencies by what the log says.
 
     Args:
-        series: All series, bias states set.
-        roles: Parallel to `series`, see `predetermine_latencies`.
-        parameters: Motion model.
-        walk, prior: Shape (n,): random walk and prior variances of the parameter states.
+        layout: All series, bias states set, with the motion model.
+        predetermined: Parallel to the series, see `predetermine_latencies`.
     """
     decided = [role for role in predetermined if role is not None]
     if len(decided) == len(predetermined):
         return decided
+    series, parameters = layout.series, layout.parameters
     reference = [
         replace(s, time_s=s.time_s - role.applied_s)
         for s, role, is_reference in zip(series, predetermined, is_reference_of_each_series(series), strict=True)
         if is_reference and role is not None
     ]
     begin, end = _most_excited_window_s(series, reference)
-    reference = [
-        replace(cut, gate_nis=gate_nis(GATE_PROBABILITY, cut.n_values_per_row))
-        for cut in (_average_imu_rows(_cut_rows_to_window(s, begin, end)) for s in reference)
-    ]
+    reference = [gate_outliers(_cut_and_average(s, begin, end)) for s in reference]
     if any(s.bias_state >= 0 for s in reference):
         parameters = replace(
             parameters,
@@ -129,13 +119,13 @@ def find_latencies(
         if role is not None:
             found.append(role)
             continue
-        target = _average_imu_rows(_cut_rows_to_window(s, begin, end))
+        target = _cut_and_average(s, begin, end)
         # What the reference says long before the target's first row only adds a start that is badly known.
         first = float(target.time_s[0]) - REFERENCE_LEAD_IN_S if len(target) else begin
-        search = _LatencySearch(
-            target, [_cut_rows_to_window(r, first, end) for r in reference], parameters, walk, prior
-        )
-        found.append(search.find_latency())
+        near = [cut_to_window(r, first, end) for r in reference]
+        # The first position must not count twice: at constant speed a shift in time is a shift in place.
+        trials = FilterTrials(start_position_sigma_m=START_POSITION_SIGMA_M)
+        found.append(_LatencySearch(target, near, replace(layout, parameters=parameters), trials).find_latency())
     return found
 
 
@@ -184,14 +174,14 @@ class _LatencySearch:
     Attributes:
         target: The source.
         reference: The reference's series.
-        parameters, walk, prior: See `find_latencies`.
+        layout: Motion model and parameter states; its series are not used.
+        trials: Passes over their rows.
     """
 
     target: SensorSeries
     reference: Sequence[SensorSeries]
-    parameters: MotionParameters
-    walk: FloatArray
-    prior: FloatArray
+    layout: StateLayout
+    trials: FilterTrials
 
     def find_latency(self) -> Latency:
         """Find the latency and decide what is made of it."""
@@ -241,7 +231,7 @@ class _LatencySearch:
     def _match_noise_to_innovations(self, target: SensorSeries) -> SensorSeries:
         """The target with the noise that its innovations show."""
         for _ in range(MAX_NOISE_MATCHINGS):
-            factor = noise_variance_factor(target, self._run_filter([target, *self.reference]).nis[0])
+            factor = noise_variance_factor(target, self._run_filter(target).nis[0])
             target = target.scale_noise_variance(factor)
             if 1.0 / SETTLED_NOISE_FACTOR < factor < SETTLED_NOISE_FACTOR:
                 break
@@ -249,9 +239,13 @@ class _LatencySearch:
 
     def _drop_outliers(self) -> _LatencySearch:
         """The same search with the rows that the filter believes."""
+        gated = self._trial_of(gate_outliers(self.target))
+        status = self.trials.run_filter(gated).status
+        if all((was == UpdateStatus.USED).all() for was in status):
+            # The reference keeps its gate in both.
+            self.trials.remember_equal(self._trial_of(self.target), gated)
+            return self
         series = [self.target, *self.reference]
-        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in series]
-        status = self._run_filter(gated).status
         kept, *reference = (s.select_rows(was >= UpdateStatus.USED) for s, was in zip(series, status, strict=True))
         return replace(self, target=kept, reference=reference)
 
@@ -261,7 +255,7 @@ class _LatencySearch:
         Errors of fixes last for seconds. Taken for white noise they make the filter follow them, and the latency is as
         sure as it is wrong. Of a few sizes and time constants the likeliest counts.
         """
-        if self.target.kind is not Kind.POSITION or len(self.walk) + 2 > MAX_KERNEL_STATES:
+        if self.target.kind is not Kind.POSITION or len(self.layout.walk) + 2 > MAX_KERNEL_STATES:
             return None
         search = None
         least = self._log_likelihood(self.target) + MIN_SLOW_ERROR_LIKELIHOOD_GAIN
@@ -274,15 +268,17 @@ class _LatencySearch:
 
     def _add_slow_error(self, sigma_m: float, time_s: float) -> _LatencySearch:
         """With a slow error of this sigma on each axis and this time constant, and the noise that then is left."""
-        n = len(self.walk)
+        layout, n = self.layout, len(self.layout.walk)
+        time_constant_s = {**layout.parameters.time_constant_s, n: time_s, n + 1: time_s}
         slower = replace(
             self,
             target=replace(self.target, slow_state=n),
-            parameters=replace(
-                self.parameters, time_constant_s={**self.parameters.time_constant_s, n: time_s, n + 1: time_s}
+            layout=replace(
+                layout,
+                parameters=replace(layout.parameters, time_constant_s=time_constant_s),
+                walk=np.append(layout.walk, [2.0 * sigma_m**2 / time_s] * 2),
+                prior=np.append(layout.prior, [sigma_m**2] * 2),
             ),
-            walk=np.append(self.walk, [2.0 * sigma_m**2 / time_s] * 2),
-            prior=np.append(self.prior, [sigma_m**2] * 2),
         )
         return replace(slower, target=slower._match_noise_to_innovations(slower.target))
 
@@ -371,39 +367,34 @@ class _LatencySearch:
         with_zero = -self._log_likelihood(replace(target, latency_s=0.0))
         return with_zero - evidence.cross_validated_neg_log_likelihood() > LIKELIHOOD_FALL_AT_THREE_SIGMA
 
-    def _informative_series(self, target: SensorSeries) -> list[SensorSeries]:
+    def _informative_series(self, target: SensorSeries) -> list[tuple[int, SensorSeries]]:
         """Whose rows tell how likely a latency is: the target's, and the reference's as far as the motion predicts it.
 
         An IMU is not predicted: the motion is loose, so that the state follows it.
+
+        Returns:
+            Index in the pass, and series.
         """
-        return [target, *(s for s in self.reference if s.bias_state < 0)]
+        return [(0, target), *((i, s) for i, s in enumerate(self.reference, 1) if s.bias_state < 0)]
 
     def _informative_row_times_s(self, target: SensorSeries) -> FloatArray:
         """When the telling rows were measured."""
-        return np.concatenate([s.time_s - s.latency_s for s in self._informative_series(target)])
+        return np.concatenate([s.time_s - s.latency_s for _, s in self._informative_series(target)])
 
     def _row_negative_log_likelihoods(self, target: SensorSeries) -> FloatArray:
         """Of each telling row how unlikely it is after all before it; NaN where it lies before the start.
 
         It is the negative log-likelihood but for a constant; an outlier counts, but no more than as one.
         """
-        telling = self._informative_series(target)
-        behind = [s for s in self.reference if s.bias_state >= 0]
-        nis = self._run_filter([*telling, *behind]).nis
-        return np.concatenate(
-            [
-                0.5 * (np.minimum(each[:, 0], gate_nis(GATE_PROBABILITY, s.n_values_per_row)) + np.log(each[:, 3]))
-                for s, each in zip(telling, nis, strict=False)
-            ]
-        )
+        nis = self._run_filter(target).nis
+        return np.concatenate([-row_log_likelihoods(s, nis[i]) for i, s in self._informative_series(target)])
 
-    def _run_filter(self, series: Sequence[SensorSeries]) -> PassResult:
-        """One pass of the filter."""
-        start = find_start_with_parameter_states(series, self.prior, causal=False)
-        # The first position must not count twice: at constant speed a shift in time is a shift in place.
-        start.covariance[0, 0] = start.covariance[1, 1] = START_POSITION_SIGMA_M**2
-        motion = self.parameters.to_process_model(self.walk)
-        return run_filter_pass(series, start, motion, np.zeros(0), smooth=False, reset_after=50)
+    def _run_filter(self, target: SensorSeries) -> PassResult:
+        return self.trials.run_filter(self._trial_of(target))
+
+    def _trial_of(self, target: SensorSeries) -> StateLayout:
+        """The trial of a target beside the reference."""
+        return replace(self.layout, series=[target, *self.reference])
 
 
 def _most_excited_window_s(series: Sequence[SensorSeries], reference: Sequence[SensorSeries]) -> tuple[float, float]:
@@ -424,15 +415,7 @@ def _most_excited_window_s(series: Sequence[SensorSeries], reference: Sequence[S
     return float(edges[best]), float(edges[best]) + SEARCH_WINDOW_S
 
 
-def _cut_rows_to_window(s: SensorSeries, begin: float, end: float) -> SensorSeries:
-    inside = (s.time_s >= begin) & (s.time_s <= end)
-    if inside.all():
-        return s
-    return replace(s, time_s=s.time_s[inside], values=s.values[inside], noise=s.noise[inside])
-
-
-def _average_imu_rows(s: SensorSeries) -> SensorSeries:
-    """Average an IMU down to about THINNED_HZ."""
-    if s.kind not in RATE_KINDS or len(s) < 3:
-        return s
-    return average_row_blocks(s, int(1.0 / (IMU_AVERAGING_HZ * max(float(np.median(np.diff(s.time_s))), 1e-4)) + 0.25))
+def _cut_and_average(s: SensorSeries, begin: float, end: float) -> SensorSeries:
+    """Cut a series to a window, and average an IMU to about IMU_AVERAGING_HZ."""
+    cut = cut_to_window(s, begin, end)
+    return average_rows_to_rate(cut, IMU_AVERAGING_HZ) if s.kind in RATE_KINDS else cut

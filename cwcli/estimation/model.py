@@ -63,6 +63,11 @@ class MotionParameters:
     time_constant_s: Mapping[int, float] = field(default_factory=dict)
     turn_noise: Mapping[int, float] = field(default_factory=dict)
 
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What equal parameters have in common; unlike the parameters themselves it can be looked up."""
+        return tuple(tuple(value.items()) if isinstance(value, Mapping) else value for value in vars(self).values())
+
     def to_process_model(self, walk: FloatArray) -> ekf.ProcessModel:
         """Return the kernel's model; walk (n,): white noise behind the parameter states, variance per second."""
         time_constant_s, turn_noise = np.zeros(len(walk)), np.zeros(len(walk))

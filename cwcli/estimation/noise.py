@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters
-from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input
+from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
+from cwcli.estimation.passes import PassResult, SensorSeries
 from cwcli.estimation.prepare import average_rows_to_rate
+from cwcli.estimation.sensor_model import StateLayout
 from cwcli.estimation.stamp_noise import NoiseFit, fit_stamp_errors, may_have_stamp_errors
 from cwcli.estimation.start import find_start_with_parameter_states
-from cwcli.kernels import ekf
-from cwcli.kernels.estimation import matching_factor
-from cwcli.signals.columns import FloatArray
+from cwcli.estimation.trial import FilterTrials, trial_key
 
-MIN_ROWS_FOR_NOISE = 50
-"""Least number of rows from which noise is estimated. Chosen by hand; not fitted."""
-MAX_NOISE_FACTOR_PER_CALL = 64.0
-"""Greatest factor by which one call changes a noise variance. Chosen by hand; not fitted."""
-N_BISECTIONS = 16
-"""Number of bisections for the factor: it is exact to 64^(2 / 2^16)."""
-MAX_COUNTED_NIS = 9.0
-"""Greatest squared normalised innovation that is counted: an outlier counts as three sigma."""
 AVERAGING_HZ = 10.0
 """Rate to which inertial series and speeds are averaged, Hz. Chosen: manoeuvres are slower."""
 MAX_WINDOW_ROWS_WITH_IMU = 30_000
@@ -52,111 +43,63 @@ FIRST_POSITION_LEAD_IN_S = 2.5
 Chosen as the longest latency of the search and a little more."""
 
 
-def noise_variance_factor(s: SensorSeries, nis: FloatArray, so_far: float | None = None) -> float:
-    """Return the factor on the noise variance that brings the innovations into agreement (innovation matching).
+@dataclass(frozen=True)
+class WindowFit:
+    """Noise and manoeuvre intensity that a window of a log shows.
 
-    The equation is mean(min(nu^2 / (h P h' + factor r), 9)) = 1 over all rows, gated ones too: an outlier counts, but
-    no more than three sigma. One call moves the variance by at most a factor of 64, because the predicted
-    covariance answers to it. A message's own covariance is only ever raised: errors that are slow look small
-    from one innovation to the next, and are there all the same. Where they have a state of their own (`slow_state`)
-    the noise is what is left of the message's, the white part, and free.
-
-    White noise that was fitted together with an error of the stamps stays as it is: there the log is predicted best,
-    and the innovations along the path, which depend little on it, would outweigh those across.
-
-    Args:
-        s: The series with its present noise.
-        nis: Shape (n, 5): see `PassResult.nis`.
-        so_far: Factor on the noise of the message until now; None: not known, then one call at most halves it.
+    Attributes:
+        begin: The layout at which the fit began.
+        window: Series of the window, with their first noise.
+        fit: Their fitted noise, and the motion model.
+        has_hint: Per series: whether the innovations hint at stamp errors, see `may_have_stamp_errors`.
     """
-    if len(nis) < MIN_ROWS_FOR_NOISE or s.is_exact or s.stamp_error.status is ParameterStatus.USED:
-        return 1.0
-    nu2, prior = nis[:, 1], nis[:, 2]
-    r = s.noise[:, 0] if s.n_values_per_row == 1 else 0.5 * (s.noise[:, 0] + s.noise[:, 2])
-    factor = matching_factor(
-        nu2, prior, np.ascontiguousarray(r), most=MAX_NOISE_FACTOR_PER_CALL, n_steps=N_BISECTIONS, limit=MAX_COUNTED_NIS
-    )
-    if s.slow_state < 0:
-        if s.noise_origin == "message":
-            return factor if factor > 1.1 else 1.0
-        if s.noise_origin == "message, scaled":
-            return max(factor, 0.5 if so_far is None else 1.0 / so_far)
-    return max(factor, s.floor**2 / float(r.mean()))
+
+    begin: StateLayout
+    window: tuple[SensorSeries, ...]
+    fit: NoiseFit
+    has_hint: tuple[bool, ...]
+
+
+WindowFits = dict[Hashable, tuple[StateLayout, WindowFit | None]]
+"""`trial_key` of a layout -> the layout, so that the key stays true, and its fit; None: too short a log for one."""
 
 
 def estimate_noise_and_manoeuvres(
-    series: Sequence[SensorSeries],
-    parameters: MotionParameters,
-    walk: FloatArray,
-    prior: FloatArray,
-    *,
-    every_row: bool = True,
-) -> tuple[list[SensorSeries], MotionParameters]:
+    layout: StateLayout, *, every_row: bool = True, known: WindowFits | None = None
+) -> StateLayout:
     """Find the noise of the series that do not state it, and how strongly the car manoeuvres.
 
     Works on a window of the log. Each round matches the innovations and moves the jerk's and the yaw acceleration's
     sigma towards the largest likelihood, by a parabola over half, once and twice the present value.
 
     Args:
-        series: All series, latencies corrected.
-        parameters: Motion model to begin with.
-        walk, prior: Shape (n,): see `run_filter_pass`, `find_start_with_parameter_states`.
+        layout: All series, latencies corrected, with the motion model to begin with.
         every_row: Look for errors of the stamps, and end with passes over all rows; else the noise is that of the
             averaged window.
+        known: Fits of the windows of this log so far; that of this layout is taken from them, or put in.
 
     Returns:
-        The series with settled noise; the motion model.
+        The layout with settled noise and motion model.
     """
-    window = [replace(s, gate_nis=0.0) for s in _cut_to_busiest_window(_drop_rows_before_first_position(series))]
-    if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
-        len(s) and s.kind is Kind.POSITION for s in window
-    ):
-        return list(series), parameters
-    begin, orders = parameters, dict[float, RowTimeOrder]()
-
-    def scale_manoeuvres(parameters: MotionParameters, factors: Sequence[float]) -> MotionParameters:
-        for (name, limits), factor in zip(MANOEUVRE_SIGMA_LIMITS.items(), factors, strict=True):
-            parameters = _set_sigma_within_limits(
-                parameters, name, float(getattr(parameters, name)) * factor, limits, begin
-            )
-        return parameters
-
-    may: list[bool] = []
-
-    def refit_noise_and_motion(fit: NoiseFit) -> NoiseFit:
-        result = _MotionModelTrials(fit.series, walk, prior, orders).pass_result_of(fit.parameters)
-        may[:] = [may_have_stamp_errors(s, nis) for s, nis in zip(fit.series, result.nis, strict=True)]
-        fit = _match_noise_to_innovations(fit, result)
-        trials, parameters = _MotionModelTrials(fit.series, walk, prior, orders), fit.parameters
-        base = trials.log_likelihood_of(parameters)
-        for name, limits in MANOEUVRE_SIGMA_LIMITS.items():
-            parameters, base = _refit_manoeuvre_sigma(trials, parameters, name, limits, base, begin)
-        return replace(fit, parameters=parameters)
-
-    fit = NoiseFit(tuple(window), (1.0,) * len(window), parameters)
-    for _ in range(N_MATCHING_ROUNDS):
-        fit = refit_noise_and_motion(fit)
-    if every_row and any(may):
-        start = find_start_with_parameter_states(fit.series, prior, causal=False)
-
-        def run_filter(series: Sequence[SensorSeries], parameters: MotionParameters) -> PassResult:
-            motion = parameters.to_process_model(walk)
-            prepared = build_pass_input(series, start.time_s, np.zeros(0), reset_after=50, orders=orders)
-            return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=False))
-
-        found = fit_stamp_errors(fit, may, run_filter, scale_manoeuvres)
-        fit = fit if found is fit else refit_noise_and_motion(found)
-    parameters, factors = fit.parameters, np.array(fit.factors)
+    known = {} if known is None else known
+    key = trial_key(layout)
+    if key not in known:
+        known[key] = layout, _fit_window(layout)
+    found = known[key][1]
+    if found is None:
+        return layout
+    fit = _fit_with_stamp_errors(found) if every_row and any(found.has_hint) else found.fit
+    series, parameters, factors = layout.series, fit.parameters, np.array(fit.factors)
     series = [replace(s, stamp_error=w.stamp_error) for s, w in zip(series, fit.series, strict=True)]
     settled = [replace(s.scale_noise_variance(float(f)), gate_nis=0.0) for s, f in zip(series, factors, strict=True)]
     # The window shows the motion; the noise of single rows and of the slow sources needs the whole log.
     whole = every_row and any(
         len(w) < (len(s) if s.bias_state >= 0 else min(len(s), ENOUGH_WINDOW_ROWS))
-        for s, w in zip(series, window, strict=True)
+        for s, w in zip(series, found.window, strict=True)
     )
     late = _drop_rows_before_first_position(settled)
     for _ in range(N_MATCHING_ROUNDS if whole else 0):
-        result = _MotionModelTrials(late, walk, prior, {}).pass_result_of(parameters)
+        result = FilterTrials().run_filter(replace(layout, series=late, parameters=parameters))
         change = [noise_variance_factor(s, nis) for s, nis in zip(late, result.nis, strict=True)]
         late = [s.scale_noise_variance(f) for s, f in zip(late, change, strict=True)]
         settled = [s.scale_noise_variance(f) for s, f in zip(settled, change, strict=True)]
@@ -166,7 +109,60 @@ def estimate_noise_and_manoeuvres(
     for i, (s, factor) in enumerate(zip(settled, factors.tolist(), strict=True)):
         if factor != 1.0:
             settled[i] = replace(s, noise_origin="message, scaled" if s.noise_origin == "message" else "log")
-    return settled, parameters
+    return replace(layout, series=settled, parameters=parameters)
+
+
+def _fit_window(layout: StateLayout) -> WindowFit | None:
+    """Return the fit of the busiest window; None where it has too few rows or no position."""
+    cut = _cut_to_busiest_window(_drop_rows_before_first_position(layout.series))
+    window = tuple(replace(s, gate_nis=0.0) for s in cut)
+    if sum(len(s) for s in window) < 2 * MIN_ROWS_FOR_NOISE or not any(
+        len(s) and s.kind is Kind.POSITION for s in window
+    ):
+        return None
+    trials, has_hint = FilterTrials(), (False,) * len(window)
+    fit = NoiseFit(window, (1.0,) * len(window), layout.parameters)
+    for _ in range(N_MATCHING_ROUNDS):
+        result = trials.run_filter(_layout_of_fit(layout, fit))
+        has_hint = tuple(may_have_stamp_errors(s, nis) for s, nis in zip(fit.series, result.nis, strict=True))
+        fit = _refit_noise_and_motion(trials, layout, fit, result)
+    return WindowFit(layout, window, fit, has_hint)
+
+
+def _layout_of_fit(layout: StateLayout, fit: NoiseFit) -> StateLayout:
+    return replace(layout, series=list(fit.series), parameters=fit.parameters)
+
+
+def _refit_noise_and_motion(trials: FilterTrials, layout: StateLayout, fit: NoiseFit, result: PassResult) -> NoiseFit:
+    """Return the fit after a round: noise by the innovations of its pass, then the sigmas of the motion."""
+    fit = _match_noise_to_innovations(fit, result)
+    base = trials.log_likelihood(_layout_of_fit(layout, fit))
+    for name in MANOEUVRE_SIGMA_LIMITS:
+        fit, base = _refit_manoeuvre_sigma(trials, layout, fit, name, base)
+    return fit
+
+
+def _fit_with_stamp_errors(found: WindowFit) -> NoiseFit:
+    """Return the fit of a window with the stamp errors that it shows; the given fit where it shows none."""
+    layout, fit = found.begin, found.fit
+    start = find_start_with_parameter_states(fit.series, layout.prior, causal=False)
+    trials = FilterTrials(start)
+
+    def run_filter(series: Sequence[SensorSeries], parameters: MotionParameters) -> PassResult:
+        return trials.run_filter(replace(layout, series=list(series), parameters=parameters))
+
+    def scale_manoeuvres(parameters: MotionParameters, factors: Sequence[float]) -> MotionParameters:
+        for name, factor in zip(MANOEUVRE_SIGMA_LIMITS, factors, strict=True):
+            value = float(getattr(parameters, name)) * factor
+            parameters = _set_sigma_within_limits(parameters, name, value, layout.parameters)
+        return parameters
+
+    with_errors = fit_stamp_errors(fit, found.has_hint, run_filter, scale_manoeuvres)
+    if with_errors is fit:
+        return fit
+    trials = FilterTrials()
+    result = trials.run_filter(_layout_of_fit(layout, with_errors))
+    return _refit_noise_and_motion(trials, layout, with_errors, result)
 
 
 def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
@@ -182,40 +178,26 @@ def _match_noise_to_innovations(fit: NoiseFit, result: PassResult) -> NoiseFit:
     return replace(fit, series=tuple(series), factors=factors)
 
 
-class _MotionModelTrials:
-    """Passes over the same series with different motion models; start and time order stay."""
-
-    def __init__(
-        self, series: Sequence[SensorSeries], walk: FloatArray, prior: FloatArray, orders: dict[float, RowTimeOrder]
-    ) -> None:
-        self._start = find_start_with_parameter_states(series, prior, causal=False)
-        self._walk = walk
-        self._input = build_pass_input(series, self._start.time_s, np.zeros(0), reset_after=50, orders=orders)
-
-    def _run_filter(self, parameters: MotionParameters) -> ekf.Pass:
-        return self._input.run_filter(self._start, parameters.to_process_model(self._walk), smooth=False)
-
-    def log_likelihood_of(self, parameters: MotionParameters) -> float:
-        """Run the filter and return only the log-likelihood."""
-        return self._run_filter(parameters).log_likelihood
-
-    def pass_result_of(self, parameters: MotionParameters) -> PassResult:
-        """Run the filter and return the result, split by series."""
-        return self._input.split_result_by_series(self._run_filter(parameters))
-
-
 def _refit_manoeuvre_sigma(
-    trials: _MotionModelTrials,
-    parameters: MotionParameters,
-    name: str,
-    limits: tuple[float, float],
-    base: float,
-    begin: MotionParameters,
-) -> tuple[MotionParameters, float]:
-    """Move one sigma of the motion towards the largest likelihood; returns the model and its likelihood."""
-    now, first = float(getattr(parameters, name)), float(getattr(begin, name))
-    likelihood = [trials.log_likelihood_of(_replace_parameter(parameters, name, now * f)) for f in (0.5, 2.0)]
-    left, right = likelihood
+    trials: FilterTrials, layout: StateLayout, fit: NoiseFit, name: str, base: float
+) -> tuple[NoiseFit, float]:
+    """Move one sigma of the motion towards the largest likelihood; returns the fit and its likelihood.
+
+    Args:
+        trials: Passes over the window.
+        layout: The layout at which the fit began.
+        fit: The fit so far.
+        name: Which sigma, one of `MANOEUVRE_SIGMA_LIMITS`.
+        base: Likelihood of `fit`.
+    """
+
+    def log_likelihood(parameters: MotionParameters) -> float:
+        return trials.log_likelihood(_layout_of_fit(layout, replace(fit, parameters=parameters)))
+
+    parameters, limits = fit.parameters, MANOEUVRE_SIGMA_LIMITS[name]
+    now, first = float(getattr(parameters, name)), float(getattr(layout.parameters, name))
+    sides = [_replace_parameter(parameters, name, now * f) for f in (0.5, 2.0)]
+    left, right = (log_likelihood(side) for side in sides)
     bend = left - 2.0 * base + right
     if bend < 0.0:
         move = 0.5 * (left - right) / bend * LOG_SIGMA_STEP
@@ -224,19 +206,18 @@ def _refit_manoeuvre_sigma(
         move = LOG_SIGMA_STEP * (1.0 if right > left else -1.0)
     scale = float(np.clip(np.log(now / first) + move, *np.log(limits)))
     better = _replace_parameter(parameters, name, first * float(np.exp(scale)))
-    reached = trials.log_likelihood_of(better)
-    options = [(base, parameters), (reached, better)]
-    options += [(v, _replace_parameter(parameters, name, now * f)) for v, f in zip(likelihood, (0.5, 2.0), strict=True)]
-    best = max(options, key=lambda option: option[0])
-    return _set_sigma_within_limits(best[1], name, float(getattr(best[1], name)), limits, begin), best[0]
+    options = [(base, parameters), (log_likelihood(better), better), (left, sides[0]), (right, sides[1])]
+    reached, best = max(options, key=lambda option: option[0])
+    limited = _set_sigma_within_limits(best, name, float(getattr(best, name)), layout.parameters)
+    return replace(fit, parameters=limited), reached
 
 
 def _set_sigma_within_limits(
-    parameters: MotionParameters, name: str, value: float, limits: tuple[float, float], begin: MotionParameters
+    parameters: MotionParameters, name: str, value: float, begin: MotionParameters
 ) -> MotionParameters:
     """Return the motion parameters with a new value of one sigma, kept within limits relative to its first value."""
     first = float(getattr(begin, name))
-    limited = float(np.clip(np.log(value / first), *np.log(limits)))
+    limited = float(np.clip(np.log(value / first), *np.log(MANOEUVRE_SIGMA_LIMITS[name])))
     return _replace_parameter(parameters, name, first * float(np.exp(limited)))
 
 

@@ -113,12 +113,14 @@ class SensorSeries:
         return QUANTITIES[self.kind].width
 
     def select_rows(self, row_mask: npt.NDArray[np.bool_]) -> SensorSeries:
-        """Return the series in the rows of a mask (n,)."""
+        """Return the series in the rows of a mask (n,); itself if these are all."""
+        if row_mask.all():
+            return self
         return replace(self, time_s=self.time_s[row_mask], values=self.values[row_mask], noise=self.noise[row_mask])
 
     def scale_noise_variance(self, factor: float) -> SensorSeries:
-        """Return the series with its noise variance multiplied by `factor`."""
-        return replace(self, noise=self.noise * factor)
+        """Return the series with its noise variance multiplied by `factor`; itself if that is 1."""
+        return self if factor == 1.0 else replace(self, noise=self.noise * factor)
 
 
 @dataclass(frozen=True)
@@ -183,7 +185,7 @@ def order_rows_by_time(
         reset_after: Rejections in a row after which a source is used again.
     """
     in_time = [s.time_s - s.latency_s >= start_s - START_TOLERANCE_S for s in series]
-    series = [s if rows.all() else s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
+    series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
     patience = np.array([_max_consecutive_rejections(s, reset_after) for s in series], np.int32)
     return RowTimeOrder(in_time, *_merge_rows_and_outputs_into_steps(series, start_s, output_s), patience)
 
@@ -220,15 +222,14 @@ class PassInput:
     Attributes:
         events, sources: See `ekf.run`.
         n_output: Number of output states.
-        in_time, order: See `RowTimeOrder`.
+        time_order: Time order of the rows.
         restarts: See `run_filter_pass`.
     """
 
     events: ekf.Events
     sources: ekf.SourceTable
     n_output: int
-    in_time: list[npt.NDArray[np.bool_]]
-    order: npt.NDArray[np.intp]
+    time_order: RowTimeOrder
     restarts: ekf.Restarts | None = None
 
     def run_filter(self, start: FilterStart, motion: ekf.ProcessModel, *, smooth: bool) -> ekf.Pass:
@@ -241,10 +242,11 @@ class PassInput:
     def split_result_by_series(self, result: ekf.Pass) -> PassResult:
         """Return the result with `nis` and `status` split by series, in the order of their rows."""
         nis, status = np.empty_like(result.nis), np.empty_like(result.status)
-        nis[self.order], status[self.order] = result.nis, result.status
-        edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in self.in_time])
+        order, in_time = self.time_order.order, self.time_order.in_time
+        nis[order], status[order] = result.nis, result.status
+        edges = np.cumsum([0] + [np.count_nonzero(rows) for rows in in_time])
         found_nis, found_status = [], []
-        for (i, j), rows in zip(itertools.pairwise(edges.tolist()), self.in_time, strict=True):
+        for (i, j), rows in zip(itertools.pairwise(edges.tolist()), in_time, strict=True):
             if j - i == len(rows):
                 found_nis.append(nis[i:j])
                 found_status.append(status[i:j])
@@ -269,7 +271,7 @@ def build_pass_input(
     output_s: FloatArray,
     *,
     reset_after: int,
-    orders: dict[float, RowTimeOrder] | None = None,
+    time_order: RowTimeOrder | None = None,
     restarts: Sequence[FilterStart] = (),
 ) -> PassInput:
     """Put the series into time order from `start_s` on.
@@ -277,14 +279,11 @@ def build_pass_input(
     Args:
         series, output_s, reset_after, restarts: See `run_filter_pass`.
         start_s: Time of the start.
-        orders: Cache of time orders by start time, for passes over the same times, outputs and patience.
+        time_order: That of an earlier pass over the same times, start, outputs and patience; None: it is found.
     """
-    known = None if orders is None else orders.get(start_s)
-    order_of = known or order_rows_by_time(series, start_s, output_s, reset_after)
-    if orders is not None:
-        orders[start_s] = order_of
+    order_of = time_order or order_rows_by_time(series, start_s, output_s, reset_after)
     in_time, order = order_of.in_time, order_of.order
-    series = [s if rows.all() else s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
+    series = [s.select_rows(rows) for s, rows in zip(series, in_time, strict=True)]
     values = (
         np.concatenate([_measured_values_with_pitch_rate(s) for s in series])[order] if len(order) else np.zeros((0, 2))
     )
@@ -312,7 +311,7 @@ def build_pass_input(
         noise=noise,
     )
     again = _place_restarts_in_time_order(series, start_s, order_of, restarts) if restarts else None
-    return PassInput(events, sources, len(output_s), in_time, order, again)
+    return PassInput(events, sources, len(output_s), order_of, again)
 
 
 def _place_restarts_in_time_order(

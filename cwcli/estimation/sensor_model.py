@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -86,6 +86,11 @@ class SensorModel:
             *((i, "lever") for i in sorted(self.levered)),
             *((i, "ahead") for i in sorted(self.ahead)),
         ]
+
+    @property
+    def key(self) -> Hashable:
+        """What equal models have in common; unlike the models themselves it can be looked up."""
+        return tuple(sorted(self.slow.items())), self.pitch_compensated, self.scaled, self.levered, self.ahead
 
     def without_error(self, error: Part) -> SensorModel:
         """Return the model without one of its errors."""

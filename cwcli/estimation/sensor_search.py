@@ -10,22 +10,18 @@ where the likelihood is largest; then each is left out again where the log does 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from cwcli.estimation.measurements import QUANTITIES, RATE_KINDS, Kind
-from cwcli.estimation.noise import (
-    FIRST_POSITION_LEAD_IN_S,
-    MIN_ROWS_FOR_NOISE,
-    busiest_window_start_s,
-    noise_variance_factor,
-)
+from cwcli.estimation.noise import FIRST_POSITION_LEAD_IN_S, busiest_window_start_s
+from cwcli.estimation.noise_matching import MIN_ROWS_FOR_NOISE, noise_variance_factor
 from cwcli.estimation.parameter import ParameterStatus
-from cwcli.estimation.passes import PassResult, RowTimeOrder, SensorSeries, build_pass_input, run_filter_pass
+from cwcli.estimation.passes import SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import average_rows_to_rate
-from cwcli.estimation.score import GATE_PROBABILITY, MIN_LIKELIHOOD_GAIN_PER_PARAMETER, prediction_log_likelihood
+from cwcli.estimation.score import MIN_LIKELIHOOD_GAIN_PER_PARAMETER, prediction_log_likelihood
 from cwcli.estimation.sensor_limits import range_of_sensor_error
 from cwcli.estimation.sensor_model import (
     AHEAD_PRIOR_SIGMA_M,
@@ -37,8 +33,14 @@ from cwcli.estimation.sensor_model import (
     find_pitch_rate,
 )
 from cwcli.estimation.start import find_start_with_parameter_states
+from cwcli.estimation.trial import (
+    MAX_NOISE_MATCHINGS,
+    SETTLED_NOISE_FACTOR,
+    FilterTrials,
+    cut_to_window,
+    gate_outliers,
+)
 from cwcli.kernels.ekf import UpdateStatus
-from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
 MIN_LOG_SPAN_S = 60.0
@@ -71,10 +73,6 @@ MIN_AHEAD_SIGMAS = 3.0
 """Least lever arm ahead in sigmas, including those of the latency. Chosen as for other significance tests."""
 MAX_CLIMB_TRIALS = 9
 """Greatest number of trials in the climb of one slow error. Chosen for speed; not fitted."""
-SETTLED_NOISE_FACTOR = 1.1
-"""The noise has converged when its factor differs from 1 by less than this factor. Chosen by hand; not fitted."""
-MAX_NOISE_MATCHINGS = 3
-"""Greatest number of rounds of innovation matching per trial. Chosen for speed; not fitted."""
 MAX_OBSERVED_SIGMA_TO_PRIOR = 0.5
 """A parameter is not observable if its sigma exceeds this share of its prior. Chosen by hand; not fitted."""
 
@@ -115,12 +113,11 @@ def find_sensor_model(
         remaining_latency_sigma_s: Parallel to the series: one sigma of what the stamps may still be late by; None: 0.
             A car that turns while its fixes are late by tau looks like one whose antenna stands by v tau behind.
     """
-    first, last = _search_window_s(base.series)
     slack_m = _ahead_sigma_from_latency_m(
         base.series, [0.0] * len(base.series) if remaining_latency_sigma_s is None else remaining_latency_sigma_s
     )
     whole = _model_with_all_possible_errors(base.series, SensorModel() if before is None else before.model, slack_m)
-    if last - first < MIN_LOG_SPAN_S or not whole.modelled_errors:
+    if not may_show_sensor_errors(base.series) or not whole.modelled_errors:
         return FoundSensorModel()
     trials = _SensorModelTrials(base, slack_m)
     trial = trials.score_model(whole)
@@ -132,6 +129,12 @@ def find_sensor_model(
     found = _drop_useless_errors(trials, trial)
     known = {} if before is None else before.status
     return found.drop_ahead_of_series([i for i, name in known if name == "ahead" and (i, name) not in found.status])
+
+
+def may_show_sensor_errors(series: Sequence[SensorSeries]) -> bool:
+    """Whether a log is long enough for a search of sensor errors; its noise need not be known yet."""
+    first, last = _search_window_s(series)
+    return last - first >= MIN_LOG_SPAN_S
 
 
 def _model_with_all_possible_errors(
@@ -233,36 +236,38 @@ class _SensorModelTrials:
     def __init__(self, base: StateLayout, slack_m: Sequence[float]) -> None:
         """Cut and average the searched window, and drop the rows that the filter rejects without a sensor model."""
         begin, end = _search_window_s(base.series)
-        cut = []
-        for s in base.series:
-            measured_s = s.time_s - s.latency_s
-            inside = average_rows_to_rate(s.select_rows((measured_s >= begin) & (measured_s <= end)), AVERAGING_HZ)
-            cut.append(replace(inside, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)))
+        cut = [gate_outliers(average_rows_to_rate(cut_to_window(s, begin, end), AVERAGING_HZ)) for s in base.series]
         self.span_s, self.slack_m = end - begin, slack_m
         self.base = replace(base, series=cut, parameters=replace(base.parameters, side_slip_m=SEARCH_SIDE_SLIP_M))
-        self._orders: dict[float, RowTimeOrder] = {}
-        result = self._run_filter(cut, self.base)
+        self._trials = FilterTrials()
+        self._scored: dict[Hashable, _SensorModelTrial] = {}
+        result = self._trials.run_filter(self.base)
         # A spike of an inertial sensor spoils a row or two; a manoeuvre that looks like one must stay.
         kept = [
             replace(s.select_rows((status >= UpdateStatus.USED) | (s.kind in RATE_KINDS)), gate_nis=0.0)
             for s, status in zip(cut, result.status, strict=True)
         ]
         self.base = replace(self.base, series=kept)
-        self._orders.clear()
 
     def score_model(self, model: SensorModel, near: _SensorModelTrial | None = None) -> _SensorModelTrial:
-        """Run the filter until the noise agrees with the innovations.
+        """Run the filter until the noise agrees with the innovations; a trial that was made before is returned.
 
         Args:
             model: The model.
             near: A trial whose noise is a good first guess.
         """
+        key = model.key, None if near is None else near.factors
+        if key not in self._scored:
+            self._scored[key] = self._run_until_noise_settles(model, near)
+        return self._scored[key]
+
+    def _run_until_noise_settles(self, model: SensorModel, near: _SensorModelTrial | None) -> _SensorModelTrial:
         layout = add_sensor_error_states(self.base, model)
         series = layout.series
         factors = np.ones(len(series)) if near is None else np.array(near.factors)
         for _ in range(MAX_NOISE_MATCHINGS):
             scaled = [s.scale_noise_variance(float(f)) for s, f in zip(series, factors, strict=True)]
-            result = self._run_filter(scaled, layout)
+            result = self._trials.run_filter(replace(layout, series=scaled))
             change = np.array([noise_variance_factor(s, nis) for s, nis in zip(scaled, result.nis, strict=True)])
             if (np.abs(np.log(change)) < np.log(SETTLED_NOISE_FACTOR)).all():
                 break
@@ -319,12 +324,6 @@ class _SensorModelTrials:
         moved = GaussMarkovError(slow.sigma * wider, slow.time_s * longer)
         return moved if shortest <= moved.time_s <= min(longest, self.span_s / MIN_TIME_CONSTANTS_IN_LOG) else None
 
-    def _run_filter(self, series: Sequence[SensorSeries], layout: StateLayout) -> PassResult:
-        start = find_start_with_parameter_states(series, layout.prior, causal=False)
-        motion = layout.parameters.to_process_model(layout.walk)
-        prepared = build_pass_input(series, start.time_s, np.zeros(0), reset_after=50, orders=self._orders)
-        return prepared.split_result_by_series(prepared.run_filter(start, motion, smooth=False))
-
 
 def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: StateLayout) -> FoundSensorModel:
     """Keep the found model if it predicts the whole log, with outliers, better than none; else return an empty one.
@@ -335,8 +334,7 @@ def keep_model_if_better(found: FoundSensorModel, plain: StateLayout, modelled: 
     """
     scores = []
     for layout in (plain, modelled):
-        thin = [average_rows_to_rate(s, AVERAGING_HZ) for s in layout.series]
-        series = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in thin]
+        series = [gate_outliers(average_rows_to_rate(s, AVERAGING_HZ)) for s in layout.series]
         start = find_start_with_parameter_states(series, layout.prior, causal=False)
         motion = replace(layout.parameters, side_slip_m=SEARCH_SIDE_SLIP_M).to_process_model(layout.walk)
         scores.append(

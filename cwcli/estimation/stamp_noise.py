@@ -12,7 +12,7 @@ it, than expected (a score test).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,7 @@ from cwcli.estimation.score import (
     row_log_likelihoods,
 )
 from cwcli.estimation.sensor_limits import STAMP_SIGMA_RANGE
+from cwcli.estimation.trial import gate_outliers
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 
@@ -130,6 +131,7 @@ class _StampErrorSearch:
         # What a message states is raised only, however little it states.
         self._least = 1.0 / fit.factors[i] if stated else s.floor**2 / self._variance
         self._scores: dict[Point, float] = {}
+        self._passes: dict[Hashable, tuple[float, FloatArray]] = {}
 
     def search_best_fit(self) -> NoiseFit:
         """Return the fit with the stamp error and its noise and motion; the given fit if the log shows none."""
@@ -215,29 +217,36 @@ class _StampErrorSearch:
 
     def _log_likelihood_at(self, point: Point) -> float:
         if point not in self._scores:
-            self._scores[point] = prediction_log_likelihood(*self._run_filter_at(point))
+            self._scores[point] = self._score_at(point)[0]
         return self._scores[point]
 
     def _row_log_likelihoods_at(self, point: Point) -> FloatArray:
-        series, result = self._run_filter_at(point)
-        return row_log_likelihoods(series[self._i], result.nis[self._i])
+        return self._score_at(point)[1]
 
-    def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
-        return prediction_log_likelihood(*self._run_filter_with_fit(self._noise_fit_at(point, error, white)))
-
-    def _run_filter_at(self, point: Point) -> tuple[list[SensorSeries], PassResult]:
+    def _score_at(self, point: Point) -> tuple[float, FloatArray]:
         error = (
             NO_STAMP_ERROR
             if point[0] is None
             else Parameter(STAMP_SIGMA_AT_STEP_ZERO_S * 2.0 ** (point[0] / GRID_STEPS_PER_OCTAVE))
         )
-        return self._run_filter_with_fit(
-            self._noise_fit_at(point, error, self._white_noise_variance_factor(point, error))
-        )
+        return self._score_with_white_noise(point, error, self._white_noise_variance_factor(point, error))
 
-    def _run_filter_with_fit(self, fit: NoiseFit) -> tuple[list[SensorSeries], PassResult]:
-        gated = [replace(s, gate_nis=gate_nis(GATE_PROBABILITY, s.n_values_per_row)) for s in fit.series]
-        return gated, self._run(gated, fit.parameters)
+    def _log_likelihood_with_white_noise(self, point: Point, error: Parameter, white: float) -> float:
+        return self._score_with_white_noise(point, error, white)[0]
+
+    def _score_with_white_noise(self, point: Point, error: Parameter, white: float) -> tuple[float, FloatArray]:
+        """Return the log-likelihood of all rows, and that of each row of the position.
+
+        Points whose numbers are the same, because a limit holds them, share a pass.
+        """
+        fit = self._noise_fit_at(point, error, white)
+        key = error.value, white, fit.parameters.key
+        if key not in self._passes:
+            gated = [gate_outliers(s) for s in fit.series]
+            result = self._run(gated, fit.parameters)
+            rows = row_log_likelihoods(gated[self._i], result.nis[self._i])
+            self._passes[key] = prediction_log_likelihood(gated, result), rows
+        return self._passes[key]
 
     def _white_noise_variance_factor(self, point: Point, error: Parameter) -> float:
         """Return the factor on the white noise variance at a point."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,14 +27,15 @@ from cwcli.estimation.latency_clock import SourceLatency, shift_latencies_to_agr
 from cwcli.estimation.latency_search import find_latencies
 from cwcli.estimation.measurements import Kind
 from cwcli.estimation.model import MotionParameters, motion_of_simulated_vehicle
-from cwcli.estimation.noise import estimate_noise_and_manoeuvres
+from cwcli.estimation.noise import WindowFits, estimate_noise_and_manoeuvres
 from cwcli.estimation.passes import N_MOTION_STATES, SensorSeries
 from cwcli.estimation.prepare import PreparedSeries
-from cwcli.estimation.sensor_model import StateLayout, add_sensor_error_states
+from cwcli.estimation.sensor_model import SensorModel, StateLayout, add_sensor_error_states
 from cwcli.estimation.sensor_search import (
     FoundSensorModel,
     find_sensor_model,
     keep_model_if_better,
+    may_show_sensor_errors,
     series_whose_ahead_may_be_latency,
 )
 from cwcli.kernels import ekf
@@ -84,9 +86,9 @@ def tune_latencies_and_noise(
         parameters: Motion model to begin with.
     """
     series, walk, prior = add_bias_states(prepared, parameters)
-    base = StateLayout(series, parameters, walk, prior)
-    compared, latencies, moved, sensors = _find_latencies_and_sensor_errors(base, config)
-    layout = add_sensor_error_states(_correct_stamps(base, latencies), sensors.model)
+    search = _ParameterSearch(StateLayout(series, parameters, walk, prior), config)
+    (compared, latencies, moved), sensors = search.find_latencies_and_sensor_errors()
+    layout = search.layout_with(latencies, sensors.model)
     mean, prior = np.zeros_like(layout.prior), layout.prior
     if config.calibration is not None:
         mean, prior = parameter_priors_from_calibration(layout.series, prior, config.calibration)
@@ -97,7 +99,8 @@ def tune_latencies_and_noise(
     elif config.blind:
         series, parameters = layout.series, layout.parameters
     else:
-        series, parameters = estimate_noise_and_manoeuvres(layout.series, layout.parameters, layout.walk, layout.prior)
+        settled = estimate_noise_and_manoeuvres(layout, known=search.window_fits)
+        series, parameters = settled.series, settled.parameters
     gated = tuple(
         s if s.is_exact else replace(s, gate_nis=gate_nis(config.gate_probability, s.n_values_per_row)) for s in series
     )
@@ -138,72 +141,104 @@ def _pair_latencies_with_sources(series: Sequence[SensorSeries], latencies: Sequ
     ]
 
 
-def _find_latencies_and_sensor_errors(
-    base: StateLayout, config: EstimatorConfig
-) -> tuple[list[Latency], list[Latency], list[str], FoundSensorModel]:
-    """Find latencies and sensor errors in turn, each with the current values of the other.
+class _FoundLatencies(NamedTuple):
+    """Latencies of all series, with notes.
 
-    Args:
-        base: Series with their biases alone; stamps as they are.
-        config: Settings.
-
-    Returns:
-        Latencies found in the log; latencies to apply; notes; sensor errors.
+    Attributes:
+        compared: Found in the log, relative to the reference.
+        applied: To correct.
+        notes: Remarks for the user.
     """
-    roles = predetermine_latencies(base.series, config)
-    told = _find_and_decide_latencies(base, roles, config)
-    if config.sensor_model == "none":
-        return *told, FoundSensorModel()
-    if config.calibration is not None and config.causal:
-        return *told, sensor_model_from_calibration(base.series, config.calibration)
-    if config.blind:
-        return *told, FoundSensorModel()
-    # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
-    likeliest = _correct_stamps(base, told[0], likeliest=True)
-    found = find_sensor_model(_estimate_noise_roughly(likeliest))
-    if found.model.modelled_errors and None in roles:
-        told = _find_and_decide_latencies(add_sensor_error_states(base, found.model), roles, config)
-        unclear = series_whose_ahead_may_be_latency(found, base.series, [each.remaining_sigma_s for each in told[1]])
-        if unclear:  # a latency or a place: of the two the latency is the likelier
-            found = found.drop_ahead_of_series(unclear)
-            told = _find_and_decide_latencies(add_sensor_error_states(base, found.model), roles, config)
-        corrected = _correct_stamps(base, told[1])
-        if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
-            found = find_sensor_model(
-                _estimate_noise_roughly(corrected), found, [each.remaining_sigma_s for each in told[1]]
-            )
-    if not found.model.modelled_errors:
-        return *told, found
-    plain = _correct_stamps(base, told[1])
-    return *told, keep_model_if_better(
-        found, _estimate_noise_roughly(plain), _estimate_noise_roughly(add_sensor_error_states(plain, found.model))
-    )
+
+    compared: list[Latency]
+    applied: list[Latency]
+    notes: list[str]
 
 
-def _find_and_decide_latencies(
-    layout: StateLayout, predetermined: Sequence[Latency | None], config: EstimatorConfig
-) -> tuple[list[Latency], list[Latency], list[str]]:
-    """Return the latencies found in the log, the latencies to apply, and notes.
+class _ParameterSearch:
+    """Search for latencies and sensor errors of one log; equal layouts are made and fitted once.
 
-    A latency beyond what sensors have is no latency: other drives are not told of it, and it is not corrected.
-
-    A slow error of the fixes takes no part: it would hide a latency, and the scatter over the log's blocks, which is a
-    latency's sigma, has it already.
+    Attributes:
+        window_fits: Noise of the layouts so far.
     """
-    series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
-    if config.blind:
-        compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in predetermined]
-    else:
-        compared = find_latencies(series, predetermined, layout.parameters, layout.walk, layout.prior)
-    found = [reject_latency_beyond_limits(each) for each in compared]
-    compared = [
-        Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each for each in found
-    ]
-    if config.calibration is None:
-        latencies, notes = shift_latencies_to_agreed_clock(_pair_latencies_with_sources(series, found))
-    else:
-        latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
-    return compared, [reject_latency_beyond_limits(each) for each in latencies], notes
+
+    def __init__(self, base: StateLayout, config: EstimatorConfig) -> None:
+        """Begin with the series with their biases alone; stamps as they are."""
+        self._base, self._config = base, config
+        self._predetermined = predetermine_latencies(base.series, config)
+        self.window_fits: WindowFits = {}
+        self._layouts: list[tuple[Sequence[Latency], SensorModel, StateLayout]] = []
+
+    def find_latencies_and_sensor_errors(self) -> tuple[_FoundLatencies, FoundSensorModel]:
+        """Find latencies and sensor errors in turn, each with the current values of the other."""
+        base, config = self._base, self._config
+        told = self._find_and_decide_latencies(base)
+        if config.sensor_model == "none":
+            return told, FoundSensorModel()
+        if config.calibration is not None and config.causal:
+            return told, sensor_model_from_calibration(base.series, config.calibration)
+        if config.blind:
+            return told, FoundSensorModel()
+        # The likeliest latencies, clear or not: what is found with them then moves with the stamps.
+        likeliest = _correct_stamps(base, told.compared, likeliest=True)
+        if not may_show_sensor_errors(likeliest.series):
+            return told, FoundSensorModel()
+        found = find_sensor_model(self._estimate_noise_roughly(likeliest))
+        if found.model.modelled_errors and None in self._predetermined:
+            told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
+            remaining_s = [each.remaining_sigma_s for each in told.applied]
+            unclear = series_whose_ahead_may_be_latency(found, base.series, remaining_s)
+            if unclear:  # a latency or a place: of the two the latency is the likelier
+                found = found.drop_ahead_of_series(unclear)
+                told = self._find_and_decide_latencies(add_sensor_error_states(base, found.model))
+            corrected = self.layout_with(told.applied, SensorModel())
+            if found.model.ahead or [s.latency_s for s in corrected.series] != [s.latency_s for s in likeliest.series]:
+                remaining_s = [each.remaining_sigma_s for each in told.applied]
+                found = find_sensor_model(self._estimate_noise_roughly(corrected), found, remaining_s)
+        if not found.model.modelled_errors:
+            return told, found
+        plain, modelled = (self.layout_with(told.applied, model) for model in (SensorModel(), found.model))
+        return told, keep_model_if_better(
+            found, self._estimate_noise_roughly(plain), self._estimate_noise_roughly(modelled)
+        )
+
+    def layout_with(self, latencies: Sequence[Latency], model: SensorModel) -> StateLayout:
+        """Return the layout with these latencies corrected and these errors as states; the same one if asked again."""
+        for known_latencies, known_model, layout in self._layouts:
+            if (known_latencies, known_model) == (latencies, model):
+                return layout
+        layout = add_sensor_error_states(_correct_stamps(self._base, latencies), model)
+        self._layouts.append((latencies, model, layout))
+        return layout
+
+    def _estimate_noise_roughly(self, layout: StateLayout) -> StateLayout:
+        """Return the layout with noise and manoeuvre intensity estimated from a window of the log."""
+        return estimate_noise_and_manoeuvres(layout, every_row=False, known=self.window_fits)
+
+    def _find_and_decide_latencies(self, layout: StateLayout) -> _FoundLatencies:
+        """Find the latencies in the log, and decide which are applied.
+
+        A latency beyond what sensors have is no latency: other drives are not told of it, and it is not corrected.
+
+        A slow error of the fixes takes no part: it would hide a latency, and the scatter over the log's blocks, which
+        is a latency's sigma, has it already.
+        """
+        config, predetermined = self._config, self._predetermined
+        series = [replace(s, slow_state=-1) if s.kind is Kind.POSITION else s for s in layout.series]
+        if config.blind:
+            compared = [Latency(LatencyStatus.NOT_OBSERVABLE) if role is None else role for role in predetermined]
+        else:
+            compared = find_latencies(replace(layout, series=series), predetermined)
+        found = [reject_latency_beyond_limits(each) for each in compared]
+        compared = [
+            Latency(LatencyStatus.NOT_OBSERVABLE) if each.status is LatencyStatus.CONTRADICTS else each
+            for each in found
+        ]
+        if config.calibration is None:
+            latencies, notes = shift_latencies_to_agreed_clock(_pair_latencies_with_sources(series, found))
+        else:
+            latencies, notes = fuse_latencies_with_calibration(series, found, config.calibration, causal=config.causal)
+        return _FoundLatencies(compared, [reject_latency_beyond_limits(each) for each in latencies], notes)
 
 
 def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeliest: bool = False) -> StateLayout:
@@ -219,14 +254,6 @@ def _correct_stamps(layout: StateLayout, latencies: Sequence[Latency], *, likeli
         for s, latency, found_s in zip(layout.series, latencies, corrections, strict=True)
     ]
     return replace(layout, series=series)
-
-
-def _estimate_noise_roughly(layout: StateLayout) -> StateLayout:
-    """Return the layout with noise and manoeuvre intensity estimated from a window of the log."""
-    series, parameters = estimate_noise_and_manoeuvres(
-        layout.series, layout.parameters, layout.walk, layout.prior, every_row=False
-    )
-    return replace(layout, series=series, parameters=parameters)
 
 
 def add_bias_states(
