@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, Field, FloatArray, encode_strings
+from cwcli.signals.columns import Columns, Field, FloatArray, absent_strings
 from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
 from cwcli.signals.j2735 import ELEMENTS as BSM_ELEMENTS
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
@@ -162,7 +162,7 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
             )
         value["delta_time_ms"] = CARMA_MS_PER_S * value["delta_time_ms"]
     made: dict[str, Field] = dict(value)
-    station = read_texts(columns, ROS_SENDER_PATHS["station"]) or encode_strings([""] * len(columns))
+    station = read_texts(columns, ROS_SENDER_PATHS["station"]) or absent_strings(len(columns))
     made["station"] = station.select_rows(rows)
     return (
         (perceived.columns_per_object(columns, rows, made), CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),
