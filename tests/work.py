@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable
-from types import FrameType
+from types import CodeType, FrameType
+from typing import Any
+
+TraceFunction = Callable[[FrameType, str, Any], Any]
 
 HANG_S = 600.0
 """Seconds after which a test that waits gives up: it only keeps the suite from hanging, and judges nothing."""
@@ -28,3 +32,35 @@ def count_calls(function: Callable[[], object]) -> int:
         sys.setprofile(before)
         threading.setprofile(None)  # type: ignore[arg-type]
     return n_calls
+
+
+def count_lines(function: Callable[[], object]) -> Counter[str]:
+    """Lines of Python that `function` executes, by the function that holds them (`file:name`), in all its threads.
+
+    Each turn of a loop counts at least one, a comprehension's and a generator's too, and so does each call from
+    compiled code. What compiled code does by itself counts nothing.
+    """
+    by_code: Counter[CodeType] = Counter()
+
+    def count(frame: FrameType, event: str, argument: object) -> TraceFunction:
+        by_code[frame.f_code] += 1
+        return count
+
+    before = sys.gettrace()
+    threading.settrace(count)
+    sys.settrace(count)
+    try:
+        function()
+    finally:
+        sys.settrace(before)
+        threading.settrace(None)  # type: ignore[arg-type]
+    lines: Counter[str] = Counter()
+    for code, n_lines in by_code.items():
+        lines[f"{code.co_filename}:{code.co_qualname}"] += n_lines
+    return lines
+
+
+def growing_functions(short: Counter[str], long: Counter[str], allowance: int) -> dict[str, int]:
+    """The functions that execute over `allowance` lines more in `long` than in `short`, and how many more."""
+    more = {name: long[name] - short[name] for name in long}
+    return {name: n for name, n in sorted(more.items(), key=lambda item: -item[1]) if n > allowance}

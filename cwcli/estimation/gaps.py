@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -36,10 +35,11 @@ def find_filter_restarts_after_gaps(series: Sequence[SensorSeries], *, causal: b
             happens.
     """
     times = np.sort(np.concatenate([s.time_s - s.latency_s for s in series if s.kind in HEADING_EVIDENCE_KINDS]))
+    before_gaps = np.flatnonzero(np.diff(times) > MAX_TIME_WITHOUT_HEADING_S)
     gaps = [
         (begin, end)
-        for begin, end in itertools.pairwise(times.tolist())
-        if end - begin > MAX_TIME_WITHOUT_HEADING_S and not _is_yaw_rate_measured_between(series, begin, end)
+        for begin, end in zip(times[before_gaps].tolist(), times[before_gaps + 1].tolist(), strict=True)
+        if not _is_yaw_rate_measured_between(series, begin, end)
     ]
     found = []
     for i, (begin, end) in enumerate(gaps):

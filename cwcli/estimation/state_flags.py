@@ -48,32 +48,39 @@ def compute_state_flags(
     """
     flags = np.zeros(len(output_s), np.uint8)
 
-    def mark(flag: StateFlag, begin_s: float, end_s: float) -> None:
-        first, last = np.searchsorted(output_s, (begin_s, end_s))
-        flags[first:last] |= np.uint8(flag)
+    def mark(flag: StateFlag, begin_s: FloatArray, end_s: FloatArray) -> None:
+        flags[_inside_any_interval(output_s, begin_s, end_s)] |= np.uint8(flag)
 
     shown_s = start.time_s if causal else max(start.time_s, first_heading_time_s(series))
-    mark(StateFlag.STARTING, -np.inf, shown_s + SETTLING_TIME_S)
-    for each in restarts:
-        mark(StateFlag.STARTING, each.time_s, each.time_s + SETTLING_TIME_S)
+    restart_s = np.array([each.time_s for each in restarts])
+    mark(StateFlag.STARTING, np.append(restart_s, -np.inf), np.append(restart_s, shown_s) + SETTLING_TIME_S)
     for s, found in zip(series, status, strict=True):
         if s.kind in RATE_KINDS:
             continue
         time = s.time_s - s.latency_s
         believed = np.flatnonzero(found >= UpdateStatus.USED)
-        for row in np.flatnonzero(found == UpdateStatus.USED_AFTER_RESET):
-            before = believed[np.searchsorted(believed, row) - 1] if row > believed[0] else -1
-            begin = row if causal else before + 1
-            mark(StateFlag.AFTER_RESET, float(time[begin]), float(time[row]) + SETTLING_TIME_S)
-    for begin_s, end_s in _find_position_gaps_s(series, status, causal=causal):
-        mark(StateFlag.BRIDGED, begin_s, end_s)
+        rows = np.flatnonzero(found == UpdateStatus.USED_AFTER_RESET)
+        # the first row behind the last one that was believed before
+        begins = rows if causal else np.append(-1, believed)[np.searchsorted(believed, rows)] + 1
+        mark(StateFlag.AFTER_RESET, time[begins], time[rows] + SETTLING_TIME_S)
+    mark(StateFlag.BRIDGED, *_find_position_gaps_s(series, status, causal=causal))
     return flags
+
+
+def _inside_any_interval(time_s: FloatArray, begin_s: FloatArray, end_s: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return which times (n,), increasing, lie in one of the intervals [begin_s, end_s), (k,) each."""
+    first, last = np.searchsorted(time_s, begin_s), np.searchsorted(time_s, end_s)
+    is_some = last > first
+    n = len(time_s) + 1
+    steps = np.bincount(first[is_some], minlength=n) - np.bincount(last[is_some], minlength=n)
+    inside: npt.NDArray[np.bool_] = np.cumsum(steps)[:-1] > 0
+    return inside
 
 
 def _find_position_gaps_s(
     series: Sequence[SensorSeries], status: Sequence[npt.NDArray[np.int8]], *, causal: bool
-) -> list[tuple[float, float]]:
-    """Return begin and end (s) of each gap in the used positions, and of the time after the last one."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return begins and ends (k,), s, of the gaps in the used positions, and of the time after the last one."""
     used = [
         (s.time_s - s.latency_s)[found >= UpdateStatus.USED]
         for s, found in zip(series, status, strict=True)
@@ -81,12 +88,13 @@ def _find_position_gaps_s(
     ]
     time = np.sort(np.concatenate(used))
     if not len(time):
-        return [] if causal else [(-np.inf, np.inf)]
+        return (np.zeros(0), np.zeros(0)) if causal else (np.array([-np.inf]), np.array([np.inf]))
     least_s = np.maximum(MIN_GAP_S, MIN_GAP_STEPS * (_recent_median_steps_s(time) if causal else _median_step_s(time)))
     ends = np.append(time[1:], np.inf)
     just_behind = np.nextafter(time, np.inf)
     begins = time + least_s if causal else just_behind
-    return [(float(begins[k]), float(ends[k])) for k in np.flatnonzero(ends - time > least_s)]
+    is_long = ends - time > least_s
+    return begins[is_long], ends[is_long]
 
 
 def _median_step_s(time_s: FloatArray) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 
+from cwcli.kernels.gamma import lower_gamma_series, upper_gamma_fraction
+
 
 def chi_square_cdf(x: float, dof: float) -> float:
     """Return the probability that a chi-square variable with `dof` degrees of freedom is at most x.
@@ -17,26 +19,8 @@ def chi_square_cdf(x: float, dof: float) -> float:
     a, h = 0.5 * dof, 0.5 * x
     front = math.exp(a * math.log(h) - h - math.lgamma(a))
     if h < a + 1.0:
-        term = total = 1.0 / a
-        n = a
-        while term > total * 1e-16:
-            n += 1.0
-            term *= h / n
-            total += term
-        return front * total
-    tiny = 1e-300
-    b = h + 1.0 - a
-    c, d = 1.0 / tiny, 1.0 / b
-    fraction = d
-    for i in range(1, 10_000):
-        an = -i * (i - a)
-        b += 2.0
-        d = 1.0 / (an * d + b if an * d + b != 0.0 else tiny)
-        c = b + an / c if c != 0.0 else tiny
-        fraction *= c * d
-        if abs(c * d - 1.0) < 1e-15:
-            break
-    return 1.0 - front * fraction
+        return front * lower_gamma_series(a, h)
+    return 1.0 - front * upper_gamma_fraction(a, h)
 
 
 @lru_cache(maxsize=256)

@@ -65,11 +65,29 @@ def repeat_string(value: str, n: int) -> Strings:
     return Strings(np.zeros(n, np.int32), (value,))
 
 
+def absent_strings(n: int) -> Strings:
+    """Return `n` rows without a string."""
+    return Strings(np.full(n, -1, np.int32), ())
+
+
 def encode_strings(rows: Iterable[str]) -> Strings:
     """Dictionary-code n strings in order of first appearance; an empty one is absent (code -1)."""
     index: dict[str, int] = {}
     codes = np.fromiter((index.setdefault(row, len(index)) if row else -1 for row in rows), np.int32)
     return Strings(codes=codes, values=tuple(index))
+
+
+def number_by_first_appearance(keys: NumericArray) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.intp]]:
+    """Number the distinct keys of n rows, m in all, in order of first appearance.
+
+    Returns:
+        The number of each row's key, shape (n,), and the row in which each key appears first, shape (m,).
+    """
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(order), np.int32)
+    rank[order] = np.arange(len(order), dtype=np.int32)
+    return rank[inverse], first[order]
 
 
 Field = NumericArray | Ragged | Strings

@@ -14,7 +14,7 @@ import numpy as np
 
 from cwcli.signals import bsm_flags
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, encode_strings
+from cwcli.signals.columns import Columns, FloatArray, Int64Array, Strings, absent_strings
 from cwcli.signals.covariances import covariance_from_ellipse
 from cwcli.signals.leaf_fields import is_accepted_text, numbers_to_bit_flags, read_numbers, read_texts
 from cwcli.signals.quality import BoolArray, RowLedger
@@ -244,7 +244,7 @@ def _make_senders(columns: Columns, *paths: str) -> Senders:
 
 
 def _read_stations(columns: Columns, *paths: str) -> Strings:
-    return read_texts(columns, *paths) or encode_strings([""] * len(columns))
+    return read_texts(columns, *paths) or absent_strings(len(columns))
 
 
 def _is_unfilled_yaw_rate(value: dict[str, FloatArray], station: Strings) -> BoolArray:

@@ -6,13 +6,14 @@ so are read the channels that cwcli itself has published.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import isfinite
 from typing import Literal, overload
 
 import numpy as np
+import numpy.typing as npt
 
 from cwcli.errors import DataError
+from cwcli.kernels.message_scan import intern_spans
 from cwcli.signals.clocks import MAX_STAMP_NS, MIN_STAMP_NS
 from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, NumericArray, Ragged, Strings, encode_strings
 from cwcli.signals.quality import BoolArray
@@ -105,15 +106,23 @@ def read_texts(columns: Columns, *paths: str, required: bool = False) -> Strings
     if field is None:
         return None
     if isinstance(field, Ragged):
-        octets, is_octet = _numbers_to_octets(field.values)
-        spans = list(pairwise(field.offsets.tolist()))
-        return encode_strings(octets[i:j].hex() if is_octet[i:j].all() else "" for i, j in spans)
+        return _format_octet_sequences(field)
     if field.ndim == 2:
-        data, good = _numbers_to_octets(field.ravel())
-        width = field.shape[1]
-        rows = ((k * width, (k + 1) * width) for k in range(len(field)))
-        return encode_strings(data[i:j].hex() if good[i:j].all() else "" for i, j in rows)
+        n_rows, width = field.shape
+        return _format_octet_sequences(Ragged(field.ravel(), np.arange(n_rows + 1, dtype=np.int64) * width))
     return format_numbers(field.astype(np.float64))
+
+
+def _format_octet_sequences(sequences: Ragged) -> Strings:
+    """Format n sequences of octets in hexadecimal; an empty one, and one with a number that is no octet, is absent."""
+    octets, is_octet = _numbers_to_octets(sequences.values)
+    spans = np.column_stack([sequences.offsets[:-1], np.diff(sequences.offsets)]).astype(np.int64)
+    n_wrong_before = np.concatenate([[0], np.cumsum(~is_octet)])
+    has_wrong = np.diff(n_wrong_before[sequences.offsets]) > 0
+    spans[has_wrong | (spans[:, 1] == 0), 0] = -1
+    codes, values = np.empty(len(spans), np.int32), list[bytes]()
+    intern_spans(octets, spans, codes, {}, values)
+    return Strings(codes, tuple(value.hex() for value in values))
 
 
 def numbers_to_bit_flags(values: FloatArray) -> Int64Array:
@@ -134,13 +143,13 @@ def format_numbers(values: FloatArray) -> Strings:
     return Strings(codes=words.codes[codes].astype(np.int32), values=words.values)
 
 
-def _numbers_to_octets(values: NumericArray) -> tuple[bytes, BoolArray]:
-    """Return numbers (n,) as octets, and which of them (n,) are valid octets."""
+def _numbers_to_octets(values: NumericArray) -> tuple[npt.NDArray[np.uint8], BoolArray]:
+    """Return numbers (n,) as octets (n,), and which of them (n,) are valid octets."""
     if values.dtype.itemsize == 1:
-        return values.tobytes(), np.ones(len(values), np.bool_)
+        return np.ascontiguousarray(values).view(np.uint8), np.ones(len(values), np.bool_)
     numbers = values.astype(np.float64)
     is_octet = (numbers >= 0.0) & (numbers <= 255.0) & (numbers == np.floor(numbers))
-    return np.where(is_octet, numbers, 0.0).astype(np.uint8).tobytes(), is_octet
+    return np.where(is_octet, numbers, 0.0).astype(np.uint8), is_octet
 
 
 def unusable_field_error(columns: Columns, name: str) -> DataError:

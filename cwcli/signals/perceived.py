@@ -12,7 +12,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, Field, FloatArray, Int64Array, encode_strings
+from cwcli.signals.columns import (
+    Columns,
+    Field,
+    FloatArray,
+    Int64Array,
+    Strings,
+    absent_strings,
+    number_by_first_appearance,
+)
 from cwcli.signals.elements import find_ragged_field
 from cwcli.signals.leaf_fields import read_numbers
 from cwcli.signals.quality import RowLedger
@@ -76,11 +84,14 @@ def identify_objects(columns: Columns) -> Senders:
     sender = read_station_ids(columns, "station")
     number = decode_whole_codes(OBJECT_ID_ELEMENT, read_numbers(columns, "object"))
     names = (*sender.values, "unknown")
-    told = [
-        f"{names[code]}:{int(k)}" if np.isfinite(k) else ""
-        for code, k in zip(sender.codes.tolist(), number.tolist(), strict=True)
-    ]
-    return Senders(encode_strings(told), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    numbered = np.flatnonzero(np.isfinite(number))
+    key = sender.codes[numbered] * (OBJECT_ID_ELEMENT.high + 1) + number[numbered].astype(np.int64)
+    object_codes, first = number_by_first_appearance(key)
+    codes = np.full(n, -1, np.int32)
+    codes[numbered] = object_codes
+    told = zip(sender.codes[numbered[first]].tolist(), number[numbered[first]].tolist(), strict=True)
+    stations = Strings(codes, tuple(f"{names[code]}:{int(k)}" for code, k in told)).merge_equal()
+    return Senders(stations, np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 
 def make_object_codec(decode: Callable[[Columns, RowLedger], RemoteRows]) -> V2xCodec:
@@ -145,7 +156,7 @@ def make_object_rows(
 def unknown_senders(columns: Columns) -> Senders:
     """Return unknown senders, for messages that do not describe their senders."""
     n = len(columns)
-    return Senders(encode_strings([""] * n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
+    return Senders(absent_strings(n), np.zeros(n, np.bool_), np.zeros(n, np.bool_))
 
 
 def make_objects_only_codec(name: str, find: Callable[[Columns], Objects]) -> V2xCodec:

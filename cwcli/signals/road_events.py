@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from cwcli.signals.columns import FloatArray, Int64Array, Strings, encode_strings
+from cwcli.signals.columns import FloatArray, Int64Array, Strings, encode_strings, number_by_first_appearance
 from cwcli.signals.units import NS_PER_S
 
 HARD_BRAKING_KIND = "hard braking"
@@ -76,8 +76,18 @@ def join_road_events(parts: Sequence[RoadEvents]) -> RoadEvents:
 
 
 def _join_strings(parts: Sequence[Strings]) -> Strings:
-    named = [((*part.values, ""), part.codes.tolist()) for part in parts]
-    return encode_strings([values[code] for values, codes in named for code in codes])
+    """Join texts of several tables; the values are those in use, in order of first appearance."""
+    index: dict[str, int] = {}
+    codes = []
+    for part in parts:
+        code_of = [index.setdefault(value, len(index)) if value else -1 for value in part.values]
+        codes.append(np.array([*code_of, -1], np.int32)[part.codes])
+    joined, names = np.concatenate(codes), tuple(index)
+    used = np.flatnonzero(joined >= 0)
+    number, first = number_by_first_appearance(joined[used])
+    values = tuple(names[code] for code in joined[used[first]].tolist())
+    joined[used] = number
+    return Strings(joined, values)
 
 
 def hard_braking_states_mask(

@@ -11,7 +11,7 @@ import numpy as np
 
 from cwcli.signals import perceived
 from cwcli.signals.angles import heading_from_compass_deg
-from cwcli.signals.columns import Columns, FloatArray, encode_strings
+from cwcli.signals.columns import Columns, FloatArray, absent_strings
 from cwcli.signals.covariances import SIGMAS_PER_95_PERCENT, covariance_from_ellipse
 from cwcli.signals.j2735 import MIN_SEMI_AXIS_M
 from cwcli.signals.leaf_fields import read_numbers, read_texts
@@ -96,7 +96,7 @@ def _read_objects(columns: Columns, *, is_carma: bool) -> Objects:
         for name, path in _TABLE.columns["carma_unavailable"].items():
             value[name] = np.where(read_leaf(path) != 0, np.nan, value[name])
         value["delta_time_ms"] = CARMA_MS_PER_S * value["delta_time_ms"]
-    station = read_texts(columns, ROS_PATHS["station"]) or encode_strings([""] * len(columns))
+    station = read_texts(columns, ROS_PATHS["station"]) or absent_strings(len(columns))
     per_object = perceived.columns_per_object(columns, rows, {**value, "station": station.select_rows(rows)})
     return ((per_object, CARMA_OBJECT_CODEC if is_carma else CODED_OBJECT_CODEC),)
 

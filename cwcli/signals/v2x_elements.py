@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cwcli.signals.columns import Columns, FloatArray, Strings
+from cwcli.signals.columns import Columns, FloatArray, Strings, absent_strings
 from cwcli.signals.leaf_fields import find_field, format_numbers, read_numbers, read_texts
 from cwcli.signals.quality import RowLedger
 from cwcli.signals.v2x_tables import Element, load_elements
@@ -66,4 +66,4 @@ def read_station_ids(columns: Columns, *paths: str, ledger: RowLedger | None = N
     field = find_field(columns, *paths)
     if isinstance(field, np.ndarray) and field.ndim == 1:
         return format_numbers(decode_whole_codes(STATION_ID_ELEMENT, read_numbers(columns, *paths), ledger))
-    return read_texts(columns, *paths) or Strings(np.full(len(columns), -1, np.int32), ())
+    return read_texts(columns, *paths) or absent_strings(len(columns))

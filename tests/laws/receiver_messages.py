@@ -286,9 +286,10 @@ def _nmea_heading(k: int) -> Any:
 
 def _nav_pvt(k: int) -> Any:
     """Its own time is the stamp of message k: 2019-10-08T08:07:10.08Z and 0.1 s more for each."""
+    seconds, nanoseconds = divmod(80_000_000 + 100_000_000 * k, 1_000_000_000)
     message = {
-        **{"i_tow": 0, "year": 2019, "month": 10, "day": 8, "hour": 8, "min": 7, "sec": 10, "valid": 0b111},
-        **{"nano": 80_000_000 + 100_000_000 * k, "fix_type": 3, "flags": 0b100001},
+        **{"i_tow": 0, "year": 2019, "month": 10, "day": 8, "hour": 8, "min": 7, "sec": 10 + seconds, "valid": 0b111},
+        **{"nano": nanoseconds, "fix_type": 3, "flags": 0b100001},
         **{"lon": -115_000_000, "lat": 481_250_000 + 100 * k, "height": 500_250, "h_acc": 20, "v_acc": 30},
         **{"vel_n": -3_000, "vel_e": 4_000 + k, "vel_d": 0, "s_acc": 100, "head_acc": 200_000, "reserved1": [0] * 6},
         "head_veh": 12_000_000,

@@ -24,6 +24,7 @@ from tests.laws.input_messages import DELAY_NS, N, sample_of, stamp_of
 from tests.laws.osi_messages import OSI_SAMPLES
 from tests.laws.perceived_messages import PERCEIVED_SAMPLES
 from tests.unit.signals.signal_columns import T0_NS, columns_of
+from tests.work import count_lines, growing_functions
 
 NO_SUCH_THING = {("foxglove", "cdr"), ("foxglove_msgs", "protobuf")}
 """foxglove's messages are called `foxglove_msgs/...` in CDR, and `foxglove....` in protobuf."""
@@ -36,6 +37,15 @@ BUILT = [
     if (schema.partition("/")[0].partition(".")[0], encoding) not in NO_SUCH_THING
 ]
 every_input = pytest.mark.parametrize(("schema", "entry", "encoding"), BUILT)
+FEW = 40
+"""Messages of the shorter channel whose reading is counted."""
+READ_MESSAGE_BY_MESSAGE = {
+    *("nmea_msgs/Sentence", "etsi_its_denm_msgs/DENM"),
+    *("sensor_msgs/CameraInfo", "foxglove.CameraCalibration", "foxglove_msgs/CameraCalibration"),
+}
+"""Messages that are text, or so rare that they are read one by one."""
+GROWING_WITH_BYTES_OR_BINS = ("InputFile._read", "_slow_factor", "_slow_factor.<locals>.<listcomp>", "_robust_constant")
+"""Functions that run for each block of a file, and for each of a bounded number of bins of a signal."""
 DOCS = Path(__file__).parents[2] / "docs"
 CAMERAS = {
     *("sensor_msgs/CompressedImage", "sensor_msgs/Image"),
@@ -184,3 +194,23 @@ def odd_field(rng: np.random.Generator, n: int) -> Field:
             [str(each) for each in rng.choice(["", "1001", "map", "EV", "-1e9", "nan", "reverse"], n)]
         )
     return np.clip(rng.choice(odd, n), -1e30, 1e30).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("schema", "entry", "encoding"), [each for each in BUILT if each.values[0] not in READ_MESSAGE_BY_MESSAGE]
+)
+def test_a_channel_is_read_without_python_for_each_message(schema, entry, encoding, tmp_path: Path) -> None:
+    lines = []
+    for n in (FEW, 2 * FEW):
+        samples = [(OSI_SAMPLES.get(schema) or sample_of(schema, entry.role))(k) for k in range(n)]
+        path = write_log(tmp_path / f"{n}.mcap", schema, encoding, "/t", [message for message, _ in samples])
+
+        def read(path: Path = path) -> None:
+            with Log.open(path) as log:
+                build_signal(entry.role, log.columns("/t", fields=entry.fields[encoding]), is_override=True)
+
+        read()
+        lines.append(count_lines(read))
+    growing = growing_functions(*lines, allowance=FEW - 1)
+    own = {name for name in growing if "/cwcli/" in name}  # what it calls in libraries, it calls from loops of its own
+    assert {name for name in own if not name.endswith(GROWING_WITH_BYTES_OR_BINS)} == set()

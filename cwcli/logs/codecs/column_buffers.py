@@ -163,11 +163,15 @@ class RaggedColumnBuffer:
         self.cursors = np.zeros(n, np.int64)
         self.buffer = np.empty(n_bytes + 64, np.uint8)
 
+    def batch_values_and_offsets(self) -> tuple[NumericArray, Int64Array]:
+        """Return the elements of the batch, of which message i has those from `offsets[i]` to `offsets[i + 1]`."""
+        offsets = np.concatenate([np.zeros(1, np.int64), self.cursors]) // self.dtype.itemsize
+        return self.buffer[: int(offsets[-1]) * self.dtype.itemsize].view(self.dtype), offsets
+
     def finish_batch(self, instead: Mapping[int, NumericArray] | None = None) -> None:
         """Finish a batch: store its elements, with those of `instead` for some rows."""
-        counts = np.diff(self.cursors, prepend=0) // self.dtype.itemsize
-        used = int(self.cursors[-1]) if len(self.cursors) else 0
-        values = self.buffer[:used].view(self.dtype).copy()
+        values, offsets = self.batch_values_and_offsets()
+        values, counts = values.copy(), np.diff(offsets)
         if instead:
             rows = sorted(instead)
             is_kept = np.ones(len(counts), np.bool_)

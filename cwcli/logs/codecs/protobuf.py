@@ -177,7 +177,12 @@ class ProtobufDecoder:
                 is_ok &= np.isin(slot.array[first : first + n], (*leaf.closed, 0))
         for leaf, ragged in zip(self._tables.ragged, self._ragged, strict=True):
             if leaf.closed:
-                is_ok &= ragged.cursors == np.concatenate([[0], ragged.cursors[:-1]])
+                values, offsets = ragged.batch_values_and_offsets()
+                is_known = np.isin(values, leaf.closed)
+                if leaf.in_element and leaf.chain[-1].default_value:
+                    is_known &= values != 0  # the kernel's value of an absent number, here not the default
+                n_unknown_before = np.concatenate([[0], np.cumsum(~is_known)])
+                is_ok &= np.diff(n_unknown_before[offsets]) == 0
 
     def _decode_with_official_parser(
         self, message: bytes, first: int, row: int, instead: list[dict[int, NumericArray]]

@@ -180,7 +180,7 @@ class MessageMerge:
         header["opcode"] = OPCODE_MESSAGE
         header["log_time"] = log_time_ns
         taken: list[tuple[npt.NDArray[np.intp], ByteRows]] = []
-        for k in sorted(set(feed_of.tolist())):
+        for k in np.flatnonzero(np.bincount(feed_of)).tolist():
             feed = self._feeds[k]
             at = np.flatnonzero(feed_of == k)
             rows, messages = feed.take_messages(len(at))
@@ -206,4 +206,7 @@ def _index_entries_by_channel(header: npt.NDArray[np.void], offsets: Int64Array)
     entries["log_time"] = header["log_time"]
     entries["offset"] = offsets[:-1]
     channel_ids = header["channel_id"]
-    return {channel_id: entries[channel_ids == channel_id] for channel_id in sorted(set(channel_ids.tolist()))}
+    return {
+        channel_id: entries[channel_ids == channel_id]
+        for channel_id in np.flatnonzero(np.bincount(channel_ids)).tolist()
+    }

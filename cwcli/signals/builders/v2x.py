@@ -13,7 +13,7 @@ from cwcli.signals.builders.base import Build, Reading
 from cwcli.signals.builders.position import reject_invalid_positions
 from cwcli.signals.canonical import HeadingSignal, PositionSignal, RemoteQuantities, RemoteSignal, Signal, SpeedSignal
 from cwcli.signals.clocks import Timeline, build_timeline
-from cwcli.signals.columns import Columns, Int64Array, Strings
+from cwcli.signals.columns import Columns, Int64Array, Strings, number_by_first_appearance
 from cwcli.signals.quality import BoolArray, Quality, RowLedger
 from cwcli.signals.remotes import join_remote_signals
 from cwcli.signals.road_events import RoadEvents
@@ -148,14 +148,20 @@ def _drop_own_events(events: RoadEvents, senders: Senders, reading: Reading) -> 
 
 def _align_flag_events_with_states(events: RoadEvents, signal: RemoteSignal) -> RoadEvents:
     """Return the events with the flags at the repaired stamps of their messages."""
-    states = zip(signal.station.codes.tolist(), signal.log_time_ns.tolist(), strict=True)
-    at_ns = {(signal.station.values[code], log): k for k, (code, log) in enumerate(states)}
-    names = (*events.station.values, "")
+    code_of_name = {name: code for code, name in enumerate(signal.station.values)}
+    event_station = np.array([code_of_name.get(name, -1) for name in (*events.station.values, "")])
+    log_times_ns, log_of_state = np.unique(signal.log_time_ns, return_inverse=True)
+    state_keys = signal.station.codes.astype(np.int64) * len(log_times_ns) + log_of_state
+    by_key = np.argsort(state_keys, kind="stable")
+    is_flag = (events.until_ns == events.stamp_ns) & np.isnan(events.cause)
+    flags = np.flatnonzero(is_flag & np.isin(events.log_time_ns, log_times_ns))
+    station = event_station[events.station.codes[flags]]
+    keys = station * len(log_times_ns) + np.searchsorted(log_times_ns, events.log_time_ns[flags])
+    last = np.searchsorted(state_keys[by_key], keys, side="right") - 1
+    is_found = (station >= 0) & (last >= 0) & (state_keys[by_key[np.maximum(last, 0)]] == keys)
     stamp_ns, until_ns = events.stamp_ns.copy(), events.until_ns.copy()
-    for k in np.flatnonzero((until_ns == stamp_ns) & np.isnan(events.cause)).tolist():
-        row = at_ns.get((names[events.station.codes[k]], int(events.log_time_ns[k])))
-        if row is not None:
-            stamp_ns[k] = until_ns[k] = signal.stamp_ns[row]
+    at_ns = signal.stamp_ns[by_key[last[is_found]]]
+    stamp_ns[flags[is_found]] = until_ns[flags[is_found]] = at_ns
     return replace(events, stamp_ns=stamp_ns, until_ns=until_ns)
 
 
@@ -212,9 +218,6 @@ def _note_timing_anomalies(ledger: RowLedger, decoded: RemoteRows, station: Stri
 
 def _encode_used_station_names(codes: np.ndarray[tuple[int], np.dtype[np.int32]], values: tuple[str, ...]) -> Strings:
     """Return the station names of the rows in use, in order of first appearance; a row without an id is `unknown`."""
-    distinct, first, inverse = np.unique(codes, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty(len(order), dtype=np.int32)
-    rank[order] = np.arange(len(order), dtype=np.int32)
-    names = tuple(values[code] if code >= 0 else "unknown" for code in distinct[order])
-    return Strings(codes=rank[inverse], values=names)
+    number, first = number_by_first_appearance(codes)
+    names = tuple(values[code] if code >= 0 else "unknown" for code in codes[first].tolist())
+    return Strings(codes=number, values=names)

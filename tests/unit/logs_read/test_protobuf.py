@@ -243,6 +243,50 @@ def test_repeated_scalars_are_a_matrix_only_if_all_rows_have_as_many() -> None:
     assert isinstance(ragged, Ragged) and ragged.offsets.tolist() == [0, 2, 3]
 
 
+def closed_enum_schema() -> bytes:
+    """`test.Root` of proto2: enumerations in repeated parts, whose defaults are 0 and 1, and a repeated one."""
+    file = FileDescriptorProto(name="root.proto", package="test")
+    for name, values in (("Zero", (0, 1)), ("One", (1, 0, 5))):
+        added = file.enum_type.add(name=name)
+        for number in values:
+            added.value.add(name=f"{name.upper()}_{number}", number=number)
+    part, root = file.message_type.add(name="Part"), file.message_type.add(name="Root")
+    part.field.add(name="zero", number=1, type=ENUM, type_name=".test.Zero", label=OPTIONAL)
+    part.field.add(name="one", number=2, type=ENUM, type_name=".test.One", label=OPTIONAL)
+    root.field.add(name="parts", number=1, type=NESTED, type_name=".test.Part", label=REPEATED)
+    root.field.add(name="ones", number=2, type=ENUM, type_name=".test.One", label=REPEATED)
+    return FileDescriptorSet(file=[file]).SerializeToString()
+
+
+@pytest.mark.parametrize(
+    ("message", "needs_parser"),
+    [
+        (b"\x0a\x04\x08\x01\x10\x05", False),  # a part with zero = 1, one = 5
+        (b"\x0a\x02\x10\x05", False),  # a part without `zero`, whose default is 0
+        (b"\x0a\x02\x08\x01", True),  # a part without `one`, whose default is 1
+        (b"\x0a\x04\x08\x09\x10\x05", True),  # a part whose `zero` is unknown
+        (b"\x0a\x06\x08\x01\x08\x09\x10\x05", True),  # the same, behind a known one, which stays
+        (b"\x10\x05\x10\x00", False),  # ones = 5, 0
+        (b"\x10\x05\x10\x09", True),  # ones = 5 and an unknown one, which is dropped
+        (b"", False),
+    ],
+)
+def test_only_values_that_an_enumeration_does_not_know_need_the_official_parser(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, message: bytes, needs_parser: bool
+) -> None:
+    parsed: list[bytes] = []
+    parse = ProtobufDecoder._decode_with_official_parser
+
+    def record(self: Any, data: bytes, *others: Any) -> bool:
+        parsed.append(data)
+        return parse(self, data, *others)
+
+    monkeypatch.setattr(ProtobufDecoder, "_decode_with_official_parser", record)
+    known = b"\x0a\x04\x08\x01\x10\x01\x10\x01"
+    check(tmp_path, closed_enum_schema(), [known, message, known])
+    assert parsed == [message] * needs_parser
+
+
 def test_same_schema_id_and_name_in_two_files_do_not_mix(tmp_path: Path) -> None:
     for k, kind in enumerate((1, 5)):
         file = FileDescriptorProto(name="root.proto", package="test", syntax="proto3")

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from cwcli.kernels import gamma
 from cwcli.metrics.chi_square import chi_square_cdf, chi_square_mean_bounds, chi_square_quantile
+from tests.unit.metrics import naive_gamma
 
 
 @pytest.mark.parametrize("dof", [1, 2, 3, 10, 747.5, 40_000])
@@ -11,6 +13,14 @@ def test_quantile_and_distribution_equal_scipy(dof, probability):
     expected = stats.chi2.ppf(probability, dof)
     assert chi_square_quantile(probability, dof) == pytest.approx(expected, rel=1e-8)
     assert chi_square_cdf(expected, dof) == pytest.approx(probability, rel=1e-7)
+
+
+@pytest.mark.parametrize("a", [0.5, 1.0, 5.0, 373.75, 30_000.0])
+@pytest.mark.parametrize("ratio", [0.1, 0.9, 1.0, 1.1, 4.0])
+def test_the_kernel_equals_its_plain_twin_to_the_bit(a, ratio):
+    x = ratio * (a + 1.0)
+    name = "lower_gamma_series" if x < a + 1.0 else "upper_gamma_fraction"
+    assert getattr(gamma, name)(a, x) == getattr(naive_gamma, name)(a, x)
 
 
 def test_two_degrees_of_freedom_by_hand():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -47,6 +49,18 @@ def test_numbers_that_are_no_octets_are_no_id(is_ragged: bool) -> None:
     found = read_texts(columns_of("T", {"id": field}), "id")
     assert found is not None
     assert (found.values, found.codes.tolist()) == (("01ff",), [0, -1, -1, -1, -1, 0])
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int8, np.bool_, np.int32, np.float64])
+def test_octets_of_any_length_and_type_are_spelled_as_row_by_row(dtype: type) -> None:
+    rng = np.random.default_rng(5)
+    lengths = rng.integers(0, 4, 300)
+    field = Ragged(rng.integers(0, 3, lengths.sum()).astype(dtype), np.concatenate([[0], np.cumsum(lengths)]))
+    expected = [field.values[i:j].astype(np.uint8).tobytes().hex() for i, j in pairwise(field.offsets)]
+    found = read_texts(columns_of("T", {"id": field}), "id")
+    assert found is not None
+    assert [found.values[code] if code >= 0 else "" for code in found.codes] == expected
+    assert found.values == tuple(dict.fromkeys(text for text in expected if text))
 
 
 def test_a_number_that_is_no_set_of_flags_sets_none() -> None:
