@@ -21,7 +21,7 @@ blocks from which it was not found better than a constant, the latency drifts, a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from cwcli.estimation.passes import PassResult, SensorSeries, run_filter_pass
 from cwcli.estimation.prepare import average_row_blocks, average_rows_to_rate
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels.ekf import UpdateStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 

@@ -11,7 +11,7 @@ where the likelihood is largest; then each is left out again where the log does 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -38,6 +38,7 @@ from cwcli.estimation.sensor_model import (
 )
 from cwcli.estimation.start import find_start_with_parameter_states
 from cwcli.kernels.ekf import UpdateStatus
+from cwcli.lazy_dataclass import dataclass
 from cwcli.metrics.chi_square import gate_nis
 from cwcli.signals.columns import FloatArray
 

@@ -7,7 +7,6 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -38,6 +37,7 @@ from cwcli.fleet.names import unique_log_ids
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.fleet.worker import TaskResult, record_entry
 from cwcli.input import names_of_inputs_in_folder, note_input, remember_inputs
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.output import check_targets, make_folder
 from cwcli.pipeline.selection import check_selection_options

@@ -7,7 +7,6 @@ import time
 import traceback
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from cwcli.fleet.folder import (
 from cwcli.fleet.inputs import temporary_local_copy
 from cwcli.fleet.plan import FleetPlan, LogTask
 from cwcli.input import InputFile, remember_inputs
+from cwcli.lazy_dataclass import dataclass
 from cwcli.logs.read.reader import Log
 from cwcli.logs.read.remote import is_remote_url
 from cwcli.logs.read.source import open_source

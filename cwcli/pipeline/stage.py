@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import ModuleType
 from typing import Any
 
 from cwcli.channels.published import PUBLISHED_CHANNELS
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,13 @@ other models begin with 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels.paths import adapt_scale, stream_quantiles
+from cwcli.lazy_dataclass import dataclass
 from cwcli.prediction.driver import DriverPrior
 from cwcli.prediction.fleet import HORIZON_KNOTS_S, QUANTILE_LEVELS, load_fleet_prior
 from cwcli.prediction.models import MODELS

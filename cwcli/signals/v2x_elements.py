@@ -3,10 +3,9 @@ standard."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import Columns, FloatArray, Strings
 from cwcli.signals.leaf_fields import find_field, format_numbers, read_numbers, read_texts
 from cwcli.signals.quality import RowLedger

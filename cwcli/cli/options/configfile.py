@@ -17,7 +17,7 @@ A configuration file can name no output files and can't allow overwriting, becau
 from __future__ import annotations
 
 from contextvars import ContextVar
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -25,6 +25,7 @@ import typer
 
 from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 DEFAULT_CONFIG_NAME = "cwcli.toml"
 """Name of the file that is used when no file is named."""

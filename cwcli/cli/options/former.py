@@ -7,12 +7,12 @@ environment and in configuration files. The options that moved to the new stage 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 import typer
 
 from cwcli.cli.options.entries import OptionEntry, config_key_of_flags, option_entries_of_stage
+from cwcli.lazy_dataclass import dataclass
 
 
 @dataclass(frozen=True)

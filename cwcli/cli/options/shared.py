@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
@@ -11,6 +11,7 @@ import typer
 
 from cwcli.cli.options.complete import complete_role_topics
 from cwcli.errors import UsageError
+from cwcli.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     from cwcli.estimation.calibration import Calibration

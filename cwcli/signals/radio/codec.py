@@ -7,11 +7,12 @@ of those that tell of what their sender perceived (CPM, SDSM); the others are se
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
 
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals import cpm as cpm_objects
 from cwcli.signals import etsi, j2735, perceived
 from cwcli.signals import sdsm as sdsm_objects

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from cwcli.kernels import uper
+from cwcli.lazy_dataclass import dataclass
 from cwcli.signals.columns import FloatArray, Int64Array
 from cwcli.signals.radio.program import Program
 
