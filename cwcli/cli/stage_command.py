@@ -55,8 +55,7 @@ def make_stage_command(stage: Stage) -> tuple[Callable[..., Any], tuple[str, ...
         options, wanted, notes = replace_former_options(stages, (stage.name,))
         known = calibration.load_if_named()
         first = {
-            name: stage_call_from_options(make_stage_options_class(name)(**values), sensors, known)
-            for name, values in stage.first.items()
+            name: stage_call_from_options(make_stage_options_class(name)(), sensors, known) for name in stage.first
         }
         calls = {name: stage_call_from_options(options[name], sensors, known) for name in wanted}
         print_former_option_notes(talk, notes)

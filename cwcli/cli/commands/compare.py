@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from cwcli.cli import markdown
 from cwcli.cli.console import Console, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.runs import AllOption, MarkdownOption, TruthOption
 from cwcli.cli.options.shared import ForceOption, MetricsOption

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from cwcli.cli.console import Console, is_terminal, normalise_stdout_name
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.shared import AsOneOption, ForceOption, LogArgument, source_of_logs
 from cwcli.cli.report import print_written_files

@@ -6,8 +6,7 @@ from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.configfile import TalkOptions
 from cwcli.cli.options.respelled import print_former_option_notes, replace_former_options
 from cwcli.cli.options.shared import (

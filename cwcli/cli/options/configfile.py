@@ -21,8 +21,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.shared import ReadingOptions, SensorOptions, WritingOptions
 from cwcli.errors import UsageError
 from cwcli.lazy_dataclass import dataclass
@@ -52,7 +51,7 @@ def apply_config_file(ctx: typer.Context, value: str | None) -> str | None:
     if ctx.resilient_parsing or value == NO_FILE:
         return None
     is_found = value is None
-    value = value or _find_config_file()
+    value = value or find_config_file()
     if value is None:
         return None
     document = _load_toml(value)
@@ -94,7 +93,7 @@ def origins_of_configured_options() -> dict[str, str]:
     return _ORIGIN_BY_OPTION.get()
 
 
-def _find_config_file() -> str | None:
+def find_config_file() -> str | None:
     """Find the nearest `cwcli.toml`; None also if the working folder is deleted or a folder can't be searched."""
     try:
         folder = Path.cwd()

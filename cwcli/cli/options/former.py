@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-import typer
-
+from cwcli.cli.options import lazy_typer as typer
 from cwcli.cli.options.entries import OptionEntry, config_key_of_flags, option_entries_of_stage
 from cwcli.lazy_dataclass import dataclass
 
